@@ -23,8 +23,11 @@ from .fitted_form import FittedForm, described
 from .form_estimation import FormData, FormFit, at_limit, form_data, free_columns, improved
 from .sampled_forms import EQUAL_LAGS, INTEGRATORS, LAG, SECOND_ORDER, Form, sample
 
-MOST_DELAY = 60  # samples, of the grid
-BEHIND = 100.0  # of N ln V: a form that far behind the best is not refined
+MOST_DELAY = 200  # samples, of the grid
+ROUGH = 0.3  # standard errors: a smaller step ends the first iteration
+SLOW = 8.0  # a time constant above the length of the record over this may be an integrator
+MARGIN = 4  # samples above the delay of a lag in the search of further delays
+BEHIND = 200.0  # of N ln V: a form that far behind the best is not refined
 DAMPING_RATIOS = {0.1: 20, 0.4: 10, 1.2: 8}  # of the grid, with the number of time constants
 COARSE = 10  # time constants of the grid
 NEIGHBOUR = 0.75  # samples: a delay further off is another minimum
@@ -44,7 +47,7 @@ def fit_forms(
     rec : Record
         Centred.
     delays : sequence of int, optional
-        Whole samples from which the delay is estimated, 0 or more; by default 0 to 60.
+        Whole samples from which the delay is estimated, 0 or more; by default 0 to 200.
     beside : ndarray, shape (N, k), optional
         Columns added to the simulated output, their coefficients estimated: lines, drift.
 
@@ -60,12 +63,12 @@ def fit_forms(
     ('lag with delay', ('K', 'T', 'L'), [2.0, 0.5, 0.33])
     """
     data = form_data(rec, beside)
-    near = range(min(MOST_DELAY, data.longest // 5) + 1) if delays is None else delays
+    near = range(min(MOST_DELAY, data.longest // 4) + 1) if delays is None else delays
     shifts = np.unique([0, *near])
     with np.errstate(all="ignore"):  # a diverging trial has an infinite loss and is not taken
         found = _fits(data, shifts)
         data, found = _without_unknown_past(data, found, shifts)
-        found = _whitened(data, found)
+        found = _refined(data, found)
     return tuple(described(rec, data, fit) for fit in found)
 
 
@@ -123,18 +126,31 @@ def integrating(rec: Record, estimate: Callable[[Record, Array], Model]) -> Mode
 
 
 def _fits(data: FormData, delays: Array) -> list[FormFit]:
-    """All forms fitted with white errors."""
+    """All forms that may describe the record, fitted with white errors."""
     scan = _scan(data, delays)
     found = _variants(scan, LAG, [scan.starts(LAG)[0][0].p])
+    for fit in found[:1]:  # the delay of a lag holds the further lags too
+        scan = _scan(data, delays[delays <= fit.p[2] + MARGIN] if fit.form.delayed else delays[:MARGIN])
     second, zero, _, undelayed = scan.starts(SECOND_ORDER[1])
     split = [_as_two_lags(fit.p) for fit in found if fit.form.delayed]
     found += _variants(scan, SECOND_ORDER[0], [second[0].p, *split])
     found += _variants(scan, SECOND_ORDER[1], [zero[0].p])
     found += _best(scan, replace(SECOND_ORDER[1], delayed=False), [undelayed[0].p[:-1]])
-    for form in INTEGRATORS:
-        found += _variants(scan, form, [np.r_[scan.starts(form)[0][0].p, 0.0]])
-    several = [_variants(scan, form, [scan.starts(form)[0][0].p]) for form in EQUAL_LAGS]
-    return found + min((fits for fits in several if fits), key=lambda fits: fits[0].loss, default=[])
+    if any(_slowest(fit) > data.longest / SLOW for fit in found) or not found:
+        for form in INTEGRATORS:
+            found += _variants(scan, form, [np.r_[scan.starts(form)[0][0].p, 0.0]])
+    if any(math.log(0.3) < fit.p[2] < math.log(1.5) for fit in found if fit.form.name == "second order"):
+        several = [_variants(scan, form, [scan.starts(form)[0][0].p]) for form in EQUAL_LAGS]
+        found += min((fits for fits in several if fits), key=lambda fits: fits[0].loss, default=[])
+    return found
+
+
+def _slowest(fit: FormFit) -> float:
+    """Slowest time constant in samples."""
+    if "zeta" not in fit.form.parameters:
+        return math.exp(fit.p[1])
+    zeta = math.exp(fit.p[2])
+    return math.exp(fit.p[1]) * (zeta + math.sqrt(max(zeta * zeta - 1, 0.0)))
 
 
 def _as_two_lags(p: Array) -> Array:
@@ -147,12 +163,12 @@ def _as_two_lags(p: Array) -> Array:
 def _best(scan: "_Scan", form: Form, starts: Sequence[Array]) -> list[FormFit]:
     """The best fit from several starts, unless a parameter is at its bound."""
     data = scan.data
-    runs = [run for p in starts if (run := improved(data, form, p, np.ones(1))) and not at_limit(run, data)]
+    runs = [run for p in starts if (run := improved(data, form, p, np.ones(1), ROUGH)) and not at_limit(run, data)]
     if not runs:
         return []
     best = min(runs, key=lambda run: run.loss)
     other = scan.other_delay(best) if form.delayed else None
-    again = improved(data, form, other, np.ones(1)) if other is not None else None
+    again = improved(data, form, other, np.ones(1), ROUGH) if other is not None else None
     return [again if again and again.loss < best.loss and not at_limit(again, data) else best]
 
 
@@ -189,15 +205,15 @@ def _differs(first: Array, s: slice, usual: float) -> bool:
     return 0 < 2 * n < s.stop - s.start and squares(first) > usual * (n + UNLIKELY * (math.sqrt(2 * n) + UNLIKELY))
 
 
-def _whitened(data: FormData, found: list[FormFit]) -> list[FormFit]:
-    """The fits with whitened errors, where they are not far behind the best."""
+def _refined(data: FormData, found: list[FormFit]) -> list[FormFit]:
+    """The fits converged with whitened errors, where they are not far behind the best."""
     noise = [whitening(fit.e, data.compared) for fit in found]
     losses = [len(fit.e) * math.log(max(v, 1e-300)) for fit, (_, v) in zip(found, noise, strict=True)]
-    out = []
-    for fit, (h, _), loss in zip(found, noise, losses, strict=True):
-        coloured = len(h) > 1 and loss < min(losses) + BEHIND
-        out.append((improved(data, fit.form, fit.p, h) if coloured else None) or fit)
-    return out
+    limit = min(losses, default=0.0) + BEHIND
+    return [
+        (improved(data, fit.form, fit.p, h) if loss < limit else None) or fit
+        for fit, (h, _), loss in zip(found, noise, losses, strict=True)
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,8 +244,9 @@ class _Scan:
             num, den = np.r_[np.zeros(model.whole + 1), model.b], np.r_[1.0, model.a]  # the same den for all
             X[:, k] = filtered(num, den, self.data.input(form), self.data.stretches)
         free = free_columns(self.data, den)
-        Q = np.linalg.qr(np.column_stack([free, self.data.ramp]) if form.integrating else free)[0]
-        X -= Q @ (Q.T @ X)
+        free = np.column_stack([free, self.data.ramp]) if form.integrating else free
+        free /= np.linalg.norm(free, axis=0)
+        X -= free @ np.linalg.solve(free.T @ free + 1e-10 * np.eye(free.shape[1]), free.T @ X)
         G, c = X.T @ X, self.early @ X
         out = []
         for k in range(1, len(points) + 1):

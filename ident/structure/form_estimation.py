@@ -18,6 +18,7 @@ STEPS = 25  # of Levenberg-Marquardt
 ENOUGH = 0.01  # standard errors: a smaller step ends the iteration
 FASTEST = 0.05  # samples, of a lag
 DEPENDENT = 1e-10  # of a column orthogonal to those before it: below, it depends on them
+LATER = 3.0  # samples by which the delay changes in a step; or half the time constant
 EXACT = 1e11  # of T^order in samples: above, coefficients in double precision do not hold the gain at rest
 SLOWEST = 50.0  # largest time constant, in lengths of the longest stretch
 
@@ -190,8 +191,8 @@ def free_columns(data: FormData, den: Array) -> Array:
     return np.column_stack([out, data.beside]) if data.beside.shape[1] else out
 
 
-def improved(data: FormData, form: Form, p: Array, h: Array) -> FormFit | None:
-    """Levenberg-Marquardt from p; None where the errors are not finite."""
+def improved(data: FormData, form: Form, p: Array, h: Array, enough: float = ENOUGH) -> FormFit | None:
+    """Levenberg-Marquardt from p until a step is below ``enough`` standard errors; None without finite errors."""
     at = residual_of(data, form, p, h)
     if not math.isfinite(squares(at.e)):
         return None
@@ -200,17 +201,22 @@ def improved(data: FormData, form: Form, p: Array, h: Array) -> FormFit | None:
     damping = 1e-3
     for _ in range(STEPS):
         step = _step(J, at.e, p, damping, (low, high))
+        if form.delayed and "T" in form.parameters:
+            most[form.size - 1] = max(LATER, 0.5 * math.exp(p[1]))
         step /= max(1.0, float(np.max(np.abs(step) / most)))
         trial = np.clip(p + step, low, high)
         moved = J @ (trial - p)
         new = residual_of(data, form, trial, h)
+        small = moved @ moved / (loss / len(at.e))
         if squares(new.e) <= loss:
             p, at, loss, damping = trial, new, squares(new.e), max(damping / 10, 1e-9)
             J = sensitivities_of(data, form, at, h)
+            if small <= enough**2:
+                break
         else:
             damping *= 10
-        if moved @ moved <= ENOUGH**2 * loss / len(at.e) or damping > 1e6:
-            break
+            if small <= ENOUGH**2 or damping > 1e6:
+                break
     return FormFit(form, p, h, at.e, J, at.plain, at.offsets)
 
 
@@ -233,7 +239,7 @@ def _bounds(data: FormData, form: Form) -> tuple[Array, Array, Array]:
         "T": (math.log(fastest), math.log(min(SLOWEST * longest, EXACT ** (1 / max(form.order, 1)))), 1.0),
         "zeta": (math.log(1e-3), math.log(30.0), 1.0),
         "Tz": (-SLOWEST * longest, SLOWEST * longest, np.inf),
-        "L": (0.0, longest / 2, 3.0),
+        "L": (0.0, longest / 2, LATER),
     }
     names = [*form.parameters, *["L"] * form.delayed]
     low, high, most = (list(x) for x in zip(*(by[name] for name in names), strict=True))
