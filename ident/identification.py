@@ -19,6 +19,7 @@ from ..core.display import Plottable
 from ..core.errors import IdentError
 from ..core.threads import one_thread
 from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
+from ..datasets.records.gaps import without_short
 from ..datasets.records.record import Record, join_records
 from .estimators.bias_checks import causality, feedback_detected, response_error, warn_of_bias
 from .estimators.input_checks import check_varies
@@ -110,7 +111,7 @@ class Identification(Plottable):
         """Reason for this structure, in two sentences."""
         best, found = self.chosen, self.search.candidates
         size = f"has the smallest criterion (BIC) of {len(found)} structures"
-        first = f"{_named(best)} {size} (simulation fit {self.search.fit(best):.1f} %)."
+        first = f"{sentence(_named(best))[:-1]} {size} (simulation fit {self.search.fit(best):.1f} %)."
         other = [one for one in found if one.na != best.na or (one.form is None) != (best.form is None)]
         if not other:
             return first
@@ -131,7 +132,7 @@ class Identification(Plottable):
             *own,
             *map(sentence, found),
             f"Valid in the excited band, {low:.3g} to {high:.3g} Hz.",
-            *map(sentence, (*self.judged.own.remarks, *self.model.notes)),
+            *map(sentence, (*self.judged.own.remarks, *(n for n in self.model.notes if not n.startswith("converged")))),
         )
 
     @property
@@ -163,8 +164,8 @@ def _named(one: Candidate) -> str:
     """Name of a continuous form, or orders and delay."""
     orders = f"na {one.na}, nb {one.nb}, nk {one.nk}"
     if one.form is not None:
-        return f"{one.form.name[0].upper()}{one.form.name[1:]} ({orders})"
-    return f"{orders} with equation noise" if one.structure == "arx" else orders
+        return f"the form {one.form.name} ({orders})"
+    return f"the structure {orders}{' with equation noise' if one.structure == 'arx' else ''}"
 
 
 def sentence(clause: str) -> str:
@@ -178,6 +179,8 @@ def sentence(clause: str) -> str:
 
 def _of_gain(model: Model) -> list[tuple[int, str]]:
     """Reservations about the stability and the static gain of a model."""
+    if model.integrating:
+        return _of_integrator(model)
     if not model.stable:
         radius = float(np.abs(model.poles).max())
         return [(DO_NOT_USE, f"the model is not stable, a pole at radius {radius:.6g}: record it in closed loop")]
@@ -192,6 +195,16 @@ def _of_gain(model: Model) -> list[tuple[int, str]]:
             "longer or with more amplitude",
         )
     ]
+
+
+def _of_integrator(model: Model) -> list[tuple[int, str]]:
+    """Reservation where the gain of an integrating model is not known at the lowest excited frequency."""
+    f = np.array([model.band[0] if model.band else 0.01 / model.sample_time])
+    gain, error = float(np.abs(model.response(f))[0]), float(response_error(model, f)[0])
+    if gain >= SURE * error:
+        return []
+    words = f"the gain at {f[0]:.3g} Hz, {gain:.3g}, has a standard error of {error:.2g}: record longer or with more"
+    return [(DO_NOT_USE, f"{words} amplitude")]
 
 
 @one_thread
@@ -241,7 +254,7 @@ def identify(
     >>> found.model.na, found.model.nk
     (2, 1)
     """
-    whole = (rec if isinstance(rec, Record) else join_records(rec)).centred(trend)
+    whole = without_short(rec if isinstance(rec, Record) else join_records(rec)).centred(trend)
     check_varies(whole)
     band = excited_band(whole)
     feedback = feedback_detected(whole)

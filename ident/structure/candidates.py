@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...core.errors import IdentError
@@ -29,7 +30,7 @@ from ..estimators.regressors import Lags, arx_regressors, gram
 from ..estimators.starting_values import high_order_arx, steiglitz_mcbride
 from ..model import Model
 from .choice import criterion, guard
-from .continuous_forms import FittedForm, fit_forms
+from .continuous_forms import FittedForm, fit_forms, integrating, refit_form
 
 ONE = np.ones(1)
 FIRST_STEPS, STEPS = 5, 2  # of the iteration: at the first delay of an order, and at each further one
@@ -40,6 +41,8 @@ NO_DELAY = (
     20.0  # of the criterion, for nk = 0: behind a zero-order hold a plant responds one sample later at the earliest
 )
 FINAL, FINAL_STEPS = 1e-10, 100  # the same for a final estimate
+SLOW = 10.0  # a pole with a time constant above a tenth of the longest segment is slow
+SLOW_TRIED = 12  # candidates of which those with a slow pole are tried with an integrator
 EQUATIONS = 6  # candidates with equation noise
 
 
@@ -68,6 +71,8 @@ class Candidate:
         Of the plant, counted by the criterion.
     form : FittedForm or None
         The continuous form that the coefficients are computed from.
+    integrating : bool
+        Whether a pole lies at exactly 1.
     """
 
     structure: str
@@ -83,6 +88,17 @@ class Candidate:
     weight: float = 0.0
     parameters: int = 0
     form: FittedForm | None = None
+    integrating: bool = False
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Roots of a, in z."""
+        return np.asarray(np.roots(self.a), dtype=np.complex128)
+
+    @property
+    def slowest(self) -> float:
+        """Largest modulus of a pole; 0 without poles."""
+        return float(np.abs(self.poles).max(initial=0.0))
 
     @property
     def total(self) -> float:
@@ -193,7 +209,7 @@ def with_criterion(screen: Screen, one: Candidate) -> Candidate:
 def refined(screen: Screen, one: Candidate) -> Candidate:
     """The candidate with plant and noise model fitted jointly."""
     nd = len(one.d) - 1
-    if one.structure != "box_jenkins" or nd == 0:
+    if one.structure != "box_jenkins" or nd == 0 or one.form is not None or one.integrating:
         return one
     run = replace(whitened_run(screen.rec, (one.na, one.nb, one.nk, nd)), beside=screen.beside)
     if not run.stretches:
@@ -240,7 +256,14 @@ def _equation_candidate(screen: Screen, na: int, nb: int, nk: int) -> Candidate 
 
 def form_candidates(screen: Screen, delays: Sequence[int] | None) -> list[Candidate]:
     """Continuous forms with few parameters, judged as the other candidates."""
-    return [_of_form(screen, form) for form in fit_forms(screen.rec, delays, beside=screen.beside) if form.model.stable]
+    return [
+        _of_form(screen, form) for form in fit_forms(screen.rec, delays, beside=screen.beside) if usable(form.model)
+    ]
+
+
+def usable(model: Model) -> bool:
+    """Whether the model is stable but for a pole at exactly 1."""
+    return model.stable or model.integrating
 
 
 def _of_form(screen: Screen, form: FittedForm) -> Candidate:
@@ -254,6 +277,7 @@ def _of_form(screen: Screen, form: FittedForm) -> Candidate:
     return with_criterion(screen, Candidate(
         "box_jenkins", model.na, model.nb, model.nk, model.theta, d, free * sum(map(squares, v)) / rows,
         max(free * variance, floor), 0.0, parameters=form.k, form=form,
+        integrating=form.integrating,
     ))  # fmt: skip
 
 
@@ -266,9 +290,18 @@ def estimated(rec: Record, one: Candidate, beside: Array | None = None) -> Model
         The record does not identify the structure.
     """
     if one.form is not None:
-        return _form_estimated(rec, one.form, beside)
+        same = rec.sha256 == one.form.model.record and beside is None
+        return one.form.model if same else refit_form(rec, one.form, beside=beside).model
     if one.structure == "arx":
         return arx(rec, one.na, one.nb, one.nk)
+    if one.integrating:
+        inner = without_integrator(one)
+        return integrating(rec, lambda total, slope: _box_jenkins(total, inner, _both(slope, beside)))
+    return _box_jenkins(rec, one, beside)
+
+
+def _box_jenkins(rec: Record, one: Candidate, beside: Array | None) -> Model:
+    """Box-Jenkins estimate from the coefficients of a candidate."""
     run = replace(whitened_run(rec, (one.na, one.nb, one.nk, len(one.d) - 1)), beside=beside)
     if not run.stretches:
         raise IdentError(
@@ -278,15 +311,40 @@ def estimated(rec: Record, one: Candidate, beside: Array | None = None) -> Model
     return box_jenkins_model(rec, run, end)
 
 
-def _form_estimated(rec: Record, form: FittedForm, beside: Array | None) -> Model:
-    """The model of a continuous form."""
-    if rec.sha256 == form.model.record:
-        return form.model
-    late = range(max(form.model.nk - 2, 0), form.model.nk + 2)
-    again = [one for one in fit_forms(rec, late, beside=beside) if one.name == form.name]
-    if not again:
-        raise IdentError(f"the form {form.name} cannot be estimated from {len(rec)} samples: record longer.")
-    return again[0].model
+def _both(slope: Array, beside: Array | None) -> Array:
+    return slope if beside is None else np.hstack([slope, beside])
+
+
+def without_integrator(one: Candidate) -> Candidate:
+    """The candidate from the running sum of the input: a divided by 1 - q^-1."""
+    a = np.cumsum(one.a)[:-1]
+    return replace(one, na=one.na - 1, theta=np.concatenate([a[1:], one.theta[one.na :]]), integrating=False)
+
+
+def integrating_candidates(screen: Screen, found: Sequence[Candidate]) -> list[Candidate]:
+    """The best candidates with a slow pole, fitted anew with that pole at exactly 1."""
+    rec = screen.rec
+    longest = max(s.stop - s.start for s in rec.stretches)
+    slow = [one for one in found[:SLOW_TRIED] if one.form is None and one.na and 1 - one.slowest < SLOW / longest]
+    if not slow:
+        return []
+    total = np.concatenate([np.cumsum(rec.u[s] - rec.u[s].mean()) for s in rec.stretches])
+    total -= total.mean()
+    time = np.concatenate([np.linspace(-1.0, 1.0, s.stop - s.start) for s in rec.stretches])[:, None]
+    summed = replace(
+        screen, rec=replace(rec, u=total), u=filtered(screen.d, [1.0], total, rec.stretches),
+        beside=_both(time, screen.beside),
+    )  # fmt: skip
+    out = []
+    for one in slow:
+        a = np.atleast_1d(np.real(np.poly(np.delete(one.poles, np.argmin(np.abs(one.poles - 1))))))
+        start = np.concatenate([a[1:], one.theta[one.na :]])
+        inner = fitted(summed, (one.na - 1, one.nb, one.nk), start)
+        if inner is not None:
+            theta = np.concatenate([np.convolve(inner.a, [1.0, -1.0])[1:], inner.theta[inner.na :]])
+            whole = replace(inner, na=one.na, theta=theta, parameters=one.na - 1 + one.nb, integrating=True)
+            out.append(with_criterion(screen, whole))
+    return out
 
 
 def no_model() -> IdentError:

@@ -27,6 +27,7 @@ from .candidates import (
     estimated,
     fitted,
     form_candidates,
+    integrating_candidates,
     no_model,
     refined,
     scanned,
@@ -80,6 +81,7 @@ class Search:
                 "na": one.na, "nb": one.nb, "nk": one.nk, "loss": one.loss, "fit": self.fit(one), "bic": one.total,
                 "structure": one.structure, "form": one.form.name if one.form else "", "noise": len(one.d) - 1,
                 "variance": one.variance, "guard": one.guard, "weight": one.weight,
+                "integrating": one.integrating,
             }
             for one in self.candidates
         ]  # fmt: skip
@@ -133,7 +135,21 @@ def search(
     found = sorted(found, key=lambda one: one.total)
     found = [refined(screen, one) for one in found[:REFINED]] + found[REFINED:]
     found = sorted(found, key=lambda one: one.total)
+    found = _without_doubles(sorted(found + integrating_candidates(screen, found), key=lambda one: one.total))
     return _result(rec, found, _limits(found[0], most_order, reach))
+
+
+def _without_doubles(found: Sequence[Candidate]) -> list[Candidate]:
+    """Sorted candidates without those of which a better one has the slow pole at exactly 1: their gain is not known."""
+    better: set[tuple[int, int, int]] = set()
+    out = []
+    for one in found:
+        if one.integrating and one.form is None:
+            better.add((one.na, one.nb, one.nk))
+        elif one.form is None and (one.na, one.nb, one.nk) in better:
+            continue
+        out.append(one)
+    return out
 
 
 @dataclass(frozen=True, slots=True)
