@@ -18,7 +18,6 @@ from .model import Model
 from .pi.loops import stable_columns
 
 FEWEST = 0.5  # share of draws that must be stable
-ROUNDING = 1e-9  # of the sum of |a|: a(1) below it is a pole at 1
 HALVINGS = 60  # of an interval in the search of a quantile
 
 
@@ -59,17 +58,7 @@ def bounded(model: Model) -> bool:
     >>> [bounded(Model(b=[0.0, 1.0], a=[1.0, a], nk=1, sample_time=0.1)) for a in (-0.9, -1.0, -1.1)]
     [True, True, False]
     """
-    return bool(stable_columns(_without_integrator(model, model.a[:, None]))[0])
-
-
-def integrates(model: Model) -> bool:
-    """Whether a(1) is zero, but for rounding."""
-    return bool(abs(model.a.sum()) <= ROUNDING * np.abs(model.a).sum())
-
-
-def _without_integrator(model: Model, a: Array) -> Array:
-    """Columns of denominators (na + 1, m), divided by 1 - z^-1 where the model integrates: a cumulative sum."""
-    return np.cumsum(a, axis=0)[:-1] if integrates(model) else a
+    return model.stable or model.integrating
 
 
 def with_theta(model: Model, theta: Array) -> Model:
@@ -142,12 +131,13 @@ def _drawn(model: Model, count: int, rng: np.random.Generator) -> list[Model]:
     if model.cov_params is None:
         return [model] * count
     thetas = model.theta + rng.standard_normal((count, len(model.theta))) @ root_of(model.cov_params).T
+    if not bounded(model):
+        return [with_theta(model, theta) for theta in thetas]
     a = np.vstack([np.ones(count), thetas[:, : model.na].T])
-    if integrates(model):  # the covariance holds the pole at 1 only up to rounding
-        a = np.diff(_without_integrator(model, a), axis=0, prepend=0.0, append=0.0)
-        thetas[:, : model.na] = a[1:].T
-    stable = stable_columns(_without_integrator(model, a)) if bounded(model) else np.ones(count, dtype=bool)
-    return [with_theta(model, theta) for theta in thetas[stable]]
+    if model.integrating:  # the covariance holds the pole at 1 only up to rounding: divide by 1 - z^-1, multiply by it
+        a = np.cumsum(a, axis=0)[:-1]
+        thetas[:, : model.na] = np.diff(a, axis=0, append=0.0).T
+    return [with_theta(model, theta) for theta in thetas[stable_columns(a)]]
 
 
 def root_of(cov: Array) -> Array:

@@ -125,7 +125,8 @@ class Identification(Plottable):
     def verdicts(self) -> tuple[str, ...]:
         """Verdict and reservations, worst first."""
         low, high = self.model.band or (0.0, 0.0)
-        found = [s for s in (self.by_choice, self.causality, self.feedback, self.bias, self.judged.apart) if s]
+        judged = (self.judged.noise, self.judged.apart)
+        found = [s for s in (self.by_choice, self.causality, self.feedback, self.bias, *judged) if s]
         own = () if self.judged.unseen else (f"The model that is handed over {self.judged.own.verdict}.",)
         return (
             f"The model {self.validation.verdict} (validation on {self.validated_on}).",

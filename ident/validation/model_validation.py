@@ -20,6 +20,7 @@ from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
 
 GOOD, POOR = 80.0, 50.0  # % of fit: R2 0.96 and 0.75
 SIGNIFICANT = 0.001  # p below which the residuals depend on the input
+FIT = "the simulation fit"
 OPTIMISM = 15.0  # % of fit between one-step prediction and simulation: then the one-step fit is optimistic
 
 
@@ -204,14 +205,19 @@ def _fit_reservations(found: Validation) -> list[tuple[int, str]]:
     if found.fit >= GOOD:
         return []
     level, limit = (RESERVATIONS, GOOD) if found.fit >= POOR else (DO_NOT_USE, POOR)
-    return [(level, f"the simulation fit is {found.fit:.0f} %, below {limit:.0f} %")]
+    return [(level, f"{FIT} is {found.fit:.0f} %, below {limit:.0f} %")]
+
+
+def states_of(model: Model) -> int:
+    """Number of initial states of a segment."""
+    return max(model.na, model.nk + model.nb - 1)
 
 
 def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Record, tuple[str, ...]]:
     """The segments long enough for a simulation, and a remark on those left out."""
     if not steps or any(k != int(k) or k < 1 for k in steps):
         raise IdentError(f"steps {list(steps)!r}: whole numbers of 1 or more.")
-    states = max(model.na, model.nk + model.nb - 1) + 1
+    states = states_of(model) + 1
     fewest = 3 * states + 5
     kept = [k for k, s in enumerate(rec.stretches) if s.stop - s.start >= fewest]
     if not kept:
