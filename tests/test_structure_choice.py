@@ -8,6 +8,13 @@ from scipy.signal import butter, cont2discrete
 T, BAND = 0.02, (0.1, 2.0)
 
 
+def mode(hz, damping):
+    """A sampled mode with a static gain of 1."""
+    w = 2 * np.pi * hz
+    b, a, _ = cont2discrete(([w * w], [1.0, 2 * damping * w, w * w]), T)
+    return np.ravel(b), a
+
+
 def test_differences_of_the_criterion_are_those_of_a_library():
     from statsmodels.api import OLS  # BIC of linear regressions, an independent computation
 
@@ -38,13 +45,14 @@ def test_a_low_pass_plant_pays_nothing(order, cutoff):
 
 
 def test_a_resonance_in_the_band_pays_nothing_and_one_beyond_pays():
-    def drive(hz):
-        w = 2 * np.pi * hz
-        b, a, _ = cont2discrete(([w * w], [1.0, 0.02 * w, w * w]), T)
-        return np.ravel(b), a
+    assert guard(*mode(1.0, 0.1), T, BAND, 750) == 0.0
+    assert guard(*mode(8.0, 0.01), T, BAND, 750) > np.log(750)
 
-    assert guard(*drive(1.0), T, BAND, 750) == 0.0
-    assert guard(*drive(8.0), T, BAND, 750) > np.log(750)
+
+def test_a_resonance_narrower_than_the_resolution_of_the_record_pays_until_the_record_is_long_enough():
+    narrow = mode(1.0, 0.005)  # 0.01 Hz wide at -3 dB
+    assert guard(*narrow, T, BAND, 750) > guard(*mode(1.0, 0.02), T, BAND, 750) > 0.0  # 15 s resolve 0.067 Hz
+    assert guard(*narrow, T, BAND, 6000) == 0.0
 
 
 @pytest.mark.parametrize("factor", [1e-6, -1.0, 1e6])

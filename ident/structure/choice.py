@@ -7,6 +7,8 @@ of the plant and m of the noise model, Schwarz's criterion is
 
 A record without power above its excited band cannot reject poles there, and noise in the band can call for them. A
 candidate pays where its gain beyond the band exceeds the largest in the band, and for each lightly damped pole there.
+It also pays for a resonance narrower than 1 / duration, which the record cannot resolve: a pole of this kind, with a
+zero beside it, fits a spectral line of the noise or an initial state.
 Weights of candidates are exp(-BIC difference / TEMPER): with TEMPER 2 they would be posterior probabilities of the
 orders, which are too sure where every candidate is an approximation.
 
@@ -16,7 +18,7 @@ Sources: Schwarz 1978, Ann. Stat. 6, 461; Buckland, Burnham & Augustin 1997, doi
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ...core.arrays import Array
 
@@ -24,6 +26,8 @@ BEYOND = 1.5  # frequency relative to the upper end of the excited band
 RINGING = 0.9  # radius of a lightly damped pole
 TEMPER = 8.0  # chosen by benchmarks/structure_bank.py: coverage of bands
 LEAST, MOST = 0.01, 8  # smallest weight and largest number of candidates that are kept
+LIGHT = 0.3  # damping ratio below which a pair of poles is a resonance
+UNRESOLVED = 2  # coefficients that a resonance below the resolution of the record counts for, and one for each factor e
 GRID = 60  # frequencies of the guard, in and beyond the band
 
 
@@ -37,7 +41,7 @@ def criterion(n: int, variance: float, parameters: int, noise_order: int = 0) ->
 
 
 def guard(b: Array, a: Array, sample_time: float, band: tuple[float, float], n: int) -> float:
-    """Penalty of structure beyond the excited band, in units of the criterion; 0 for a plant that falls off there.
+    """Penalty of structure that the record cannot support, in units of the criterion; usually 0.
 
     Parameters
     ----------
@@ -50,6 +54,10 @@ def guard(b: Array, a: Array, sample_time: float, band: tuple[float, float], n: 
     n : int
         Number of samples of the record.
 
+    Notes
+    -----
+    A pair of poles at radius r is a resonance with a width of -ln r / (pi T) in Hz at -3 dB.
+
     Examples
     --------
     >>> guard(np.array([0.0, 0.1]), np.array([1.0, -0.9]), 0.02, (0.1, 2.0), 750)
@@ -57,17 +65,29 @@ def guard(b: Array, a: Array, sample_time: float, band: tuple[float, float], n: 
     >>> guard(np.array([0.0, 0.1]), np.array([1.0, 0.95]), 0.02, (0.1, 2.0), 750) > 10  # rings at 25 Hz
     True
     """
-    nyquist, start = 0.5 / sample_time, BEYOND * band[1]
-    if start >= nyquist:
-        return 0.0
-    inside, outside = (
-        float(np.max(_gain(b, a, f * sample_time)))
-        for f in (np.geomspace(*band, GRID), np.linspace(start, nyquist, GRID))
-    )
-    above = max(math.log(outside / inside), 0.0) if inside > 0 else 0.0
     poles = np.roots(a)
-    ringing = (np.abs(poles) > RINGING) & (np.abs(np.angle(poles)) > 2 * math.pi * start * sample_time)
-    return (2 * above + int(ringing.sum())) * math.log(n)
+    paid = _unresolved(poles, sample_time, n)
+    nyquist, start = 0.5 / sample_time, BEYOND * band[1]
+    if start < nyquist:
+        paid += _beyond(b, a, sample_time, band, np.linspace(start, nyquist, GRID))
+        paid += int(((np.abs(poles) > RINGING) & (np.abs(np.angle(poles)) > 2 * math.pi * start * sample_time)).sum())
+    return paid * math.log(n)
+
+
+def _beyond(b: Array, a: Array, sample_time: float, band: tuple[float, float], f: Array) -> float:
+    """Twice the logarithm of the largest gain at frequencies f (Hz) over that in the band; 0 if it is smaller."""
+    inside = float(np.max(_gain(b, a, np.geomspace(*band, GRID) * sample_time)))
+    outside = float(np.max(_gain(b, a, f * sample_time)))
+    return 2 * max(math.log(outside / inside), 0.0) if inside > 0 and outside > 0 else 0.0
+
+
+def _unresolved(poles: NDArray[np.complex128], sample_time: float, n: int) -> float:
+    """Coefficients that resonances narrower than the resolution of the record count for."""
+    log = np.log(poles[poles.imag > 0])
+    light = log[-log.real < LIGHT * np.abs(log)]
+    width = np.maximum(-light.real, 1e-9) / (math.pi * sample_time)
+    narrow = np.log(1 / (n * sample_time * width))
+    return float(np.sum(UNRESOLVED + narrow[narrow > 0]))
 
 
 def _gain(b: Array, a: Array, turns: Array) -> Array:
