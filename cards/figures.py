@@ -110,14 +110,23 @@ def _save_note(words: str, path: Path) -> None:
 def draw_dynamics(found: "Identification", folder: Path, caption: str = "") -> None:
     """Write them into ``folder``; ``caption`` is printed on each."""
     from ..ident import frequency_response
-    from ..ident.figures import bode, order_map, residual_correlations, simulated_fit
+    from ..ident.figures import (
+        bode,
+        poles_and_zeros,
+        residual_correlations,
+        simulation_and_residuals,
+        step_figure,
+        structure_chart,
+    )
 
     folder.mkdir(parents=True, exist_ok=True)
     panels: dict[str, Callable[[], Axes]] = {
-        "simulated": lambda: simulated_fit(found.validation),
+        "simulated": lambda: simulation_and_residuals(found.validation, found.validated_on.split(",")[0])[0],
         "bode": lambda: bode(found.model, frequency_response(found.record))[0],
         "residuals": lambda: residual_correlations(found.validation)[0],
-        "orders": lambda: order_map(found.one_step),
+        "step": lambda: step_figure(found.model),
+        "poles_zeros": lambda: poles_and_zeros(found.model),
+        "structure": lambda: structure_chart(found)[0],
     }
     for name, draw in panels.items():
         _draw_one(draw, folder / f"{name}.png", caption)

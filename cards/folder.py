@@ -26,7 +26,15 @@ if TYPE_CHECKING:
 PARAMETERS, DRAWS = "params.json", "draws.npz"
 FORMS = README, PROGRAM, PAGE = "README.md", "card.json", "card.html"
 FIGURES = ("figures/response_surfaces.png", "figures/observed_predicted.png", "figures/residuals.png")
-DYNAMICS_FIGURES = ("figures/simulated.png", "figures/bode.png", "figures/residuals.png", "figures/orders.png")
+DYNAMICS_FIGURES = (
+    "figures/simulated.png",
+    "figures/bode.png",
+    "figures/step.png",
+    "figures/poles_zeros.png",
+    "figures/residuals.png",
+    "figures/structure.png",
+)
+LEFT_FIGURES = ("figures/orders.png", "figures/step_response.png")  # of former dynamics: redrawn under other names
 FIT_FIGURES = {  # of physical models, by their names on the command line
     "step": "figures/step_response.png",
     "drive": "figures/drive.png",

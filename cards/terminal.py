@@ -129,11 +129,19 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
     head.append(f"   {len(rec)} samples at {rec.rate:g} Hz{runs}   ", style="not bold")
     head.append_text(_verdict_text(model.verdict))
     facts = [item for item in model.facts if not item.name.startswith("SHA-256")]
-    said = [line for line in found.verdicts if sentence(line) not in model.verdict.reasons]
-    lines = [fact_line(facts), *model.sentences, found.argument, *said]
+    said = [
+        line
+        for line in found.verdicts
+        if sentence(line) not in model.verdict.reasons and not line.startswith("Converged after")
+    ]
+    form = "" if found.form is None or found.by_choice else found.form.words
+    kept = [line for line in model.sentences if line != form and not line.startswith("Converged after")]
+    checked = f"Checked: {', '.join(model.verdict.checked)}" if model.verdict.checked else ""
+    left = f"Not checked: {'; '.join(model.verdict.not_checked)}" if model.verdict.not_checked else ""
+    lines = [found.argument, *kept, fact_line(facts), *said, *filter(None, (checked, left))]
     words = _texts(line if line.endswith(".") else f"{line}." for line in dict.fromkeys(lines))
     table = _table(coefficient_table(model.coefficients))
-    return _block(head, *_reasons(model.verdict), Text(model.equation), table, *words)
+    return _block(head, *_reasons(model.verdict), *_texts([form]), Text(model.equation), table, *words)
 
 
 def physical_block(

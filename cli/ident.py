@@ -15,7 +15,20 @@ if TYPE_CHECKING:
     from ..parameters import ParameterFile
 
 READING = ("input", "output", "time", "rate", "sample_time", "resample", "decimal", "delimiter", "sheet")
-RECORDED = ("input", "output", "time", "rate", "sample_time", "resample", "unit", "orders", "trend", "decimal", "sheet")
+RECORDED = (
+    "input",
+    "output",
+    "time",
+    "rate",
+    "sample_time",
+    "resample",
+    "unit",
+    "orders",
+    "trend",
+    "handover",
+    "decimal",
+    "sheet",
+)
 
 
 def parser() -> Parser:
@@ -44,6 +57,8 @@ def parser() -> Parser:
     p.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")
     p.add_argument("--held-out", metavar="RUN", help="a further run for validation")
     p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay, where they are known")
+    by_choice = "model that is handed over: the one chosen, or ARX of the same orders as in papers, with its warning"
+    p.add_argument("--handover", choices=["chosen", "arx"], help=f"{by_choice} (default: chosen)")
     p.add_argument("--trend", action="store_true", default=None, help="subtract a straight line, not only the mean")
     physical_options(p)
     p.add_argument("--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis")
@@ -74,7 +89,9 @@ def run(args: argparse.Namespace) -> int:
         step.say(f"identifying {records[0].output} from {records[0].input}")
         if args.model is not None:
             return report(records, held_out, former, target, args)
-        found = identify(records, held_out=held_out, orders=orders, trend=bool(args.trend))
+        found = identify(
+            records, held_out=held_out, orders=orders, trend=bool(args.trend), handover=args.handover or "chosen"
+        )
         pf = _collected(found, records, former, args)
     if args.json:
         print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}, version=4)
@@ -174,15 +191,17 @@ def _redrawn(found: "Identification", pf: "ParameterFile", folder: Path) -> dict
     from tempfile import TemporaryDirectory
 
     from ..cards.figures import draw_dynamics
-    from ..cards.folder import DYNAMICS_FIGURES, PI_FIGURE
+    from ..cards.folder import DYNAMICS_FIGURES, LEFT_FIGURES, PI_FIGURE
 
     derived: dict[Path, bytes | None] = {folder / PI_FIGURE: None}
-    old = [name for name in DYNAMICS_FIGURES if (folder / name).exists()]
+    former = (*DYNAMICS_FIGURES, *LEFT_FIGURES)
+    old = [name for name in former if (folder / name).exists()]
+    derived |= dict.fromkeys((folder / name for name in LEFT_FIGURES if (folder / name).exists()), None)
     if not old or pf.laws:  # figures of laws have the same names
         return derived
     with TemporaryDirectory() as made:
         draw_dynamics(found, Path(made) / "figures", "not measured" if pf.identity.simulated else "")
-        return derived | {folder / name: (Path(made) / name).read_bytes() for name in old}
+        return derived | {folder / name: (Path(made) / name).read_bytes() for name in DYNAMICS_FIGURES}
 
 
 def _facts(found: "Identification") -> dict[str, Any]:
@@ -197,6 +216,7 @@ def _facts(found: "Identification") -> dict[str, Any]:
         "rsquared": found.validation.rsquared,
         "one_step_fit": found.validation.k_step_fit.get(1),
         "argument": found.argument,
+        "form": None if found.form is None else found.form.words,
         "tried": found.tried.to_dict(orient="records"),
         "arx": {"b": found.arx.b.tolist(), "a": found.arx.a.tolist()},
     }

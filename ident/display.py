@@ -41,10 +41,13 @@ def _poles(poles: NDArray[np.complex128]) -> str:
 def of_model(model: Model) -> Display:
     """Orders, gain, poles; the coefficients with their standard errors."""
     rows = "" if model.n is None else f", from {model.n} samples"
+    per = _ratio(model.unit_y, f"({model.unit_u} s)" if model.integrating and model.unit_u else model.unit_u)
+    gain = f"{plain(model.rate_gain if model.integrating else model.dc_gain)}{per}"
+    stability = "" if model.stable else ", integrating" if model.integrating else ", UNSTABLE"
+    others = f", {len(model.alternatives)} alternatives" if model.alternatives else ""
     head = (
         f"{model.structure.replace('_', ' ')} of {model.input} to {model.output}, na {model.na}, nb {model.nb}, "
-        f"nk {model.nk} at {model.sample_time:g} s, gain {plain(model.dc_gain)}{_ratio(model.unit_y, model.unit_u)}, "
-        f"poles {_poles(model.poles)}{'' if model.stable else ', UNSTABLE'}{rows}"
+        f"nk {model.nk} at {model.sample_time:g} s, gain {gain}, poles {_poles(model.poles)}{stability}{rows}{others}"
     )
     facts = () if model.band is None else (("excited band", f"{model.band[0]:.3g} to {model.band[1]:.3g} Hz"),)
     errors = [None] * len(model.theta) if model.cov_params is None else list(model.bse)
@@ -123,7 +126,8 @@ def of_identification(found: Identification) -> Display:
     """The model, its fit, and the verdicts."""
     shown = of_model(found.model)
     fit = f"simulation fit {found.validation.fit:.1f} % ({found.validated_on})"
-    words = (found.argument, *found.verdicts)
+    form = () if found.form is None else (found.form.words,)
+    words = (*form, found.argument, *found.verdicts)
     return Display(f"{shown.head}; {fit}", shown.facts, shown.table, words)
 
 

@@ -1,28 +1,34 @@
-"""Figures of identification: orders, simulation, Bode diagram, residuals, step responses, physical models."""
+"""Figures of identification: orders, simulation, Bode diagram, residuals, step responses, poles and zeros."""
 
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
+from matplotlib.patches import Circle, Rectangle
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from ..core.display import plot, with_unit
 from ..core.plotting import BLUE, GREY, ORANGE, NotebookFigure, new_axes
 from .continuous import ContinuousModel
+from .draws import drawn_models
 from .estimators.order_selection import OrderSearch
 from .excitation.predicted_precision import PredictedErrors
 from .identification import Identification
 from .model import Model
-from .physical_models.drive import DriveFit
-from .physical_models.force_process import ForceProcess
-from .physical_models.step_response import StepFit
 from .responses.confidence_bands import ResponseBand, StepBand, response_band, step_band
 from .responses.frequency import FrequencyResponse
 from .validation.model_validation import Validation
 
 Array = NDArray[np.float64]
 LONGEST, SHORTEST = 2000, 20  # samples of a drawn step response
+FARTHEST = 10_000  # samples: of a response that has not settled before
+NAMES = {"box_jenkins": "Box-Jenkins model", "output_error": "output-error model", "arx": "ARX model"}
+DRAWN = 100  # models whose poles and zeros are drawn
+EDGE = 1.6  # of the picture of the z plane
+CELLS = 14  # delays in the chart of structures that have space for numbers
+RANKED = 10  # candidates whose criterion is drawn
 SETTLED = 0.002  # share of the slowest mode that is left at its end
 
 
@@ -60,20 +66,42 @@ def order_map(search: OrderSearch, ax: Axes | None = None) -> Axes:
 def simulated_fit(found: Validation, ax: Axes | None = None) -> Axes:
     """Measured output and the free run over it; stretches are set apart."""
     ax = new_axes(ax, 7.2, 3.6)
-    name, unit = found.labels
-    ends = [*found.starts[1:], len(found.y)]
-    for k, (start, end) in enumerate(zip(found.starts, ends, strict=True)):
-        part = slice(start, end)
-        first = k == 0
-        ax.plot(found.time[part], found.y[part], color=GREY, lw=1.6, label="measured" if first else None)
-        ax.plot(found.time[part], found.yhat[part], color=BLUE, lw=1.0, label="simulated" if first else None)
-        if not first:
-            ax.axvline(found.time[start], color="black", lw=0.6, ls=":")
-    ax.set(xlabel="time [s]", ylabel=f"{name} [{unit}]" if unit else name)
+    for k, part in enumerate(_stretches(found)):
+        labels = ("measured", "simulated") if k == 0 else (None, None)
+        ax.plot(found.time[part], found.y[part], color=GREY, lw=1.8, label=labels[0])
+        ax.plot(found.time[part], found.yhat[part], color=BLUE, lw=1.0, label=labels[1])
+        if k:
+            ax.axvline(found.time[part.start], color="black", lw=0.6, ls=":")
+    ax.set(xlabel="time [s]", ylabel=with_unit(*found.labels))
     ax.margins(x=0)
     ax.legend(loc="upper right", frameon=False, ncols=2, fontsize=8, bbox_to_anchor=(1, 1.12))
     ax.set_title(f"fit {found.fit:.1f} %, R² {found.rsquared:.3f}", fontsize=9, loc="left")
     return ax
+
+
+def _stretches(found: Validation) -> list[slice]:
+    return [slice(start, end) for start, end in zip(found.starts, [*found.starts[1:], len(found.y)], strict=True)]
+
+
+def simulation_and_residuals(found: Validation, where: str = "") -> tuple[Axes, Axes]:
+    """Measured and simulated output of a validation, and below it their difference, on the same time axis.
+
+    ``where`` names the samples.
+    """
+    grid: dict[str, Any] = {"height_ratios": (2.2, 1)}
+    upper, lower = NotebookFigure(figsize=(7.2, 4.8), layout="constrained").subplots(
+        2, 1, sharex=True, gridspec_kw=grid
+    )
+    simulated_fit(found, upper).set_xlabel("")
+    left, unit = found.y - found.yhat, found.labels[1]
+    for part in _stretches(found):
+        lower.plot(found.time[part], left[part], color=ORANGE, lw=0.9)
+    spread = 2 * float(np.std(left))
+    lower.axhspan(-spread, spread, color=GREY, alpha=0.2, lw=0, label=f"± 2 sd, {spread:.2g} {unit}".rstrip())
+    lower.axhline(0, color="black", lw=0.6)
+    lower.set(xlabel=f"time [s]{', ' if where else ''}{where}", ylabel=with_unit("residual", unit))
+    lower.legend(frameon=False, fontsize=7, loc="upper right")
+    return upper, lower
 
 
 @plot.register
@@ -102,13 +130,21 @@ def bode(
         for ax in (upper, lower):
             for begin, end in ((f[0], band[0]), (band[1], f[-1])):
                 ax.axvspan(begin, end, color=GREY, alpha=0.18, lw=0)
-        lower.text(
-            0.995, 0.03, "shaded: not excited", ha="right", fontsize=7, color="#555555", transform=lower.transAxes
-        )
+        words = f"excited: {band[0]:.3g} to {band[1]:.3g} Hz; shaded: not excited, the model extrapolates"
+        lower.text(0.995, 0.03, words, ha="right", fontsize=7, color="#555555", transform=lower.transAxes)
     unit = f" [{model.unit_y}/{model.unit_u}]" if model.unit_u and model.unit_y else ""
     upper.set(xscale="log", yscale="log", ylabel=f"gain{unit}", xlim=(f[0], f[-1]))
     lower.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [degrees]")
+    for axis in (lower.xaxis, *([upper.yaxis] if upper.get_ylim()[1] < 200 * upper.get_ylim()[0] else [])):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(_plain))
+        axis.set_minor_formatter(NullFormatter())
     return upper, lower
+
+
+def _plain(value: float, _: int) -> str:
+    """A tick as 0.1 instead of a power of ten."""
+    return f"{value:g}"
 
 
 def _bode_model(model: Model, f: NDArray[np.float64], upper: Axes, lower: Axes) -> None:
@@ -117,7 +153,7 @@ def _bode_model(model: Model, f: NDArray[np.float64], upper: Axes, lower: Axes) 
         found = response_band(model, f)
         upper.fill_between(f, found.gain_low, found.gain_high, color=BLUE, alpha=0.25, lw=0, label="95 % band")
         lower.fill_between(f, found.phase_low, found.phase_high, color=BLUE, alpha=0.25, lw=0)
-    upper.plot(f, gain, color=BLUE, lw=1.3, label=model.structure.replace("_", " "))
+    upper.plot(f, gain, color=BLUE, lw=1.3, label=NAMES.get(model.structure, "model"))
     lower.plot(f, phase, color=BLUE, lw=1.3)
     upper.set_ylim(gain.min() / 3, gain.max() * 3)
     lower.set_ylim(phase.min() - 60, phase.max() + 60)
@@ -129,7 +165,7 @@ def _bode_measured(measured: FrequencyResponse, model: Model, upper: Axes, lower
     f, gain = measured.frequency[known], measured.gain[known]
     bars = np.abs(np.stack([gain - measured.gain_low[known], measured.gain_high[known] - gain]))
     style: dict[str, Any] = {"fmt": "o", "ms": 2.5, "color": ORANGE, "ecolor": ORANGE, "elinewidth": 0.7}
-    upper.errorbar(f, gain, bars, label="measured, 95 %", **style)
+    upper.errorbar(f, gain, bars, label=f"measured, 95 %, resolution {measured.resolution:.2g} Hz", **style)
     phase = np.degrees(np.unwrap(np.angle(model.response(f))))
     turn = np.degrees(np.angle(measured.response[known] / model.response(f)))  # on the model's branch
     lower.errorbar(f, phase + turn, (measured.phase_high - measured.phase)[known], **style)
@@ -168,24 +204,149 @@ def _stems(ax: Axes, lags: NDArray[np.intp], correlation: NDArray[np.float64], b
 
 @plot.register
 def step_figure(model: Model, ax: Axes | None = None) -> Axes:
-    """Response to a unit step of the input, from rest; with its band where the covariance is known."""
+    """Response to a unit step of the input, from rest, until it has settled; with its band where it is known."""
     ax = new_axes(ax)
-    n = settling_samples(model.radius) + model.nk
-    if model.cov_params is not None and model.stable:
-        return step_band_figure(step_band(model, n * model.sample_time), ax, with_unit(model.output, model.unit_y))
-    time = model.sample_time * np.arange(n + 1)
-    ax.plot(time, model.simulate(np.ones(n + 1)), color=BLUE, drawstyle="steps-post")
-    ax.set(xlabel="time [s]", ylabel=with_unit(model.output, model.unit_y), title=f"unit step of {model.input}")
+    n = answer_samples(model)
+    label = with_unit(model.output, model.unit_y)
+    if model.cov_params is not None and (model.stable or model.integrating):
+        step_band_figure(step_band(model, n * model.sample_time), ax, label)
+    else:
+        time = model.sample_time * np.arange(n + 1)
+        ax.plot(time, model.simulate(np.ones(n + 1)), color=BLUE, drawstyle="steps-post")
+        ax.set(xlabel="time [s]", ylabel=label)
+    ax.set_title(f"step of {model.input} by 1 {model.unit_u}".rstrip(), fontsize=9)
     return ax
+
+
+def answer_samples(model: Model) -> int:
+    """Samples until the response to a step has settled within 1 %, half as long again, at least 20.
+
+    An integrating model has settled when its slope has. The response is drawn no longer than the record was.
+    """
+    n, most = SHORTEST, min(FARTHEST, max(model.n or FARTHEST, SHORTEST))
+    while n < most:
+        n *= 2
+        y = model.simulate(np.ones(n))
+        y = np.diff(y) if model.integrating else y
+        left = np.abs(y - y[-1]) > 0.01 * np.ptp(y)
+        last = int(np.flatnonzero(left)[-1]) if left.any() else 0
+        if not np.isfinite(y[-1]):
+            return SHORTEST
+        if last < n / 4:
+            return min(max(int(1.5 * last) + 2, SHORTEST), most)
+    return most
+
+
+def poles_and_zeros(model: Model, ax: Axes | None = None) -> Axes:
+    """Poles and zeros in the z plane with those of draws of the model, the unit circle, and the excited band."""
+    ax = new_axes(ax)
+    ax.add_patch(Circle((0, 0), 1, fill=False, color="black", lw=0.8))
+    if model.band is not None:
+        angles = 2 * np.pi * model.sample_time * np.array(model.band)
+        for sign in (1, -1):
+            turn = np.exp(1j * sign * np.linspace(*angles, 60))
+            ax.plot(turn.real, turn.imag, color=BLUE, lw=4, alpha=0.35, label="excited band" if sign > 0 else None)
+    drawn = drawn_models(model, DRAWN, 1, least=0.0).models if model.cov_params is not None else ()
+    far: list[float] = []
+    for name, colour, mark in (("poles", BLUE, "x"), ("zeros", ORANGE, "o")):
+        cloud = np.concatenate([getattr(one, name) for one in drawn]) if drawn else np.empty(0)
+        ax.plot(cloud.real, cloud.imag, ".", color=colour, ms=2, alpha=0.35, zorder=1)
+        at = getattr(model, name)
+        at = at[at != 0]
+        ax.plot(at.real, at.imag, mark, color=colour, ms=8, mew=1.8, mfc="none", label=name, ls="")
+        far += [float(z.real) for z in at if abs(z) > EDGE and z.imag >= 0]
+    if far:
+        words = ", ".join(f"{x:.3g}" for x in far)
+        ax.text(0.02, 0.02, f"zeros outside the picture, real part: {words}", fontsize=7, transform=ax.transAxes)
+    ax.axhline(0, color=GREY, lw=0.5, zorder=0)
+    ax.axvline(0, color=GREY, lw=0.5, zorder=0)
+    ax.set(xlabel="real part of z", ylabel="imaginary part of z", xlim=(-EDGE, EDGE), ylim=(-EDGE, EDGE))
+    ax.set_aspect("equal")
+    ax.legend(frameon=False, fontsize=8, loc="upper right")
+    ax.set_title(f"poles and zeros{f'; dots: {len(drawn)} draws of the model' if drawn else ''}", fontsize=9)
+    return ax
+
+
+def structure_chart(found: Identification, axes: tuple[Axes, Axes] | None = None) -> tuple[Axes, Axes]:
+    """Simulation fit of the candidates over order and delay, and the best ones by their criterion with their weights.
+
+    The candidate that was chosen is outlined and stands first.
+    """
+    widths: dict[str, Any] = {"width_ratios": (1.25, 1)}
+    left, right = axes or NotebookFigure(figsize=(9.6, 3.9), layout="constrained").subplots(1, 2, gridspec_kw=widths)
+    table, chosen = found.tried, found.tried.iloc[0]
+    table = table[table["form"] == ""]
+    best = table.loc[table.groupby(["na", "nk"])["loss"].idxmin()]
+    grid = best.pivot_table(index="na", columns="nk", values="loss")
+    grid = grid.reindex(columns=range(int(grid.columns.min()), int(grid.columns.max()) + 1))
+    error = np.sqrt(grid.to_numpy() / float(table["loss"].min()))
+    norm = LogNorm(1.0, float(np.clip(np.nanmax(error), 2.0, 100.0)))
+    left.set_facecolor("#eeeeee")
+    image = left.imshow(error, norm=norm, cmap="Blues_r", origin="lower", aspect="auto")
+    scale = left.figure.colorbar(image, ax=left, label="simulation error / smallest", ticks=[1, 2, 5, 10, 20, 50, 100])
+    scale.formatter = FuncFormatter(_plain)
+    scale.minorticks_off()
+    _fits(left, grid, best, norm, float(table["loss"].min()))
+    if not chosen["form"]:
+        row, column = list(grid.index).index(chosen["na"]), list(grid.columns).index(chosen["nk"])
+        left.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, ec=ORANGE, lw=2.5))
+    left.set(xlabel="delay nk [samples]", ylabel="order na")
+    end = f"chosen: {chosen['form']}" if chosen["form"] else "outlined: chosen"
+    left.set_title(f"simulation fit [%], best nb; grey: not tried; {end}", fontsize=9)
+    _ranking(right, found)
+    return left, right
+
+
+def _fits(ax: Axes, grid: Any, best: Any, norm: LogNorm, least: float) -> None:  # noqa: ANN401
+    """Ticks of the chart, and the fit in each cell where there is space."""
+    rows, columns = list(grid.index), list(grid.columns)
+    step = -(-len(columns) // CELLS)
+    ax.set_xticks(range(0, len(columns), step), [str(v) for v in columns[::step]])
+    ax.set_yticks(range(len(rows)), [str(v) for v in rows])
+    for na, nk, loss, fit in best[["na", "nk", "loss", "fit"]].to_numpy():
+        if len(columns) <= CELLS:
+            dark = float(norm(np.sqrt(loss / least))) < 0.5
+            at = columns.index(int(nk)), rows.index(int(na))
+            ax.text(*at, f"{fit:.1f}", ha="center", va="center", fontsize=6.5, color="white" if dark else "black")
+
+
+def _ranking(ax: Axes, found: Identification) -> None:
+    """Bars of the criterion above the smallest for the best candidates, with their weights."""
+    rows = found.tried.head(RANKED)
+    names = [_candidate(row) for _, row in rows.iterrows()]
+    above = (rows["bic"] - rows["bic"].iloc[0]).to_numpy(dtype=np.float64)
+    ax.barh(range(len(rows)), above, color=[ORANGE, *[BLUE] * (len(rows) - 1)], height=0.6)
+    for k, (value, (_, row)) in enumerate(zip(above, rows.iterrows(), strict=True)):
+        weight = float(row.get("weight", 0.0))
+        share = f"weight {weight:.2g}" if weight else "chosen" if k == 0 else ""
+        ax.text(value, k, f" {share}", va="center", fontsize=7)
+    ax.set_yticks(range(len(rows)), names, fontsize=7)
+    ax.invert_yaxis()
+    ax.set_xlim(0, 1.3 * max(float(above.max()), 1.0))
+    ax.set_xlabel("criterion (BIC) above the smallest")
+    ax.set_title("best candidates", fontsize=9)
+
+
+def _candidate(row: Any) -> str:  # noqa: ANN401
+    """Name of a candidate: a continuous form, or orders and delay."""
+    if form := row.get("form", ""):
+        return str(form)
+    orders = f"na {row.na:.0f}, nb {row.nb:.0f}, nk {row.nk:.0f}"
+    return f"{orders}, ARX" if row.get("structure", "") == "arx" else orders
 
 
 @plot.register
 def step_band_figure(found: StepBand, ax: Axes | None = None, label: str = "response to a unit step") -> Axes:
     """The step within its band."""
     ax = new_axes(ax)
-    ax.fill_between(found.time, found.low, found.high, color=BLUE, alpha=0.2, lw=0, label=f"{100 * found.level:g} %")
+    ax.fill_between(
+        found.time, found.low, found.high, color=BLUE, alpha=0.2, lw=0, label=f"{100 * found.level:g} % band"
+    )
     ax.plot(found.time, found.step, color=BLUE)
-    ax.set(xlabel="time [s]", ylabel=label, title="unit step of the input")
+    ax.axhline(0, color=GREY, lw=0.5, zorder=0)
+    ax.margins(x=0)
+    ax.set(xlabel="time [s]", ylabel=label)
+    ax.set_title("unit step of the input", fontsize=9)
     ax.legend(frameon=False, fontsize=8)
     return ax
 
@@ -220,50 +381,6 @@ def predicted_errors_figure(found: PredictedErrors, ax: Axes | None = None) -> A
     ax = new_axes(ax)
     ax.plot(found.response.index, found.response["gain_se"], color=BLUE)
     ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="standard error of the gain [%]")
-    return ax
-
-
-def _both(ax: Axes, time: Array, measured: Array, model: Array, label: str) -> None:
-    ax.plot(time, measured, color=BLUE, lw=1.2, label="measured" if label else None)
-    ax.plot(time, model, color=ORANGE, lw=1.2, ls="--", label=label or None)
-
-
-@plot.register
-def step_fit_figure(fit: StepFit, ax: Axes | None = None) -> Axes:
-    """Every stretch from its own start."""
-    ax = new_axes(ax, 6.4, 3.6)
-    for k, (run, fitted) in enumerate(zip(fit.runs, fit.fitted, strict=True)):
-        _both(ax, run.time, run.y, fitted, f"order {fit.order} with delay" if k == 0 else "")
-    ax.set(xlabel="time [s]", ylabel=with_unit(fit.output, fit.unit_y))
-    ax.set_title(f"gain {fit.gain:.4g}, 63.2 % after {fit.time_to_63:.4g} s, fit {fit.fit:.1f} %", fontsize=9)
-    ax.legend(frameon=False, fontsize=8)
-    return ax
-
-
-@plot.register
-def drive_figure(fit: DriveFit, ax: Axes | None = None) -> Axes:
-    """Velocity measured, and simulated from the force alone."""
-    ax = new_axes(ax, 6.4, 3.6)
-    simulated, percent = fit.own_run
-    time = fit.motion.sample_time * np.arange(len(simulated), dtype=np.float64)
-    _both(ax, time, fit.motion.v, simulated, "from the force alone")
-    ax.set(xlabel="time [s]", ylabel=f"velocity [{fit.motion.speed_unit}]")
-    ax.set_title(
-        f"M {fit.M:.4g}, Fv {fit.Fv:.4g}, Fc {fit.Fc:.3g}, offset {fit.offset:.3g}, fit {percent:.1f} %", fontsize=9
-    )
-    ax.legend(frameon=False, fontsize=8)
-    return ax
-
-
-@plot.register
-def force_process_figure(fit: ForceProcess, ax: Axes | None = None) -> Axes:
-    """Force measured, and simulated from the command alone."""
-    ax = new_axes(ax, 6.4, 3.6)
-    _both(ax, fit.time, fit.measured, fit.simulated, "from the command alone")
-    ax.set(xlabel="time [s]", ylabel=with_unit(fit.output, fit.unit_y))
-    poles = " and ".join(f"{p.real:.4g}" if p.imag == 0 else f"{p:.4g}" for p in fit.poles)
-    ax.set_title(f"poles {poles} rad/s, fit {fit.fit:.1f} %", fontsize=9)
-    ax.legend(frameon=False, fontsize=8)
     return ax
 
 

@@ -52,11 +52,59 @@ def test_a_record_is_recognised_and_identified(run, german, tmp_path):
     assert d.held_out_fit > 90
     np.testing.assert_allclose(np.abs(d.response([0.5, 1.0])), np.abs(G.response([0.5, 1.0])), rtol=0.03)
     names = {path.name for path in (folder / "figures").iterdir()}
-    assert names == {"simulated.png", "bode.png", "residuals.png", "orders.png"}
+    assert names == {
+        "simulated.png", "bode.png", "step.png", "poles_zeros.png", "residuals.png", "structure.png"
+    }  # fmt: skip
     card = (folder / "README.md").read_text(encoding="utf-8")
     assert "## Dynamics" in card
     assert not re.search(r"\bnan\b", card.lower())
     assert run(german.name)[0] == 2  # it is there already
+
+
+def test_every_axis_has_a_label_and_time_is_as_long_as_the_answer(german, tmp_path):
+    from fitmodels.datasets import read_record
+    from fitmodels.ident import figures
+
+    found = ident.identify(read_record(german))
+    panels = [
+        *figures.simulation_and_residuals(found.validation, found.validated_on),
+        *figures.bode(found.model, ident.frequency_response(found.record)),
+        *figures.structure_chart(found), *figures.residual_correlations(found.validation),
+        figures.step_figure(found.model), figures.poles_and_zeros(found.model),
+    ]  # fmt: skip
+    lower = [ax for ax in panels if ax.get_subplotspec().is_last_row()]
+    assert all(ax.get_xlabel() for ax in lower)
+    assert "current" in panels[0].get_ylabel() or "[A]" in panels[0].get_ylabel()
+    assert "[A/V]" in panels[2].get_ylabel()
+    assert "chosen" in panels[4].get_title()
+    chosen = found.tried.iloc[0]
+    assert panels[5].get_yticklabels()[0].get_text() == f"na {chosen.na:.0f}, nb {chosen.nb:.0f}, nk {chosen.nk:.0f}"
+    end = panels[-2].get_xlim()[1]
+    assert 1.0 < end < 4.0  # the plant has settled after 1.2 s; the record lasts 15 s
+
+
+@pytest.mark.parametrize(("T", "dt"), [(0.3, 0.02), (5.0, 0.02), (0.001, 0.02)])
+def test_a_drawn_step_is_as_long_as_the_answer(T, dt):
+    from fitmodels.ident.continuous import ContinuousModel
+    from fitmodels.ident.figures import SHORTEST, answer_samples
+
+    n = answer_samples(ContinuousModel(np.array([2.0]), np.array([T, 1.0])).sampled(dt))
+    settled = np.log(100) * T / dt
+    assert n == SHORTEST or settled < n < 2.5 * settled
+    integrating = ContinuousModel(np.array([2.0]), np.array([T, 1.0, 0.0])).sampled(dt)
+    assert answer_samples(integrating) <= 3 * settled + 2 * SHORTEST
+
+
+def test_arx_is_handed_over_by_choice_with_its_warning(run, german, tmp_path):
+    code, out, _ = run("ident", german.name, "--handover", "arx", "--out", "arx")
+    assert code == 0
+    assert "ARX model was handed over by choice" in out
+    d = parameters.read(tmp_path / "arx/params.json").dynamics
+    assert d.structure == "arx"
+    assert any("by choice" in reason for reason in d.verdict.reasons)
+    code, _, err = run("ident", german.name, "--handover", "arx", "--as", "step")
+    assert code == 2
+    assert "--handover has an effect only without --as" in err
 
 
 def test_the_explicit_command_says_the_same(run, german):

@@ -12,6 +12,14 @@ from .parts import CoefficientPart, DynamicsPart, FactPart
 from .verdicts import DYNAMICS, verdict_part
 
 SIMULATED = "of samples not used in the fit, by simulation"
+OWN = "of the samples fitted, by simulation"
+STRUCTURES = {
+    "box_jenkins": "plant and noise model independent (Box-Jenkins)",
+    "output_error": "output error, white noise",
+    "arx": "ARX, noise through the poles of the plant",
+    "armax": "ARMAX, noise through the poles of the plant",
+    "sriv": "instrumental variables (SRIV)",
+}
 NORMAL = 1.96  # quantile of the intervals of a model
 
 
@@ -25,7 +33,7 @@ def dynamics_part(d: DynamicsSection | None) -> DynamicsPart | None:
         equation=f"G(z) = ({_polynomial(d.b)}) / ({_polynomial(d.a)})",
         coefficients=_coefficients(d),
         facts=_facts(d),
-        sentences=tuple(sentence(text) for text in (*_nonminimum_phase(d), *d.notes)),
+        sentences=tuple(sentence(text) for text in (*_alternatives(d), *_nonminimum_phase(d), *d.notes)),
     )
 
 
@@ -37,16 +45,20 @@ def _facts(d: DynamicsSection) -> tuple[FactPart, ...]:
     low, high = d.band or (None, None)
     u, y = d.operating_point or (None, None)
     return (
-        *fact("structure", NONE, d.structure.replace("_", " ")),
+        *fact("structure", NONE, _structure(d)),
         *fact("sample time", figure(d.sample_time, 6, "s")),
         *fact("delay", count(d.nk, "samples" if d.nk != 1 else "sample")),
         *fact("static gain", figure(gain, 4, unit) if math.isfinite(gain) else INFINITE),
-        *fact(
-            "largest pole magnitude", figure(float(np.abs(d.poles).max(initial=0.0))), "" if d.stable else "unstable"
-        ),
+        *(fact("gain per second", figure(_rate_gain(d), 4, f"{unit}/s")) if d.integrating else ()),
+        *fact("largest pole magnitude", figure(float(np.abs(d.poles).max(initial=0.0))), _stability(d)),
         *fact("excited from", figure(low, 3, "Hz")),
         *(fact("excited up to", figure(high, 3, "Hz"), "valid range of the model") if d.band else ()),
-        *(fact("held-out fit", places(d.held_out_fit, 1, "%"), SIMULATED) if d.held_out_fit is not None else ()),
+        *(
+            fact("held-out fit", places(d.held_out_fit, 1, "%"), d.held_out_on or SIMULATED)
+            if d.held_out_fit is not None
+            else ()
+        ),
+        *(fact("fit to its own record", places(d.own_fit, 1, "%"), OWN) if d.own_fit is not None else ()),
         *fact("noise SD", figure(noise, 3, d.unit_y)),
         *fact("operating point, input", figure(u, 4, d.unit_u)),
         *fact("operating point, output", figure(y, 4, d.unit_y)),
@@ -54,6 +66,38 @@ def _facts(d: DynamicsSection) -> tuple[FactPart, ...]:
         *fact("SHA-256 of the record", NONE, d.record_sha256 or ""),
         *fact("SHA-256 of the held-out record", NONE, d.held_out_sha256 or ""),
     )
+
+
+def _structure(d: DynamicsSection) -> str:
+    """The structure in words, with the order of a noise model of its own."""
+    words, order = STRUCTURES.get(d.structure, d.structure.replace("_", " ")), len(d.d) - 1
+    noise = f", noise an autoregression of order {order}" if order else ", white noise"
+    return f"{words}{noise}" if d.structure == "box_jenkins" else words
+
+
+def _stability(d: DynamicsSection) -> str:
+    return "" if d.stable else "integrating" if d.integrating else "unstable"
+
+
+def _rate_gain(d: DynamicsSection) -> float:
+    """Final slope of the response to a constant input of 1, per second, of an integrating model."""
+    return float(np.sum(d.b)) / float(np.cumsum(d.a)[:-1].sum()) / d.sample_time
+
+
+def _alternatives(d: DynamicsSection) -> list[str]:
+    """Sentence on the other structures that the record supports, with their weights."""
+    if not d.alternatives:
+        return []
+    own = 1 - sum(other.weight for other in d.alternatives)
+    named = [
+        f"{'ARX of ' if other.structure == 'arx' else ''}na {len(other.a) - 1}, nb {len(other.b) - other.nk}, nk "
+        f"{other.nk} ({100 * other.weight:.2g} %)"
+        for other in sorted(d.alternatives, key=lambda other: -other.weight)
+    ]
+    return [
+        f"the record does not decide between this structure (weight {100 * own:.2g} %) and {', '.join(named)}: bands, "
+        "gains and their probability include all of them"
+    ]
 
 
 def _coefficients(d: DynamicsSection) -> tuple[CoefficientPart, ...]:

@@ -72,6 +72,15 @@ class FittedForm:
         """Standard errors of ``values``."""
         return np.sqrt(np.diag(self.cov))
 
+    @property
+    def words(self) -> str:
+        """Name, equation, and the parameters with their standard errors, one sentence."""
+        parts = [
+            f"{QUANTITIES.get(symbol, symbol)} {symbol} = {value:.4g} +- {error:.2g} {unit}".rstrip()
+            for symbol, value, error, unit in zip(self.symbols, self.values, self.bse, self.units, strict=True)
+        ]
+        return f"{self.name[0].upper()}{self.name[1:]}, {self.equation}: {', '.join(parts)}."
+
 
 def described(rec: Record, data: FormData, fit: FormFit) -> FittedForm:
     """The fit in physical units, with its discrete model and its residual."""

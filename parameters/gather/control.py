@@ -55,8 +55,10 @@ def dynamics_section(
         judged = dynamics.judged
         fit, where = (None, None) if judged.unseen else (judged.structure.fit, judged.where)
         section = _model(dynamics.model, fit if held_out_fit is None else held_out_fit)
+        form = None if dynamics.by_choice else dynamics.form
         return {
             **section,
+            "notes": [*(() if form is None else (form.words,)), *section["notes"]],
             "held_out_on": where if held_out_fit is None else None,
             "own_fit": float(judged.own.fit),
             "verdict": VerdictSection.of(dynamics.verdict).model_dump(),
