@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import IdentError
 from ..core.threads import one_thread
@@ -265,8 +266,8 @@ def identify(
     plain = _plain(whole, best, one_step)
     by_arx = handover == "arx"
 
-    def estimate(part: Record) -> Model:
-        return arx(part, plain.na, plain.nb, plain.nk) if by_arx else estimated(part, best)
+    def estimate(part: Record, beside: Array | None) -> Model:
+        return arx(part, plain.na, plain.nb, plain.nk) if by_arx else estimated(part, best, beside)
 
     model = replace(plain if by_arx else chosen, band=band)
     return Identification(

@@ -10,6 +10,7 @@ from fitmodels.core.errors import IdentError
 from fitmodels.core.verdict import RESERVATIONS
 from fitmodels.datasets import Record, join_records
 from fitmodels.ident import figures
+from fitmodels.ident.estimators.box_jenkins import box_jenkins
 from fitmodels.ident.estimators.least_squares import arx
 from fitmodels.ident.estimators.prediction_error import armax, output_error
 from fitmodels.ident.excitation.signals import chirp, prbs
@@ -258,7 +259,7 @@ SLOW_A = np.poly(np.full(5, np.exp(-0.1)))  # of 1/(.2s+1)^5 with a zero-order h
 SLOW_B = cont2discrete(([3125.0], np.poly([-5.0] * 5)), 0.02)[0][0][1:]
 
 
-def estimated(rec):
+def estimated(rec, beside=None):
     return output_error(rec, 3, 3, initial="offset")
 
 
@@ -293,7 +294,7 @@ def test_a_model_that_is_not_the_one_that_was_validated_is_named():
     rec = recorded(chirp(), 30, 1).centred()
     model = replace(estimated(rec), band=(0.1, 2.0))
 
-    def other(part):
+    def other(part, beside):
         found = estimated(part)
         return replace(found, b=1.3 * found.b)
 
@@ -309,7 +310,7 @@ def test_noise_does_not_refuse_the_true_structure_of_a_slow_plant(seed):
     x = slow.simulate(chirp())
     rec = Record(chirp(), x + 0.1 * x.std() * np.random.default_rng(seed).standard_normal(750), 0.02).centred()
 
-    def five(part):
+    def five(part, beside=None):
         return output_error(part, 5, 5, initial="offset")
 
     judged = judge_handover(replace(five(rec), band=(0.1, 2.0)), rec, five)
@@ -333,7 +334,7 @@ def test_a_poor_model_of_its_own_record_is_named_as_such():
 def test_an_unstable_part_costs_only_the_held_out_fit():
     rec = recorded(prbs(2.5, hold=0.2), 30, 1).centred()
 
-    def once(part):
+    def once(part, beside):
         if len(part) < len(rec):
             raise IdentError("no stable model.")
         return estimated(part)
@@ -373,3 +374,19 @@ def test_one_step_errors_of_box_jenkins_are_white_and_their_bands_hold():
     assert 0.01 < past < 0.12
     assert 0.02 < white < 0.09
     assert ratio == pytest.approx(0.6, abs=0.05)
+
+
+def test_a_line_beside_the_plant_is_no_error_of_the_model():
+    """A line of 10 % of the output: cosine and sine are fitted beside the simulation, on all samples as on blocks."""
+    rec = recorded(chirp(), 40, 1).centred()
+    turns = 2 * np.pi * 7.3 * 0.02 * np.arange(len(rec))
+    rec = replace(rec, y=rec.y + 0.1 * rec.y.std() * np.sin(turns + 1), sha256=None)
+    X = np.column_stack([np.cos(turns), np.sin(turns)])
+    model = box_jenkins(rec, 3, 3, 0)
+
+    def estimate(part, beside):
+        return box_jenkins(part, 3, 3, 0)
+
+    plain, fitted = (judge_handover(model, rec, estimate, beside=x) for x in (None, X))
+    assert max(plain.own.fit, plain.structure.fit) < 94
+    assert min(fitted.own.fit, fitted.structure.fit) > 98

@@ -17,18 +17,21 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.errors import IdentError
 from ...core.verdict import RESERVATIONS
 from ...datasets.records.record import Record, join_records
 from ..estimators.bias_checks import FREQUENCIES, response_error
 from ..model import Model
-from .model_validation import FIT, Validation, states_of, validate
+from .model_validation import FIT, GOOD, Validation, states_of, validate
 
 FEWEST = 60  # samples of each block: below, the whole record is fitted and validated
 BLOCK = 100  # samples of a block from which on there are six
 LARGER = 1.3  # rms error on samples that were not fitted, relative to the own record: below, the noise is the reason
 APART = 0.1  # of |G|: a smaller difference of the two models does not matter
 SIGNIFICANT = 4.0  # standard errors of that difference
+Span = tuple[int, int]
+Estimate = Callable[[Record, Array | None], Model]  # of the same structure, from any record and what is beside it
 TOO_SHORT = "the estimation record, too short to hold out samples: record a second run"
 OWN_RECORD = (
     "the record is too short to hold out samples, so the model was validated on those that it was fitted to: record a "
@@ -83,7 +86,7 @@ class Handover:
         Its errors are then no larger than those of the model on its own record, whose output varies more.
         """
         here, there = (float(np.sqrt(np.mean((v.y - v.yhat) ** 2))) for v in (self.structure, self.own))
-        if self.unseen or self.structure.fit >= self.own.fit or here > LARGER * there:
+        if self.unseen or self.structure.fit >= GOOD or here > LARGER * there:
             return ""
         return (
             f"the fit on {self.where.split(',')[0]} is limited by the noise: the rms error is {here:.3g}, on the own "
@@ -97,20 +100,22 @@ def _repeated(words: str, own: list[tuple[int, str]]) -> bool:
 
 
 def judge_handover(
-    model: Model, whole: Record, estimate: Callable[[Record], Model], held_out: Record | None = None
+    model: Model, whole: Record, estimate: Estimate, held_out: Record | None = None, beside: Array | None = None
 ) -> Handover:
     """Validate a model that was estimated from a whole record.
 
     Parameters
     ----------
     model : Model
-        The model that is handed over, ``estimate(whole)``.
+        The model that is handed over, ``estimate(whole, beside)``.
     whole : Record
         Centred.
     estimate : callable
-        Estimates the same structure from any record.
+        Estimates the same structure from any record and from disturbances of its output.
     held_out : Record, optional
         A separate run, which the model itself is validated on.
+    beside : ndarray, shape (N, k), optional
+        Disturbances of the output that are fitted beside the plant; ``estimate`` gets its rows of them.
 
     Examples
     --------
@@ -118,40 +123,49 @@ def judge_handover(
     >>> u, e = np.random.default_rng(1).standard_normal((2, 600))
     >>> y = Model(b=[0.0, 0.5], a=[1.0, -0.8], nk=1, sample_time=0.02).simulate(u + 0.1 * e)
     >>> rec = Record(u=u, y=y, sample_time=0.02).centred()
-    >>> judged = judge_handover(arx(rec, 1, 1), rec, lambda part: arx(part, 1, 1))
+    >>> judged = judge_handover(arx(rec, 1, 1), rec, lambda part, beside: arx(part, 1, 1))
     >>> judged.where, judged.reservations
     ('samples 101 to 200 and 401 to 500, the same structure fitted to the others', ())
     """
-    own = validate(model, whole)
+    own = validate(model, whole, beside=beside)
     if held_out is not None:
         return Handover(validate(model, held_out), own, f"{len(held_out)} held-out samples")
-    fitted, other, where = _split(whole, states_of(model))
-    if fitted is whole:
+    parts, where = _split(whole, states_of(model))
+    if not parts:
         return Handover(own, own, where, unseen=OWN_RECORD)
+    (fitted, of_fitted), (other, of_other) = ((_joined(whole, part), _rows(beside, part)) for part in parts)
     try:
-        trained = estimate(fitted)
-        structure = validate(trained, other)
+        trained = estimate(fitted, of_fitted)
+        structure = validate(trained, other, beside=of_other)
     except IdentError as error:
         unseen = f"the structure could not be validated on {where}: {str(error).rstrip('.')}"
         return Handover(own, own, "the estimation record", unseen=unseen)
     return Handover(structure, own, where, _apart(model, trained, where))
 
 
-def _split(rec: Record, states: int) -> tuple[Record, Record, str]:
-    """Estimation record, validation record, and a description of the latter and of its model."""
+def _split(rec: Record, states: int) -> tuple[tuple[list[Span], list[Span]] | tuple[()], str]:
+    """Samples to fit and to validate on, none where the record is too short, and a description of the latter."""
     last, n = rec.starts[-1], len(rec)
     if len(rec.starts) > 1 and min(last, n - last) >= FEWEST:
         words = f"run {len(rec.starts)} of {len(rec.starts)}, the same structure fitted to the others"
-        return rec.part(0, last).centred(), rec.part(last, n), words
-    count = 6 if n // 6 >= max(BLOCK, 6 * states) else 3
+        return ([(0, last)], [(last, n)]), words
     if n // 3 < FEWEST:
-        return rec, rec, TOO_SHORT
-    edges = [k * n // count for k in range(count + 1)]
-    blocks = list(pairwise(edges))
-    fitted = [rec.part(a, b) for k, (a, b) in enumerate(blocks) if k % 3 != 1]
+        return (), TOO_SHORT
+    count = 6 if n // 6 >= max(BLOCK, 6 * states) else 3
+    blocks = list(pairwise(k * n // count for k in range(count + 1)))
+    fitted = [block for k, block in enumerate(blocks) if k % 3 != 1]
     named = " and ".join(f"{a + 1} to {b}" for a, b in blocks[1::3])
-    words = f"samples {named}, the same structure fitted to the others"
-    return join_records(fitted), join_records([rec.part(a, b) for a, b in blocks[1::3]]), words
+    return (fitted, blocks[1::3]), f"samples {named}, the same structure fitted to the others"
+
+
+def _joined(rec: Record, part: list[Span]) -> Record:
+    """Parts of a record as one, each a segment of its own."""
+    return rec.part(*part[0]) if len(part) == 1 else join_records([rec.part(a, b) for a, b in part])
+
+
+def _rows(beside: Array | None, part: list[Span]) -> Array | None:
+    """Rows of the same parts."""
+    return None if beside is None else np.concatenate([beside[a:b] for a, b in part])
 
 
 def _apart(model: Model, trained: Model, where: str) -> str | None:

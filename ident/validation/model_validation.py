@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...core.display import Plottable
@@ -87,7 +88,14 @@ class Validation(Plottable):
         return tuple(item for item in self.reservations if item[1] not in (*self.remarks, self.feedback))
 
 
-def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lags: int = LAGS) -> Validation:
+def validate(
+    model: Model,
+    other: Record,
+    steps: Sequence[int] = (1, 5, 10),
+    lags: int = LAGS,
+    *,
+    beside: Array | None = None,
+) -> Validation:
     """Validate a model by simulating a record.
 
     Parameters
@@ -99,6 +107,8 @@ def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lag
         Prediction horizons, samples.
     lags : int
         Number of lags of the residual correlations.
+    beside : ndarray, shape (N, k), optional
+        Disturbances of the output (lines, drift), estimated in each segment beside the simulation.
 
     Returns
     -------
@@ -124,11 +134,12 @@ def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lag
     simulates the record with 83 % fit (R2 0.9727); residuals are independent of u
     """
     check_frame(model, other)
-    other, remarks = long_stretches(model, other, steps)
+    other, remarks, kept = long_stretches(model, other, steps)
+    beside = None if beside is None else beside[kept]
     raw, other = other, without_slope(other) if model.integrating else other
     y, s = other.y, other.stretches
-    yhat = simulated(model, other)
-    step = one_step(model, other, yhat)
+    yhat = simulated(model, other, beside=beside)
+    step = one_step(model, other, yhat, beside)
     held_out = model.record is None or model.record != other.sha256
     cov = model.cov_params if held_out else None
     past, future = range(lags + 1), range(-lags, 0)
@@ -140,8 +151,8 @@ def validate(model: Model, other: Record, steps: Sequence[int] = (1, 5, 10), lag
     found = Validation(
         fit=fit_percent(y, yhat, s),
         rsquared=float(1 - left @ left / ((y - mean) @ (y - mean))),
-        fit_training_means=fit_percent(raw.y, simulated(model, raw, True, "training"), s),
-        fit_zero_state=fit_percent(y, simulated(model, other, False), s),
+        fit_training_means=fit_percent(raw.y, simulated(model, raw, True, "training", beside), s),
+        fit_zero_state=fit_percent(y, simulated(model, other, False, beside=beside), s),
         k_step_fit=k_step_fit,
         whiteness=residual_whiteness(step, cov, not held_out, lags),
         independence=independence(step, lagged_inputs(other, step, past), 0, cov, not held_out),
@@ -213,8 +224,8 @@ def states_of(model: Model) -> int:
     return max(model.na, model.nk + model.nb - 1)
 
 
-def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Record, tuple[str, ...]]:
-    """The segments long enough for a simulation, and a remark on those left out."""
+def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Record, tuple[str, ...], NDArray[np.intp]]:
+    """The segments long enough for a simulation, a remark on those left out, and the samples kept."""
     if not steps or any(k != int(k) or k < 1 for k in steps):
         raise IdentError(f"steps {list(steps)!r}: whole numbers of 1 or more.")
     states = states_of(model) + 1
@@ -227,7 +238,7 @@ def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Rec
             f"{fewest} samples. Record longer."
         )
     if len(kept) == len(rec.starts):
-        return rec, ()
+        return rec, (), np.arange(len(rec))
     parts = [rec.stretches[k] for k in kept]
     u, y = (np.concatenate([v[s] for s in parts]) for v in (rec.u, rec.y))
     starts = tuple(int(b) for b in np.cumsum([0, *(s.stop - s.start for s in parts)])[:-1])
