@@ -145,9 +145,12 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
 
 
 def physical_block(
-    fit: "StepFit | DriveFit | ForceProcess", verdict: Verdict, records: "Sequence[Record]"
+    fit: "StepFit | DriveFit | ForceProcess", verdict: Verdict, records: "Sequence[Record]", held_out: str = ""
 ) -> RenderableType:
-    """A physical model: its verdict with the reasons, its estimates, what was checked, and how the record was read."""
+    """A physical model: its verdict with the reasons, its estimates, what was checked, and how the record was read.
+
+    ``held_out`` is a sentence on its simulation of other samples.
+    """
     from scipy.special import stdtrit
 
     from ..core.display import estimates
@@ -162,7 +165,7 @@ def physical_block(
     half = float(stdtrit(fit.df, 0.975)) * fit.bse
     low, high = ((fit.params + sign * half).tolist() for sign in (-1, 1))
     table = estimates(names, fit.params, fit.bse, low, high, units=[fit.units[str(n)] for n in fit.params.index])
-    said = [words for words in fit.remarks if words not in verdict.reasons]
+    said = [words for words in (*fit.remarks, held_out) if words not in verdict.reasons]
     checked = [f"Checked: {', '.join(verdict.checked)}."]
     left = [f"Not checked: {'; '.join(verdict.not_checked)}."] if verdict.not_checked else []
     notes = [sentence(note) for note in fit.notes]

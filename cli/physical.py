@@ -29,11 +29,12 @@ GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
 
 
 class Found(NamedTuple):
-    """A fit, its section of the parameter file, and its verdict with that of other samples."""
+    """A fit, its section of the parameter file, its verdict with that of other samples, and the fit to these."""
 
     fit: "StepFit | DriveFit | ForceProcess"
     section: dict[str, Any]
     verdict: "Verdict"
+    held_out: str = ""
 
 
 def physical_options(p: Parser) -> None:
@@ -85,12 +86,12 @@ def _step(rec: "Record", held_out: "Record | None", args: argparse.Namespace) ->
     from ..parameters.gather.control import step_section
 
     fit = step_response_fit(rec, args.order, delay=args.delay)
-    verdict, other = fit.verdict, None
+    model, verdict, other, words = fit.model(rec.sample_time), fit.verdict, None, ""
     if held_out is not None:
-        percent = validate(fit.model(rec.sample_time), held_out).fit
+        percent = validate(model, held_out).fit
         other = (percent, held_out.sha256)
-        verdict = _with_held_out(verdict, percent, f"the {fit.output} of {len(held_out)} samples not fitted")
-    return Found(fit, step_section(fit, rec.centred(), verdict, other), verdict)
+        verdict, words = _with_held_out(verdict, percent, f"the {fit.output} of {len(held_out)} samples not fitted")
+    return Found(fit, step_section(fit, rec.centred(), verdict, other), verdict, words)
 
 
 def _drive(rec: "Record", held_out: "Record | None", args: argparse.Namespace) -> Found:
@@ -98,12 +99,12 @@ def _drive(rec: "Record", held_out: "Record | None", args: argparse.Namespace) -
     from ..parameters.gather.control import drive_section
 
     fit = drive_fit(rec, args.force_per_unit, cutoff=args.cutoff)
-    verdict, other = fit.verdict, None
+    verdict, other, words = fit.verdict, None, ""
     if held_out is not None and fit.possible:
         percent = fit.free_run(held_out)[2]
         other = (percent, held_out.sha256)
-        verdict = _with_held_out(verdict, percent, f"the speed of {len(held_out)} samples not fitted")
-    return Found(fit, drive_section(fit, rec, verdict, other), verdict)
+        verdict, words = _with_held_out(verdict, percent, f"the speed of {len(held_out)} samples not fitted")
+    return Found(fit, drive_section(fit, rec, verdict, other), verdict, words)
 
 
 def _force(rec: "Record", args: argparse.Namespace, pf: "ParameterFile | None") -> Found:
@@ -115,20 +116,26 @@ def _force(rec: "Record", args: argparse.Namespace, pf: "ParameterFile | None") 
         raise UsageError(f"--given {unknown[0]}: one of m, k and d, as m=2.0.")
     if args.depth is not None and not args.depth > 0:
         raise UsageError(f"--depth {args.depth:g} mm: a depth of cut lies above zero.")
+    if rec.unit_y not in ("N", "kN", ""):
+        raise UsageError(
+            f"output {rec.output} is in {rec.unit_y}, but a force process needs the cutting force: name that column "
+            "with --output, or identify a transfer function without --as."
+        )
     fit = force_process_fit(rec.centred(), drive=args.drive_pole, **given)
     former = None if pf is None else pf.adaptive_force
     return Found(fit, force_process_section(fit, former, args.depth), fit.verdict)
 
 
-def _with_held_out(verdict: "Verdict", percent: float, what: str) -> "Verdict":
-    """The verdict with that of a simulation of other samples."""
+def _with_held_out(verdict: "Verdict", percent: float, what: str) -> "tuple[Verdict, str]":
+    """The verdict with that of a simulation of other samples, and the fit to these in a sentence."""
     from ..core.verdict import DO_NOT_USE, RESERVATIONS, verdict_from
 
     found = [(verdict.level, words) for words in verdict.reasons]
     if percent < GOOD:
         level, limit = (RESERVATIONS, GOOD) if percent >= POOR else (DO_NOT_USE, POOR)
         found.append((level, f"The simulation explains {percent:.0f} % of {what}, less than {limit:.0f} %."))
-    return verdict_from(found, ("Simulation of samples not fitted", *verdict.checked))
+    words = f"Simulation of {what}: fit {percent:.1f} %."
+    return verdict_from(found, ("Simulation of samples not fitted", *verdict.checked)), words
 
 
 def report(
@@ -154,7 +161,7 @@ def report(
         facts = {"model": args.model, "section": name, "verdict": verdict, "words": fit.words, "estimates": estimates}
         print_json("physical-model", {**facts, "parameters": pf.model_dump(mode="json")})
     else:
-        Printer().show(terminal.physical_block(found.fit, found.verdict, records))
+        Printer().show(terminal.physical_block(found.fit, found.verdict, records, found.held_out))
     written = _written(found, records, pf, former, folder, args)
     if written and not args.json:
         Printer().show(written)

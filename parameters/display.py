@@ -8,8 +8,8 @@ from .checks.report import CheckReport
 from .draws import Draws
 from .file import ParameterFile
 from .sections.base import VerdictSection
-from .sections.drive import COEFFICIENTS, DriveSection
 from .sections.dynamics import DynamicsSection
+from .sections.force_control import COEFFICIENTS, DriveSection
 from .sections.law import LawSection
 
 SECTIONS = (

@@ -14,9 +14,8 @@ from ..core.files import cause, locked_folder, write_together, write_whole
 from .file_format import REMEDY, SCHEMA, content_sha256, migrated, parse_strict_json
 from .messages import schema_message
 from .sections.base import Section, Sha256
-from .sections.drive import DriveSection
 from .sections.dynamics import DynamicsSection, PiSection
-from .sections.force_control import AdaptiveForceSection, RoughnessSection
+from .sections.force_control import AdaptiveForceSection, DriveSection, RoughnessSection
 from .sections.law import LawSection
 from .sections.law_parts import ToolLifeSection
 from .sections.load_line import LimitsSection, LoadLineSection

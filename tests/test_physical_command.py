@@ -235,6 +235,31 @@ def test_options_and_columns_that_do_not_fit(run, steps, options, words):
     assert err.count("\n") == 1
 
 
+def test_records_that_hold_no_response_are_refused(run, tmp_path):
+    t = np.arange(600) * 0.02
+    u = 1.0 * (t > 3)
+    noise = 0.002 * np.random.default_rng(1).standard_normal(len(t))
+    headers = ("time [s]", "command [V]", "current [A]")
+    late = written(tmp_path / "late.csv", headers, t, 1.0 * (t > 11.97), noise)
+    code, _, err = run(late, "--as", "step")
+    assert (code, "nothing of the response is in the record" in err) == (4, True)
+    fast = written(tmp_path / "fast.csv", headers, t, u, 0.18 * np.r_[0, u[:-1]] + noise)
+    code, _, err = run(fast, "--as", "step")
+    assert (code, "Record faster" in err) == (4, True)
+    code, _, err = run(fast, "--as", "force-process")
+    assert (code, "needs the cutting force" in err) == (2, True)
+
+
+def test_a_slow_response_is_not_said_to_overshoot():
+    """Before it settles, noise above the last value is no overshoot."""
+    t = np.arange(400) * 0.02
+    u = 1.0 * (t > 1)
+    y = ContinuousModel(np.array([0.18]), np.array([20.0, 1.0])).sampled(0.02).simulate(u)
+    fit = step_response_fit(_record(u, y + 0.001 * np.random.default_rng(7).standard_normal(len(t))), 1)
+    assert "has not settled" in " ".join(fit.verdict.reasons)
+    assert "overshoots" not in fit.words
+
+
 def test_a_chirp_is_no_step(run, cut):
     code, _, err = run(cut, "--as", "step")
     assert code == 4

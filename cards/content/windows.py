@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.errors import FitmodelsError
 from ...parameters import ParameterFile
 from ...parameters.sections.base import Covariance, ModelCovariance
-from ...parameters.sections.drive import DriveSection
-from ...parameters.sections.force_control import AdaptiveForceSection, RoughnessSection
+from ...parameters.sections.force_control import AdaptiveForceSection, DriveSection, RoughnessSection
 from ...parameters.sections.load_line import (
     Bound,
     Engagement,

@@ -45,7 +45,7 @@ def drive_figure(fit: DriveFit, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="time [s]", ylabel=f"velocity [{fit.motion.speed_unit}]")
     values = ", ".join(f"{name} {fit.params[name]:.4g} {unit}" for name, unit in fit.units.items())
     ax.set_title(f"{values}; fit {percent:.1f} %", fontsize=9)
-    ax.legend(frameon=False, fontsize=8)
+    ax.legend(frameon=False, fontsize=8, ncols=2, loc="upper left", bbox_to_anchor=(0, -0.13))
     return ax
 
 
@@ -57,5 +57,5 @@ def force_process_figure(fit: ForceProcess, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="time [s]", ylabel=with_unit(fit.output, fit.unit_y))
     poles = " and ".join(f"{p.real:.4g}" if p.imag == 0 else f"{p:.4g}" for p in fit.poles)
     ax.set_title(f"poles {poles} rad/s, fit {fit.fit:.1f} %", fontsize=9)
-    ax.legend(frameon=False, fontsize=8)
+    ax.legend(frameon=False, fontsize=8, ncols=2, loc="upper left", bbox_to_anchor=(0, -0.13))
     return ax

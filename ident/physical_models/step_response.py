@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
+FASTEST = 1 / 3  # of the sample time: a faster response is complete, to 5 %, at the next sample
 SURE = 2.0  # standard errors between the gain and zero
 CHECKED = ("Simulation of the record", "Overshoot and rate limit", "Settling within the record", "Static gain")
 NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
@@ -139,7 +140,17 @@ class StepFit(Plottable):
 
         The covariance is that of ``names`` by the delta method. Near a whole number of samples of delay the model gets
         the coefficient of the next sample too, which then is zero within its standard error.
+
+        Raises
+        ------
+        IdentError
+            The response takes less than the spacing of the samples: no time of it is known.
         """
+        if self.time_to_63 - self.delay < FASTEST * sample_time:
+            raise IdentError(
+                f"the response reaches 63.2 % {self.time_to_63 - self.delay:.2g} s after its delay, in less than "
+                f"{FASTEST:.2g} of the {sample_time:g} s between samples: no time constant is known. Record faster."
+            )
         at = self.params.to_numpy(dtype=np.float64)
         moved = []
         for j, name in enumerate(self.names):
@@ -288,11 +299,12 @@ def _names(rec: Record | tuple[ArrayLike, ArrayLike]) -> tuple[str, str, str, st
 def _findings(fit: "StepFit") -> list[tuple[int, str]]:
     """Remarks (level 0) and reservations, each a sentence."""
     window = max(float(np.max(np.diff([*run.at, run.time[-1]]))) for run in fit.runs)
-    return [*_of_output(fit), *_of_order(fit), *_of_window(fit, window), *_of_fit(fit)]
+    settled = fit.time_to_63 - fit.delay <= (window - fit.delay) / 3
+    return [*_of_output(fit, settled), *_of_order(fit), *_of_window(fit, window, settled), *_of_fit(fit)]
 
 
-def _of_output(fit: "StepFit") -> Iterator[tuple[int, str]]:
-    over = overshoot(fit.runs)
+def _of_output(fit: "StepFit", settled: bool) -> Iterator[tuple[int, str]]:
+    over = overshoot(fit.runs) if settled else 0.0  # of an end that is reached
     if fit.rate_limit is not None:
         unit = f"{fit.unit_y}/s" if fit.unit_y else "1/s"
         yield (
@@ -317,8 +329,8 @@ def _of_order(fit: "StepFit") -> Iterator[tuple[int, str]]:
         yield USABLE, "A damping ratio of 1 lies within two standard errors: over- or underdamped is not decided."
 
 
-def _of_window(fit: "StepFit", window: float) -> Iterator[tuple[int, str]]:
-    if fit.time_to_63 - fit.delay > (window - fit.delay) / 3:
+def _of_window(fit: "StepFit", window: float, settled: bool) -> Iterator[tuple[int, str]]:
+    if not settled:
         yield (
             RESERVATIONS,
             f"The response has not settled within {window:.3g} s: gain and time are extrapolated. Record longer.",

@@ -49,7 +49,13 @@ def stretches_of(rec: Record) -> list[Stretch]:
             f"and {LEFTOVER:.0%} of its range off the plateaus). Identify a transfer function instead: identify, or "
             "fitmodels ident without --as step."
         )
-    return runs
+    kept = [run for run in runs if run.time[-1] - run.at[0] > 0.5 * PLATEAU * rec.sample_time]
+    if not kept:
+        raise IdentError(
+            f"input {rec.input} steps in the last {PLATEAU // 2} samples only: nothing of the response is in the "
+            "record. Record on until the output is at rest."
+        )
+    return kept
 
 
 def _off_plateaus(rec: Record, span: float) -> float:

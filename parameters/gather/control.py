@@ -12,9 +12,8 @@ from ...core.errors import GateError, ParameterError
 from ...core.verdict import Verdict
 from ..messages import short
 from ..sections.base import ModelCovariance, Section, VerdictSection
-from ..sections.drive import COEFFICIENTS
 from ..sections.dynamics import AlternativeModel, DynamicsSection, PiFigures, PiSection, PiSpecification
-from ..sections.force_control import AdaptiveForceSection
+from ..sections.force_control import COEFFICIENTS, AdaptiveForceSection
 from ..sections.load_line import LimitsSection
 
 if TYPE_CHECKING:
