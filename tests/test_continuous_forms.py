@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fitmodels import parameters
 from fitmodels.datasets import Record
 from fitmodels.datasets.records.record import join_records
 from fitmodels.ident.continuous import sampled
 from fitmodels.ident.structure.continuous_forms import FittedForm, fit_forms
 from fitmodels.ident.structure.sampled_forms import EQUAL_LAGS, INTEGRATORS, LAG, SECOND_ORDER, Form, sample
 from fitmodels.ident.validation.model_validation import validate
+from fitmodels.parameters.checks.values import check_estimates
 from fitmodels.parameters.sections.dynamics import DynamicsSection
 from scipy.signal import lfilter
 
@@ -51,7 +53,7 @@ INNER = {"lag": [1.9], "second order": [1.6, -1.2], "second order with zero": [1
          "integrator with lag": [1.8]}  # fmt: skip
 
 
-def parameters(form: Form, delay: float | None) -> np.ndarray:
+def point_of(form: Form, delay: float | None) -> np.ndarray:
     """K, log T, log zeta, Tz, L in samples."""
     return np.array([2.0, *INNER.get(form.name, [1.9]), *([] if delay is None else [delay])])
 
@@ -70,7 +72,7 @@ def continuous(form: Form, p: np.ndarray) -> tuple[list[float], np.ndarray]:
 @pytest.mark.parametrize("delay", [None, 0.0, 2.3, 4.0])
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
 def test_sampled_forms_agree_with_the_matrix_exponential(form: Form, delay: float | None) -> None:
-    p = parameters(form, delay)
+    p = point_of(form, delay)
     found, model = sample(replace(form, delayed=delay is not None), p), sampled(*continuous(form, p), 1.0, delay or 0.0)
     a = np.r_[1.0, found.a]
     np.testing.assert_allclose(np.convolve(a, [1.0, -1.0]) if form.integrating else a, model.a, atol=1e-12)
@@ -81,7 +83,7 @@ def test_sampled_forms_agree_with_the_matrix_exponential(form: Form, delay: floa
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
 def test_sensitivities_agree_with_differences(form: Form) -> None:
-    p = parameters(form, 2.3)
+    p = point_of(form, 2.3)
     found = sample(form, p)
     for i in range(len(p)):
         step = 1e-6 * np.eye(len(p))[i]
@@ -158,6 +160,16 @@ def test_integrating_model_in_the_parameter_file() -> None:
     assert section.poles[0] == 1
     assert np.isinf(section.dc_gain)
     assert model.rate_gain == pytest.approx(2.0, rel=1e-9)
+
+
+def test_check_of_a_file_states_the_rate_of_an_integrator() -> None:
+    model = named(fit_forms(recorded("integrator with lag", 1)), "integrator with lag").model
+    for one, passed in ((model, True), (replace(model, cov_params=1e6 * model.cov_params), False)):
+        pf = parameters.collect(tool="clamp", work="axis", laws=[], dynamics=one)
+        *_, first, rate = [finding for finding in check_estimates(pf) if finding.name == "dynamics"]
+        assert "one pole at 1 and every other within radius 0.96" in first.words
+        assert rate.passed is passed
+        assert "rises by 1.00" in rate.words
 
 
 def test_five_slow_lags_are_not_an_integrator() -> None:

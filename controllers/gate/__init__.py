@@ -113,6 +113,14 @@ def _simulated(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
     pi, model, line = pf.pi, pf.dynamics, pf.load_line
     if pi is None or model is None or line is None:
         return
+    if model.integrating:
+        yield FileFinding(
+            "dynamics",
+            False,
+            "The dynamics integrate, so that a constant feed has no constant load, but the load line states one for "
+            "each feed: a constant-load loop needs dynamics from feed to load, identified in a cut.",
+        )
+        return
     cut, settling = line_of_file(pf, loop), figures(closed_loop(model, pi))["settling_time"]
     order = [*check_order(pf, loop, cut, settling), *_robust(pf, loop)]
     yield from order

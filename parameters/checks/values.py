@@ -68,6 +68,9 @@ def _dynamics(model: DynamicsSection) -> Iterator[FileFinding]:
     with np.errstate(all="ignore"):
         radius = float(np.abs(model.poles).max(initial=0.0))
         gain = model.dc_gain
+    if model.integrating:
+        yield from _integrator(model)
+        return
     if not model.stable:
         yield FileFinding("dynamics", False, f"dynamics: not stable, a pole at radius {radius:.6g}; identify again.")
         return
@@ -87,13 +90,34 @@ def _dynamics(model: DynamicsSection) -> Iterator[FileFinding]:
     yield FileFinding("dynamics", True, f"dynamics: the static gain is {gain:.4g}{unit}{known}.")
 
 
+def _integrator(model: DynamicsSection) -> Iterator[FileFinding]:
+    """Findings on a model with one pole at exactly 1."""
+    inner = model.without_integrator()
+    radius, gain, se = float(np.abs(inner.poles).max(initial=0.0)), inner.dc_gain, _gain_se(model)
+    words = "dynamics: integrating, one pole at 1"
+    words += f" and every other within radius {radius:.6g}." if len(inner.a) > 1 else "."
+    yield FileFinding("dynamics", True, words)
+    gain, se = gain / model.sample_time, None if se is None else se / model.sample_time
+    unit = f" {model.unit_y}/({model.unit_u} s)" if model.unit_u and model.unit_y else " per second"
+    if gain == 0 or (se is not None and abs(gain) < SURE * se):
+        words = f"dynamics: the output rises by {gain:.4g}{unit}, standard error {se or 0:.2g}: its sign is not known"
+        yield FileFinding("dynamics", False, f"{words}; identify from a longer record or with more amplitude.")
+        return
+    known = "" if se is None else f", {abs(gain) / se if se else np.inf:.3g} standard errors from zero"
+    yield FileFinding("dynamics", True, f"dynamics: for a constant input the output rises by {gain:.4g}{unit}{known}.")
+
+
 def _gain_se(model: DynamicsSection) -> float | None:
-    """Standard error of b(1)/a(1) by the delta method."""
+    """Standard error of b(1)/a(1), of an integrating model without its pole at 1, by the delta method."""
     held = model.uncertainty
     if not isinstance(held, ModelCovariance):
         return None
-    below, gain = float(np.sum(model.a)), model.dc_gain
-    slope = np.array([(-gain if name.startswith("a") else 1.0) / below for name in held.of])
+    inner = model.without_integrator() if model.integrating else model
+    below, gain, slope = float(np.sum(inner.a)), inner.dc_gain, np.zeros(len(held.of))
+    for k, name in enumerate(held.of):
+        # a(1) without the pole at 1 is -sum k a_k: the derivative of a(z) at z = 1
+        weight = (-float(name[1:]) if model.integrating else 1.0) if name.startswith("a") else 1.0
+        slope[k] = (-gain * weight if name.startswith("a") else 1.0) / below
     with np.errstate(all="ignore"):
         variance = float(slope @ np.array(held.matrix) @ slope)
     return float(np.sqrt(variance)) if np.isfinite(variance) and variance >= 0 else None

@@ -209,6 +209,18 @@ class DynamicsSection(Plottable, Section):
         above, below = float(np.sum(self.b)), 0.0 if self._pole_at_one else float(np.sum(self.a))
         return above / below if below else float(np.copysign(np.inf, above))
 
+    def without_integrator(self) -> Self:
+        """The section of the change of the output: a divided by 1 - q^-1, without covariance and alternatives.
+
+        >>> given = {"kind": "none", "reason": "given"}
+        >>> model = DynamicsSection(b=[0.0, 0.5], a=[1.0, -1.5, 0.5], nk=1, sample_time=0.1, uncertainty=given)
+        >>> model.without_integrator().a
+        (1.0, -0.5)
+        """
+        a = tuple(float(x) for x in np.cumsum(self.a)[:-1])
+        none = NoCovariance(kind="none", reason="the model without its integrator")
+        return self.model_copy(update={"a": a, "uncertainty": none, "alternatives": ()})
+
     def response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """G at frequencies in Hz, complex, the shape of ``frequency``."""
         z = np.exp(-2j * np.pi * np.asarray(frequency, dtype=np.float64) * self.sample_time)
