@@ -73,6 +73,19 @@ def test_weights_sum_to_one_fall_with_the_criterion_and_ignore_its_level():
     np.testing.assert_allclose(weights(bic + 1e4), w)
 
 
+def test_a_candidate_without_delay_has_no_weight_beside_a_better_one_with_delay():
+    bic = [0.0, 1.0, 2.0]
+    assert weights(bic, [False, True, False])[1] == 0.0
+    np.testing.assert_allclose(weights(bic, [True, True, False]), weights(bic))
+
+
+@pytest.mark.parametrize("pole", [1.0, 0.9995])
+def test_a_pole_slower_than_the_record_counts_as_one_more_coefficient(pole):
+    b = np.array([0.0, 0.1])
+    assert guard(b, np.array([1.0, -pole]), T, BAND, 750) == pytest.approx(np.log(750))
+    assert guard(b, np.array([1.0, -0.99]), T, BAND, 750) == 0.0
+
+
 def test_little_weights_are_dropped_and_few_candidates_kept():
     assert np.count_nonzero(weights(np.zeros(50))) == MOST
     w = weights(np.linspace(0.0, 100.0, 50))

@@ -8,7 +8,8 @@ of the plant and m of the noise model, Schwarz's criterion is
 A record without power above its excited band cannot reject poles there, and noise in the band can call for them. A
 candidate pays where its gain beyond the band exceeds the largest in the band, and for each lightly damped pole there.
 It also pays for a resonance narrower than 1 / duration, which the record cannot resolve: a pole of this kind, with a
-zero beside it, fits a spectral line of the noise or an initial state.
+zero beside it, fits a spectral line of the noise or an initial state. A real pole with a time constant above the
+duration, an integrator included, counts for one coefficient more: it fits drift.
 Weights of candidates are exp(-BIC difference / TEMPER): with TEMPER 2 they would be posterior probabilities of the
 orders, which are too sure where every candidate is an approximation.
 
@@ -24,7 +25,7 @@ from ...core.arrays import Array
 
 BEYOND = 1.5  # frequency relative to the upper end of the excited band
 RINGING = 0.9  # radius of a lightly damped pole
-TEMPER = 8.0  # chosen by benchmarks/structure_bank.py: coverage of bands
+TEMPER = 4.0  # chosen by the coverage of bands in benchmarks/structure_bank.py: .93 with 2, .97 with 8
 LEAST, MOST = 0.01, 8  # smallest weight and largest number of candidates that are kept
 LIGHT = 0.3  # damping ratio below which a pair of poles is a resonance
 UNRESOLVED = 2  # coefficients that a resonance below the resolution of the record counts for, and one for each factor e
@@ -66,7 +67,7 @@ def guard(b: Array, a: Array, sample_time: float, band: tuple[float, float], n: 
     True
     """
     poles = np.roots(a)
-    paid = _unresolved(poles, sample_time, n)
+    paid = _unresolved(poles, sample_time, n) + _slow(poles, n)
     nyquist, start = 0.5 / sample_time, BEYOND * band[1]
     if start < nyquist:
         paid += _beyond(b, a, sample_time, band, np.linspace(start, nyquist, GRID))
@@ -90,27 +91,39 @@ def _unresolved(poles: NDArray[np.complex128], sample_time: float, n: int) -> fl
     return float(np.sum(UNRESOLVED + narrow[narrow > 0]))
 
 
+def _slow(poles: NDArray[np.complex128], n: int) -> int:
+    """Number of real poles with a time constant above the duration of the record."""
+    real = poles.real[np.abs(poles.imag) < 1e-9]
+    return int((real > math.exp(-1 / n)).sum())
+
+
 def _gain(b: Array, a: Array, turns: Array) -> Array:
     """|b / a| at frequencies in cycles per sample."""
     z = np.exp(-2j * np.pi * turns)
     return np.asarray(np.abs(np.polyval(b[::-1], z)) / np.maximum(np.abs(np.polyval(a[::-1], z)), 1e-12))
 
 
-def weights(criteria: ArrayLike) -> Array:
+def weights(criteria: ArrayLike, direct: ArrayLike | None = None) -> Array:
     """Weights of candidates, sum 1; zero for those of little weight.
 
     Parameters
     ----------
     criteria : array_like, shape (C,)
         Criterion plus guard.
+    direct : array_like of bool, shape (C,), optional
+        Whether a candidate responds in the same sample (nk = 0): such a one has no weight beside a best one that does
+        not, because behind a zero-order hold it is an artefact, and no digital PI without delay can be tuned on it.
 
     Examples
     --------
-    >>> weights([0.0, 8 * np.log(3.0), 1000.0]).round(6).tolist()
+    >>> weights([0.0, 4 * np.log(3.0), 1000.0]).round(6).tolist()
     [0.75, 0.25, 0.0]
     """
     bic = np.asarray(criteria, dtype=np.float64)
     w = np.exp(-(bic - bic.min()) / TEMPER)
+    if direct is not None:
+        at_once = np.asarray(direct, dtype=bool)
+        w[at_once & ~at_once[np.argmin(bic)]] = 0.0
     w[np.argsort(-w, kind="stable")[MOST:]] = 0.0
     w[w < LEAST * w.sum()] = 0.0
     return np.asarray(w / w.sum())

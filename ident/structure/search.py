@@ -216,7 +216,7 @@ def _given(
 
 def _result(rec: Record, found: Sequence[Candidate], notes: tuple[str, ...]) -> Search:
     """Candidates with their weights."""
-    shares = weights([one.total for one in found])
+    shares = weights([one.total for one in found], [one.nk == 0 for one in found])
     ranked = tuple(replace(one, weight=float(w)) for one, w in zip(found, shares, strict=True))
     return Search(ranked, len(rec), float(np.var(rec.y)), notes)
 
