@@ -44,7 +44,7 @@ CHECKED = (
     "Closed loop",
     "Exchanged signals",
 )
-MOST_SAMPLES = 4000  # in the search: of longer records the middle part of this length
+MOST_SAMPLES, PARTS = 4000, 8  # in the search: of longer records so many parts with so many samples together
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -260,7 +260,7 @@ def identify(
     check_varies(whole)
     band = excited_band(whole)
     feedback = feedback_detected(whole)
-    found = search(_middle(whole), most_order=most_order, delays=delays, orders=orders, least_delay=int(bool(feedback)))
+    found = search(_parts(whole), most_order=most_order, delays=delays, orders=orders, least_delay=int(bool(feedback)))
     best, chosen = mixture(whole, found)
     one_step = _one_step(whole)
     plain = _plain(whole, best, one_step)
@@ -301,9 +301,19 @@ def _plain(rec: Record, best: Candidate, one_step: OrderSearch) -> Model:
         return arx(rec, *one_step.chosen)
 
 
-def _middle(rec: Record) -> Record:
-    """The middle part of a very long record."""
+def _parts(rec: Record) -> Record:
+    """Evenly spaced parts of one length of a very long record: of a sweep, each excites another frequency."""
     if len(rec) <= MOST_SAMPLES:
         return rec
-    start = (len(rec) - MOST_SAMPLES) // 2
-    return rec.part(start, start + MOST_SAMPLES).centred()
+    size = MOST_SAMPLES // PARTS
+    long = [s for s in rec.stretches if s.stop - s.start >= size]
+    if not long:
+        return rec.part(0, MOST_SAMPLES).centred()
+    # each segment holds parts in proportion to its length
+    first = np.concatenate([np.arange(s.start, s.stop - size + 1) for s in long])
+    starts = first[np.linspace(0, len(first) - 1, PARTS).astype(np.intp)]
+    starts = starts[np.r_[True, np.diff(starts) >= size]]
+    rows = (starts[:, None] + np.arange(size)).ravel()
+    offsets = np.asarray(rec.offsets)[np.searchsorted(rec.starts, starts, side="right") - 1]
+    joined = tuple(int(k) * size for k in range(len(starts)))
+    return replace(rec, u=rec.u[rows], y=rec.y[rows], starts=joined, offsets=offsets, sha256=None).centred()

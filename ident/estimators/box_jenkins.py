@@ -23,11 +23,11 @@ from ...datasets.records.record import Record
 from ..model import Model
 from .build_model import record_facts, slow_pole
 from .filters import EDGE, ROUNDING, burg, filtered, inverse_of_squares, is_stable, squares
-from .free_simulation import impulse_response_columns, orthonormal_factors
+from .free_space import free_space
 from .input_checks import check_identifiable, checked_record, not_centred
 from .instrumental import Initial
 from .prediction_error import Minimum, minimise, search_note
-from .starting_values import high_order_arx, shifted_rows, steiglitz_mcbride
+from .starting_values import by_length, high_order_arx, shifted_rows, stacked, steiglitz_mcbride
 
 DAMPING = 1e-8  # of the first step: starting values are near the minimum
 ONE = np.ones(1)
@@ -88,7 +88,7 @@ def whitened_run(rec: Record, orders: tuple[int, int, int, int], initial: Initia
 
 def whitened_errors(run: WhitenedRun, theta: Array) -> tuple[Array, Array]:
     """Errors e (n,) and -de / d theta (n, nf + nb + nd), initial states and constants projected out of both."""
-    parts = [segment_errors(run, theta, s)[:2] for s in run.stretches]
+    parts = [group_errors(run, theta, group)[:2] for group in groups(run)]
     if len(parts) == 1:
         return parts[0][0], parts[0][1].T
     return np.concatenate([e for e, _ in parts]), np.hstack([J for _, J in parts]).T
@@ -96,65 +96,56 @@ def whitened_errors(run: WhitenedRun, theta: Array) -> tuple[Array, Array]:
 
 def noise_of(run: WhitenedRun, theta: Array) -> list[Array]:
     """Measured less simulated output of each segment, initial state and constant included in the simulation."""
-    return [segment_errors(run, theta, s)[2] for s in run.stretches]
+    return [v for group in groups(run) for v in group_errors(run, theta, group)[2]]
 
 
 def constants_of(run: WhitenedRun, theta: Array) -> Array:
     """Constant of each segment, shape (segments,)."""
-    return np.array([segment_errors(run, theta, s)[3] for s in run.stretches])
+    found = {s.start: c for g in groups(run) for s, c in zip(g, group_errors(run, theta, g)[3], strict=True)}
+    return np.array([found[s.start] for s in run.stretches])
 
 
-def segment_errors(run: WhitenedRun, theta: Array, segment: slice) -> tuple[Array, Array, Array, float]:
-    """Errors, sensitivities (one row for each coefficient), noise 1/d e, and the constant of one segment."""
+def groups(run: WhitenedRun) -> list[tuple[slice, ...]]:
+    """Segments of one length together: they share the responses to initial states, not the signals beside the plant."""
+    return [(s,) for s in run.stretches] if run.beside is not None else by_length(run.stretches, 0)
+
+
+def group_errors(run: WhitenedRun, theta: Array, group: tuple[slice, ...]) -> tuple[Array, Array, Array, Array]:
+    """Errors (n,), sensitivities (p, n), noise 1/d e (segments, length) and constants of segments of one length."""
     from scipy.signal import lfilter
 
     (f, b, d), (nf, nb, nd) = run.polynomials(theta), (run.nf, run.nb, run.nd)
-    u, y = run.u[segment], run.y[segment]
-    n, start = len(u), run.skipped
-    first = start + nd
+    u, y = stacked(run.u, group), stacked(run.y, group)
+    n, start = u.shape[1], run.skipped
     uf = lfilter(ONE, f, u)
-    x = np.zeros(n)
-    x[run.nk :] = np.convolve(uf, b)[: n - run.nk]
-    v, constant = y[start:] - x[start:], 0.0
-    free = free_columns(run, f, segment)
-    if free.shape[1]:
-        Q, R, kept = orthonormal_factors(convolved(d, free))
-        c = np.zeros(free.shape[1])
-        c[kept] = np.linalg.solve(R, Q.T @ np.convolve(v, d)[nd : len(v)])
-        response = free @ c
-        x[start:] += response
-        v, constant = v - response, float(c[0]) if run.constant else 0.0
-    xf = lfilter(ONE, f, x)
-    J = np.empty((nf + nb + nd, n - first))
-    shifted_rows(J[:nf], -_filtered(d, xf), 1, first)
-    shifted_rows(J[nf : nf + nb], _filtered(d, uf), run.nk, first)
+    x = np.zeros(u.shape)
+    for k in range(nb):
+        x[:, run.nk + k :] += b[k] * uf[:, : n - run.nk - k]
+    beside = None if run.beside is None else run.beside[group[0].start + start : group[0].stop]
+    free = free_space(f, d, n - start, nf if run.states else 0, run.constant, beside)
+    v = y[:, start:] - x[:, start:]
+    c, level = free.coefficients(fir(d, v)[:, nd:])
+    free.response(c, level, x[:, start:])
+    v = y[:, start:] - x[:, start:]
+    first = start + nd
+    J = np.empty((nf + nb + nd, len(u), n - first))
+    shifted_rows(J[:nf], -fir(d, lfilter(ONE, f, x)), 1, first)
+    shifted_rows(J[nf : nf + nb], fir(d, uf), run.nk, first)
     shifted_rows(J[nf + nb :], -v, 1, nd)
-    if free.shape[1]:
-        J -= (J @ Q) @ Q.T
-    return np.convolve(v, d)[nd : len(v)], J, v, constant
+    free.project_out(J.reshape(-1, n - first))
+    return fir(d, v)[:, nd:].ravel(), J.reshape(len(J), -1), v, level
 
 
-def free_columns(run: WhitenedRun, f: Array, segment: slice) -> Array:
-    """Columns of the constant and of the responses to the initial state, and those fitted beside the plant."""
-    n = segment.stop - segment.start - run.skipped
-    free = impulse_response_columns(f, n, run.nf if run.states else 0, run.constant)
-    if run.beside is None:
-        return free
-    return np.hstack([free, run.beside[segment.start + run.skipped : segment.stop]])
-
-
-def convolved(d: Array, columns: Array) -> Array:
-    """Columns (n, k) filtered by the polynomial d, without the first samples that lack a past: (n - nd, k)."""
-    nd = len(d) - 1
-    out = columns[nd:].copy()
-    for k in range(1, nd + 1):
-        out += d[k] * columns[nd - k : len(columns) - k]
+def fir(d: Array, x: Array) -> Array:
+    """Signals x (S, n) filtered by the polynomial d, from rest."""
+    if len(d) == 1:
+        return x
+    if len(x) == 1:
+        return np.convolve(x[0], d)[None, : x.shape[1]]
+    out = x.copy()
+    for k in range(1, len(d)):
+        out[:, k:] += d[k] * x[:, :-k]
     return out
-
-
-def _filtered(d: Array, x: Array) -> Array:
-    """Signal x (n,) filtered by the polynomial d, from rest."""
-    return np.convolve(x, d)[: len(x)] if len(d) > 1 else x
 
 
 @one_thread

@@ -132,20 +132,22 @@ def burg(parts: Sequence[Array], max_order: int = MAX_ORDER) -> tuple[Array, flo
     unit circle. Source: Burg 1975; Kay 1988, Modern Spectral Estimation, section 7.3.
     """
     n = sum(len(v) for v in parts)
-    forward = backward = list(parts)
-    d, variance = np.ones(1), sum(float(v @ v) for v in parts) / n
+    most = min(max_order, n // 10, min(len(v) for v in parts) - 2)
+    x, ends = np.concatenate(parts), np.cumsum([len(v) for v in parts])
+    forward, backward = x, x
+    d, variance = np.ones(1), float(x @ x) / n
     best, lowest, power = (d, variance), n * math.log(variance) if variance > 0 else -math.inf, variance
-    for k in range(1, min(max_order, n // 10, min(len(v) for v in parts) - 2) + 1):
+    for k in range(1, most + 1):
         if variance <= 1e-12 * power:
             break
-        forward, backward = [f[1:] for f in forward], [b[:-1] for b in backward]
-        cross = sum(float(f @ b) for f, b in zip(forward, backward, strict=True))
-        own = sum(float(f @ f) + float(b @ b) for f, b in zip(forward, backward, strict=True))
-        reflection = -2 * cross / own if own > 0 else 0.0
-        forward, backward = (
-            [f + reflection * b for f, b in zip(forward, backward, strict=True)],
-            [b + reflection * f for f, b in zip(forward, backward, strict=True)],
-        )
+        forward, backward = forward[1:], backward[:-1]
+        if len(parts) > 1:  # a product across a join is not used
+            forward, backward = forward.copy(), backward.copy()
+            for end in ends[:-1]:
+                forward[end - k : end] = backward[end - k : end] = 0.0
+        own = float(forward @ forward + backward @ backward)
+        reflection = -2 * float(forward @ backward) / own if own > 0 else 0.0
+        forward, backward = forward + reflection * backward, backward + reflection * forward
         d = np.append(d, 0.0)
         d = d + reflection * d[::-1]
         variance *= 1 - reflection**2

@@ -102,17 +102,6 @@ def orthonormal_factors(columns: Array) -> tuple[Array, Array, NDArray[np.bool_]
     return (Q, R, kept) if kept.all() else (Q[:, own], R[np.ix_(own, own)], kept)
 
 
-def impulse_response_columns(den: Array, length: int, count: int, constant: bool) -> Array:
-    """Constant, then 1 / den's impulse response delayed by 0 ... count - 1: shape (length, constant + count)."""
-    out = np.zeros((length, count + constant), order="F")
-    out[:, :constant] = 1.0
-    if count:
-        h = impulse_response(den, length)
-        for k in range(min(count, length)):
-            out[k : k + len(h), constant + k] = h[: length - k]
-    return out
-
-
 def projected_out(x: Array, free: list[tuple[slice, Array]]) -> Array:
     """Array x (N,) or (N, k) with its component along the free responses removed."""
     if not free:

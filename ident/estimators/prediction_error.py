@@ -24,6 +24,7 @@ from .input_checks import check_identifiable, checked_record, not_centred, short
 from .instrumental import Initial, estimate, unstable_arx_note
 from .regressors import arx_regressors
 
+TINY = float(np.finfo(np.float64).tiny)
 Evaluate = Callable[[Array], tuple[Array, Array]]
 
 
@@ -56,10 +57,11 @@ class Minimum:
 def damped_step(J: Array, e: Array, damping: float) -> tuple[Array, float]:
     """Step of theta and the predicted reduction of the loss; columns are scaled to length 1."""
     H, g = J.T @ J, J.T @ e
-    scale = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
-    H = H / np.outer(scale, scale)
+    scale = np.sqrt(np.maximum(H.diagonal(), TINY))
+    H = H / (scale[:, None] * scale)
     g = g / scale
-    step = np.linalg.solve(H + damping * np.eye(len(g)), g)
+    H.flat[:: len(g) + 1] += damping
+    step = np.linalg.solve(H, g)
     return step / scale, float(step @ (damping * step + g))
 
 

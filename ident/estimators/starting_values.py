@@ -13,10 +13,11 @@ import numpy as np
 
 from ...core.arrays import Array
 from .filters import EDGE, filtered, is_stable, reflected
-from .free_simulation import impulse_response_columns
+from .free_space import back_substituted, free_space
 
 HIGH_ORDER = 20
 FEWEST_ROWS = 4  # per coefficient of the high-order model
+INDEPENDENT = 1e-12  # share of the largest pivot
 SMALL = 1e-9  # singular values below this share are rounding of the regressors of a slow input
 
 
@@ -86,49 +87,79 @@ def steiglitz_mcbride(
     of the equation of the last step.
     """
     nf, nb, _ = orders
-    long = [s for s in stretches if s.stop - s.start > skipped + 2 * nf + nb + 2]
-    rows = sum(s.stop - s.start - skipped for s in long)
     theta, square = np.zeros(nf + nb), np.inf
-    if not long:
-        return theta, square
     for _ in range(steps):
-        parts = [_projected(_equation(u[s], x[s], f, orders, skipped), nf + nb + 1) for s in long]
-        R = parts[0] if len(parts) == 1 else np.vstack(parts)
-        theta = np.linalg.lstsq(R[:, :-1], R[:, -1], rcond=1e-12)[0]
-        e = R[:, -1] - R[:, :-1] @ theta
-        square = float(e @ e) / rows
+        R, rows = _triangle(u, x, f, stretches, orders, skipped)
+        if rows <= 2 * (nf + nb):
+            return theta, square
+        theta, square = solved(R)
+        square /= rows
         f = reflected(np.concatenate([np.ones(1), theta[:nf]]))
     return np.concatenate([f[1:], theta[nf:]]), square
 
 
-def _projected(part: Array, kept: int) -> Array:
-    """Triangle of the last ``kept`` columns, orthogonal to the columns before them."""
-    R = np.linalg.qr(part, mode="r")
-    return np.asarray(R[len(part[0]) - kept :, len(part[0]) - kept :])
-
-
-def _equation(u: Array, x: Array, f: Array, orders: tuple[int, int, int], skipped: int) -> Array:
-    """Free columns, regressors -xf(t - i), uf(t - j), and xf(t) of one segment, both signals filtered by 1 / f."""
+def _triangle(
+    u: Array, x: Array, f: Array, stretches: Sequence[slice], orders: tuple[int, int, int], skipped: int
+) -> tuple[Array, int]:
+    """Triangle of the regressors -xf(t - i), uf(t - j) and of xf(t), both signals filtered by 1 / f, and the rows."""
     from scipy.signal import lfilter
 
     nf, nb, nk = orders
-    uf, xf = lfilter(np.ones(1), f, np.stack([u, x]))
-    free = impulse_response_columns(f, len(u) - skipped, nf, True)
-    out = np.empty((1 + nf + nf + nb + 1, len(u) - skipped))
-    out[: 1 + nf] = free.T
-    shifted_rows(out[1 + nf : 1 + 2 * nf], -xf, 1, skipped)
-    shifted_rows(out[1 + 2 * nf : -1], uf, nk, skipped)
-    out[-1] = xf[skipped:]
-    return out.T
+    parts = []
+    for group in by_length(stretches, skipped + nf + 2):
+        uf, xf = lfilter(np.ones(1), f, np.stack([stacked(u, group), stacked(x, group)]))
+        rows = np.empty((nf + nb + 1, len(uf), uf.shape[1] - skipped))
+        shifted_rows(rows[:nf], -xf, 1, skipped)
+        shifted_rows(rows[nf:-1], uf, nk, skipped)
+        rows[-1] = xf[:, skipped:]
+        free_space(f, np.ones(1), rows.shape[2], nf, True).project_out(rows.reshape(-1, rows.shape[2]))
+        parts.append(rows.reshape(len(rows), -1))
+    if not parts:
+        return np.zeros((0, nf + nb + 1)), 0
+    together = parts[0] if len(parts) == 1 else np.hstack(parts)
+    return triangle_of(together), together.shape[1]
+
+
+def solved(R: Array) -> tuple[Array, float]:
+    """Coefficients of the last column of a triangle by the others, and the residual sum of squares."""
+    p = R.shape[1] - 1
+    own = np.abs(R.diagonal()[:p])
+    if len(R) == p + 1 and own.min() > INDEPENDENT * own.max():
+        return back_substituted(R[:p, :p], R[:p, p]), float(R[p, p]) ** 2
+    R = np.triu(R)
+    theta = np.linalg.lstsq(R[:, :p], R[:, p], rcond=INDEPENDENT)[0]
+    e = R[:, p] - R[:, :p] @ theta
+    return theta, float(e @ e)
+
+
+def triangle_of(rows: Array) -> Array:
+    """R of the QR decomposition of the transpose of rows (p, n), by LAPACK directly; not zero below the diagonal."""
+    from scipy.linalg.lapack import dgeqrf
+
+    return np.asarray(dgeqrf(rows.T, overwrite_a=1)[0][: len(rows)])
+
+
+def by_length(stretches: Sequence[slice], shortest: int) -> list[tuple[slice, ...]]:
+    """Segments longer than ``shortest`` samples, those of one length together."""
+    found: dict[int, list[slice]] = {}
+    for s in stretches:
+        if s.stop - s.start > shortest:
+            found.setdefault(s.stop - s.start, []).append(s)
+    return [tuple(group) for group in found.values()]
+
+
+def stacked(x: Array, group: tuple[slice, ...]) -> Array:
+    """Signals of segments of one length, shape (segments, length)."""
+    return x[group[0]][None] if len(group) == 1 else np.stack([x[s] for s in group])
 
 
 def shifted_rows(out: Array, x: Array, lag: int, first: int) -> None:
-    """Write x(t - lag), x(t - lag - 1) ... for t from ``first`` into the rows of ``out``; zero before the start."""
-    n = out.shape[1]
+    """Write x(t - lag), x(t - lag - 1) ... (S, n) for t from ``first`` into out (k, S, n - first); zero before it."""
+    n = out.shape[2]
     for k in range(len(out)):
         at = first - lag - k
         if at >= 0:
-            out[k] = x[at : at + n]
+            out[k] = x[:, at : at + n]
         else:
-            out[k, : min(-at, n)] = 0.0
-            out[k, min(-at, n) :] = x[: max(n + at, 0)]
+            out[k, :, : min(-at, n)] = 0.0
+            out[k, :, min(-at, n) :] = x[:, : max(n + at, 0)]

@@ -43,6 +43,7 @@ NO_DELAY = (
 FINAL, FINAL_STEPS = 1e-10, 100  # the same for a final estimate
 SLOW = 10.0  # a pole with a time constant above a tenth of the longest segment is slow
 SLOW_TRIED = 12  # candidates of which those with a slow pole are tried with an integrator
+CANCELLED = 1e-6  # share of |b| below which b(1) cancels the integrator
 EQUATIONS = 6  # candidates with equation noise
 
 
@@ -340,7 +341,7 @@ def integrating_candidates(screen: Screen, found: Sequence[Candidate]) -> list[C
         a = np.atleast_1d(np.real(np.poly(np.delete(one.poles, np.argmin(np.abs(one.poles - 1))))))
         start = np.concatenate([a[1:], one.theta[one.na :]])
         inner = fitted(summed, (one.na - 1, one.nb, one.nk), start)
-        if inner is not None:
+        if inner is not None and abs(inner.b.sum()) > CANCELLED * np.abs(inner.b).sum():
             theta = np.concatenate([np.convolve(inner.a, [1.0, -1.0])[1:], inner.theta[inner.na :]])
             whole = replace(inner, na=one.na, theta=theta, parameters=one.na - 1 + one.nb, integrating=True)
             out.append(with_criterion(screen, whole))

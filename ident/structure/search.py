@@ -33,14 +33,14 @@ from .candidates import (
     scanned,
     screen_of,
 )
-from .choice import weights
+from .choice import criterion, weights
 
 MOST_ORDER, MOST_DELAY = 5, 10
 FARTHEST = 100  # samples of delay, or a tenth of the longest segment
 AHEAD = 3  # delays scanned beyond the best
 NEAR = 2  # delays fitted for each pair of orders
 REFINED = 8  # candidates whose plant and noise model are fitted jointly
-MOST_SAMPLES = 4000  # of longer records a part of this length is searched
+MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,18 +241,28 @@ def mixture(rec: Record, found: Search, beside: Array | None = None) -> tuple[Ca
     IdentError
         No candidate is identifiable.
     """
-    models: list[tuple[float, Candidate, Model]] = []
+    models: list[tuple[Candidate, Model]] = []
     refusal: IdentError | None = None
+    most = MOST_LONG if len(rec) > found.n else len(found.candidates)
     for one in found.candidates:
-        if models and one.weight == 0:
+        if len(models) == most or (models and one.weight == 0):
             break
         try:
-            models.append((one.weight, one, estimated(rec, one, beside)))
+            models.append((one, estimated(rec, one, beside)))
         except IdentError as error:
             refusal = refusal or error
     if not models:
         raise refusal or no_model()
-    total = sum(weight for weight, _, _ in models)
-    others = tuple((weight / total, model) for weight, _, model in models[1:] if weight > 0)
-    _, chosen, model = models[0]
+    if len(rec) > found.n:  # compared anew on all samples
+        models = sorted(((rescored(one, model), model) for one, model in models), key=lambda pair: pair[0].total)
+    shares = weights([one.total for one, _ in models])
+    others = tuple((float(w), model) for w, (_, model) in zip(shares[1:], models[1:], strict=True) if w > 0)
+    chosen, model = models[0]
     return chosen, replace(model, alternatives=others)
+
+
+def rescored(one: Candidate, model: Model) -> Candidate:
+    """The candidate with the criterion of its final estimate on all samples."""
+    n, noise = model.n or 1, len(model.d) - 1
+    total = criterion(n, model.noise_variance or 0.0, one.parameters, noise)
+    return replace(one, theta=model.theta, d=model.d, variance=model.noise_variance or 0.0, criterion=total)
