@@ -25,8 +25,8 @@ from ..estimators.box_jenkins import (
 )
 from ..estimators.filters import EDGE, burg, filtered, is_stable, squares
 from ..estimators.least_squares import arx
-from ..estimators.order_losses import losses
-from ..estimators.regressors import Lags, arx_regressors, gram
+from ..estimators.order_losses import losses, losses_of_triangle
+from ..estimators.regressors import Lags, arx_regressors, gram, triangle
 from ..estimators.starting_values import high_order_arx, steiglitz_mcbride
 from ..model import Model
 from .choice import criterion, guard
@@ -228,11 +228,11 @@ def equation_candidates(screen: Screen, most_order: int, delays: Sequence[int]) 
         return []
     total = gram(rec, lags)
     rss = losses(total, na, nb, delays)
-    if rss is None:
-        return []
+    if rss is None:  # the innovations are rounding of the products
+        rss = losses_of_triangle(triangle(rec, lags), na, nb, delays)
     n = len(rec)
     p = np.arange(1, nb + 1) + np.array(na)[:, None]
-    bic = n * np.log(rss / total.rows) + p * np.log(n)
+    bic = n * np.log(np.maximum(rss / total.rows, EXACT * float(np.var(rec.y)))) + p * np.log(n)
     best = np.argsort(bic, axis=None)[:EQUATIONS]
     found = (
         _equation_candidate(screen, na[i], j + 1, delays[k])
@@ -249,7 +249,7 @@ def _equation_candidate(screen: Screen, na: int, nb: int, nk: int) -> Candidate 
     if not is_stable(np.concatenate([ONE, theta[:na]]), EDGE):
         return None
     e = y - Phi @ theta
-    variance = float(np.var(e))
+    variance = max(float(np.var(e)), EXACT * float(np.var(screen.rec.y)))
     plain = whitened_run(screen.rec, (na, nb, nk, 0))
     loss = squares(whitened_errors(plain, theta)[0]) / len(y)
     return with_criterion(screen, Candidate("arx", na, nb, nk, theta, ONE, loss, variance, 0.0))

@@ -254,11 +254,13 @@ def mixture(rec: Record, found: Search, beside: Array | None = None) -> tuple[Ca
     if not models:
         raise refusal or no_model()
     if len(rec) > found.n:  # compared anew on all samples
-        models = sorted(((rescored(one, model), model) for one, model in models), key=lambda pair: pair[0].total)
-    shares = weights([one.total for one, _ in models])
-    others = tuple((float(w), model) for w, (_, model) in zip(shares[1:], models[1:], strict=True) if w > 0)
-    chosen, model = models[0]
-    return chosen, replace(model, alternatives=others)
+        again = sorted(((rescored(one, model), model) for one, model in models), key=lambda pair: pair[0].total)
+        shares = weights([one.total for one, _ in again], [one.nk == 0 for one, _ in again])
+        models = [(replace(one, weight=float(w)), model) for w, (one, model) in zip(shares, again, strict=True)]
+    (chosen, model), *rest = models
+    total = chosen.weight + sum(one.weight for one, _ in rest)
+    others = tuple((one.weight / total, other) for one, other in rest if one.weight > 0)
+    return chosen, replace(model, alternatives=others if chosen.weight > 0 else ())
 
 
 def rescored(one: Candidate, model: Model) -> Candidate:
