@@ -73,35 +73,29 @@ class Sampled:
 
 def sample(form: Form, p: Array) -> Sampled:
     """Zero-order-hold model of a form with parameters p (size,)."""
-    delay = float(p[-1]) if form.delayed else 0.0
+    delay, k = float(p[-1]) if form.delayed else 0.0, len(form.parameters)
     whole = math.floor(delay)
     nb = form.order + form.integrating + form.delayed
     t = np.maximum(np.arange(nb + 1) - (delay - whole), 0.0)
-    own = p[: len(form.parameters)]
-    s, g, ds = form.response(t, own)
-    s[0], g[0], ds[:, 0] = 0.0, 0.0, 0.0  # nothing before the delay has passed
-    a, da = form.denominator(own)
+    s, g, ds = form.response(t, p[:k])
+    a, da = form.denominator(p[:k])
+    rows = np.empty((1 + form.size, nb + 1))  # s, then its derivatives
+    rows[0], rows[1 : 1 + k] = s, ds
+    full, dfull = np.zeros(len(a) + 1 + form.integrating), np.zeros((form.size, len(a) + 1 + form.integrating))
+    full[0], full[1 : len(a) + 1], dfull[:k, 1 : len(a) + 1] = 1.0, a, da
     if form.delayed:
-        ds, da = np.vstack([ds, -g]), np.vstack([da, np.zeros((1, form.order))])
-    full, dfull = np.r_[1.0, a], np.hstack([np.zeros((form.size, 1)), da])
-    if form.integrating:
-        full, dfull = np.convolve(full, [1.0, -1.0]), dfull @ _difference(form.order + 1)
-    h, dh = np.diff(s), np.diff(ds)
-    toeplitz, held, n = _convolution(full, nb), _convolution(h, nb), min(nb, len(full))
-    return Sampled(whole, toeplitz @ h, a, dh @ toeplitz.T + dfull[:, :n] @ held[:, :n].T, da)
-
-
-def _difference(n: int) -> Array:
-    """Matrix (n, n + 1) that multiplies a polynomial in a row by 1 - q^-1."""
-    return np.eye(n, n + 1) - np.eye(n, n + 1, 1)
-
-
-def _convolution(x: Array, n: int) -> Array:
-    """Matrix (n, n) of the first n coefficients of the product with x."""
-    out = np.zeros((n, n))
-    for k, value in enumerate(x[:n].tolist()):
-        out.flat[k * n : n * n : n + 1] = value
-    return out
+        rows[-1] = -g
+        da = np.vstack([da, np.zeros((1, form.order))])
+    if form.integrating:  # times 1 - q^-1
+        full[1:] -= full[:-1].copy()
+        dfull[:, 1:] -= dfull[:, :-1].copy()
+    rows[:, 0] = 0.0  # nothing before the delay has passed
+    h = rows[:, 1:] - rows[:, :-1]
+    b = h.copy()
+    for i in range(1, min(len(full), nb + 1)):  # products with a, cut behind nb coefficients
+        b[:, i:] += full[i] * h[:, : nb - i]
+        b[1:, i:] += dfull[:, i : i + 1] * h[0, : nb - i]
+    return Sampled(whole, b[0], a, b[1:], da)
 
 
 def _integrator(t: Array, p: Array) -> tuple[Array, Array, Array]:
