@@ -33,6 +33,7 @@ FEWEST_STEPS = 20  # of a quantised output over its range
 COARSE = 0.5  # standard deviation of the rounding per standard deviation of the innovations
 ALIASES = 2  # multiples of the sample rate for which the true frequency of a line is named
 MAINS = (50.0, 60.0)
+CONFIRMED = 1e-3  # p value of a drift or line beside twice as many lags
 SHOWN = 6  # samples of spikes that are named
 
 
@@ -166,18 +167,62 @@ def disturbances(rec: Record) -> Disturbances:
 
 def _tested(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...], Nonlinearity | None, LongArx]:
     """Degree of drift, frequencies of lines, nonlinearity, and the regression with drift and lines."""
-    order, raw = len(fit.a) - 1, rec.u + _offsets(rec)[:, 0]
+    drift, lines = _additive(rec, fit)
+    if drift or lines:
+        drift, lines = _confirmed(rec, 2 * (len(fit.a) - 1), drift, lines)
+    beside = columns_beside(rec, lines, drift)
+    held = long_arx(rec, len(fit.a) - 1, fit.lags, beside) if beside.shape[1] else fit
+    return drift, lines, nonlinearity(held, rec, rec.u + _offsets(rec)[:, 0], beside), held
+
+
+def _additive(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...]]:
+    """Degree of drift and frequencies of lines in Hz."""
+    order, held, lines = len(fit.a) - 1, fit, ()
     powers = columns_beside(rec, (), DRIFT)
     drift = drift_degree(fit, powers) if powers.shape[1] < fit.free / 10 else 0
-    lines: tuple[float, ...] = ()
-    held = long_arx(rec, order, fit.lags, columns_beside(rec, lines, drift)) if drift else fit
+    if drift:
+        held = long_arx(rec, order, fit.lags, columns_beside(rec, (), drift))
+        drift, held = (drift, held) if _plausible(rec, held, drift) else (0, fit)
     while len(lines) < MOST_LINES:
         f, p = strongest_line(held, rec)
         if p > FALSE_ALARM:
             break
         lines = (*lines, f / rec.sample_time)
         held = long_arx(rec, order, fit.lags, columns_beside(rec, lines, drift))
-    return drift, lines, nonlinearity(held, rec, raw, columns_beside(rec, lines, drift)), held
+    return drift, lines
+
+
+def _confirmed(rec: Record, order: int, drift: int, lines: tuple[float, ...]) -> tuple[int, tuple[float, ...]]:
+    """Drift and lines that are significant beside twice as many lags: a lightly damped plant needs them."""
+    lags = input_lags(rec, order)
+
+    def p_value(own: Array, others: Array) -> float:
+        fit = long_arx(rec, order, lags, others)
+        return fit.f_test(own[fit.rows])[0]
+
+    if drift and p_value(columns_beside(rec, (), drift), columns_beside(rec, lines, 0)) > CONFIRMED:
+        drift = 0
+    kept = tuple(
+        f
+        for f in lines
+        if p_value(columns_beside(rec, (f,), 0), columns_beside(rec, tuple(x for x in lines if x != f), drift))
+        < CONFIRMED
+    )
+    return drift, kept
+
+
+def _plausible(rec: Record, fit: LongArx, drift: int) -> bool:
+    """Whether the drift of the output is known and within its range: an integrator drifts without a disturbance."""
+    size = _drift_of_longest(rec, fit, drift)[0]
+    return size is not None and size < float(np.ptp(rec.y))
+
+
+def _drift_of_longest(rec: Record, fit: LongArx, drift: int) -> tuple[float | None, int]:
+    """Range of the drift over the longest stretch, and its samples."""
+    longest = int(np.argmax(np.diff([*rec.starts, len(rec)])))
+    count = rec.stretches[longest].stop - rec.stretches[longest].start
+    block = len(fit.beside) // len(rec.starts)
+    return drift_range(fit.a, fit.beside[longest * block : longest * block + drift], count), count
 
 
 def _offsets(rec: Record) -> Array:
@@ -213,10 +258,7 @@ def _of_spikes(rec: Record, clean: Record, at: NDArray[np.intp], heavy: bool) ->
 def _of_drift(rec: Record, fit: LongArx, drift: int) -> list[Disturbance]:
     if not drift:
         return []
-    longest = int(np.argmax(np.diff([*rec.starts, len(rec)])))
-    count = rec.stretches[longest].stop - rec.stretches[longest].start
-    block = len(fit.beside) // len(rec.starts)
-    size = drift_range(fit.a, fit.beside[longest * block : longest * block + drift], count)
+    size, count = _drift_of_longest(rec, fit, drift)
     if size is None:
         return []
     relative = _relative(size, rec)

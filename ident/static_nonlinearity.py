@@ -18,13 +18,14 @@ from ..core.arrays import Array
 from ..datasets.records.record import Record
 from .estimators.long_arx import LongArx, golden, lagged_rows, long_arx
 
-LAGS = 7  # of g, spread over those of u
+LAGS = np.array([1, 2, 4, 7, 11, 16, 22, 30, 40, 55])  # of g: dense near, wide apart for slow plants and long delays
 FALSE_ALARM = 1e-4  # of all candidates together
-WIDTHS = (0.05, 0.1, 0.2, 0.3, 0.5)  # of dead zone and backlash, of half the range of u
-LEVELS = (0.9, 0.8, 0.65, 0.5)  # of saturation, of half the range of u from its middle
+WIDTHS = (0.05, 0.1, 0.2, 0.35)  # of dead zone and backlash, of half the range of u
+LEVELS = (0.5, 0.7, 0.85)  # of saturation, of half the range of u from its middle
 REFINED = 8  # evaluations of the width or level
 CLIPPED = 0.01  # share of repeated samples
-CHANGES = (-1.0, -0.7, -0.4, 0.4, 1.0)  # of the gain, relative; -1 where the input is lost
+LOSS = (-1.0, -0.6, 0.6)  # change of the gain, relative; -1 where the input is lost
+CHANGES = {"dead zone": LOSS, "backlash": (-1.0,), "saturation": LOSS, "curvature": (-0.3, -0.1, 0.1, 0.3)}
 LOST = -0.5  # above it the input is not lost but amplified differently
 FEW_VALUES = 3  # of u: a signal of two or three values shows no static characteristic
 
@@ -40,8 +41,6 @@ class Nonlinearity:
     low, high : float
         Ends of the dead zone, width of the backlash (0 to width), levels of saturation (infinite where there is none),
         in the unit of u; range of u for a curvature.
-    share : float
-        Of the innovations' sum of squares that it explains.
     p : float
     beyond : float
         Share of the samples inside the dead zone, or beyond the level of saturation.
@@ -52,7 +51,6 @@ class Nonlinearity:
     kind: str
     low: float
     high: float
-    share: float
     p: float
     beyond: float
     change: float
@@ -80,36 +78,51 @@ def nonlinearity(fit: LongArx, rec: Record, raw: Array, beside: Array) -> Nonlin
     beside : ndarray, shape (N, k)
         Further columns of the regression.
     """
-    if len(np.unique(raw)) <= FEW_VALUES or fit.free < 3 * LAGS:
+    if len(np.unique(raw)) <= FEW_VALUES:
+        return None
+    lags = LAGS[max(s.stop - s.start for s in rec.stretches) // 6 > LAGS]
+    both = np.union1d(fit.lags, lags)  # u as far back as g, so that g does not stand for dynamics that are linear
+    wide = long_arx(rec, len(fit.a) - 1, both, beside)
+    if wide.free < 3 * len(lags):
         return None
     held = list(_candidates(rec, raw))
-    lags = _lags(fit)
-    columns = [(c, x, c.function(raw, x)) for c in held for x in c.sizes]
-    stacked = np.column_stack([lagged_rows(g, lags, fit.rows) for _, _, g in columns])
-    found = _best(fit, stacked, len(columns))
-    if found is None:
-        return None
-    best, size, _ = columns[found]
-    p = fit.f_test(stacked[:, found * len(lags) : (found + 1) * len(lags)])[0]
+    columns = [(candidate, x) for candidate in held for x in candidate.sizes]
+    stacked = np.column_stack([lagged_rows(c.function(raw, x), lags, wide.rows) for c, x in columns])
+    fell = _decreases(wide, stacked, len(columns))
+    first = int(np.argmax(fell))
+    p = wide.f_test(stacked[:, first * len(lags) : (first + 1) * len(lags)])[0]
     if p > FALSE_ALARM / len(columns):
         return None
-    return _refined(fit, rec, raw, beside, best, size, p)
+    best = {c.kind: (c, x) for _, (c, x) in sorted(zip(fell, columns, strict=True), key=lambda item: item[0])}
+    acting = Acting(rec, raw, beside, len(fit.a) - 1, both)
+    return _refined(acting, list(best.values()), p)
 
 
-def _best(fit: LongArx, stacked: Array, count: int) -> int | None:
-    """Candidate with the largest decrease of the sum of squares; ``stacked`` (m, count times lags)."""
+def _decreases(fit: LongArx, stacked: Array, count: int) -> Array:
+    """Decrease of the sum of squares by each candidate (count,); ``stacked`` (m, count times lags)."""
     length = np.linalg.norm(stacked, axis=0)
     free = fit.orthogonal(stacked) / np.where(length > 0, length, 1.0)
     blocks = free.T.reshape(count, -1, len(fit.rows))
     square, vector = np.linalg.eigh(blocks @ blocks.transpose(0, 2, 1))
     c = np.einsum("kij,ki->kj", vector, blocks @ fit.left)
     usable = square > 1e-6 * np.maximum(square[:, -1:], 1e-9)
-    fell = np.where(usable, c**2 / np.where(usable, square, 1.0), 0.0).sum(axis=1)
-    return int(np.argmax(fell)) if fell.max() > 0 else None
+    return np.asarray(np.where(usable, c**2 / np.where(usable, square, 1.0), 0.0).sum(axis=1))
 
 
-def _lags(fit: LongArx) -> NDArray[np.intp]:
-    return np.unique(np.linspace(1, max(int(fit.lags[-1]) - 1, LAGS), LAGS).round().astype(np.intp))
+@dataclass(frozen=True, slots=True)
+class Acting:
+    """Regression on the input that acts on the plant."""
+
+    rec: Record
+    raw: Array
+    beside: Array
+    y_lags: int
+    lags: NDArray[np.intp]
+
+    def left(self, candidate: "Candidate", size: float, change: float) -> float:
+        """Sum of squares of the innovations with the input u + change g(u)."""
+        acting = replace(self.rec, u=self.raw + change * candidate.function(self.raw, size))
+        return long_arx(acting, self.y_lags, self.lags, self.beside).rss
 
 
 def _candidates(rec: Record, raw: Array) -> Iterator[Candidate]:
@@ -164,24 +177,17 @@ def backlash(u: Array, width: float) -> Array:
     return np.array(out)
 
 
-def _refined(
-    fit: LongArx, rec: Record, raw: Array, beside: Array, best: Candidate, size: float, p: float
-) -> Nonlinearity:
-    """The nonlinearity with the change of gain and the size that leave the smallest innovations of u + change g(u)."""
-
-    def left(x: float, change: float) -> float:
-        acting = replace(rec, u=raw + change * best.function(raw, x))
-        return long_arx(acting, len(fit.a) - 1, fit.lags, beside).rss
-
-    change = min(CHANGES, key=lambda value: left(size, value))
-    if len(best.sizes) > 1:
-        grid = np.array(sorted((0.5 * min(best.sizes), *best.sizes, min(1.4 * max(best.sizes), 0.97))))
+def _refined(acting: Acting, best: list[tuple[Candidate, float]], p: float) -> Nonlinearity:
+    """Kind, size and change of gain with the smallest innovations; ``best`` has each kind with its size on the grid."""
+    tried = [(acting.left(c, x, change), c, x, change) for c, x in best for change in CHANGES[c.kind]]
+    _, candidate, size, change = min(tried, key=lambda item: item[0])
+    if len(candidate.sizes) > 1:
+        grid = np.array(sorted((0.5 * candidate.sizes[0], *candidate.sizes, 0.97)))
         k = int(np.argmin(np.abs(grid - size)))
-        size = golden(lambda x: left(x, change), float(grid[k - 1]), float(grid[k + 1]), REFINED)
-    ends = best.ends(size)
-    kind = "curvature" if best.kind != "backlash" and change > LOST else best.kind
-    share = 1 - left(size, change) / fit.rss
-    return Nonlinearity(kind, *ends, share, p, _affected(best.kind, raw, *ends), change)
+        size = golden(lambda x: acting.left(candidate, x, change), float(grid[k - 1]), float(grid[k + 1]), REFINED)
+    ends = candidate.ends(size)
+    kind = "curvature" if change > LOST else candidate.kind
+    return Nonlinearity(kind, *ends, p, _affected(candidate.kind, acting.raw, *ends), change)
 
 
 def _affected(kind: str, raw: Array, low: float, high: float) -> float:
