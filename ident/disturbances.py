@@ -34,6 +34,7 @@ COARSE = 0.5  # standard deviation of the rounding per standard deviation of the
 ALIASES = 2  # multiples of the sample rate for which the true frequency of a line is named
 MAINS = (50.0, 60.0)
 CONFIRMED = 1e-3  # p value of a drift or line beside twice as many lags
+CHECKED = "Spikes, drift, lines and nonlinearity"
 SHOWN = 6  # samples of spikes that are named
 
 
@@ -81,7 +82,7 @@ class Disturbances(Displayable):
     replaced : ndarray of int
         Samples of the output that were replaced.
     remark : str or None
-        Why nothing was tested.
+        Reason why nothing was tested.
     """
 
     found: tuple[Disturbance, ...]
@@ -101,9 +102,13 @@ class Disturbances(Displayable):
         return tuple((item.level, item.sentence) for item in self.found if item.level > USABLE)
 
     @property
-    def beside(self) -> Array:
-        """Columns (N, k) to be fitted to the output beside the plant."""
-        return columns_beside(self.record, self.lines, self.drift)
+    def columns(self) -> Array | None:
+        """Columns (N, k) to be fitted to the output beside the plant; None without drift and lines."""
+        return self.columns_of(self.record)
+
+    def columns_of(self, rec: Record) -> Array | None:
+        """The same columns for another record of the same rate."""
+        return columns_beside(rec, self.lines, self.drift) if self.lines or self.drift else None
 
 
 def columns_beside(rec: Record, lines: tuple[float, ...], drift: int) -> Array:
@@ -146,7 +151,7 @@ def disturbances(rec: Record) -> Disturbances:
     """
     order = order_of(rec)
     if not order:
-        return Disturbances((), rec, remark=f"disturbances were not tested: {len(rec)} samples are too few")
+        return Disturbances((), rec, remark=f"{len(rec)} samples are too few")
     clean, replaced, heavy = without_spikes(rec.centred(), order)
     part = middle(clean)
     lags = input_lags(part, order)
@@ -154,7 +159,7 @@ def disturbances(rec: Record) -> Disturbances:
     static = [*_of_quantum(rec, fit), *_of_clipping(rec)]
     clean = replace(rec, y=clean.y + _offsets(clean)[:, 1] - _offsets(rec)[:, 1], sha256=rec.sha256)
     if fit.rss <= EXACT * float(part.y @ part.y):
-        return Disturbances(tuple(static), clean, remark="disturbances were not tested: the record has no noise")
+        return Disturbances(tuple(static), clean, remark="the record has no noise")
     drift, lines, found, held = _tested(part, fit)
     named = [
         *_of_spikes(rec, clean, replaced, heavy),

@@ -22,6 +22,8 @@ from ..core.threads import one_thread
 from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ..datasets.records.gaps import without_short
 from ..datasets.records.record import Record, join_records
+from .disturbances import CHECKED as DISTURBANCES
+from .disturbances import Disturbances, disturbances
 from .estimators.bias_checks import causality, feedback_detected, response_error, warn_of_bias
 from .estimators.input_checks import check_varies
 from .estimators.least_squares import arx
@@ -54,9 +56,9 @@ class Identification(Plottable):
     Attributes
     ----------
     record : Record
-        The record with its operating point removed.
+        The record with its operating point removed and spikes replaced.
     model : Model
-        Fitted to the whole record, with its excited band: the model that is handed over.
+        Fitted to the whole record beside drift and lines, with its excited band: the model that is handed over.
     arx : Model
         Of the same orders by least squares, as in the papers.
     search : Search
@@ -69,6 +71,8 @@ class Identification(Plottable):
         Validations of the model on its own record, and of its structure on samples that were not fitted.
     bias, feedback, causality : str or None
         Sentences on sensor-noise bias, feedback, and swapped signals, if detected.
+    disturbances : Disturbances
+        Spikes, drift, lines and nonlinearity of the record, each with size and place.
     by_choice : str or None
         Clause on an ARX model that was handed over by choice.
     notes : tuple of str
@@ -84,6 +88,7 @@ class Identification(Plottable):
     bias: str | None
     feedback: str | None
     causality: str | None
+    disturbances: Disturbances
     by_choice: str | None = None
     notes: tuple[str, ...] = ()
 
@@ -134,6 +139,7 @@ class Identification(Plottable):
             *own,
             *map(sentence, found),
             f"Valid in the excited band, {low:.3g} to {high:.3g} Hz.",
+            *(sentence(item.sentence) for item in self.disturbances.found),
             *map(sentence, (*self.judged.own.remarks, *(n for n in self.model.notes if not n.startswith("converged")))),
         )
 
@@ -152,13 +158,18 @@ class Identification(Plottable):
             *([(DO_NOT_USE, self.causality)] if self.causality else []),
             *_of_gain(self.model),
             *held,
+            *self.disturbances.reservations,
             *([(RESERVATIONS, self.by_choice)] if self.by_choice else []),
             *([(RESERVATIONS, feedback)] if feedback else []),
         ]
         simulation, *checked = CHECKED
         unseen = self.judged.unseen
-        done = tuple(checked) if unseen else CHECKED
-        left = (f"{simulation}: {unseen.split(',')[0]}",) if unseen else ()
+        remark = self.disturbances.remark
+        done = (*(checked if unseen else CHECKED), *(() if remark else (DISTURBANCES,)))
+        left = (
+            *((f"{simulation}: {unseen.split(',')[0]}",) if unseen else ()),
+            *((f"{DISTURBANCES}: {remark}",) if remark else ()),
+        )
         return verdict_from([(level, sentence(words)) for level, words in found], done, left)
 
 
@@ -259,9 +270,15 @@ def identify(
     whole = without_short(rec if isinstance(rec, Record) else join_records(rec)).centred(trend)
     check_varies(whole)
     band = excited_band(whole)
+    disturbed = disturbances(whole)
+    whole, beside = disturbed.record, disturbed.columns
+    part = _parts(whole)
     feedback = feedback_detected(whole)
-    found = search(_parts(whole), most_order=most_order, delays=delays, orders=orders, least_delay=int(bool(feedback)))
-    best, chosen = mixture(whole, found)
+    found = search(
+        part, most_order=most_order, delays=delays, orders=orders, least_delay=int(bool(feedback)),
+        beside=beside if part is whole else disturbed.columns_of(part),
+    )  # fmt: skip
+    best, chosen = mixture(whole, found, beside)
     one_step = _one_step(whole)
     plain = _plain(whole, best, one_step)
     by_arx = handover == "arx"
@@ -277,10 +294,11 @@ def identify(
         search=found,
         chosen=best,
         one_step=one_step,
-        judged=judge_handover(model, whole, estimate, held_out),
+        judged=judge_handover(model, whole, estimate, held_out, beside),
         bias=None if feedback else warn_of_bias(plain, chosen, band),
         feedback=feedback,
         causality=causality(whole),
+        disturbances=disturbed,
         by_choice=arx_by_choice(plain, chosen, band) if by_arx else None,
         notes=(*whole.notes, *found.notes),
     )

@@ -126,8 +126,8 @@ def order_of(rec: Record) -> int:
     return order if order >= FEWEST_LAGS else 0
 
 
-def long_arx(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None = None, span: int = 0) -> LongArx:
-    """The regression of high order with ``beside`` (N, k), columns over all samples; ``span`` first samples have no row."""
+def long_arx(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None = None) -> LongArx:
+    """The regression of high order with ``beside`` (N, k), columns over all samples of the record."""
     from scipy.linalg import solve_triangular
 
     t = rows_of(rec, max(y_lags, int(lags[-1])))
