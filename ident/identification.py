@@ -46,7 +46,7 @@ CHECKED = (
     "Closed loop",
     "Exchanged signals",
 )
-MOST_SAMPLES, PARTS = 4000, 8  # in the search: of longer records so many parts with so many samples together
+MOST_SAMPLES, PARTS = 3200, 8  # in the search: of longer records so many parts with so many samples together
 
 
 @dataclass(frozen=True, slots=True, repr=False)

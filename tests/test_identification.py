@@ -5,7 +5,9 @@ import pytest
 from fitmodels import datasets, ident
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
+from fitmodels.datasets.records.record import join_records
 from fitmodels.ident import Model, identify
+from scipy.signal import lfilter
 
 pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
 
@@ -113,3 +115,84 @@ def test_a_servo_is_simulated_on_what_was_not_fitted(measurements):
     found = identify(rec)
     assert found.validation.held_out
     assert found.validation.rsquared > 0.98
+
+
+# The structure
+
+
+def of(b, a, snr, seed=1, n=750, noise=(1.0,)):
+    """Chirp record of a plant with noise shaped by 1 / ``noise``."""
+    t = np.arange(n) * 0.02
+    u = 2.5 * np.sin(2 * np.pi * (0.1 + 1.9 / (2 * n * 0.02) * t) * t)
+    y = lfilter(b, a, u)
+    v = lfilter([1.0], noise, np.random.default_rng(seed).standard_normal(n + 500))[500:]
+    return Record(u=u, y=y + y.std() * 10 ** (-snr / 20) * v / v.std(), sample_time=0.02)
+
+
+LATE = (np.r_[np.zeros(30), 0.05], [1.0, -0.95])
+MORE_ZEROS = ([0.0, 0.0, 0.6, -0.2], [1.0, -0.5])
+
+
+def test_a_delay_of_thirty_samples_is_found():
+    model = identify(of(*LATE, 40)).model
+    assert model.nk == 30
+    assert np.abs(model.response(FREQUENCIES) / response(*LATE) - 1).max() < 0.01
+
+
+def response(b, a):
+    return Model(b=b, a=a, nk=int(np.flatnonzero(b)[0]), sample_time=0.02).response(FREQUENCIES)
+
+
+def test_equation_noise_is_recognised():
+    found = identify(of(G.b, G.a, 30, noise=G.a))
+    assert found.model.structure == "arx"
+    assert found.bias is None
+
+
+def test_more_zeros_than_poles_are_found():
+    u, e = np.random.default_rng(3).standard_normal((2, 1000))
+    found = identify(Record(u=u, y=lfilter(*MORE_ZEROS, u) + 0.05 * e, sample_time=0.02))
+    assert (found.model.na, found.model.nb, found.model.nk) == (1, 2, 2)
+
+
+def test_coloured_sensor_noise_has_its_own_model():
+    found = identify(of(G.b, G.a, 30, noise=[1.0, -0.8]))
+    assert found.model.structure == "box_jenkins"
+    assert found.model.d[1] == pytest.approx(-0.8, abs=0.1)
+    assert np.abs(found.model.response(FREQUENCIES) / G.response(FREQUENCIES) - 1).max() < 0.05
+
+
+def test_an_integrator_has_a_pole_at_exactly_one():
+    found = identify(of([0.0, 0.0, 0.0, 0.02], [1.0, -1.0], 30))
+    assert found.model.integrating
+    assert found.model.rate_gain == pytest.approx(1.0, rel=0.02)
+
+
+def test_weights_of_structures_sum_to_one_with_that_of_the_model():
+    found = identify(of(*MORE_ZEROS, 20))
+    shares = [weight for weight, _ in found.model.alternatives]
+    assert shares
+    assert 0 < 1 - sum(shares) < 1
+    assert found.tried["weight"].sum() == pytest.approx(1.0)
+
+
+def test_the_longest_delay_tried_is_named():
+    found = identify(of(*LATE, 40), delays=range(1, 28))
+    assert any("nk 27 is the longest delay tried" in note for note in found.notes)
+
+
+def test_a_slow_sweep_of_many_samples_is_searched_over_its_whole_band():
+    """20 000 samples, 400 s: any single part of 3 200 samples excites a sixth of the band."""
+    found = identify(of(G.b, G.a, 30, n=20_000))
+    assert (found.model.na, found.model.nb, found.model.nk) == (3, 3, 1)
+    assert np.abs(found.model.response(FREQUENCIES) / G.response(FREQUENCIES) - 1).max() < 0.01
+    assert found.model.n == 20_000
+
+
+def test_runs_of_one_length_equal_runs_of_several_lengths():
+    """Segments of one length are treated together; one sample less in the last changes next to nothing."""
+    parts = [of(G.b, G.a, 30, seed=seed, n=600) for seed in (1, 2, 3)]
+    same = join_records(parts)
+    other = join_records([*parts[:2], parts[2].part(0, 599)])
+    theta = [ident.box_jenkins(rec.centred(), 3, 3, 1).theta for rec in (same, other)]
+    np.testing.assert_allclose(theta[0], theta[1], rtol=0.01)

@@ -5,6 +5,7 @@ the iteration of Steiglitz & McBride; the structures that remain are fitted to t
 Levenberg-Marquardt, both signals filtered by an autoregressive noise model.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -34,8 +35,8 @@ from .continuous_forms import FittedForm, fit_forms, integrating, refit_form
 
 ONE = np.ones(1)
 FIRST_STEPS, STEPS = 5, 2  # of the iteration: at the first delay of an order, and at each further one
-REFINED = 1e-6  # predicted reduction of the loss, as a share, at which a candidate has converged
-MOST_STEPS = 12  # of Levenberg-Marquardt for a candidate
+REFINED = 3e-5  # predicted reduction of the loss, as a share, at which a candidate has converged: .02 of the criterion
+MOST_STEPS = 10  # of Levenberg-Marquardt for a candidate
 EXACT = 1e-18  # of the variance: a loss below it is rounding
 NO_DELAY = (
     20.0  # of the criterion, for nk = 0: behind a zero-order hold a plant responds one sample later at the earliest
@@ -44,6 +45,7 @@ FINAL, FINAL_STEPS = 1e-10, 100  # the same for a final estimate
 SLOW = 10.0  # a pole with a time constant above a tenth of the longest segment is slow
 SLOW_TRIED = 12  # candidates of which those with a slow pole are tried with an integrator
 CANCELLED = 1e-6  # share of |b| below which b(1) cancels the integrator
+HOPELESS = 100.0  # of the criterion above the best: the penalty makes no difference
 EQUATIONS = 6  # candidates with equation noise
 
 
@@ -159,10 +161,10 @@ def screen_of(rec: Record, band: tuple[float, float], first: int, delay: int, be
     return Screen(rec, band, d, u, x, y, beside)
 
 
-def scanned(screen: Screen, na: int, nb: int, delays: Iterable[int]) -> dict[int, tuple[float, Array]]:
+def scanned(screen: Screen, na: int, nb: int, delays: Iterable[int], f: Array = ONE) -> dict[int, tuple[float, Array]]:
     """Mean square error and theta of the iteration at each delay, each started from the one before."""
     found: dict[int, tuple[float, Array]] = {}
-    f, steps = ONE, FIRST_STEPS
+    steps = FIRST_STEPS if len(f) == 1 else STEPS
     for nk in delays:
         theta, square = equation(screen, (na, nb, nk), f, steps)
         if np.isfinite(square):
@@ -176,17 +178,20 @@ def equation(screen: Screen, orders: tuple[int, int, int], f: Array, steps: int)
     return steiglitz_mcbride(screen.u, screen.x, screen.rec.stretches, orders, screen.skipped(*orders), f, steps)
 
 
-def fitted(screen: Screen, orders: tuple[int, int, int], theta: Array) -> Candidate | None:
-    """The candidate from a starting value, by Levenberg-Marquardt; None if the record is too short for it."""
+def fitted(screen: Screen, orders: tuple[int, int, int], theta: Array, lowest: float = math.inf) -> Candidate | None:
+    """The candidate from a starting value, by Levenberg-Marquardt; None if the record is too short for it.
+
+    ``lowest`` is the criterion of the best candidate so far.
+    """
     plain = replace(whitened_run(screen.rec, (*orders, 0)), beside=screen.beside)
     if not plain.stretches:
         return None
     run = prewhitened(plain, screen.d)
     end = whitened_minimum(run, theta, MOST_STEPS, REFINED)
-    return judged(screen, plain, end.theta)
+    return judged(screen, plain, end.theta, lowest)
 
 
-def judged(screen: Screen, plain: WhitenedRun, theta: Array) -> Candidate:
+def judged(screen: Screen, plain: WhitenedRun, theta: Array, lowest: float = math.inf) -> Candidate:
     """A theta of an output-error run with its own noise model and criterion."""
     v = noise_of(plain, theta)
     rows = sum(len(part) for part in v)
@@ -194,17 +199,19 @@ def judged(screen: Screen, plain: WhitenedRun, theta: Array) -> Candidate:
     loss = free * sum(squares(part) for part in v) / rows
     floor = EXACT * float(np.var(screen.rec.y))
     d, variance = burg(v) if loss > floor else (ONE, floor)
-    return with_criterion(
-        screen, Candidate("box_jenkins", plain.nf, plain.nb, plain.nk, theta, d, loss, max(free * variance, floor), 0.0)
-    )
+    variance = max(free * variance, floor)
+    one = Candidate("box_jenkins", plain.nf, plain.nb, plain.nk, theta, d, loss, variance, 0.0)
+    return with_criterion(screen, one, lowest)
 
 
-def with_criterion(screen: Screen, one: Candidate) -> Candidate:
-    """The candidate with its criterion and the penalty of structure beyond the band."""
+def with_criterion(screen: Screen, one: Candidate, lowest: float = math.inf) -> Candidate:
+    """The candidate with its criterion and the penalty of structure beyond the band, unless it is far from the best."""
     n, rec, p = len(screen.rec), screen.rec, one.parameters or one.na + one.nb
     noise = 0 if one.structure == "arx" else len(one.d) - 1
-    penalty = guard(one.b, one.a, rec.sample_time, screen.band, n) + NO_DELAY * (one.nk == 0)
-    return replace(one, parameters=p, criterion=criterion(n, one.variance, p, noise), guard=penalty)
+    own, penalty = criterion(n, one.variance, p, noise), NO_DELAY * (one.nk == 0)
+    if own < lowest + HOPELESS:
+        penalty += guard(one.b, one.a, rec.sample_time, screen.band, n)
+    return replace(one, parameters=p, criterion=own, guard=penalty)
 
 
 def refined(screen: Screen, one: Candidate) -> Candidate:

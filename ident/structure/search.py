@@ -19,7 +19,6 @@ from ..estimators.box_jenkins import box_jenkins
 from ..model import Model
 from ..responses.spectra import excited_band
 from .candidates import (
-    STEPS,
     Candidate,
     Screen,
     equation,
@@ -38,6 +37,7 @@ from .choice import criterion, weights
 MOST_ORDER, MOST_DELAY = 5, 10
 FARTHEST = 100  # samples of delay, or a tenth of the longest segment
 AHEAD = 3  # delays scanned beyond the best
+MIDDLE = 3  # order that is tried first: the others are compared with it
 NEAR = 2  # delays fitted for each pair of orders
 REFINED = 8  # candidates whose plant and noise model are fitted jointly
 MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
@@ -126,10 +126,13 @@ def search(
     reach = Reach.of(delays, least_delay, min(FARTHEST, longest // 10))
     screen = screen_of(rec, band, least_delay, 0 if reach.open else reach.delays[-1], beside)
     tried = range(1, min(most_order, max(longest // 20, 1)) + 1)
-    found = [one for na in tried for one in _of_order(screen, na, reach)]
+    found: list[Candidate] = []
+    for na in sorted(tried, key=lambda na: abs(na - MIDDLE)):
+        found += _of_order(screen, na, reach, min((one.total for one in found), default=np.inf))
     last = max((one.nk for one in found), default=0)
     found += equation_candidates(screen, len(tried), reach.upto(last + AHEAD))
-    found += form_candidates(screen, reach.upto(last + AHEAD))
+    forms = form_candidates(screen, reach.upto(last + AHEAD))
+    found += [one for one in forms if reach.open or one.nk in reach.delays]
     if not found:
         raise no_model()
     found = sorted(found, key=lambda one: one.total)
@@ -172,27 +175,42 @@ class Reach:
 
 
 def _best_delay(screen: Screen, na: int, reach: Reach) -> tuple[int, Array]:
-    """Best delay of an order with na coefficients of b, scanned further while the best lies at the end; its f."""
-    found = scanned(screen, na, na, reach.upto(MOST_DELAY))
+    """Best delay of an order with na coefficients of b; its f.
+
+    Every second delay is scanned, further while the best lies at the end, then the neighbours of the best.
+    """
+    coarse = reach.delays[:: 2 if reach.open else 1]
+    found = scanned(screen, na, na, [k for k in coarse if k <= MOST_DELAY or not reach.open])
     while found:
         best, end = min(found, key=lambda nk: found[nk][0]), max(found)
-        more = [k for k in reach.upto(end + MOST_DELAY) if k > end] if best > end - AHEAD else []
+        more = [k for k in coarse if end < k <= end + MOST_DELAY] if best > end - AHEAD else []
         if not more:
-            return best, np.concatenate([np.ones(1), found[best][1][:na]])
+            break
         found |= scanned(screen, na, na, more)
-    return reach.delays[0], np.ones(1)
+    if not found:
+        return reach.delays[0], np.ones(1)
+    best = min(found, key=lambda nk: found[nk][0])
+    f = np.concatenate([np.ones(1), found[best][1][:na]])
+    near = [k for k in (best - 1, best + 1) if k in reach.delays and k not in found]
+    found |= scanned(screen, na, na, near, f)
+    best = min(found, key=lambda nk: found[nk][0])
+    return best, np.concatenate([np.ones(1), found[best][1][:na]])
 
 
-def _of_order(screen: Screen, na: int, reach: Reach) -> list[Candidate]:
-    """Candidates of one na: nb from 1 to na + 1, and further while the criterion falls."""
+def _of_order(screen: Screen, na: int, reach: Reach, others: float) -> list[Candidate]:
+    """Candidates of one na: nb from 1 to na + 1, and further while the criterion falls.
+
+    ``others`` is the smallest criterion of the other orders.
+    """
     best, f = _best_delay(screen, na, reach)
     out: list[Candidate] = []
     lowest = np.inf
     for nb in range(1, 2 * na + 3):
         around = {best - 1, best, best + 1, best + na - nb, best + na - nb + 1, best + na - nb - 1}
-        tried = [(*equation(screen, (na, nb, k), f, STEPS), k) for k in sorted(around) if k in reach.delays]
+        tried = [(*equation(screen, (na, nb, k), f, 1), k) for k in sorted(around) if k in reach.delays]
         tried = sorted(tried, key=lambda t: t[1])[:NEAR]
-        found = [one for theta, _, k in tried if (one := fitted(screen, (na, nb, k), theta)) is not None]
+        least = min(lowest, others)
+        found = [one for theta, _, k in tried if (one := fitted(screen, (na, nb, k), theta, least)) is not None]
         out += found
         least = min((one.total for one in found), default=np.inf)
         if nb > na and least >= lowest:
