@@ -86,7 +86,10 @@ def refit_form(rec: Record, fitted: FittedForm, *, beside: Array | None = None) 
         if found is not None:
             data = _compared(data, found)
         for _ in range(NOISE_STEPS if found else 0):
-            found = improved(data, fitted.form, found.p, whitening(data.packed(found.plain), data.compared)[0]) or found
+            h = whitening(data.packed(found.plain), data.compared)[0]
+            if len(h) == len(found.h) == 1:
+                break
+            found = improved(data, fitted.form, found.p, h) or found
     if found is None:
         raise IdentError(f"{fitted.name} cannot be fitted to this record: its errors are not finite.")
     return described(rec, data, found)
