@@ -30,7 +30,7 @@ from .estimators.least_squares import arx
 from .estimators.order_selection import OrderSearch, choose_order
 from .model import Model
 from .responses.spectra import excited_band
-from .structure.candidates import Candidate, estimated
+from .structure.candidates import Candidate, estimated, partialled
 from .structure.continuous_forms import FittedForm
 from .structure.search import MOST_ORDER, Search, mixture, search
 from .validation.handover import Handover, arx_by_choice, judge_handover
@@ -280,11 +280,13 @@ def identify(
     )  # fmt: skip
     best, chosen = mixture(whole, found, beside)
     one_step = _one_step(whole)
-    plain = _plain(whole, best, one_step)
+    plain = _plain(partialled(whole, beside), best, one_step)
     by_arx = handover == "arx"
 
     def estimate(part: Record, beside: Array | None) -> Model:
-        return arx(part, plain.na, plain.nb, plain.nk) if by_arx else estimated(part, best, beside)
+        if by_arx:
+            return arx(partialled(part, beside), plain.na, plain.nb, plain.nk)
+        return estimated(part, best, beside)
 
     model = replace(plain if by_arx else chosen, band=band)
     return Identification(

@@ -230,7 +230,7 @@ def equation_candidates(screen: Screen, most_order: int, delays: Sequence[int]) 
     """Candidates with equation noise, a y = b u + e, by least squares on all orders at once: the best few."""
     na, nb = range(1, most_order + 1), most_order + 1
     lags = Lags(most_order, 0, max(delays) + nb - 1)
-    rec = screen.rec
+    rec = partialled(screen.rec, screen.beside)
     if max(s.stop - s.start for s in rec.stretches) <= 3 * lags.span:
         return []
     total = gram(rec, lags)
@@ -248,16 +248,33 @@ def equation_candidates(screen: Screen, most_order: int, delays: Sequence[int]) 
     return [one for one in found if one is not None]
 
 
+def partialled(rec: Record, beside: Array | None) -> Record:
+    """The record with input and output orthogonal to the signals beside the plant.
+
+    Least squares on lags of such signals equals least squares with the signals among the regressors, because lags of
+    sines and polynomials are combinations of them (Frisch & Waugh 1933).
+    """
+    if beside is None or not beside.shape[1]:
+        return rec
+    level = np.zeros((len(rec), len(rec.stretches)))
+    for k, s in enumerate(rec.stretches):
+        level[s, k] = 1.0
+    both = np.hstack([level, beside])
+    signals = np.column_stack([rec.u, rec.y])
+    left = signals - both @ np.linalg.lstsq(both, signals, rcond=None)[0]
+    return replace(rec, u=left[:, 0], y=left[:, 1])
+
+
 def _equation_candidate(screen: Screen, na: int, nb: int, nk: int) -> Candidate | None:
     """One order by least squares; None if it is not stable."""
-    Phi, y, _ = arx_regressors(screen.rec, na, nb, nk)
+    Phi, y, _ = arx_regressors(partialled(screen.rec, screen.beside), na, nb, nk)
     both = np.column_stack([np.ones(len(y)), Phi])
     theta = np.linalg.lstsq(both, y, rcond=None)[0][1:]
     if not is_stable(np.concatenate([ONE, theta[:na]]), EDGE):
         return None
     e = y - Phi @ theta
     variance = max(float(np.var(e)), EXACT * float(np.var(screen.rec.y)))
-    plain = whitened_run(screen.rec, (na, nb, nk, 0))
+    plain = replace(whitened_run(screen.rec, (na, nb, nk, 0)), beside=screen.beside)
     loss = squares(whitened_errors(plain, theta)[0]) / len(y)
     return with_criterion(screen, Candidate("arx", na, nb, nk, theta, ONE, loss, variance, 0.0))
 
@@ -301,7 +318,7 @@ def estimated(rec: Record, one: Candidate, beside: Array | None = None) -> Model
         same = rec.sha256 == one.form.model.record and beside is None
         return one.form.model if same else refit_form(rec, one.form, beside=beside).model
     if one.structure == "arx":
-        return arx(rec, one.na, one.nb, one.nk)
+        return arx(partialled(rec, beside), one.na, one.nb, one.nk)
     if one.integrating:
         inner = without_integrator(one)
         return integrating(rec, lambda total, slope: _box_jenkins(total, inner, _both(slope, beside)))

@@ -19,6 +19,7 @@ from ..estimators.box_jenkins import box_jenkins
 from ..model import Model
 from ..responses.spectra import excited_band
 from .candidates import (
+    HOPELESS,
     Candidate,
     Screen,
     equation,
@@ -40,6 +41,7 @@ AHEAD = 3  # delays scanned beyond the best
 MIDDLE = 3  # order that is tried first: the others are compared with it
 NEAR = 2  # delays fitted for each pair of orders
 REFINED = 8  # candidates whose plant and noise model are fitted jointly
+AS_GOOD = 6.0  # of the criterion: weights differ by a factor of 4
 MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
 
 
@@ -128,7 +130,7 @@ def search(
     tried = range(1, min(most_order, max(longest // 20, 1)) + 1)
     found: list[Candidate] = []
     for na in sorted(tried, key=lambda na: abs(na - MIDDLE)):
-        found += _of_order(screen, na, reach, min((one.total for one in found), default=np.inf))
+        found += _of_order(screen, na, reach, _least(found))
     last = max((one.nk for one in found), default=0)
     found += equation_candidates(screen, len(tried), reach.upto(last + AHEAD))
     forms = form_candidates(screen, reach.upto(last + AHEAD))
@@ -139,7 +141,7 @@ def search(
     found = [refined(screen, one) for one in found[:REFINED]] + found[REFINED:]
     found = sorted(found, key=lambda one: one.total)
     found = _without_doubles(sorted(found + integrating_candidates(screen, found), key=lambda one: one.total))
-    return _result(rec, found, _limits(found[0], most_order, reach))
+    return _result(rec, found, _limits(found, most_order, reach))
 
 
 def _without_doubles(found: Sequence[Candidate]) -> list[Candidate]:
@@ -198,25 +200,34 @@ def _best_delay(screen: Screen, na: int, reach: Reach) -> tuple[int, Array]:
 
 
 def _of_order(screen: Screen, na: int, reach: Reach, others: float) -> list[Candidate]:
-    """Candidates of one na: nb from 1 to na + 1, and further while the criterion falls.
+    """Candidates of one na: nb from 1 to na + 1, and further while the criterion falls; fewer if all are far behind.
 
     ``others`` is the smallest criterion of the other orders.
     """
     best, f = _best_delay(screen, na, reach)
-    out: list[Candidate] = []
-    lowest = np.inf
-    for nb in range(1, 2 * na + 3):
+
+    def at(nb: int, least: float) -> list[Candidate]:
         around = {best - 1, best, best + 1, best + na - nb, best + na - nb + 1, best + na - nb - 1}
         tried = [(*equation(screen, (na, nb, k), f, 1), k) for k in sorted(around) if k in reach.delays]
         tried = sorted(tried, key=lambda t: t[1])[:NEAR]
-        least = min(lowest, others)
-        found = [one for theta, _, k in tried if (one := fitted(screen, (na, nb, k), theta, least)) is not None]
-        out += found
-        least = min((one.total for one in found), default=np.inf)
-        if nb > na and least >= lowest:
+        return [one for theta, _, k in tried if (one := fitted(screen, (na, nb, k), theta, least)) is not None]
+
+    widest = out = at(na + 1, others)
+    if _least(out) > others + HOPELESS + na * np.log(len(screen.rec)):  # fewer coefficients of b fit no better
+        return out
+    for nb in range(1, na + 1):
+        out = out + at(nb, min(_least(out), others))
+    for nb in range(na + 2, 2 * na + 3):
+        if _least(widest) > _least(out):
             break
-        lowest = min(lowest, least)
+        widest = at(nb, min(_least(out), others))
+        out = out + widest
     return out
+
+
+def _least(found: Sequence[Candidate]) -> float:
+    """Smallest criterion with its penalty; infinite without a candidate."""
+    return min((one.total for one in found), default=np.inf)
 
 
 def _given(
@@ -239,13 +250,14 @@ def _result(rec: Record, found: Sequence[Candidate], notes: tuple[str, ...]) -> 
     return Search(ranked, len(rec), float(np.var(rec.y)), notes)
 
 
-def _limits(best: Candidate, most_order: int, reach: Reach) -> tuple[str, ...]:
-    """Notes on limits that the best candidate reaches."""
-    notes, last = [], reach.delays[-1]
+def _limits(found: Sequence[Candidate], most_order: int, reach: Reach) -> tuple[str, ...]:
+    """Notes on limits that the best candidate reaches, or for the delay one that is about as good."""
+    best, notes, last = found[0], [], reach.delays[-1]
     if best.na == most_order and best.form is None:
         notes.append(f"na {best.na} is the largest order tried: the plant may be of higher order (most_order)")
-    if best.nk == last and len(reach.delays) > 1:
-        notes.append(f"nk {best.nk} is the longest delay tried: the plant may have a longer one (delays)")
+    near = [one for one in found if one.total < best.total + AS_GOOD]
+    if any(one.nk == last for one in near) and len(reach.delays) > 1:
+        notes.append(f"nk {last} is the longest delay tried: the plant may have a longer one (delays)")
     return tuple(notes)
 
 
