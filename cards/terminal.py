@@ -136,12 +136,15 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
     ]
     form = "" if found.form is None or found.by_choice else found.form.words
     kept = [line for line in model.sentences if line != form and not line.startswith("Converged after")]
+    if found.amplitudes is not None and not found.amplitudes.level:
+        said.append(sentence(found.amplitudes.sentence))
     checked = f"Checked: {', '.join(model.verdict.checked)}" if model.verdict.checked else ""
     left = f"Not checked: {'; '.join(model.verdict.not_checked)}" if model.verdict.not_checked else ""
     lines = [found.argument, *kept, fact_line(facts), *said, *filter(None, (checked, left))]
     words = _texts(line if line.endswith(".") else f"{line}." for line in dict.fromkeys(lines))
     table = _table(coefficient_table(model.coefficients))
-    return _block(head, *_reasons(model.verdict), *_texts([form]), Text(model.equation), table, *words)
+    sizes = [] if found.amplitudes is None else [_table(found.amplitudes.table)]
+    return _block(head, *_reasons(model.verdict), *_texts([form]), Text(model.equation), table, *sizes, *words)
 
 
 def physical_block(

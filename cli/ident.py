@@ -12,6 +12,7 @@ from .physical import SECTION, check_options, physical_options, report
 if TYPE_CHECKING:
     from ..datasets import Record
     from ..ident.identification import Identification
+    from ..ident.validation.amplitudes import AmplitudeTable
     from ..parameters import ParameterFile
 
 READING = ("input", "output", "time", "rate", "sample_time", "resample", "decimal", "delimiter", "sheet")
@@ -24,6 +25,7 @@ RECORDED = (
     "resample",
     "unit",
     "orders",
+    "amplitudes",
     "trend",
     "handover",
     "decimal",
@@ -59,6 +61,8 @@ def parser() -> Parser:
     p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay, where they are known")
     by_choice = "model that is handed over: the one chosen, or ARX of the same orders as in papers, with its warning"
     p.add_argument("--handover", choices=["chosen", "arx"], help=f"{by_choice} (default: chosen)")
+    amplitudes = "compare the gain of several runs of different amplitude: is the plant linear?"
+    p.add_argument("--amplitudes", action="store_true", default=None, help=amplitudes)
     p.add_argument("--trend", action="store_true", default=None, help="subtract a straight line, not only the mean")
     physical_options(p)
     p.add_argument("--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis")
@@ -77,8 +81,11 @@ def run(args: argparse.Namespace) -> int:
     from ..cards import terminal
     from ..core.progress import progress_bar
     from ..ident import identify
+    from ..ident.validation.amplitudes import with_amplitudes
 
     check_options(args)
+    if args.amplitudes and len(args.file) < 2:
+        raise UsageError("--amplitudes compares several runs of different amplitude: give two files or more.")
     orders = _orders(args.orders)
     target = _target(args)
     former = None if args.params is None else _former(args)
@@ -92,6 +99,8 @@ def run(args: argparse.Namespace) -> int:
         found = identify(
             records, held_out=held_out, orders=orders, trend=bool(args.trend), handover=args.handover or "chosen"
         )
+        if args.amplitudes:
+            found = with_amplitudes(found, records)
         pf = _collected(found, records, former, args)
     if args.json:
         print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}, version=4)
@@ -215,8 +224,16 @@ def _facts(found: "Identification") -> dict[str, Any]:
         "fit": found.validation.fit,
         "rsquared": found.validation.rsquared,
         "one_step_fit": found.validation.k_step_fit.get(1),
+        "amplitudes": None if found.amplitudes is None else _rows(found.amplitudes),
         "argument": found.argument,
         "form": None if found.form is None else found.form.words,
         "tried": found.tried.to_dict(orient="records"),
         "arx": {"b": found.arx.b.tolist(), "a": found.arx.a.tolist()},
     }
+
+
+def _rows(found: "AmplitudeTable") -> dict[str, Any]:
+    names = ("amplitude", "gain", "gain_error", "difference", "difference_error")
+    columns = [getattr(found, name) for name in names]
+    rows = [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]
+    return {"frequency": found.frequency, "band": list(found.band), "sentence": found.sentence, "runs": rows}

@@ -68,7 +68,7 @@ def simulated_fit(found: Validation, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, 7.2, 3.6)
     for k, part in enumerate(_stretches(found)):
         labels = ("measured", "simulated") if k == 0 else (None, None)
-        ax.plot(found.time[part], found.y[part], color=GREY, lw=1.8, label=labels[0])
+        ax.plot(found.time[part], found.y[part], color=GREY, lw=2.8, label=labels[0])
         ax.plot(found.time[part], found.yhat[part], color=BLUE, lw=1.0, label=labels[1])
         if k:
             ax.axvline(found.time[part.start], color="black", lw=0.6, ls=":")
@@ -242,9 +242,9 @@ def poles_and_zeros(model: Model, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax)
     ax.add_patch(Circle((0, 0), 1, fill=False, color="black", lw=0.8))
     if model.band is not None:
-        angles = 2 * np.pi * model.sample_time * np.array(model.band)
+        low, high = (2 * np.pi * model.sample_time * f for f in model.band)
         for sign in (1, -1):
-            turn = np.exp(1j * sign * np.linspace(*angles, 60))
+            turn = np.exp(1j * sign * np.linspace(low, high, 60))
             ax.plot(turn.real, turn.imag, color=BLUE, lw=4, alpha=0.35, label="excited band" if sign > 0 else None)
     drawn = drawn_models(model, DRAWN, 1, least=0.0).models if model.cov_params is not None else ()
     far: list[float] = []

@@ -33,6 +33,7 @@ from .responses.spectra import excited_band
 from .structure.candidates import Candidate, estimated, partialled
 from .structure.continuous_forms import FittedForm
 from .structure.search import MOST_ORDER, Search, mixture, search
+from .validation.amplitudes import AmplitudeTable
 from .validation.handover import Handover, arx_by_choice, judge_handover
 from .validation.model_validation import Validation
 
@@ -75,6 +76,8 @@ class Identification(Plottable):
         Spikes, drift, lines and nonlinearity of the record, each with size and place.
     by_choice : str or None
         Clause on an ARX model that was handed over by choice.
+    amplitudes : AmplitudeTable or None
+        Gain over amplitude of several runs, where it was asked for.
     notes : tuple of str
     """
 
@@ -90,6 +93,7 @@ class Identification(Plottable):
     causality: str | None
     disturbances: Disturbances
     by_choice: str | None = None
+    amplitudes: AmplitudeTable | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -157,6 +161,7 @@ class Identification(Plottable):
         found = [
             *([(DO_NOT_USE, self.causality)] if self.causality else []),
             *_of_gain(self.model),
+            *([(self.amplitudes.level, self.amplitudes.sentence)] if self.amplitudes else []),
             *held,
             *self.disturbances.reservations,
             *([(RESERVATIONS, self.by_choice)] if self.by_choice else []),

@@ -95,6 +95,48 @@ def test_a_drawn_step_is_as_long_as_the_answer(T, dt):
     assert answer_samples(integrating) <= 3 * settled + 2 * SHORTEST
 
 
+def runs_of(tmp_path, dead_zone, amplitudes=(0.8, 2.5)):
+    """Chirps of several amplitudes through a dead zone and the plant."""
+    names = []
+    for k, amplitude in enumerate(amplitudes):
+        u = amplitude / 2.5 * ident.chirp()
+        y = G.simulate(np.sign(u) * np.maximum(np.abs(u) - dead_zone, 0))
+        y += 0.004 * np.random.default_rng(k).standard_normal(len(u))
+        rows = (f"{j / 50:.2f},{a + 3:.6f},{b:.6f}" for j, (a, b) in enumerate(zip(u, y, strict=True)))
+        (tmp_path / f"run{k}.csv").write_text("time [s],command [V],current [A]\n" + "\n".join(rows) + "\n")
+        names.append(f"run{k}.csv")
+    return names
+
+
+def test_runs_of_several_amplitudes_of_a_linear_plant(run, tmp_path):
+    code, out, _ = run("ident", *runs_of(tmp_path, 0.0), "--amplitudes", "--json")
+    assert code == 0
+    found = json.loads(out)["dynamics"]
+    assert found["amplitudes"]["sentence"].startswith("linear within")
+    assert [row["amplitude"] for row in found["amplitudes"]["runs"]] == pytest.approx([0.8, 2.5], abs=0.01)
+    assert not any("amplitude" in reason for reason in found["verdict"]["reasons"])
+
+
+def test_a_gain_that_depends_on_the_amplitude_reaches_the_file_and_its_gains(run, tmp_path):
+    code, out, _ = run("ident", *runs_of(tmp_path, 0.2), "--amplitudes", "--out", "dz")
+    assert code == 0
+    assert "The gain depends on the amplitude: at 0.8 V" in out
+    pf = parameters.read(tmp_path / "dz/params.json")
+    assert pf.dynamics.verdict.concern >= 1
+    assert any("depends on the amplitude" in reason for reason in pf.dynamics.verdict.reasons)
+    assert "depends on the amplitude" in run("check", "dz/params.json")[1]
+    _, out, _ = run("tune", "dz/params.json", "--settle", "3")
+    assert "Verdict on the gains: usable inside" not in out
+
+
+def test_amplitudes_need_several_runs_that_differ(run, tmp_path):
+    names = runs_of(tmp_path, 0.0, (2.5, 2.5))
+    code, _, err = run("ident", names[0], "--amplitudes")
+    assert (code, "two files or more" in err) == (2, True)
+    code, _, err = run("ident", *names, "--amplitudes", "--out", "same")
+    assert (code, "hardly differ" in err) == (4, True)
+
+
 def test_arx_is_handed_over_by_choice_with_its_warning(run, german, tmp_path):
     code, out, _ = run("ident", german.name, "--handover", "arx", "--out", "arx")
     assert code == 0
