@@ -11,6 +11,7 @@ from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..estimators.input_checks import check_varies
 from .impulse_response import ImpulseResponse, block_means, regularised_impulse
+from .local_polynomial import LocalEstimate, local_polynomial
 from .spectra import checked_frequencies, excited_band, input_power, welch_estimate
 
 if TYPE_CHECKING:
@@ -18,12 +19,16 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-Method = Literal["impulse", "welch"]
+Method = Literal["auto", "impulse", "local", "welch"]
+METHODS = ("auto", "impulse", "local", "welch")
 MOST = 150  # frequencies by default
 LONGEST = 150  # coefficients of the impulse response; at the reduced rate, ten periods of the highest frequency
 KEPT = 12  # samples per period of the highest excited frequency: faster records are averaged in blocks
 SHORTEST = 30  # samples of the longest segment
 DECAYED = 1e-3  # variance of the last coefficient over that of the first
+LONG = 5_000  # samples at the reduced rate: beyond, the local polynomial method is as accurate and much faster
+CHECKED = 30  # frequencies of the band at which the two methods are compared
+CONSISTENT = 2.0  # mean squared difference over the variance; below 1.3 where the prior fits, above 2 where it does not
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -48,7 +53,7 @@ class FrequencyResponse(Plottable):
     band : tuple of float
         Excited band, Hz.
     resolution : float
-        Hz; narrower features are smoothed.
+        Hz; narrower features are smoothed. Of ``local``, the median width of the windows in the excited band.
     level : float
     method : str
     notes : tuple of str
@@ -91,7 +96,7 @@ def frequency_response(
     rec: Record,
     frequency: ArrayLike | None = None,
     *,
-    method: Method = "impulse",
+    method: Method = "auto",
     resolution: float | None = None,
     level: float = 0.95,
 ) -> FrequencyResponse:
@@ -103,10 +108,13 @@ def frequency_response(
         The mean of each segment is removed.
     frequency : array_like, shape (F,), optional
         Hz; by default the bins of the longest segment (at most 150, evenly spaced on a logarithmic axis).
-    method : {"impulse", "welch"}
-        ``impulse`` transforms a regularised impulse response: valid for one sweep as for many runs. ``welch`` averages
-        half-overlapping windows: for long random inputs, and for lightly damped plants whose impulse response is longer
-        than 150 samples. The windows of a sweep differ, so that the error bars of ``welch`` are not valid for it.
+    method : {"auto", "impulse", "local", "welch"}
+        ``impulse`` transforms a regularised impulse response of up to 150 coefficients: the most precise for short
+        records of well damped plants, and wrong where the response has not decayed by then. ``local`` fits polynomials
+        in windows of the transforms whose widths follow from the data: for long records and narrow resonances or
+        notches; its error bars include the smoothing error. ``auto`` takes ``impulse`` for up to 5000 samples (after
+        averaging of a needlessly high rate) if the response decays and ``local`` agrees with it, otherwise ``local``.
+        ``welch`` averages half-overlapping windows of a long random input; its error bars are not valid for a sweep.
     resolution : float, optional
         Hz, for ``welch``: twice the spacing of its bins.
     level : float
@@ -138,8 +146,8 @@ def frequency_response(
     check_varies(rec)
     if not 0 < level < 1:
         raise IdentError(f"level {level!r} of error bars: between 0 and 1, for instance 0.95.")
-    if method not in ("impulse", "welch"):
-        raise IdentError(f"method {method!r}: impulse or welch.")
+    if method not in METHODS:
+        raise IdentError(f"method {method!r}: {', '.join(METHODS[:-1])} or {METHODS[-1]}.")
     band = excited_band(rec)
     f = _frequencies(rec, frequency)
     if method == "welch":
@@ -148,37 +156,110 @@ def frequency_response(
             share = np.where(np.abs(g) > 0, error / np.sqrt(2) / np.abs(g), np.inf)
         return _with_bars(f, g, share, share, coherence, dof, band, width, level, method, ())
     if resolution is not None:
+        raise IdentError('resolution is an option of method="welch"; that of the other methods follows from the data.')
+    local = local_polynomial(rec, f) if method in ("auto", "local") else None
+    if method == "local" and local is None:
         raise IdentError(
-            'resolution is an option of method="welch"; that of the impulse response follows from the data.'
+            f"the longest segment has {max(s.stop - s.start for s in rec.stretches)} samples: local polynomials need "
+            '120. Record longer, or use method="impulse".'
         )
-    g, by_gain, by_phase, coherence, dof, width, notes = _by_impulse(rec, f, band)
-    return _with_bars(f, g, by_gain, by_phase, coherence, dof, band, width, level, method, notes)
+    estimate, reason = None, ""
+    if local is None or method != "local":
+        slower = max(int(rec.rate / max(KEPT * band[1], 2.5 * f.max())), 1)
+        if local is not None and len(rec) // slower > LONG:
+            reason = f"more than {LONG} samples"
+        else:
+            estimate = _impulse(rec, slower)
+            reason = _unsuited(rec, estimate, band) if method == "auto" and local is not None else ""
+    if estimate is None or (reason and local is not None):
+        assert local is not None  # noqa: S101  the impulse response is estimated otherwise
+        return _by_windows(f, local, band, level, reason)
+    return _by_impulse(estimate, f, band, level)
 
 
-def _by_impulse(
-    rec: Record, f: Array, band: tuple[float, float]
-) -> tuple[NDArray[np.complex128], Array, Array, Array, Array, float, tuple[str, ...]]:
-    """G, errors of ln |G| and of the phase, coherence, degrees of freedom, resolution, notes."""
+@dataclass(frozen=True, slots=True)
+class _Impulse:
+    """Impulse response of a record averaged in blocks."""
+
+    rec: Record
+    found: ImpulseResponse
+    notes: tuple[str, ...]
+
+    @property
+    def length(self) -> float:
+        """Length of the impulse response, s."""
+        return len(self.found.g) * self.rec.sample_time
+
+    def response(self, f: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """G (F,) and the root of the covariance of ln G, shape (F, p)."""
+        turn = np.exp(-2j * np.pi * np.outer(f, np.arange(len(self.found.g))) * self.rec.sample_time)
+        g = np.asarray(turn @ self.found.g, dtype=np.complex128)
+        g[g == 0] = np.finfo(float).tiny
+        return g, (turn @ self.found.root) / g[:, None]
+
+
+def _impulse(rec: Record, slower: int) -> _Impulse:
     longest = max(s.stop - s.start for s in rec.stretches)
     if longest < SHORTEST:
         raise IdentError(
             f"the longest segment has {longest} samples: a frequency response needs {SHORTEST}. Record longer."
         )
-    slower = max(int(rec.rate / max(KEPT * band[1], 2.5 * f.max())), 1)
     slow = block_means(rec.centred(), slower if longest // slower >= SHORTEST else 1)
     n = min(LONGEST, max(s.stop - s.start for s in slow.stretches) // 3)
     found = regularised_impulse(slow, n)
-    turn = np.exp(-2j * np.pi * np.outer(f, np.arange(n)) * slow.sample_time)
-    g = np.asarray(turn @ found.g, dtype=np.complex128)
-    g[g == 0] = np.finfo(float).tiny
-    slope = (turn @ found.root) / g[:, None]
-    errors = np.sqrt((slope.real**2).sum(axis=1)), np.sqrt((slope.imag**2).sum(axis=1))
     notes = () if found.tail < DECAYED else (
         f"the impulse response has not decayed within {n * slow.sample_time:.3g} s: peaks narrower than "
         f"{1 / (n * slow.sample_time):.2g} Hz are smoothed, which their error bars do not include",
     )  # fmt: skip
-    dof, width = np.full(len(f), found.dof), 1 / (n * slow.sample_time)
-    return g, errors[0], errors[1], _coherence(slow, found, f, g), dof, width, notes
+    return _Impulse(slow, found, notes)
+
+
+def _unsuited(rec: Record, impulse: _Impulse, band: tuple[float, float]) -> str:
+    """Why the impulse response is not used; empty where it is suited, or cannot be compared."""
+    checked = np.geomspace(*band, CHECKED)
+    local = local_polynomial(rec, checked)
+    if local is None or np.isinf(local.variance).mean() > 0.5:
+        return ""
+    if impulse.notes:
+        return impulse.notes[0].split(":")[0]
+    usable = np.isfinite(local.variance)
+    apart = np.abs(impulse.response(checked)[0] - local.response)[usable] ** 2 / local.variance[usable]
+    rms = float(np.sqrt(apart.mean()))
+    return "" if rms**2 <= CONSISTENT else f"the impulse response differs from it by {rms:.2g} standard errors (rms)"
+
+
+def _by_impulse(impulse: _Impulse, f: Array, band: tuple[float, float], level: float) -> FrequencyResponse:
+    """The response by the regularised impulse response."""
+    g, slope = impulse.response(f)
+    by_gain, by_phase = np.sqrt((slope.real**2).sum(axis=1)), np.sqrt((slope.imag**2).sum(axis=1))
+    return _with_bars(
+        f, g, by_gain, by_phase, _coherence(impulse.rec, impulse.found, f, g), np.full(len(f), impulse.found.dof), band,
+        1 / impulse.length, level, "impulse", impulse.notes,
+    )  # fmt: skip
+
+
+def _by_windows(
+    f: Array, local: LocalEstimate, band: tuple[float, float], level: float, reason: str
+) -> FrequencyResponse:
+    """The local estimate with its error bars, its resolution, and where that does not suffice."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(np.abs(local.response) > 0, np.sqrt(local.variance / 2) / np.abs(local.response), np.inf)
+    inside = (f >= band[0]) & (f <= band[1])
+    inside = inside if inside.any() else np.ones_like(inside)
+    widths = local.width[inside]
+    notes = [
+        f"local polynomial method{f' ({reason})' if reason else ''}: windows of {widths.min():.3g} to "
+        f"{widths.max():.3g} Hz in the excited band"
+    ]
+    if (sharp := inside & local.unresolved).any():
+        notes.append(
+            f"the response varies within the narrowest window ({local.width[sharp].min():.2g} Hz) at "
+            f"{f[sharp].min():.3g}{f' to {f[sharp].max():.3g}' if sharp.sum() > 1 else ''} Hz: record longer"
+        )
+    return _with_bars(
+        f, local.response, share, share, local.coherence, local.dof, band, float(np.median(widths)), level, "local",
+        tuple(notes),
+    )  # fmt: skip
 
 
 def _coherence(rec: Record, found: ImpulseResponse, f: Array, g: NDArray[np.complex128]) -> Array:
@@ -202,7 +283,7 @@ def _with_bars(
     quantile = t.ppf((1 + level) / 2, 2 * dof)
     spread, turn = quantile * by_gain, np.minimum(np.degrees(quantile * by_phase), 180.0)
     with np.errstate(over="ignore"):
-        low, high = gain * np.exp(-spread), gain * np.exp(spread)
+        low, high = gain * np.exp(-spread), np.maximum(gain, np.finfo(float).tiny) * np.exp(spread)
     return FrequencyResponse(
         f, g, by_gain, np.minimum(np.degrees(by_phase), 180.0), low, high, phase - turn, phase + turn, coherence, dof,
         (f < band[0] * (1 - 1e-9)) | (f > band[1] * (1 + 1e-9)), band, float(width), level, method, notes,
