@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..core.arrays import Array
 from ..datasets.records.record import Record
 from .estimators.filters import filtered
-from .estimators.long_arx import LongArx, golden, input_lags, long_arx, middle
+from .estimators.long_arx import LongArx, golden, input_lags, long_arx, spread
 
 SPIKE = 6.0  # robust standard deviations of the innovations
 PATCH = (1, 2, 3)  # samples of one spike
@@ -32,12 +32,28 @@ REFINED = 12  # evaluations of the exact frequency
 MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
 
+def columns_beside(rec: Record, lines: tuple[float, ...], drift: int) -> Array:
+    """Cosine and sine of each line and powers of time in each stretch, shape (N, k), zero outside the stretch."""
+    columns = []
+    for s in rec.stretches:
+        n = s.stop - s.start
+        t = np.arange(n)
+        x = 2 * (t + 0.5) / n - 1
+        own = [x**k for k in range(1, drift + 1)]
+        for f in lines:
+            own += [np.cos(2 * np.pi * f * rec.sample_time * t), np.sin(2 * np.pi * f * rec.sample_time * t)]
+        for values in own:
+            columns.append(np.zeros(len(rec)))
+            columns[-1][s] = values
+    return np.column_stack(columns) if columns else np.empty((len(rec), 0))
+
+
 def without_spikes(rec: Record, y_lags: int) -> tuple[Record, NDArray[np.intp], bool]:
     """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes."""
     bad = np.zeros(len(rec), dtype=bool)
-    clean, lags = rec, input_lags(middle(rec), y_lags)
+    clean, lags = rec, input_lags(spread(rec), y_lags)
     for _ in range(ROUNDS):
-        fit = long_arx(middle(clean), y_lags, lags)
+        fit = long_arx(spread(clean), y_lags, lags)
         e = innovations(clean, fit)
         new = _spikes(e, fit.a, clean.stretches) & ~bad
         if not new.any():
@@ -74,9 +90,7 @@ def _spikes(e: Array, a: Array, stretches: tuple[slice, ...]) -> NDArray[np.bool
             response = np.abs(_matched(part, shape)) / np.linalg.norm(shape)
             larger = response > best * (1.1 if count > 1 else 1.0)  # fewer samples where both explain it
             best, width = np.where(larger, response, best), np.where(larger, count, width)
-        for k in np.argsort(-best):
-            if best[k] <= SPIKE * scale:
-                break
+        for k in np.flatnonzero(best > SPIKE * scale):
             near = slice(max(k - len(a), 0), k + len(a))
             if best[k] == best[near].max() and best[k] >= LIKE_A_SPIKE * np.abs(part[near]).max():
                 found[s.start + k : min(s.start + k + width[k], s.stop)] = True

@@ -19,6 +19,7 @@ from .additive_disturbances import (
     FALSE_ALARM,
     MOST_LINES,
     MOST_SPIKES,
+    columns_beside,
     drift_degree,
     drift_range,
     strongest_line,
@@ -111,22 +112,6 @@ class Disturbances(Displayable):
         return columns_beside(rec, self.lines, self.drift) if self.lines or self.drift else None
 
 
-def columns_beside(rec: Record, lines: tuple[float, ...], drift: int) -> Array:
-    """Cosine and sine of each line and powers of time in each stretch, shape (N, k), zero outside the stretch."""
-    columns = []
-    for s in rec.stretches:
-        n = s.stop - s.start
-        t = np.arange(n)
-        x = 2 * (t + 0.5) / n - 1
-        own = [x**k for k in range(1, drift + 1)]
-        for f in lines:
-            own += [np.cos(2 * np.pi * f * rec.sample_time * t), np.sin(2 * np.pi * f * rec.sample_time * t)]
-        for values in own:
-            columns.append(np.zeros(len(rec)))
-            columns[-1][s] = values
-    return np.column_stack(columns) if columns else np.empty((len(rec), 0))
-
-
 def disturbances(rec: Record) -> Disturbances:
     """Disturbances of a record.
 
@@ -152,7 +137,7 @@ def disturbances(rec: Record) -> Disturbances:
     order = order_of(rec)
     if not order:
         return Disturbances((), rec, remark=f"{len(rec)} samples are too few")
-    clean, replaced, heavy = without_spikes(rec.centred(), order)
+    clean, replaced, heavy = _spikes(rec, order)
     part = middle(clean)
     lags = input_lags(part, order)
     fit = long_arx(part, order, lags)
@@ -168,6 +153,25 @@ def disturbances(rec: Record) -> Disturbances:
     ]
     named += [*_of_nonlinearity(rec, found), *static]
     return Disturbances(tuple(named), clean, lines, drift, replaced)
+
+
+def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:
+    """The centred record with spikes replaced, their samples, and whether outliers are too many to be spikes.
+
+    A nonlinearity of the input leaves innovations that resemble spikes; where there is one, spikes are those beside it.
+    """
+    rec = rec.centred()
+    clean, replaced, heavy = without_spikes(rec, order)
+    if not (replaced.size or heavy):
+        return clean, replaced, heavy
+    part = middle(rec)
+    fit = long_arx(part, order, input_lags(part, order))
+    found = nonlinearity(fit, part, part.u + _offsets(part)[:, 0], np.empty((len(part), 0)))
+    if found is None:
+        return clean, replaced, heavy
+    acting = found.acting(rec, rec.u + _offsets(rec)[:, 0])
+    clean, replaced, heavy = without_spikes(replace(rec, u=acting).centred(), order)
+    return replace(clean, u=rec.u, offsets=rec.offsets), replaced, heavy
 
 
 def _tested(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...], Nonlinearity | None, LongArx]:
@@ -253,9 +257,9 @@ def _of_spikes(rec: Record, clean: Record, at: NDArray[np.intp], heavy: bool) ->
     shown = ", ".join(str(k + 1) for k in at[:SHOWN]) + (f" and {len(at) - SHOWN} more" if len(at) > SHOWN else "")
     place = f"sample{'s' * (len(at) > 1)} {shown}"
     words = (
-        f"{rec.output} has spikes of up to {plain(largest, 3)}{_unit(rec.unit_y)} at {len(at)} of {len(rec)} samples "
-        f"({place}); they were replaced by values consistent with the other samples: check shielding and contacts of "
-        "the sensor"
+        f"the output {rec.output} has spikes of up to {plain(largest, 3)}{_unit(rec.unit_y)} at {len(at)} of "
+        f"{len(rec)} samples ({place}); they were replaced by values consistent with the other samples: check "
+        "shielding and contacts of the sensor"
     )
     return [Disturbance("spikes", largest, rec.unit_y, place, words)]
 
@@ -266,9 +270,9 @@ def _of_drift(rec: Record, fit: LongArx, drift: int) -> list[Disturbance]:
     size, count = _drift_of_longest(rec, fit, drift)
     if size is None:
         return []
-    relative = _relative(size, rec)
+    relative, time = _relative(size, rec), count * rec.sample_time
     words = (
-        f"{rec.output} drifts by {plain(size, 2)}{_unit(rec.unit_y)} within {plain(count * rec.sample_time)} s "
+        f"the output {rec.output} drifts by {plain(size, 2)}{_unit(rec.unit_y)} within {plain(time)} s "
         f"({relative:.0%} of its standard deviation), fitted beside the plant as a polynomial of degree {drift}: warm "
         "up the machine, or correct the offset of the sensor before each run"
     )
@@ -291,8 +295,8 @@ def _of_lines(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -
         size = float(np.hypot(block[:, 2 * k], block[:, 2 * k + 1]).max() / abs(fit.a @ z))
         relative = _relative(size, rec)
         words = (
-            f"{rec.output} has a line at {f:.4g} Hz of amplitude {plain(size, 2)}{_unit(rec.unit_y)} ({relative:.0%} "
-            f"of its standard deviation), fitted beside the plant. {_origins(f, rec.rate)}"
+            f"the output {rec.output} has a line at {f:.4g} Hz of amplitude {plain(size, 2)}{_unit(rec.unit_y)} "
+            f"({relative:.0%} of its standard deviation), fitted beside the plant. {_origins(f, rec.rate)}"
         )
         out.append(Disturbance("line", size, rec.unit_y, f"{f:.4g} Hz", words, _level(relative)))
     return out
@@ -376,8 +380,8 @@ def _of_quantum(rec: Record, fit: LongArx) -> list[Disturbance]:
     if step / np.sqrt(12) < COARSE * scatter or span > 50 * FEWEST_STEPS * step:
         return []
     words = (
-        f"{rec.output} is quantised in steps of {plain(step)}{_unit(rec.unit_y)}, {span / step:.0f} over its range, "
-        "which is most of its noise: use a finer range of the converter, or a larger amplitude"
+        f"the output {rec.output} is quantised in steps of {plain(step)}{_unit(rec.unit_y)}, {span / step:.0f} over "
+        "its range, which is most of its noise: use a finer range of the converter, or a larger amplitude"
     )
     level = RESERVATIONS if span < FEWEST_STEPS * step else USABLE
     return [Disturbance("quantisation", step, rec.unit_y, "all samples", words, level)]
@@ -390,7 +394,7 @@ def _of_clipping(rec: Record) -> list[Disturbance]:
     value = found[0] + float(_offsets(rec)[0, 1])
     place = f"{rec.output} {plain(value)}{_unit(rec.unit_y)}"
     words = (
-        f"{rec.output} is held at {plain(value)}{_unit(rec.unit_y)} in {found[1]:.0%} of the samples, the end of the "
-        "range of its sensor, so that the gain is understated: use a larger range, or a smaller amplitude"
+        f"the output {rec.output} is held at {plain(value)}{_unit(rec.unit_y)} in {found[1]:.0%} of the samples, the "
+        "end of the range of its sensor, so that the gain is understated: use a larger range, or a smaller amplitude"
     )
     return [Disturbance("clipped output", value, rec.unit_y, place, words)]

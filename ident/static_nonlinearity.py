@@ -8,7 +8,7 @@ Source: Haber & Keviczky 1999, Nonlinear System Identification, section 4 (Hamme
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -46,6 +46,8 @@ class Nonlinearity:
         Share of the samples inside the dead zone, or beyond the level of saturation.
     change : float
         Relative change of the gain there: -1 where the input is lost.
+    lost : callable
+        What a change of -1 takes from the input of a record.
     """
 
     kind: str
@@ -54,6 +56,11 @@ class Nonlinearity:
     p: float
     beyond: float
     change: float
+    lost: Callable[[Record, Array], Array] = field(repr=False)
+
+    def acting(self, rec: Record, raw: Array) -> Array:
+        """Input (N,) that acts on the plant, from the input ``raw`` of a record with its operating point."""
+        return raw + self.change * self.lost(rec, raw)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +68,7 @@ class Candidate:
     """A kind of nonlinearity with its function of u and its size, a share of half the range of u."""
 
     kind: str
-    function: Callable[[Array, float], Array]
+    function: Callable[[Record, Array, float], Array]
     sizes: tuple[float, ...]
     ends: Callable[[float], tuple[float, float]]
 
@@ -87,7 +94,7 @@ def nonlinearity(fit: LongArx, rec: Record, raw: Array, beside: Array) -> Nonlin
         return None
     held = list(_candidates(rec, raw))
     columns = [(candidate, x) for candidate in held for x in candidate.sizes]
-    stacked = np.column_stack([lagged_rows(c.function(raw, x), lags, wide.rows) for c, x in columns])
+    stacked = np.column_stack([lagged_rows(c.function(rec, raw, x), lags, wide.rows) for c, x in columns])
     fell = _decreases(wide, stacked, len(columns))
     first = int(np.argmax(fell))
     p = wide.f_test(stacked[:, first * len(lags) : (first + 1) * len(lags)])[0]
@@ -121,7 +128,7 @@ class Acting:
 
     def left(self, candidate: "Candidate", size: float, change: float) -> float:
         """Sum of squares of the innovations with the input u + change g(u)."""
-        acting = replace(self.rec, u=self.raw + change * candidate.function(self.raw, size))
+        acting = replace(self.rec, u=self.raw + change * candidate.function(self.rec, self.raw, size))
         return long_arx(acting, self.y_lags, self.lags, self.beside).rss
 
 
@@ -134,7 +141,7 @@ def _candidates(rec: Record, raw: Array) -> Iterator[Candidate]:
         yield Candidate(
             "dead zone", partial(_inside, at, half), WIDTHS, lambda x, at=at: (at - x * half, at + x * half)
         )
-    yield Candidate("backlash", partial(_lost, rec, half), WIDTHS, lambda x: (0.0, 2 * x * half))
+    yield Candidate("backlash", partial(_lost, half), WIDTHS, lambda x: (0.0, 2 * x * half))
     for above, below in ((True, False), (False, True), (True, True)):
         yield Candidate(
             "saturation", partial(_excess, centre, half, above, below), LEVELS,
@@ -142,21 +149,21 @@ def _candidates(rec: Record, raw: Array) -> Iterator[Candidate]:
                 centre - x * half if below else -np.inf, centre + x * half if above else np.inf
             ),
         )  # fmt: skip
-    yield Candidate("curvature", lambda u, _: ((u - centre) / half) ** 2, (1.0,), lambda _: (low, high))
+    yield Candidate("curvature", lambda rec, u, _: ((u - centre) / half) ** 2, (1.0,), lambda _: (low, high))
 
 
-def _inside(at: float, half: float, u: Array, x: float) -> Array:
+def _inside(at: float, half: float, rec: Record, u: Array, x: float) -> Array:
     """What a dead zone takes from u."""
     return np.clip(u - at, -x * half, x * half)
 
 
-def _excess(centre: float, half: float, above: bool, below: bool, u: Array, x: float) -> Array:
+def _excess(centre: float, half: float, above: bool, below: bool, rec: Record, u: Array, x: float) -> Array:
     """What a saturation takes from u."""
     v = u - centre
     return np.maximum(v - x * half, 0.0) * above + np.minimum(v + x * half, 0.0) * below
 
 
-def _lost(rec: Record, half: float, u: Array, x: float) -> Array:
+def _lost(half: float, rec: Record, u: Array, x: float) -> Array:
     """What backlash of width 2 x half takes from u, in each stretch."""
     out = np.empty_like(u)
     for s in rec.stretches:
@@ -186,8 +193,12 @@ def _refined(acting: Acting, best: list[tuple[Candidate, float]], p: float) -> N
         k = int(np.argmin(np.abs(grid - size)))
         size = golden(lambda x: acting.left(candidate, x, change), float(grid[k - 1]), float(grid[k + 1]), REFINED)
     ends = candidate.ends(size)
+
+    def lost(rec: Record, raw: Array) -> Array:
+        return candidate.function(rec, raw, size)
+
     kind = "curvature" if change > LOST else candidate.kind
-    return Nonlinearity(kind, *ends, p, _affected(candidate.kind, acting.raw, *ends), change)
+    return Nonlinearity(kind, *ends, p, _affected(candidate.kind, acting.raw, *ends), change, lost)
 
 
 def _affected(kind: str, raw: Array, low: float, high: float) -> float:

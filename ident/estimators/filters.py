@@ -32,7 +32,7 @@ def filtered(num: Array | list[float], den: Array | list[float], x: Array, stret
     return out
 
 
-def lagged(x: Array, lags: range, stretches: Sequence[slice]) -> Array:
+def lagged(x: Array, lags: Sequence[int], stretches: Sequence[slice]) -> Array:
     """Column k is x (N,) delayed by ``lags[k]`` samples, zero before each segment; shape (N, len(lags))."""
     out = np.zeros((len(x), len(lags)), order="F")
     for s in stretches:

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
-from ...datasets.records.record import Record
+from ...datasets.records.record import Record, join_records
 from .regressors import r_of
 
 Y_LAGS, U_LAGS = 20, (20, 40, 60)
 SAMPLES_PER_LAG = 30  # of y: shorter records have fewer lags
 FEWEST_LAGS = 4
-MOST_ROWS = 4000  # of longer records the middle part
+MOST_ROWS, PARTS = 4000, 8  # of longer records the middle part, or parts of it
 DEPENDENT = 1e-7  # of its length: a lag of u beyond is a combination of the lags before (a slow chirp has about ten)
 EXACT = 1e-12  # of the variance of y: innovations below are rounding or the printed digits of a simulation
 
@@ -95,6 +95,16 @@ def middle(rec: Record) -> Record:
         return rec
     start = (len(rec) - MOST_ROWS) // 2
     return rec.part(start, start + MOST_ROWS)
+
+
+def spread(rec: Record) -> Record:
+    """Evenly spaced parts of a record of more than 4000 samples: of a long sweep each has another frequency."""
+    size = MOST_ROWS // PARTS
+    starts = [s.start + k for s in rec.stretches for k in range(0, s.stop - s.start - size + 1, size)]
+    if len(rec) <= MOST_ROWS or len(starts) < PARTS:
+        return middle(rec)
+    chosen = [starts[k] for k in np.linspace(0, len(starts) - 1, PARTS).round().astype(int)]
+    return join_records([rec.part(k, k + size) for k in chosen])
 
 
 def input_lags(rec: Record, y_lags: int) -> NDArray[np.intp]:

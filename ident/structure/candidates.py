@@ -24,7 +24,7 @@ from ..estimators.box_jenkins import (
     whitened_minimum,
     whitened_run,
 )
-from ..estimators.filters import EDGE, burg, filtered, is_stable, squares
+from ..estimators.filters import EDGE, burg, filtered, is_stable, lagged, squares
 from ..estimators.least_squares import arx
 from ..estimators.order_losses import losses, losses_of_triangle
 from ..estimators.regressors import Lags, arx_regressors, gram, triangle
@@ -46,6 +46,7 @@ SLOW = 10.0  # a pole with a time constant above a tenth of the longest segment 
 SLOW_TRIED = 12  # candidates of which those with a slow pole are tried with an integrator
 CANCELLED = 1e-6  # share of |b| below which b(1) cancels the integrator
 HOPELESS = 100.0  # of the criterion above the best: the penalty makes no difference
+MEMORY = (0, 1, 2, 4, 7, 11, 16, 22, 30, 40, 55)  # lags of u beside which drift and lines are estimated first
 EQUATIONS = 6  # candidates with equation noise
 
 
@@ -153,12 +154,25 @@ class Screen:
 def screen_of(rec: Record, band: tuple[float, float], first: int, delay: int, beside: Array | None = None) -> Screen:
     """The record with the simulated output of its high-order model, both whitened."""
     high = high_order_arx(rec.u, rec.y, rec.stretches, first, delay=delay, beside=beside)
-    x = high.x if high.stable and squares(rec.y - high.x) < squares(rec.y) else rec.y
-    parts = [rec.y[s] - x[s] for s in rec.stretches if s.stop - s.start > 2 * len(high.a)]
+    y = rec.y if beside is None else without_beside(rec, beside)
+    x = high.x if high.stable and squares(y - high.x) < squares(y) else y
+    parts = [y[s] - x[s] for s in rec.stretches if s.stop - s.start > 2 * len(high.a)]
     left = [v - v.mean() for v in parts]
     d = burg(left)[0] if left and squares(np.concatenate(left)) > EXACT * squares(rec.y) else ONE
-    u, x, y = (filtered(d, [1.0], v, rec.stretches) for v in (rec.u, x, rec.y))
+    u, x, y = (filtered(d, [1.0], v, rec.stretches) for v in (rec.u, x, y))
     return Screen(rec, band, d, u, x, y, beside)
+
+
+def without_beside(rec: Record, beside: Array) -> Array:
+    """Output (N,) less the columns beside the plant, whose coefficients are fitted together with lags of u."""
+    longest = max(s.stop - s.start for s in rec.stretches)
+    past = lagged(rec.u, [lag for lag in MEMORY if lag < longest // 6], rec.stretches)
+    level = [
+        np.where((np.arange(len(rec)) >= s.start) & (np.arange(len(rec)) < s.stop), 1.0, 0.0) for s in rec.stretches
+    ]
+    columns = np.column_stack([*level, past, beside])
+    theta = np.linalg.lstsq(columns, rec.y, rcond=1e-9)[0]
+    return rec.y - beside @ theta[-beside.shape[1] :]
 
 
 def scanned(screen: Screen, na: int, nb: int, delays: Iterable[int], f: Array = ONE) -> dict[int, tuple[float, Array]]:
