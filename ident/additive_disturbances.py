@@ -28,6 +28,8 @@ INTEGRATING = 1e-6  # a(1) of an integrator, relative to the sum of |a|: its out
 MOST_LINES = 4
 SLOWEST = 4.0  # periods of a line within a stretch; slower ones are drift
 PADDED = 4  # points of the search per independent frequency
+ALIASES = 2  # multiples of the sample rate for which the true frequency of a line is named
+MAINS = (50.0, 60.0)
 REFINED = 12  # evaluations of the exact frequency
 MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
@@ -196,3 +198,20 @@ def decrease(fit: LongArx, rows: slice, f: float) -> float:
     if det <= 1e-6 * g[0, 0] * g[1, 1] or min(g[0, 0], g[1, 1]) <= 1e-11 * len(t):
         return 0.0
     return float((g[1, 1] * c[0] ** 2 - 2 * g[0, 1] * c[0] * c[1] + g[0, 0] * c[1] ** 2) / det)
+
+
+def origins_of_line(f: float, rate: float) -> str:
+    """Frequencies that a sampled line may have.
+
+    >>> _origins(10.0, 50.0)
+    'Sampled at 50 Hz, it may stem from 10, 40, 60 (mains), 90 or 110 Hz: compare with teeth x rpm / 60'
+    """
+    true = [f, *(x for n in range(1, ALIASES + 1) for x in (n * rate - f, n * rate + f))]
+    named = []
+    for x in true:
+        mains = next((m for m in MAINS if abs(x / m - round(x / m)) * m < 0.002 * x and 1 <= round(x / m) <= 3), None)
+        named.append(f"{x:.4g}" + (" (mains)" if mains else ""))
+    return (
+        f"Sampled at {rate:.4g} Hz, it may stem from {', '.join(named[:-1])} or {named[-1]} Hz: compare with teeth x "
+        "rpm / 60"
+    )

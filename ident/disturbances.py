@@ -22,18 +22,17 @@ from .additive_disturbances import (
     columns_beside,
     drift_degree,
     drift_range,
+    origins_of_line,
     strongest_line,
     without_spikes,
 )
-from .estimators.long_arx import EXACT, LongArx, input_lags, long_arx, middle, order_of
+from .estimators.long_arx import EXACT, LongArx, input_lags, long_arx, middle, order_of, spread
 from .static_nonlinearity import Nonlinearity, clipped, nonlinearity, quantum
 
 RELEVANT = 0.02  # of the standard deviation of y: smaller drift and lines are named without a reservation
 NARROW = 0.02  # of half the range of u: smaller dead zones and backlash are named without a reservation
 FEWEST_STEPS = 20  # of a quantised output over its range
 COARSE = 0.5  # standard deviation of the rounding per standard deviation of the innovations
-ALIASES = 2  # multiples of the sample rate for which the true frequency of a line is named
-MAINS = (50.0, 60.0)
 CONFIRMED = 1e-3  # p value of a drift or line beside twice as many lags
 CHECKED = "Spikes, drift, lines and nonlinearity"
 SHOWN = 6  # samples of spikes that are named
@@ -145,7 +144,8 @@ def disturbances(rec: Record) -> Disturbances:
     clean = replace(rec, y=clean.y + _offsets(clean)[:, 1] - _offsets(rec)[:, 1], sha256=rec.sha256)
     if fit.rss <= EXACT * float(part.y @ part.y):
         return Disturbances(tuple(static), clean, remark="the record has no noise")
-    drift, lines, found, held = _tested(part, fit)
+    drift, lines, held = _tested(part, fit)
+    found = _static(spread(clean), order, lines, drift, held if len(part) == len(rec) else None)
     named = [
         *_of_spikes(rec, clean, replaced, heavy),
         *_of_drift(part, held, drift),
@@ -164,7 +164,7 @@ def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:
     clean, replaced, heavy = without_spikes(rec, order)
     if not (replaced.size or heavy):
         return clean, replaced, heavy
-    part = middle(rec)
+    part = spread(rec)
     fit = long_arx(part, order, input_lags(part, order))
     found = nonlinearity(fit, part, part.u + _offsets(part)[:, 0], np.empty((len(part), 0)))
     if found is None:
@@ -174,14 +174,20 @@ def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:
     return replace(clean, u=rec.u, offsets=rec.offsets), replaced, heavy
 
 
-def _tested(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...], Nonlinearity | None, LongArx]:
-    """Degree of drift, frequencies of lines, nonlinearity, and the regression with drift and lines."""
+def _tested(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...], LongArx]:
+    """Degree of drift, frequencies of lines, and the regression with both."""
     drift, lines = _additive(rec, fit)
     if drift or lines:
         drift, lines = _confirmed(rec, 2 * (len(fit.a) - 1), drift, lines)
     beside = columns_beside(rec, lines, drift)
-    held = long_arx(rec, len(fit.a) - 1, fit.lags, beside) if beside.shape[1] else fit
-    return drift, lines, nonlinearity(held, rec, rec.u + _offsets(rec)[:, 0], beside), held
+    return drift, lines, long_arx(rec, len(fit.a) - 1, fit.lags, beside) if beside.shape[1] else fit
+
+
+def _static(rec: Record, order: int, lines: tuple[float, ...], drift: int, held: LongArx | None) -> Nonlinearity | None:
+    """Nonlinearity of the input beside drift and lines; ``held`` is their regression on this record, if known."""
+    beside = columns_beside(rec, lines, drift)
+    held = held or long_arx(rec, order, input_lags(rec, order), beside)
+    return nonlinearity(held, rec, rec.u + _offsets(rec)[:, 0], beside)
 
 
 def _additive(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...]]:
@@ -296,27 +302,10 @@ def _of_lines(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -
         relative = _relative(size, rec)
         words = (
             f"the output {rec.output} has a line at {f:.4g} Hz of amplitude {plain(size, 2)}{_unit(rec.unit_y)} "
-            f"({relative:.0%} of its standard deviation), fitted beside the plant. {_origins(f, rec.rate)}"
+            f"({relative:.0%} of its standard deviation), fitted beside the plant. {origins_of_line(f, rec.rate)}"
         )
         out.append(Disturbance("line", size, rec.unit_y, f"{f:.4g} Hz", words, _level(relative)))
     return out
-
-
-def _origins(f: float, rate: float) -> str:
-    """Frequencies that a sampled line may have.
-
-    >>> _origins(10.0, 50.0)
-    'Sampled at 50 Hz, it may stem from 10, 40, 60 (mains), 90 or 110 Hz: compare with teeth x rpm / 60'
-    """
-    true = [f, *(x for n in range(1, ALIASES + 1) for x in (n * rate - f, n * rate + f))]
-    named = []
-    for x in true:
-        mains = next((m for m in MAINS if abs(x / m - round(x / m)) * m < 0.002 * x and 1 <= round(x / m) <= 3), None)
-        named.append(f"{x:.4g}" + (" (mains)" if mains else ""))
-    return (
-        f"Sampled at {rate:.4g} Hz, it may stem from {', '.join(named[:-1])} or {named[-1]} Hz: compare with teeth x "
-        "rpm / 60"
-    )
 
 
 def _of_nonlinearity(rec: Record, found: Nonlinearity | None) -> list[Disturbance]:
