@@ -32,11 +32,14 @@ class Plants:
         Number of unstable draws omitted.
     given : bool
         Given by the caller, not drawn: their share is counted, not estimated.
+    structures : int
+        Number of structures (orders and delay) that were drawn.
     """
 
     models: tuple[Model, ...]
     left_out: int = 0
     given: bool = False
+    structures: int = 1
 
 
 def components(model: Model) -> tuple[tuple[float, Model], ...]:
@@ -110,7 +113,7 @@ def drawn_models(model: Model, count: int = 500, seed: int | Sequence[int] = 1, 
             "to tune on. Record longer, excite lower frequencies, or lower the orders."
         )
     order = rng.permutation(len(kept)) if len(parts) > 1 else range(len(kept))
-    return Plants(tuple(kept[k] for k in order), count - len(kept))
+    return Plants(tuple(kept[k] for k in order), count - len(kept), structures=len(parts))
 
 
 def allotted(weights: Sequence[float], count: int) -> list[int]:

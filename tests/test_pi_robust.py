@@ -250,3 +250,4 @@ def test_the_probability_includes_the_uncertainty_of_the_orders():
     assert both == pytest.approx(0.8 * alone + 0.2 * other, abs=0.03)
     pi = tune_pi(replace(LOOSE, alternatives=((0.2, slow),)), rise_time=1.5, n=24)
     assert pi.robustness.n > 1500
+    assert "of the model uncertainty, 2 structures included, that did not choose the gains" in pi.robustness.words

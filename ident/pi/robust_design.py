@@ -58,6 +58,8 @@ class Robustness(Displayable):
         Worst value of each limited figure.
     given : bool
         Over models given by the caller, not over draws.
+    structures : int
+        Number of structures (orders and delay) among the draws.
     """
 
     probability: float
@@ -68,6 +70,7 @@ class Robustness(Displayable):
     missed: dict[str, float]
     worst: dict[str, float]
     given: bool = False
+    structures: int = 1
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -86,9 +89,10 @@ class Robustness(Displayable):
             text = f"The specification holds on {100 * self.probability:.3g} % of the {self.n} given models"
         else:
             held, low, high = map(share_words, (self.probability, *self.interval))
+            orders = f", {self.structures} structures included," if self.structures > 1 else ""
             text = (
-                f"The specification holds with probability {held} % (95 % Monte Carlo interval "
-                f"{low} to {high} %) over {self.n} draws of the model uncertainty that did not choose the gains"
+                f"The specification holds with probability {held} % (95 % Monte Carlo interval {low} to {high} %) "
+                f"over {self.n} draws of the model uncertainty{orders} that did not choose the gains"
             )
         if self.unstable:
             text += f"; {self.unstable} of the loops are unstable"
@@ -184,7 +188,7 @@ def robustness(
     unstable = int((~table["stable"].astype(bool)).sum())
     return Robustness(
         float(holds.mean()), share_error(float(holds.mean()), n), n, unstable, plants.left_out, missed, worst,
-        plants.given,
+        plants.given, plants.structures,
     )  # fmt: skip
 
 
