@@ -23,6 +23,7 @@ from ...core.verdict import RESERVATIONS
 from ...datasets.records.record import Record, join_records
 from ..estimators.bias_checks import FREQUENCIES, response_error
 from ..model import Model
+from ..responses.spectra import excited_band
 from .model_validation import FIT, GOOD, Validation, states_of, validate
 
 FEWEST = 60  # samples of each block: below, the whole record is fitted and validated
@@ -30,6 +31,7 @@ BLOCK = 100  # samples of a block from which on there are six
 LARGER = 1.3  # rms error on samples that were not fitted, relative to the own record: below, the noise is the reason
 APART = 0.1  # of |G|: a smaller difference of the two models does not matter
 SIGNIFICANT = 4.0  # standard errors of that difference
+SAME_BAND = 0.7  # of the excited band, in each of two runs
 Span = tuple[int, int]
 Estimate = Callable[[Record, Array | None], Model]  # of the same structure, from any record and what is beside it
 TOO_SHORT = "the estimation record, too short to hold out samples: record a second run"
@@ -146,7 +148,7 @@ def judge_handover(
 def _split(rec: Record, states: int) -> tuple[tuple[list[Span], list[Span]] | tuple[()], str]:
     """Samples to fit and to validate on, none where the record is too short, and a description of the latter."""
     last, n = rec.starts[-1], len(rec)
-    if len(rec.starts) > 1 and min(last, n - last) >= FEWEST:
+    if len(rec.starts) > 1 and min(last, n - last) >= FEWEST and _two_runs(rec, last):
         words = f"run {len(rec.starts)} of {len(rec.starts)}, the same structure fitted to the others"
         return ([(0, last)], [(last, n)]), words
     if n // 3 < FEWEST:
@@ -156,6 +158,16 @@ def _split(rec: Record, states: int) -> tuple[tuple[list[Span], list[Span]] | tu
     fitted = [block for k, block in enumerate(blocks) if k % 3 != 1]
     named = " and ".join(f"{a + 1} to {b}" for a, b in blocks[1::3])
     return (fitted, blocks[1::3]), f"samples {named}, the same structure fitted to the others"
+
+
+def _two_runs(rec: Record, last: int) -> bool:
+    """Whether the last segment and those before it excite the same band: parts of a sweep around a gap do not."""
+    low, high = excited_band(rec)
+    try:
+        bands = [excited_band(rec.part(a, b)) for a, b in ((0, last), (last, len(rec)))]
+    except IdentError:  # constant in one of them
+        return False
+    return all(min(top, high) - max(bottom, low) >= SAME_BAND * (high - low) for bottom, top in bands)
 
 
 def _joined(rec: Record, part: list[Span]) -> Record:

@@ -244,7 +244,8 @@ def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Rec
     starts = tuple(int(b) for b in np.cumsum([0, *(s.stop - s.start for s in parts)])[:-1])
     left_out = len(rec.starts) - len(kept)
     remark = f"{left_out} segment{'s' * (left_out > 1)} of fewer than {fewest} samples left out"
-    return replace(rec, u=u, y=y, starts=starts, offsets=np.asarray(rec.offsets)[kept], reference=None), (remark,)
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in parts])
+    return replace(rec, u=u, y=y, starts=starts, offsets=np.asarray(rec.offsets)[kept], reference=None), (remark,), rows
 
 
 RINGING = 0.1  # damping ratio below which a mode is remarked upon
