@@ -28,7 +28,7 @@ RINGING = 0.9  # radius of a lightly damped pole
 TEMPER = 4.0  # chosen by the coverage of bands in benchmarks/structure_bank.py: .93 with 2, .97 with 8
 LEAST, MOST = 0.01, 8  # smallest weight and largest number of candidates that are kept
 LIGHT = 0.3  # damping ratio below which a pair of poles is a resonance
-UNRESOLVED = 2  # coefficients that a resonance below the resolution of the record counts for, and one for each factor e
+UNRESOLVED = 4  # coefficients that a resonance below the resolution of the record counts for, and two for each factor e
 GRID = 60  # frequencies of the guard, in and beyond the band
 
 
@@ -88,7 +88,7 @@ def _unresolved(poles: NDArray[np.complex128], sample_time: float, n: int) -> fl
     light = log[-log.real < LIGHT * np.abs(log)]
     width = np.maximum(-light.real, 1e-9) / (math.pi * sample_time)
     narrow = np.log(1 / (n * sample_time * width))
-    return float(np.sum(UNRESOLVED + narrow[narrow > 0]))
+    return float(np.sum(UNRESOLVED + 2 * narrow[narrow > 0]))
 
 
 def _slow(poles: NDArray[np.complex128], n: int) -> int:
