@@ -41,6 +41,7 @@ AHEAD = 3  # delays scanned beyond the best
 MIDDLE = 3  # order that is tried first: the others are compared with it
 NEAR = 2  # delays fitted for each pair of orders
 REFINED = 8  # candidates whose plant and noise model are fitted jointly
+UNLIKELY = 5.0  # error of the iteration relative to the best delay, above which a delay is not fitted
 AS_GOOD = 6.0  # of the criterion: weights differ by a factor of 4
 MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
 
@@ -210,6 +211,7 @@ def _of_order(screen: Screen, na: int, reach: Reach, others: float) -> list[Cand
         around = {best - 1, best, best + 1, best + na - nb, best + na - nb + 1, best + na - nb - 1}
         tried = [(*equation(screen, (na, nb, k), f, 1), k) for k in sorted(around) if k in reach.delays]
         tried = sorted(tried, key=lambda t: t[1])[:NEAR]
+        tried = [t for t in tried if t[1] <= UNLIKELY * tried[0][1]]
         return [one for theta, _, k in tried if (one := fitted(screen, (na, nb, k), theta, least)) is not None]
 
     widest = out = at(na + 1, others)
