@@ -137,10 +137,8 @@ class Identification(Plottable):
         low, high = self.model.band or (0.0, 0.0)
         judged = (self.judged.noise, self.judged.apart)
         found = [s for s in (self.by_choice, self.causality, self.feedback, self.bias, *judged) if s]
-        own = () if self.judged.unseen else (f"The model that is handed over {self.judged.own.verdict}.",)
         return (
-            f"The model {self.validation.verdict} (validation on {self.validated_on}).",
-            *own,
+            self.judged.words,
             *map(sentence, found),
             f"Valid in the excited band, {low:.3g} to {high:.3g} Hz.",
             *(sentence(item.sentence) for item in self.disturbances.found),

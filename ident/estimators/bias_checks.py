@@ -23,6 +23,7 @@ FEEDBACK_SHARE = 0.2  # of the residual variance; the quantised response of a se
 RELEVANT = 0.05  # of |G|: gains are not tuned more finely
 SIGNIFICANT = 3.0  # standard errors of a complex number; without bias exceeded at 1 frequency in 8000
 FREQUENCIES = 60
+NAMES = {"output_error": "output error", "sriv": "instrumental variables", "box_jenkins": "Box-Jenkins"}
 
 
 def causality(rec: Record) -> str | None:
@@ -207,7 +208,7 @@ def bias_text(
 ) -> str:
     """Sentence on the largest difference between ARX and the reference estimate."""
     unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
-    name = "output error" if model.structure == "output_error" else "instrumental variables"
+    name = NAMES.get(model.structure, model.structure)
     ratio = abs(biased) / abs(reference) - 1
     if abs(ratio) > RELEVANT:
         values = f"{abs(biased):.4g}{unit} at {at:.3g} Hz, {name} {abs(reference):.4g}"

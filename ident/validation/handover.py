@@ -24,7 +24,7 @@ from ...datasets.records.record import Record, join_records
 from ..estimators.bias_checks import FREQUENCIES, response_error
 from ..model import Model
 from ..responses.spectra import excited_band
-from .model_validation import FIT, GOOD, Validation, states_of, validate
+from .model_validation import DEPEND, FIT, GOOD, Validation, states_of, validate
 
 FEWEST = 60  # samples of each block: below, the whole record is fitted and validated
 BLOCK = 100  # samples of a block from which on there are six
@@ -67,6 +67,18 @@ class Handover:
     unseen: str | None = None
 
     @property
+    def words(self) -> str:
+        """Sentence on both simulations and on the residuals."""
+        if self.unseen:
+            return f"The model {self.own.verdict} ({self.where})."
+        both = (*self.structure.reservations, *self.own.reservations)
+        depend = next((words.split(":")[0] for _, words in both if words.startswith(DEPEND)), None)
+        return (
+            f"The model simulates samples that were not fitted with {self.structure.fit:.0f} % fit ({self.where}), its "
+            f"own record with {self.own.fit:.0f} %; {depend or 'residuals are independent of the input'}."
+        )
+
+    @property
     def reservations(self) -> tuple[tuple[int, str], ...]:
         """Reservations with their level; each clause states which model and samples its figure is of."""
         if self.unseen:
@@ -98,7 +110,7 @@ class Handover:
 
 def _repeated(words: str, own: list[tuple[int, str]]) -> bool:
     """Whether a clause that is no figure of the fit stands among those of the own record."""
-    return words.startswith("residuals depend") and any(text.startswith("residuals depend") for _, text in own)
+    return words.startswith(DEPEND) and any(text.startswith(DEPEND) for _, text in own)
 
 
 def judge_handover(

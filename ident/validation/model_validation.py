@@ -21,7 +21,7 @@ from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
 
 GOOD, POOR = 80.0, 50.0  # % of fit: R2 0.96 and 0.75
 SIGNIFICANT = 0.001  # p below which the residuals depend on the input
-FIT = "the simulation fit"
+FIT, DEPEND = "the simulation fit", "residuals depend"
 OPTIMISM = 15.0  # % of fit between one-step prediction and simulation: then the one-step fit is optimistic
 
 
@@ -197,7 +197,7 @@ def with_verdict(found: Validation, name: str, by_equation: bool) -> Validation:
         text += f"; {optimistic}"
         reservations.append((RESERVATIONS, f"{optimistic}, the simulation fit is {found.fit:.0f} %"))
     if found.independence.pvalue < SIGNIFICANT:
-        depend = f"residuals depend on {name} (p {found.independence.pvalue:.1g}): check orders, delay and nonlinearity"
+        depend = f"{DEPEND} on {name} (p {found.independence.pvalue:.1g}): check orders, delay and nonlinearity"
         text += f"; {depend}"
         reservations.append((RESERVATIONS, depend))
     else:
@@ -249,6 +249,7 @@ def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Rec
 
 
 RINGING = 0.1  # damping ratio below which a mode is remarked upon
+AT_ZERO = 1e-6  # radius of a pole that is a delay
 ALTERNATING = 0.3  # radius of a negative real pole that is remarked upon
 
 
@@ -279,7 +280,7 @@ def plausibility_remarks(model: Model, longest: float) -> tuple[str, ...]:
             f"the step response settles in {settling:.3g} s but the longest segment lasts {longest:.3g} s: its "
             f"static gain ({model.dc_gain:.4g}) is an extrapolation"
         )
-    for p in model.poles[(np.abs(model.poles) > 0) & (model.poles != 1)]:
+    for p in model.poles[(np.abs(model.poles) > AT_ZERO) & (model.poles != 1)]:
         s = np.log(p) / model.sample_time
         damping, hertz = -s.real / abs(s), abs(s) / (2 * np.pi)
         if p.imag > 0 and damping < RINGING:
@@ -292,7 +293,7 @@ def plausibility_remarks(model: Model, longest: float) -> tuple[str, ...]:
             )
     remarks += [
         f"pole {p:.3g} and zero {z:.3g} nearly cancel: a lower order may suffice"
-        for p in model.poles
+        for p in model.poles[np.abs(model.poles) > AT_ZERO]
         for z in model.zeros
         if abs(p - z) < 0.01 * (1 - min(abs(p), 0.99)) and p.imag >= 0
     ]
