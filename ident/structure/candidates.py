@@ -36,7 +36,7 @@ from .continuous_forms import FittedForm, fit_forms, integrating, refit_form
 ONE = np.ones(1)
 FIRST_STEPS, STEPS = 5, 2  # of the iteration: at the first delay of an order, and at each further one
 REFINED = 3e-5  # predicted reduction of the loss, as a share, at which a candidate has converged: .02 of the criterion
-MOST_STEPS = 10  # of Levenberg-Marquardt for a candidate
+MOST_STEPS, REFINED_STEPS = 7, 12  # of Levenberg-Marquardt for a candidate, and for one of the best
 EXACT = 1e-18  # of the variance: a loss below it is rounding
 NO_DELAY = (
     20.0  # of the criterion, for nk = 0: behind a zero-order hold a plant responds one sample later at the earliest
@@ -231,12 +231,14 @@ def with_criterion(screen: Screen, one: Candidate, lowest: float = math.inf) -> 
 def refined(screen: Screen, one: Candidate) -> Candidate:
     """The candidate with plant and noise model fitted jointly."""
     nd = len(one.d) - 1
-    if one.structure != "box_jenkins" or nd == 0 or one.form is not None or one.integrating:
+    if one.structure != "box_jenkins" or one.form is not None or one.integrating:
         return one
     run = replace(whitened_run(screen.rec, (one.na, one.nb, one.nk, nd)), beside=screen.beside)
     if not run.stretches:
         return one
-    end = whitened_minimum(run, np.concatenate([one.theta, one.d[1:]]), MOST_STEPS, REFINED)
+    end = whitened_minimum(run, np.concatenate([one.theta, one.d[1:]]), REFINED_STEPS, REFINED)
+    if not nd and not end.steps:
+        return one
     return judged(screen, replace(run, nd=0), end.theta[: one.na + one.nb])
 
 

@@ -209,6 +209,8 @@ def _of_order(screen: Screen, na: int, reach: Reach, others: float) -> list[Cand
 
     def at(nb: int, least: float) -> list[Candidate]:
         around = {best - 1, best, best + 1, best + na - nb, best + na - nb + 1, best + na - nb - 1}
+        if best > 0 and nb <= na:
+            around.discard(0)  # the direct response is one coefficient of the widest b more
         tried = [(*equation(screen, (na, nb, k), f, 1), k) for k in sorted(around) if k in reach.delays]
         tried = sorted(tried, key=lambda t: t[1])[:NEAR]
         tried = [t for t in tried if t[1] <= UNLIKELY * tried[0][1]]
