@@ -163,6 +163,18 @@ def test_gains_that_many_draws_of_the_load_law_make_unstable_are_refused(constan
     assert (words in found) if words else not found
 
 
+@pytest.mark.parametrize(("weight", "words"), [(0.02, ""), (0.3, "make the loop unstable, more than 5 %")])
+def test_a_structure_of_the_dynamics_that_makes_the_loop_unstable_is_refused(constant_load_file, weight, words):
+    """Another structure with the same poles and 1.2 s more delay, which uses up the phase margin."""
+    dynamics = constant_load_file().dynamics
+    covariance = {"kind": "covariance", "of": list(dynamics.names), "matrix": (1e-16 * np.eye(6)).tolist()}
+    none = {"kind": "none", "reason": "given"}
+    later = {"weight": weight, "b": [*[0.0] * 60, *dynamics.b], "a": dynamics.a, "nk": 61, "uncertainty": none}
+    changed = {"uncertainty": covariance, "alternatives": [later]}
+    found = failed(constant_load_file(pi={"kp": 900.0, "ki": 20000.0, "filter_time": 0.0}, dynamics=changed))
+    assert (words in found) if words else not found
+
+
 # --- what could not be simulated is named
 
 
