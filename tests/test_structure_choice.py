@@ -55,6 +55,10 @@ def test_a_resonance_narrower_than_the_resolution_of_the_record_pays_until_the_r
     assert guard(*narrow, T, BAND, 6000) == 0.0
 
 
+def test_an_unresolved_resonance_beyond_the_band_is_a_line_of_the_noise():
+    assert guard(*mode(13.0, 0.0005), T, BAND, 750) > 50 * np.log(750)
+
+
 @pytest.mark.parametrize("factor", [1e-6, -1.0, 1e6])
 def test_the_guard_does_not_depend_on_units(factor):
     b, a = np.array([0.0, 0.1, 0.2]), np.array([1.0, 0.5, 0.9])

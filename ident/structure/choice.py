@@ -29,6 +29,7 @@ TEMPER = 4.0  # chosen by the coverage of bands in benchmarks/structure_bank.py:
 LEAST, MOST = 0.01, 8  # smallest weight and largest number of candidates that are kept
 LIGHT = 0.3  # damping ratio below which a pair of poles is a resonance
 UNRESOLVED = 4  # coefficients that a resonance below the resolution of the record counts for, and two for each factor e
+LINE = 50  # the same beyond the band: nothing there responds to the input, it is a spectral line of the noise
 GRID = 60  # frequencies of the guard, in and beyond the band
 
 
@@ -67,8 +68,8 @@ def guard(b: Array, a: Array, sample_time: float, band: tuple[float, float], n: 
     True
     """
     poles = np.roots(a)
-    paid = _unresolved(poles, sample_time, n) + _slow(poles, n)
     nyquist, start = 0.5 / sample_time, BEYOND * band[1]
+    paid = _unresolved(poles, sample_time, n, start) + _slow(poles, n)
     if start < nyquist:
         paid += _beyond(b, a, sample_time, band, np.linspace(start, nyquist, GRID))
         paid += int(((np.abs(poles) > RINGING) & (np.abs(np.angle(poles)) > 2 * math.pi * start * sample_time)).sum())
@@ -82,13 +83,14 @@ def _beyond(b: Array, a: Array, sample_time: float, band: tuple[float, float], f
     return 2 * max(math.log(outside / inside), 0.0) if inside > 0 and outside > 0 else 0.0
 
 
-def _unresolved(poles: NDArray[np.complex128], sample_time: float, n: int) -> float:
-    """Coefficients that resonances narrower than the resolution of the record count for."""
+def _unresolved(poles: NDArray[np.complex128], sample_time: float, n: int, start: float) -> float:
+    """Coefficients that resonances narrower than the resolution of the record count for; more above ``start`` Hz."""
     log = np.log(poles[poles.imag > 0])
     light = log[-log.real < LIGHT * np.abs(log)]
     width = np.maximum(-light.real, 1e-9) / (math.pi * sample_time)
     narrow = np.log(1 / (n * sample_time * width))
-    return float(np.sum(UNRESOLVED + 2 * narrow[narrow > 0]))
+    least = np.where(light.imag > 2 * math.pi * start * sample_time, LINE, UNRESOLVED)
+    return float(np.sum((least + 2 * narrow)[narrow > 0]))
 
 
 def _slow(poles: NDArray[np.complex128], n: int) -> int:
