@@ -120,15 +120,23 @@ class Identification(Plottable):
     def argument(self) -> str:
         """Reason for this structure, in two sentences."""
         best, found = self.chosen, self.search.candidates
-        size = f"has the smallest criterion (BIC) of {len(found)} structures"
-        first = f"{sentence(_named(best))[:-1]} {size} (simulation fit {self.search.fit(best):.1f} %)."
+        lowest = found[0] if best.form is None else min(found, key=lambda one: one.total)
+        behind = best.total - lowest.total
+        place = "has the smallest criterion (BIC)" if behind <= 0 else "is as good as the smallest criterion (BIC)"
+        parts = f"{self.search.n} of {len(self.record)} samples" if len(self.record) > self.search.n else ""
+        first = f"{sentence(_named(best))[:-1]} {place} of {len(found)} structures"
+        fit = f"simulation fit {self.search.fit(best):.1f} %"
+        if parts:  # compared anew on all samples: the criteria of the search are of its parts
+            return f"{first} searched on {parts} and compared on all ({fit})."
         other = [one for one in found if one.na != best.na or (one.form is None) != (best.form is None)]
         if not other:
-            return first
+            return f"{first} ({fit})."
         second = other[0]
+        apart = second.total - best.total
+        by = f"{'larger' if apart >= 0 else 'smaller'} by {abs(apart):.0f}"
         return (
-            f"{first} The best of another order or kind, {_named(second)}, has a simulation fit of "
-            f"{self.search.fit(second):.1f} % and a criterion larger by {second.total - best.total:.0f}."
+            f"{first} ({fit}). The best of another order or kind, {_named(second)}, has a simulation fit of "
+            f"{self.search.fit(second):.1f} % and a criterion {by}."
         )
 
     @property

@@ -24,9 +24,10 @@ from ..estimators.box_jenkins import (
     whitened_minimum,
     whitened_run,
 )
-from ..estimators.filters import EDGE, burg, filtered, is_stable, lagged, squares
+from ..estimators.filters import EDGE, MAX_ORDER, burg, filtered, is_stable, lagged, squares
 from ..estimators.least_squares import arx
 from ..estimators.order_losses import losses, losses_of_triangle
+from ..estimators.prediction_error import output_error
 from ..estimators.regressors import Lags, arx_regressors, gram, triangle
 from ..estimators.starting_values import high_order_arx, steiglitz_mcbride
 from ..model import Model
@@ -338,7 +339,25 @@ def estimated(rec: Record, one: Candidate, beside: Array | None = None) -> Model
     if one.integrating:
         inner = without_integrator(one)
         return integrating(rec, lambda total, slope: _box_jenkins(total, inner, _both(slope, beside)))
+    if len(one.d) > MAX_ORDER - 1 and beside is None:
+        return _output_error(rec, one)
     return _box_jenkins(rec, one, beside)
+
+
+def _output_error(rec: Record, one: Candidate) -> Model:
+    """Output error, where the noise model reaches its largest order: then much of the error is not noise.
+
+    b/a is an approximation, and that with the least simulation error is wanted, not with the least whitened error.
+    """
+    model = output_error(rec, one.nb, one.na, one.nk, initial="offset")
+    return replace(
+        model,
+        notes=(
+            *model.notes,
+            f"the error is coloured beyond an autoregression of order {MAX_ORDER - 2}, so it is not noise alone "
+            "(nonlinearity, unmodelled dynamics): the model is fitted to the simulation error",
+        ),
+    )
 
 
 def _box_jenkins(rec: Record, one: Candidate, beside: Array | None) -> Model:

@@ -41,6 +41,7 @@ AHEAD = 3  # delays scanned beyond the best
 MIDDLE = 3  # order that is tried first: the others are compared with it
 NEAR = 2  # delays fitted for each pair of orders
 REFINED = 8  # candidates whose plant and noise model are fitted jointly
+EQUAL = 2.0  # of the criterion: no evidence (Kass & Raftery 1995, doi 10.1080/01621459.1995.10476572)
 UNLIKELY = 5.0  # error of the iteration relative to the best delay, above which a delay is not fitted
 AS_GOOD = 6.0  # of the criterion: weights differ by a factor of 4
 MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
@@ -53,7 +54,7 @@ class Search:
     Attributes
     ----------
     candidates : tuple of Candidate
-        Sorted by criterion and penalty.
+        Sorted by criterion and penalty; a continuous form that is as good as the best stands first.
     n : int
         Samples searched.
     spread : float
@@ -69,7 +70,7 @@ class Search:
 
     @property
     def chosen(self) -> Candidate:
-        """The candidate with the smallest criterion and penalty."""
+        """The candidate with the smallest criterion and penalty, or a continuous form that is as good."""
         return self.candidates[0]
 
     def fit(self, one: Candidate) -> float:
@@ -142,7 +143,13 @@ def search(
     found = [refined(screen, one) for one in found[:REFINED]] + found[REFINED:]
     found = sorted(found, key=lambda one: one.total)
     found = _without_doubles(sorted(found + integrating_candidates(screen, found), key=lambda one: one.total))
-    return _result(rec, found, _limits(found, most_order, reach))
+    return _result(rec, _form_first(found), _limits(found, most_order, reach))
+
+
+def _form_first(found: list[Candidate]) -> list[Candidate]:
+    """Sorted candidates, a continuous form first if the criterion does not separate it from the best: it has units."""
+    best = next((one for one in found if one.form is not None and one.total < found[0].total + EQUAL), found[0])
+    return [best, *(one for one in found if one is not best)]
 
 
 def _without_doubles(found: Sequence[Candidate]) -> list[Candidate]:
