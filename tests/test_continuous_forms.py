@@ -138,7 +138,7 @@ def test_runs_of_an_integrator_share_their_rest_input() -> None:
     form = named(forms, "integrator with lag")
     assert np.abs((form.values - PLANTS["integrator with lag"][-1]) / form.bse).max() < 3.5
     assert form.integrating
-    assert form.units == ("1/(1 s)", "s")
+    assert form.units == ("output/(input s)", "s")
 
 
 def test_integrating_model_is_validated_with_a_free_slope() -> None:

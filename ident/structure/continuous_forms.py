@@ -31,7 +31,7 @@ BEHIND = 200.0  # of N ln V: a form that far behind the best is not refined
 DAMPING_RATIOS = {0.1: 16, 0.4: 7, 1.2: 6}  # of the grid, with the number of time constants
 COARSE = 10  # time constants of the grid
 NEIGHBOUR = 0.75  # samples: a delay further off is another minimum
-NOISE_STEPS = 2  # estimates of the noise model when a form is fitted anew
+NOISE_PASSES = 2  # estimates of the noise model, each followed by one of the form
 NO_DELAY = 2.0  # standard errors of the delay: below, the form without a delay is fitted too
 UNLIKELY = 6.0  # standard deviations of chi-squared: larger first errors come from the input before the stretch
 CHI2_MEDIAN = 0.455  # of one degree of freedom
@@ -85,11 +85,7 @@ def refit_form(rec: Record, fitted: FittedForm, *, beside: Array | None = None) 
         found = improved(data, fitted.form, fitted.p, fitted.noise)
         if found is not None:
             data = _compared(data, found)
-        for _ in range(NOISE_STEPS if found else 0):
-            h = whitening(data.packed(found.plain), data.compared)[0]
-            if len(h) == len(found.h) == 1:
-                break
-            found = improved(data, fitted.form, found.p, h) or found
+            found = _with_noise(data, found, whitening(data.packed(found.plain), data.compared)[0])
     if found is None:
         raise IdentError(f"{fitted.name} cannot be fitted to this record: its errors are not finite.")
     return described(rec, data, found)
@@ -214,9 +210,19 @@ def _refined(data: FormData, found: list[FormFit]) -> list[FormFit]:
     losses = [len(fit.e) * math.log(max(v, 1e-300)) for fit, (_, v) in zip(found, noise, strict=True)]
     limit = min(losses, default=0.0) + BEHIND
     return [
-        (improved(data, fit.form, fit.p, h) if loss < limit else None) or fit
+        _with_noise(data, fit, h) if loss < limit else fit
         for fit, (h, _), loss in zip(found, noise, losses, strict=True)
     ]
+
+
+def _with_noise(data: FormData, fit: FormFit, h: Array) -> FormFit:
+    """The fit and its noise model estimated in turn."""
+    for _ in range(NOISE_PASSES):
+        fit = improved(data, fit.form, fit.p, h) or fit
+        if len(h) == 1:
+            break
+        h = whitening(data.packed(fit.plain), data.compared)[0]
+    return fit
 
 
 @dataclass(frozen=True, slots=True)

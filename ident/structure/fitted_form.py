@@ -92,8 +92,8 @@ def described(rec: Record, data: FormData, fit: FormFit) -> FittedForm:
     name, symbols, values, J = _physical(form, fit.p[:k], np.sqrt(np.diag(cov)), rec.sample_time)
     delay = " exp(-L s)" if form.delayed else ""
     equation = EQUATIONS.get(name, form.equation) + delay
-    per = " s" if form.integrating else ""
-    gain = f"{rec.unit_y or '1'}/({rec.unit_u or '1'}{per})" if per else f"{rec.unit_y or '1'}/{rec.unit_u or '1'}"
+    over = f"({rec.unit_u or 'input'} s)" if form.integrating else rec.unit_u or "input"
+    gain = f"{rec.unit_y or 'output'}/{over}"
     units = tuple(gain if s == "K" else "" if s == "zeta" else "s" for s in symbols)
     return FittedForm(
         name=name + (" with delay" if form.delayed and " with " not in name else " and delay" if form.delayed else ""),
