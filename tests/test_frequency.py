@@ -117,6 +117,18 @@ def test_a_ringing_machine_is_told_from_a_short_look():
     assert "has not decayed" in short.notes[0]
 
 
+@pytest.mark.parametrize("u", [chirp(), prbs(2.5, hold=0.2)[:750]], ids=["chirp", "prbs"])
+def test_an_integrating_plant_is_estimated_from_the_change_of_its_output(u):
+    axis = Model(b=[0, 0.00193, 0.00187], a=np.convolve([1, -1], [1, -0.905]), nk=1, sample_time=0.02)
+    g, inside = axis.response(F), []
+    for seed in range(5):
+        found = frequency_response(recorded(u, 30, seed, axis), F)
+        assert "its change from sample to sample" in found.notes[0]
+        assert np.abs(found.response / g - 1).max() < 0.15
+        inside.append((found.gain_low <= np.abs(g)) & (np.abs(g) <= found.gain_high))
+    assert np.mean(inside) > 0.85  # 5 draws of 5 correlated figures at 95 %
+
+
 def test_the_method_follows_from_the_record():
     rng = np.random.default_rng(3)
     assert frequency_response(recorded(chirp(), 30, 1), F).method == "impulse"

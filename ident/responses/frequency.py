@@ -1,6 +1,6 @@
 """Nonparametric frequency response: gain and phase with error bars, coherence, and the excited band."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -113,7 +113,8 @@ def frequency_response(
         records of well damped plants, and wrong where the response has not decayed by then. ``local`` fits polynomials
         in windows of the transforms whose widths follow from the data: for long records and narrow resonances or
         notches; its error bars include the smoothing error. ``auto`` takes ``impulse`` for up to 5000 samples (after
-        averaging of a needlessly high rate) if the response decays and ``local`` agrees with it, otherwise ``local``.
+        averaging of a needlessly high rate) if the response decays and ``local`` agrees with it, or that of the change
+        of the output decays (an integrating plant), otherwise ``local``.
         ``welch`` averages half-overlapping windows of a long random input; its error bars are not valid for a sweep.
     resolution : float, optional
         Hz, for ``welch``: twice the spacing of its bins.
@@ -179,11 +180,12 @@ def frequency_response(
 
 @dataclass(frozen=True, slots=True)
 class _Impulse:
-    """Impulse response of a record averaged in blocks."""
+    """Impulse response of a record averaged in blocks; of the change of its output, where only that decays."""
 
     rec: Record
     found: ImpulseResponse
     notes: tuple[str, ...]
+    integrating: bool = False
 
     @property
     def length(self) -> float:
@@ -195,7 +197,13 @@ class _Impulse:
         turn = np.exp(-2j * np.pi * np.outer(f, np.arange(len(self.found.g))) * self.rec.sample_time)
         g = np.asarray(turn @ self.found.g, dtype=np.complex128)
         g[g == 0] = np.finfo(float).tiny
-        return g, (turn @ self.found.root) / g[:, None]
+        return g / self.change(f), (turn @ self.found.root) / g[:, None]
+
+    def change(self, f: Array) -> NDArray[np.complex128]:
+        """1 - exp(-j w T), shape (F,), by which the response of the change of the output is divided; otherwise 1."""
+        if not self.integrating:
+            return np.ones(len(f), dtype=np.complex128)
+        return np.asarray(1 - np.exp(-2j * np.pi * f * self.rec.sample_time))
 
 
 def _impulse(rec: Record, slower: int) -> _Impulse:
@@ -207,6 +215,8 @@ def _impulse(rec: Record, slower: int) -> _Impulse:
     slow = block_means(rec.centred(), slower if longest // slower >= SHORTEST else 1)
     n = min(LONGEST, max(s.stop - s.start for s in slow.stretches) // 3)
     found = regularised_impulse(slow, n)
+    if found.tail >= DECAYED and (integrating := _of_change(slow, n)):
+        return integrating
     notes = () if found.tail < DECAYED else (
         f"the impulse response has not decayed within {n * slow.sample_time:.3g} s: peaks narrower than "
         f"{1 / (n * slow.sample_time):.2g} Hz are smoothed, which their error bars do not include",
@@ -214,9 +224,28 @@ def _impulse(rec: Record, slower: int) -> _Impulse:
     return _Impulse(slow, found, notes)
 
 
+def _of_change(slow: Record, n: int) -> _Impulse | None:
+    """The same from the change of the output, where that decays: the plant integrates or is slow."""
+    rows = np.ones(len(slow), dtype=bool)
+    rows[list(slow.starts)] = False
+    starts = tuple(s - k for k, s in enumerate(slow.starts))
+    if min(np.diff([*starts, rows.sum()])) < 1:
+        return None
+    y = np.diff(slow.y, prepend=0.0)[rows]
+    change = replace(slow, u=slow.u[rows], y=y, starts=starts, reference=None, sha256=None).centred()
+    found = regularised_impulse(change, n)
+    note = (
+        f"the output does not settle within {n * slow.sample_time:.3g} s (integrating or slow): estimated from "
+        "its change from sample to sample"
+    )
+    return _Impulse(change, found, (note,), True) if found.tail < DECAYED else None
+
+
 def _unsuited(rec: Record, impulse: _Impulse, band: tuple[float, float]) -> str:
     """Why the impulse response is not used; empty where it is suited, or cannot be compared."""
     checked = np.geomspace(*band, CHECKED)
+    if impulse.integrating:
+        return ""
     local = local_polynomial(rec, checked)
     if local is None or np.isinf(local.variance).mean() > 0.5:
         return ""
@@ -232,10 +261,9 @@ def _by_impulse(impulse: _Impulse, f: Array, band: tuple[float, float], level: f
     """The response by the regularised impulse response."""
     g, slope = impulse.response(f)
     by_gain, by_phase = np.sqrt((slope.real**2).sum(axis=1)), np.sqrt((slope.imag**2).sum(axis=1))
-    return _with_bars(
-        f, g, by_gain, by_phase, _coherence(impulse.rec, impulse.found, f, g), np.full(len(f), impulse.found.dof), band,
-        1 / impulse.length, level, "impulse", impulse.notes,
-    )  # fmt: skip
+    coherence = _coherence(impulse.rec, impulse.found, f, g * impulse.change(f))
+    dof, width = np.full(len(f), impulse.found.dof), 1 / impulse.length
+    return _with_bars(f, g, by_gain, by_phase, coherence, dof, band, width, level, "impulse", impulse.notes)
 
 
 def _by_windows(

@@ -173,7 +173,9 @@ def _split(rec: Record, states: int) -> tuple[tuple[list[Span], list[Span]] | tu
 
 
 def _two_runs(rec: Record, last: int) -> bool:
-    """Whether the last segment and those before it excite the same band: parts of a sweep around a gap do not."""
+    """Whether the last segment is not the longer part and both excite the same band: around a gap they rarely do."""
+    if len(rec) > 2.2 * last:  # two runs of nearly one length count
+        return False
     low, high = excited_band(rec)
     try:
         bands = [excited_band(rec.part(a, b)) for a, b in ((0, last), (last, len(rec)))]
