@@ -268,5 +268,5 @@ def without_short(rec: Record, shortest: int = SHORTEST) -> Record:
     starts = np.concatenate([[0], np.cumsum(lengths[kept])])[:-1]
     return replace(
         rec, u=rec.u[rows], y=rec.y[rows], starts=tuple(int(s) for s in starts), offsets=rec.offsets[kept],
-        sha256=None, notes=(*rec.notes, note),
+        sha256=None, notes=(*rec.notes, note), reference=None if rec.reference is None else rec.reference[rows],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Checks for sources of bias: swapped signals (Granger), feedback (Sims), sensor noise in ARX (Hausman).
+"""Checks for sources of bias: swapped signals (Granger), sensor noise in ARX (Hausman).
 
 Sensor noise: ARX filters the error by its own a, so noise on y biases it (Ljung 1999, section 7.3); output error is
 unbiased. If ARX is correct it is also efficient, and the difference of both estimates has at most the variance of
@@ -11,15 +11,11 @@ from numpy.typing import NDArray
 from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..model import Model
-from .regressors import Gram, Lags, gram, r_of, triangle
+from .regressors import Gram, Lags, gram
 
 Array = NDArray[np.float64]
 DEPTH = 6  # lags of each signal in the test of causality
 FLOOR = 1e-6  # residual share below which a prediction is exact: sensors have fewer digits
-PAST = 20  # lags of u and y that carry the dynamics and the noise model in the test of feedback
-FUTURE = 5  # samples within which a controller responds
-FALSE_ALARM = 1e-3  # probability of a false alarm of feedback
-FEEDBACK_SHARE = 0.2  # of the residual variance; the quantised response of a servo to its demand reaches half of that
 RELEVANT = 0.05  # of |G|: gains are not tuned more finely
 SIGNIFICANT = 3.0  # standard errors of a complex number; without bias exceeded at 1 frequency in 8000
 FREQUENCIES = 60
@@ -77,81 +73,6 @@ def _residual_share(total: Gram, columns: list[np.intp], target: np.intp) -> flo
     g = g / np.outer(length, length)
     theta = np.linalg.solve(g[:-1, :-1] + 1e-11 * np.eye(len(g) - 1), g[:-1, -1])
     return float(1 - g[:-1, -1] @ theta)
-
-
-def feedback_detected(rec: Record, nk: int = 0) -> str | None:
-    """Note if the input depends on the noise of the output (feedback), otherwise None.
-
-    The output is regressed on 20 past y and 20 past u, then also on 5 future u (Sims 1972). In open loop the future u
-    have no predictive value; a controller feeds the noise of y into them.
-
-    Parameters
-    ----------
-    rec : Record
-    nk : {0, 1}
-        Least possible delay of the plant. With 0, u of the same sample counts as past, so that a controller without
-        delay remains undetected; with 1 it counts as future.
-
-    Returns
-    -------
-    str or None
-
-    Notes
-    -----
-    An F test at 0.1 %, and a reduction of the residual variance by 20 % or more. A loop with negligible noise is not
-    detected; nor does it bias the model. Source: Sims 1972 with lagged y as in Geweke, Meese & Dent 1983,
-    doi 10.1016/0304-4076(83)90028-7.
-
-    Examples
-    --------
-    >>> from fitmodels.datasets import Record
-    >>> rng = np.random.default_rng(1)
-    >>> e, r, y, u = rng.standard_normal(500), rng.standard_normal(500), np.zeros(500), np.zeros(500)
-    >>> for t in range(1, 500):
-    ...     y[t] = 0.8 * y[t - 1] + 0.5 * u[t - 1] + 0.3 * e[t]
-    ...     u[t] = 0.3 * r[t] - y[t - 1]
-    >>> print(str(feedback_detected(Record(u=u, y=y, sample_time=0.02))).split(":")[0])
-    the input depends on the output
-    >>> feedback_detected(Record(u=r, y=np.convolve(r, [0, 0.5, 0.4])[:500] + e, sample_time=0.02)) is None
-    True
-    """
-    from scipy.stats import f as f_distribution
-
-    longest = max(s.stop - s.start for s in rec.stretches)
-    past = min(PAST, (longest - FUTURE) // 8)
-    if past < 1:
-        return None
-    lags = Lags(past, 0, past + FUTURE)
-    found = triangle(_advanced(rec.centred(), FUTURE), lags)
-    y = np.arange(1, past + 1)
-    first = FUTURE + (nk > 0)
-    past_u, future_u = past + 1 + np.arange(first, FUTURE + past + 1), past + 1 + np.arange(first)
-    r = r_of(found.matrix[:, [*y, *past_u, *future_u, 0]])
-    left = float(r[-1, -1] ** 2)
-    fell = float((r[-1 - first : -1, -1] ** 2).sum())
-    free = found.rows - len(r) + 1
-    if free < 1 or left + fell <= 1e-20 * float(rec.y @ rec.y):
-        return None
-    statistic = fell / first / max(left / free, np.finfo(float).tiny)
-    p, share = float(f_distribution.sf(statistic, first, free)), fell / (fell + left)
-    if p > FALSE_ALARM or share < FEEDBACK_SHARE:
-        return None
-    return (
-        f"the input depends on the output: future samples of {rec.input} reduce the residual variance of "
-        f"{rec.output} by {share:.0%} (p {p:.1g}), as in closed loop. Output error and measured frequency responses "
-        "are biased; use armax or arx of high order, or record in open loop."
-    )
-
-
-def _advanced(rec: Record, by: int) -> Record:
-    """Output y with u of ``by`` samples later; the last samples of each segment, without future u, are omitted."""
-    from dataclasses import replace
-
-    kept = [s for s in rec.stretches if s.stop - s.start > by]
-    u = np.concatenate([rec.u[s.start + by : s.stop] for s in kept])
-    y = np.concatenate([rec.y[s.start : s.stop - by] for s in kept])
-    starts = np.cumsum([0, *(s.stop - s.start - by for s in kept)])[:-1]
-    return replace(rec, u=u, y=y, starts=tuple(int(s) for s in starts), offsets=None, sha256=None)
 
 
 def warn_of_bias(arx_model: Model, oe_model: Model, band: tuple[float, float]) -> str | None:

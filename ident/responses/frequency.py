@@ -132,7 +132,7 @@ def frequency_response(
 
     Notes
     -----
-    In closed loop the estimate is biased towards minus the inverse of the controller: see `feedback_detected`.
+    In closed loop the estimate is biased towards minus the inverse of the controller: see `closed_loop.feedback`.
 
     Examples
     --------

@@ -14,7 +14,7 @@ from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE
 from ...datasets.records.record import Record
-from ..estimators.bias_checks import feedback_detected
+from ..closed_loop import feedback_clause
 from ..model import Model
 from .prediction import BY_EQUATION, check_frame, fit_percent, k_steps, lagged_inputs, one_step, simulated
 from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
@@ -45,7 +45,7 @@ class Validation(Plottable):
     future_inputs : ResidualTest
         Residuals and future inputs: correlated in closed loop.
     feedback : str or None
-        See `feedback_detected`.
+        See `closed_loop.feedback`; None for a record with its reference.
     remarks : tuple of str
         On poles, step response and omitted segments.
     held_out : bool
@@ -157,7 +157,7 @@ def validate(
         whiteness=residual_whiteness(step, cov, not held_out, lags),
         independence=independence(step, lagged_inputs(other, step, past), 0, cov, not held_out),
         future_inputs=independence(step, lagged_inputs(other, step, future), -lags, cov, not held_out),
-        feedback=feedback_detected(other),
+        feedback=feedback_clause(other),
         remarks=remarks + plausibility_remarks(model, max(k.stop - k.start for k in s) * other.sample_time),
         held_out=held_out,
         y=y,

@@ -1,0 +1,371 @@
+"""Closed loop: recognition of feedback, the two-stage estimate, and whether a loop was excited enough.
+
+A controller feeds the noise of the output y into the input u. Then output error and measured frequency responses are
+biased; a Box-Jenkins model with autoregressive noise is not, if the loop has a delay (nk of 1 or more) and the noise
+model is flexible enough: the noise, not the loop, explains what u and y have in common.
+
+Recognition, Granger's test from y to u: u(t) is regressed on its own past, then also on past and present y. A
+generated input is predicted by its own past (a chirp, a constant between two steps), so that y adds nothing; a
+controller makes u(t) an exact function of past and present y, past u and a predictable reference. Rows at which the
+reference jumps are left out as outliers. Noise recorded on u limits the test: y then helps to predict a generated input
+too.
+
+Sources: Soderstrom & Stoica 1989, chapter 10; Ljung 1999, sections 13.4 and 13.5; Granger 1969, doi 10.2307/1912791;
+Van den Hof & Schrama 1993, doi 10.1016/0005-1098(93)90121-G (two-stage).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ..core.arrays import Array
+from ..core.errors import IdentError
+from ..core.verdict import DO_NOT_USE, RESERVATIONS
+from ..datasets.records.record import Record
+from .estimators.bias_checks import response_error
+from .estimators.box_jenkins import box_jenkins
+from .estimators.regressors import r_of
+from .estimators.starting_values import high_order_arx
+from .model import Model
+
+PAST = 20  # lags of u and y
+FALSE_ALARM = 1e-3  # probability of a false alarm of the F test
+MOST_ROWS = 5000  # of longer records the middle
+SHARE = 0.8  # of what its own past leaves of u: noise on a generated input reaches .68, a controller .96 and more
+OF_PAST = 0.25  # the same by past y alone: a plant without delay reaches .06, a controller .43 and more
+DOUBTFUL = 0.3  # share beyond which noise recorded on u and a controller cannot be distinguished
+IRREGULAR = 0.2  # of the standard deviation of u, unpredicted: beyond, the response to y would not be visible
+OUTLIER = 4.0  # standard deviations (from the MAD) beyond which the reference has jumped
+TRIMS = 8
+SETTLED = 0.002  # of the rows: fewer that change between two passes do not matter
+NOISE = 6  # order of the noise model of the two-stage estimate
+FREQUENCIES = 40
+UNSURE = 0.25  # median standard error of |G| in the band beyond which the loop was not excited
+APART, SIGNIFICANT = 0.1, 4.0  # of |G|, and standard errors: a smaller difference of both estimates is no reservation
+EXACT = 1e-8  # of the standard deviation: below, u is determined by its own past
+
+State = Literal["found", "none", "undecided"]
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """Result of the tests of feedback.
+
+    Attributes
+    ----------
+    state : {"found", "none", "undecided"}
+    p : float
+        Of Granger's test from the output to the input.
+    share : float
+        Of the variance that the past of the input leaves, explained by past and present output.
+    sentence : str
+        The finding as a clause, with what follows from it.
+    """
+
+    state: State
+    p: float
+    share: float
+    sentence: str
+
+    @property
+    def found(self) -> bool:
+        """Whether a controller was active."""
+        return self.state == "found"
+
+
+def feedback(rec: Record) -> Feedback:
+    """Whether the input depends on the noise of the output, as under a controller.
+
+    Parameters
+    ----------
+    rec : Record
+        With a ``reference`` the loop was closed: nothing is tested.
+
+    Returns
+    -------
+    Feedback
+        Found where a test at 0.1 % rejects and y explains 80 % of what the past of u leaves. Undecided where y explains
+        less, but more than 30 %; where u and y are related within the same sample alone, by a plant without delay or
+        by a controller; or where u is so irregular that its response to y would not be visible.
+
+    Notes
+    -----
+    Not found is a loop whose noise is negligible; it does not bias the model either.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> e, y, u = 0.01 * rng.standard_normal(750), np.zeros(750), np.zeros(750)
+    >>> r = np.sin(2e-4 * np.arange(750) ** 2)
+    >>> for t in range(1, 750):
+    ...     y[t] = 0.8 * y[t - 1] + 0.5 * u[t - 1] + e[t]
+    ...     u[t] = 0.3 * (r[t] - y[t])
+    >>> feedback(Record(u=u, y=y, sample_time=0.02)).state
+    'found'
+    >>> feedback(Record(u=r, y=np.convolve(r, [0, 0.5, 0.4])[:750] + e, sample_time=0.02)).state
+    'none'
+    """
+    if rec.reference is not None:
+        return Feedback("found", 0.0, 1.0, "the record has the reference of a controller: the loop was closed")
+    causes = _granger(rec)
+    if causes is None:
+        words = f"{len(rec)} samples are too few to test for feedback"
+        return Feedback("undecided", 1.0, 0.0, f"{words}: record longer, or state the reference of the controller")
+    significant = causes.p < FALSE_ALARM and causes.share > SHARE
+    if significant and causes.past > OF_PAST:
+        return _found(rec, causes)
+    if significant:
+        return Feedback("undecided", causes.p, causes.share, _same_sample(rec))
+    if causes.p < FALSE_ALARM and causes.share > DOUBTFUL:
+        return Feedback("undecided", causes.p, causes.share, _doubtful(rec, causes.share))
+    if causes.left > IRREGULAR:
+        return Feedback("undecided", causes.p, causes.share, _irregular(rec))
+    return Feedback("none", causes.p, causes.share, f"{rec.input} does not depend on {rec.output}: no feedback")
+
+
+def feedback_clause(rec: Record) -> str | None:
+    """Clause on feedback that was recognised in a record without its reference, otherwise None."""
+    found = None if rec.reference is not None else feedback(rec)
+    return found.sentence if found is not None and found.found else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Causes:
+    """F test of y on u: p, share explained by past and present y, by past y alone, and what the past of u leaves."""
+
+    p: float
+    share: float
+    past: float
+    left: float
+
+
+def _found(rec: Record, causes: _Causes) -> Feedback:
+    return Feedback(
+        "found",
+        causes.p,
+        causes.share,
+        f"the input depends on the output, as in closed loop: {rec.output} explains {_percent(causes.share)} of what "
+        f"the past of {rec.input} leaves open (p {max(causes.p, 1e-99):.1g}). The model is estimated with its noise "
+        "and with a delay of at least one sample; output error and measured frequency responses are biased. To confirm "
+        f"it, read the reference of the controller too (--reference), or excite {rec.input} in open loop",
+    )
+
+
+def _same_sample(rec: Record) -> str:
+    return (
+        f"{rec.input} and {rec.output} are related within the same sample, by a plant without delay or by a "
+        "controller: feedback cannot be decided. If a controller was active, state its reference (--reference); "
+        f"if not, check whether {rec.input} is recorded one sample late"
+    )
+
+
+def _doubtful(rec: Record, share: float) -> str:
+    return (
+        f"{rec.output} explains {_percent(share)} of what the past of {rec.input} leaves open, as under a controller "
+        f"or with noise recorded on {rec.input}: feedback cannot be decided. If a controller was active, state its "
+        f"reference (--reference); if not, record the commanded {rec.input} instead of a measured one"
+    )
+
+
+def _irregular(rec: Record) -> str:
+    return (
+        f"{rec.input} is too irregular for a response to {rec.output} to be visible: feedback cannot be decided. "
+        "If a controller was active, state its reference (--reference), or record a chirp or steps as reference"
+    )
+
+
+def _percent(share: float) -> str:
+    """A share as text, never rounded up to 100 %.
+
+    >>> _percent(0.99996), _percent(0.873)
+    ('more than 99.9 %', '87 %')
+    """
+    return "more than 99.9 %" if share > 0.999 else f"{100 * min(share, 0.99):.0f} %"
+
+
+def _granger(rec: Record) -> _Causes | None:
+    """Granger's test from y to u, without the rows at which u jumps; None for too short a record."""
+    from scipy.stats import f as f_distribution
+
+    rows = _rows(rec)
+    if rows is None:
+        return None
+    past = (rows.shape[1] - 3) // 2
+    kept, r = np.ones(len(rows), dtype=bool), r_of(rows)
+    for _ in range(TRIMS):
+        e = np.abs(rows @ np.append(-_solution(r), 1.0))
+        near = e <= OUTLIER * 1.4826 * float(np.median(e[kept]))
+        if np.mean(near != kept) <= SETTLED or near.sum() < 2 * rows.shape[1]:
+            break
+        kept, r = near, r_of(rows[near])
+    # u(t) is the last column: its squares beyond the constant and past u, past y, present y
+    squares = r[:, -1] ** 2
+    left, without, within = (float(squares[k:].sum()) for k in (past + 1, 2 * past + 1, 2 * past + 2))
+    total, n = float(np.var(rec.u)) * int(kept.sum()), int(kept.sum())
+    if left <= EXACT**2 * total:
+        return _Causes(1.0, 0.0, 0.0, 0.0)
+    free = n - rows.shape[1] + 1
+    statistic = (left - within) / (past + 1) / max(within / free, 1e-300)
+    p = float(f_distribution.sf(statistic, past + 1, free))
+    return _Causes(p, 1 - within / left, 1 - without / left, float(np.sqrt(left / total)))
+
+
+def _solution(r: Array) -> Array:
+    """Coefficients of the last column of a triangle by the others; a ridge at rounding covers collinear columns."""
+    g = r[:, :-1].T @ r
+    g[np.diag_indices(len(g))] *= 1 + 1e-13
+    g[np.diag_indices(len(g))] += np.finfo(float).tiny
+    return np.asarray(np.linalg.solve(g[:, :-1], g[:, -1]))
+
+
+def _rows(rec: Record) -> Array | None:
+    """Rows 1, u(t - 1) ..., y(t - 1) ..., y(t), u(t); None where there are fewer than 2 per column."""
+    past = min(PAST, len(rec) // 12)
+    t = np.concatenate([np.arange(min(s.start + past, s.stop), s.stop) for s in rec.stretches])
+    if past < 2 or len(t) < 2 * (2 * past + 3):
+        return None
+    t = t[max((len(t) - MOST_ROWS) // 2, 0) :][:MOST_ROWS]
+    rec = rec.centred()
+    lags = t[:, None] - np.arange(1, past + 1)
+    return np.column_stack([np.ones(len(t)), rec.u[lags], rec.y[lags], rec.y[t], rec.u[t]])
+
+
+def two_stage(rec: Record, orders: tuple[int, int, int], nd: int = NOISE) -> Model:
+    """Model of a record in closed loop from the part of its input that the reference explains.
+
+    First a high-order model from reference to input is simulated; it holds none of the noise. Then the output is
+    identified from that input, in open loop, whose noise includes the response of the plant to the rest of u.
+
+    Parameters
+    ----------
+    rec : Record
+        Centred, with its ``reference``.
+    orders : (na, nb, nk)
+    nd : int
+        Order of the autoregressive noise model.
+
+    Returns
+    -------
+    Model
+        Consistent whatever the noise and the controller; less accurate than the direct estimate.
+
+    Raises
+    ------
+    IdentError
+        No reference, one that does not vary or is the input itself, or too short a record.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> e, y, u, r = *(0.01 * rng.standard_normal((1, 900))), *np.zeros((2, 900)), np.sign(rng.standard_normal(900))
+    >>> for t in range(1, 900):
+    ...     y[t] = 0.8 * y[t - 1] + 0.5 * u[t - 1] + e[t]
+    ...     u[t] = 0.3 * (r[t] - y[t])
+    >>> rec = Record(u=u, y=y, sample_time=0.02, reference=r).centred()
+    >>> two_stage(rec, (1, 1, 1)).theta.round(2).tolist()
+    [-0.8, 0.5]
+    """
+    reference = check_reference(rec)
+    first = high_order_arx(reference, rec.u, rec.stretches)
+    na, nb, nk = orders
+    free = replace(rec, u=first.x, reference=None).centred()
+    return box_jenkins(free, nb, na, nd, nk)
+
+
+def check_reference(rec: Record) -> Array:
+    """The reference of a record; IdentError if there is none, if it does not vary, or if it is the input itself."""
+    if rec.reference is None:
+        raise IdentError("the record has no reference: read it with its column (--reference COLUMN).")
+    r = rec.centred().reference
+    u = rec.centred().u
+    assert r is not None  # noqa: S101  of a record that has one
+    power, shared = float(r @ r), float(r @ u)
+    if power <= EXACT**2 * max(float(np.sum(rec.reference**2)), 1e-300):
+        raise IdentError(
+            f"the reference does not vary ({rec.reference[0]:g} throughout): it excites nothing, so the data do not "
+            "separate the plant from its controller. Record with a reference that moves: steps of 10 %, or a chirp."
+        )
+    if shared**2 >= (1 - EXACT) * power * float(u @ u):
+        raise IdentError(
+            f"reference and input {rec.input} are the same signal: the loop is open, or the wrong column was named. "
+            "Leave --reference out, or name the set point of the controller."
+        )
+    return np.asarray(r)
+
+
+@dataclass(frozen=True, slots=True)
+class LoopCheck:
+    """How far a model from a closed loop can be trusted.
+
+    Attributes
+    ----------
+    feedback : Feedback
+    two_stage : Model or None
+        The comparison, where the reference was recorded.
+    difference : float
+        Largest difference of both, as a share of |G|, at frequencies of the band; 0 without a comparison.
+    reservations : tuple of (int, str)
+    sentence : str
+        Comparison as a sentence, empty without one.
+    """
+
+    feedback: Feedback
+    two_stage: Model | None = None
+    difference: float = 0.0
+    reservations: tuple[tuple[int, str], ...] = ()
+    sentence: str = ""
+
+
+def check_loop(rec: Record, model: Model, band: tuple[float, float], found: Feedback) -> LoopCheck:
+    """Reservations of a model from a record that may be of a closed loop, and its comparison with two-stage.
+
+    Parameters
+    ----------
+    rec : Record
+        Centred.
+    model : Model
+        The direct estimate.
+    band : tuple of float
+        Excited band, Hz.
+    found : Feedback
+        Of ``feedback(rec)``.
+    """
+    if not found.found:
+        return LoopCheck(found)
+    f = np.geomspace(*band, FREQUENCIES)
+    size, error = np.abs(model.response(f)), response_error(model, f)
+    unsure = float(np.median(error / size))
+    doubts: list[tuple[int, str]] = []
+    if not unsure < UNSURE:
+        doubts.append((DO_NOT_USE, _not_excited(rec, unsure)))
+    if rec.reference is None:
+        return LoopCheck(found, reservations=(*doubts, (RESERVATIONS, found.sentence)))
+    try:
+        other = two_stage(rec, (model.na, model.nb, max(model.nk, 1)))
+    except IdentError as refusal:
+        return LoopCheck(found, reservations=(*doubts, (RESERVATIONS, f"no two-stage comparison: {refusal}")))
+    distance = np.abs(other.response(f) - model.response(f))
+    both = np.hypot(error, response_error(other, f))
+    k = int(np.argmax(distance / size))
+    largest = float(distance[k] / size[k])
+    words = (
+        f"the two-stage estimate from the reference differs from the direct one by at most {100 * largest:.2g} % of "
+        f"|G| in the excited band (at {f[k]:.3g} Hz, standard error {100 * both[k] / size[k]:.2g} %)"
+    )
+    if ((distance > APART * size) & (distance > SIGNIFICANT * both)).any():
+        doubts.append((
+            RESERVATIONS,
+            f"{words}, more than the noise explains: the controller was limited or switched during the record, the "
+            "plant is nonlinear, or the reference is not that of this loop",
+        ))  # fmt: skip
+    return LoopCheck(found, other, largest, tuple(doubts), words)
+
+
+def _not_excited(rec: Record, unsure: float) -> str:
+    """Clause on a loop whose data do not determine the plant."""
+    return (
+        f"the loop was not excited enough: the median standard error of |G| in the band is {100 * unsure:.0f} %, so "
+        f"the plant cannot be separated from its controller. Record while the reference of {rec.output} moves: steps of "
+        "about 10 % that are held for longer than the loop settles, or a chirp"
+    )
