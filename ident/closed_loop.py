@@ -1,4 +1,4 @@
-"""Closed loop: recognition of feedback, the two-stage estimate, and whether a loop was excited enough.
+"""Closed loop: recognition of feedback, and how far a model from a loop can be trusted.
 
 A controller feeds the noise of the output y into the input u. Then output error and measured frequency responses are
 biased; a Box-Jenkins model with autoregressive noise is not, if the loop has a delay (nk of 1 or more) and the noise
@@ -10,23 +10,23 @@ controller makes u(t) an exact function of past and present y, past u and a pred
 reference jumps are left out as outliers. Noise recorded on u limits the test: y then helps to predict a generated input
 too.
 
-Sources: Soderstrom & Stoica 1989, chapter 10; Ljung 1999, sections 13.4 and 13.5; Granger 1969, doi 10.2307/1912791;
-Van den Hof & Schrama 1993, doi 10.1016/0005-1098(93)90121-G (two-stage).
+Sources: Soderstrom & Stoica 1989, chapter 10; Ljung 1999, sections 13.4 and 13.5; Granger 1969, doi 10.2307/1912791.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from ..core.arrays import Array
 from ..core.errors import IdentError
+from ..core.threads import one_thread
 from ..core.verdict import DO_NOT_USE, RESERVATIONS
 from ..datasets.records.record import Record
 from .estimators.bias_checks import response_error
-from .estimators.box_jenkins import box_jenkins
+from .estimators.filters import squares
 from .estimators.regressors import r_of
-from .estimators.starting_values import high_order_arx
+from .estimators.two_stage import EXCITE, check_reference, two_stage
 from .model import Model
 
 PAST = 20  # lags of u and y
@@ -39,11 +39,13 @@ IRREGULAR = 0.2  # of the standard deviation of u, unpredicted: beyond, the resp
 OUTLIER = 4.0  # standard deviations (from the MAD) beyond which the reference has jumped
 TRIMS = 8
 SETTLED = 0.002  # of the rows: fewer that change between two passes do not matter
-NOISE = 6  # order of the noise model of the two-stage estimate
 FREQUENCIES = 40
-UNSURE = 0.25  # median standard error of |G| in the band beyond which the loop was not excited
-APART, SIGNIFICANT = 0.1, 4.0  # of |G|, and standard errors: a smaller difference of both estimates is no reservation
+UNSURE = 0.15  # median standard error of |G| in the band beyond which the loop was not excited
+APART, SIGNIFICANT = 0.2, 4.0  # of |G|, and standard errors: a smaller difference of both estimates is no reservation
 EXACT = 1e-8  # of the standard deviation: below, u is determined by its own past
+
+REGULATED = 0.85  # of the changes of u: moving references and open loops reach .66, a rounded PI .88
+MOST_DELAY, FEWEST = 2, 30  # samples of delay of such a controller, and of the record
 
 State = Literal["found", "none", "undecided"]
 
@@ -74,6 +76,7 @@ class Feedback:
         return self.state == "found"
 
 
+@one_thread
 def feedback(rec: Record) -> Feedback:
     """Whether the input depends on the noise of the output, as under a controller.
 
@@ -124,12 +127,6 @@ def feedback(rec: Record) -> Feedback:
     return Feedback("none", causes.p, causes.share, f"{rec.input} does not depend on {rec.output}: no feedback")
 
 
-def feedback_clause(rec: Record) -> str | None:
-    """Clause on feedback that was recognised in a record without its reference, otherwise None."""
-    found = None if rec.reference is not None else feedback(rec)
-    return found.sentence if found is not None and found.found else None
-
-
 @dataclass(frozen=True, slots=True)
 class _Causes:
     """F test of y on u: p, share explained by past and present y, by past y alone, and what the past of u leaves."""
@@ -138,6 +135,47 @@ class _Causes:
     share: float
     past: float
     left: float
+
+
+def loop_of(rec: Record) -> Feedback:
+    """Feedback of a record that is to be identified; IdentError where a loop at constant reference was recorded.
+
+    Raises
+    ------
+    IdentError
+        The changes of u follow y as under a PI controller whose reference does not move, or the recorded reference does
+        not vary or is the input itself: then the data do not separate the plant from its controller.
+    """
+    found = feedback(rec)
+    if rec.reference is not None:
+        check_reference(rec)
+    elif (law := _constant_reference(rec)) is not None:
+        share, kp, ki = law
+        raise IdentError(
+            f"{rec.input} follows {rec.output} as under a PI controller with constant reference (R2 of its changes "
+            f"{min(share, 0.9999):.4g}, Kp {kp:.3g}, Ki {ki:.3g} per sample): the data do not separate the plant from "
+            f"its controller. {EXCITE}"
+        )
+    return found
+
+
+def _constant_reference(rec: Record) -> tuple[float, float, float] | None:
+    """R2, Kp and Ki (per sample) of u(t) - u(t - 1) = - Kp (y(t) - y(t - 1)) - Ki y(t), if it is nearly exact."""
+    change = np.concatenate([np.diff(rec.u[s])[2:] for s in rec.stretches])
+    power = squares(change)
+    if len(change) < FEWEST or power <= EXACT**2 * squares(rec.u):
+        return None
+    best = (0.0, 0.0, 0.0)
+    for delay in range(MOST_DELAY + 1):
+        parts = [(rec.y[s] - rec.y[s].mean()) for s in rec.stretches]
+        now, before = (
+            np.concatenate([y[3 - lag : len(y) - lag] for y in parts if len(y) > 3]) for lag in (delay, delay + 1)
+        )
+        columns = np.column_stack([now, before])
+        theta = np.linalg.lstsq(columns, change, rcond=None)[0]
+        share = 1 - squares(change - columns @ theta) / power
+        best = max(best, (share, float(theta[1]), -float(theta.sum())))
+    return best if best[0] > REGULATED else None
 
 
 def _found(rec: Record, causes: _Causes) -> Feedback:
@@ -231,69 +269,6 @@ def _rows(rec: Record) -> Array | None:
     return np.column_stack([np.ones(len(t)), rec.u[lags], rec.y[lags], rec.y[t], rec.u[t]])
 
 
-def two_stage(rec: Record, orders: tuple[int, int, int], nd: int = NOISE) -> Model:
-    """Model of a record in closed loop from the part of its input that the reference explains.
-
-    First a high-order model from reference to input is simulated; it holds none of the noise. Then the output is
-    identified from that input, in open loop, whose noise includes the response of the plant to the rest of u.
-
-    Parameters
-    ----------
-    rec : Record
-        Centred, with its ``reference``.
-    orders : (na, nb, nk)
-    nd : int
-        Order of the autoregressive noise model.
-
-    Returns
-    -------
-    Model
-        Consistent whatever the noise and the controller; less accurate than the direct estimate.
-
-    Raises
-    ------
-    IdentError
-        No reference, one that does not vary or is the input itself, or too short a record.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> e, y, u, r = *(0.01 * rng.standard_normal((1, 900))), *np.zeros((2, 900)), np.sign(rng.standard_normal(900))
-    >>> for t in range(1, 900):
-    ...     y[t] = 0.8 * y[t - 1] + 0.5 * u[t - 1] + e[t]
-    ...     u[t] = 0.3 * (r[t] - y[t])
-    >>> rec = Record(u=u, y=y, sample_time=0.02, reference=r).centred()
-    >>> two_stage(rec, (1, 1, 1)).theta.round(2).tolist()
-    [-0.8, 0.5]
-    """
-    reference = check_reference(rec)
-    first = high_order_arx(reference, rec.u, rec.stretches)
-    na, nb, nk = orders
-    free = replace(rec, u=first.x, reference=None).centred()
-    return box_jenkins(free, nb, na, nd, nk)
-
-
-def check_reference(rec: Record) -> Array:
-    """The reference of a record; IdentError if there is none, if it does not vary, or if it is the input itself."""
-    if rec.reference is None:
-        raise IdentError("the record has no reference: read it with its column (--reference COLUMN).")
-    r = rec.centred().reference
-    u = rec.centred().u
-    assert r is not None  # noqa: S101  of a record that has one
-    power, shared = float(r @ r), float(r @ u)
-    if power <= EXACT**2 * max(float(np.sum(rec.reference**2)), 1e-300):
-        raise IdentError(
-            f"the reference does not vary ({rec.reference[0]:g} throughout): it excites nothing, so the data do not "
-            "separate the plant from its controller. Record with a reference that moves: steps of 10 %, or a chirp."
-        )
-    if shared**2 >= (1 - EXACT) * power * float(u @ u):
-        raise IdentError(
-            f"reference and input {rec.input} are the same signal: the loop is open, or the wrong column was named. "
-            "Leave --reference out, or name the set point of the controller."
-        )
-    return np.asarray(r)
-
-
 @dataclass(frozen=True, slots=True)
 class LoopCheck:
     """How far a model from a closed loop can be trusted.
@@ -315,6 +290,12 @@ class LoopCheck:
     difference: float = 0.0
     reservations: tuple[tuple[int, str], ...] = ()
     sentence: str = ""
+
+    @property
+    def clauses(self) -> tuple[str, ...]:
+        """The finding, unless no feedback was found, and the comparison."""
+        found = () if self.feedback.state == "none" else (self.feedback.sentence,)
+        return (*found, *filter(None, (self.sentence,)))
 
 
 def check_loop(rec: Record, model: Model, band: tuple[float, float], found: Feedback) -> LoopCheck:
@@ -338,7 +319,7 @@ def check_loop(rec: Record, model: Model, band: tuple[float, float], found: Feed
     unsure = float(np.median(error / size))
     doubts: list[tuple[int, str]] = []
     if not unsure < UNSURE:
-        doubts.append((DO_NOT_USE, _not_excited(rec, unsure)))
+        doubts.append((DO_NOT_USE, _not_excited(unsure)))
     if rec.reference is None:
         return LoopCheck(found, reservations=(*doubts, (RESERVATIONS, found.sentence)))
     try:
@@ -356,16 +337,15 @@ def check_loop(rec: Record, model: Model, band: tuple[float, float], found: Feed
     if ((distance > APART * size) & (distance > SIGNIFICANT * both)).any():
         doubts.append((
             RESERVATIONS,
-            f"{words}, more than the noise explains: the controller was limited or switched during the record, the "
-            "plant is nonlinear, or the reference is not that of this loop",
+            f"{words}, more than the noise explains: the controller was limited or switched during the record, "
+            "the plant is nonlinear, or the reference is not that of this loop",
         ))  # fmt: skip
     return LoopCheck(found, other, largest, tuple(doubts), words)
 
 
-def _not_excited(rec: Record, unsure: float) -> str:
+def _not_excited(unsure: float) -> str:
     """Clause on a loop whose data do not determine the plant."""
     return (
         f"the loop was not excited enough: the median standard error of |G| in the band is {100 * unsure:.0f} %, so "
-        f"the plant cannot be separated from its controller. Record while the reference of {rec.output} moves: steps of "
-        "about 10 % that are held for longer than the loop settles, or a chirp"
+        f"the plant is not separated from its controller. {EXCITE}"
     )

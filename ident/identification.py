@@ -22,9 +22,10 @@ from ..core.threads import one_thread
 from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ..datasets.records.gaps import without_short
 from ..datasets.records.record import Record, join_records
+from .closed_loop import LoopCheck, check_loop, loop_of
 from .disturbances import CHECKED as DISTURBANCES
 from .disturbances import Disturbances, disturbances
-from .estimators.bias_checks import causality, feedback_detected, response_error, warn_of_bias
+from .estimators.bias_checks import causality, response_error, warn_of_bias
 from .estimators.input_checks import check_varies
 from .estimators.least_squares import arx
 from .estimators.order_selection import OrderSearch, choose_order
@@ -38,13 +39,14 @@ from .validation.handover import Handover, arx_by_choice, judge_handover
 from .validation.model_validation import Validation
 
 SURE = 2.0  # standard errors between the static gain and zero
+LOOP = "Closed loop"
 CHECKED = (
     "Simulation of samples not fitted",
     "Simulation of its own record",
     "Residuals against the input",
     "Poles and settling time",
     "Static gain",
-    "Closed loop",
+    LOOP,
     "Exchanged signals",
 )
 MOST_SAMPLES, PARTS = 3200, 8  # in the search: of longer records so many parts with so many samples together
@@ -70,8 +72,10 @@ class Identification(Plottable):
         Order selection by one-step errors, as in the papers; optimistic under sensor noise.
     judged : Handover
         Validations of the model on its own record, and of its structure on samples that were not fitted.
-    bias, feedback, causality : str or None
-        Sentences on sensor-noise bias, feedback, and swapped signals, if detected.
+    loop : LoopCheck
+        Whether a controller was active, and the comparison with the two-stage estimate.
+    bias, causality : str or None
+        Sentences on sensor-noise bias and swapped signals, if detected.
     disturbances : Disturbances
         Spikes, drift, lines and nonlinearity of the record, each with size and place.
     by_choice : str or None
@@ -88,13 +92,18 @@ class Identification(Plottable):
     chosen: Candidate
     one_step: OrderSearch
     judged: Handover
+    loop: LoopCheck
     bias: str | None
-    feedback: str | None
     causality: str | None
     disturbances: Disturbances
     by_choice: str | None = None
     amplitudes: AmplitudeTable | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def feedback(self) -> str | None:
+        """Clause on feedback, if a controller was active."""
+        return self.loop.feedback.sentence if self.loop.feedback.found else None
 
     @property
     def validation(self) -> Validation:
@@ -144,7 +153,7 @@ class Identification(Plottable):
         """Verdict and reservations, worst first."""
         low, high = self.model.band or (0.0, 0.0)
         judged = (self.judged.noise, self.judged.apart)
-        found = [s for s in (self.by_choice, self.causality, self.feedback, self.bias, *judged) if s]
+        found = [s for s in (self.by_choice, self.causality, *self.loop.clauses, self.bias, *judged) if s]
         return (
             self.judged.words,
             *map(sentence, found),
@@ -163,7 +172,7 @@ class Identification(Plottable):
         """How far the model can be used in the excited band, from its validation and from the checks of the record."""
         signs = (self.judged.own.feedback, self.validation.feedback)
         held = [item for item in self.judged.reservations if item[1] not in signs]
-        feedback = self.feedback or next(filter(None, signs), None)
+        loop = [] if self.feedback else [(RESERVATIONS, words) for words in filter(None, signs)][:1]
         found = [
             *([(DO_NOT_USE, self.causality)] if self.causality else []),
             *_of_gain(self.model),
@@ -171,16 +180,14 @@ class Identification(Plottable):
             *held,
             *self.disturbances.reservations,
             *([(RESERVATIONS, self.by_choice)] if self.by_choice else []),
-            *([(RESERVATIONS, feedback)] if feedback else []),
+            *self.loop.reservations,
+            *loop,
         ]
-        simulation, *checked = CHECKED
-        unseen = self.judged.unseen
-        remark = self.disturbances.remark
-        done = (*(checked if unseen else CHECKED), *(() if remark else (DISTURBANCES,)))
-        left = (
-            *((f"{simulation}: {unseen.split(',')[0]}",) if unseen else ()),
-            *((f"{DISTURBANCES}: {remark}",) if remark else ()),
-        )
+        undecided = self.loop.feedback.sentence if self.loop.feedback.state == "undecided" else None
+        unseen = self.judged.unseen.split(",")[0] if self.judged.unseen else None
+        reasons = {CHECKED[0]: unseen, LOOP: undecided, DISTURBANCES: self.disturbances.remark}
+        done = tuple(check for check in (*CHECKED, DISTURBANCES) if not reasons.get(check))
+        left = tuple(f"{check}: {reason}" for check, reason in reasons.items() if reason)
         return verdict_from([(level, sentence(words)) for level, words in found], done, left)
 
 
@@ -265,7 +272,8 @@ def identify(
     Raises
     ------
     IdentError
-        The input is constant, the record too short for any order, or no stable model fits it.
+        The input is constant, the record too short for any order, no stable model fits it, or a controller was active
+        whose reference did not move.
 
     Examples
     --------
@@ -284,9 +292,9 @@ def identify(
     disturbed = disturbances(whole)
     whole, beside = disturbed.record, disturbed.columns
     part = _parts(whole)
-    feedback = feedback_detected(whole)
+    loop = loop_of(whole)
     found = search(
-        part, most_order=most_order, delays=delays, orders=orders, least_delay=int(bool(feedback)),
+        part, most_order=most_order, delays=delays, orders=orders, least_delay=int(loop.found),
         beside=beside if part is whole else disturbed.columns_of(part),
     )  # fmt: skip
     best, chosen = mixture(whole, found, beside)
@@ -308,9 +316,9 @@ def identify(
         chosen=best,
         one_step=one_step,
         judged=judge_handover(model, whole, estimate, held_out, beside),
-        bias=None if feedback else warn_of_bias(plain, chosen, band),
-        feedback=feedback,
-        causality=causality(whole),
+        loop=check_loop(whole, model, band, loop),
+        bias=None if loop.found else warn_of_bias(plain, chosen, band),
+        causality=None if loop.found else causality(whole),  # a controller has the same effect
         disturbances=disturbed,
         by_choice=arx_by_choice(plain, chosen, band) if by_arx else None,
         notes=(*whole.notes, *found.notes),
@@ -347,4 +355,6 @@ def _parts(rec: Record) -> Record:
     rows = (starts[:, None] + np.arange(size)).ravel()
     offsets = np.asarray(rec.offsets)[np.searchsorted(rec.starts, starts, side="right") - 1]
     joined = tuple(int(k) * size for k in range(len(starts)))
-    return replace(rec, u=rec.u[rows], y=rec.y[rows], starts=joined, offsets=offsets, sha256=None).centred()
+    return replace(
+        rec, u=rec.u[rows], y=rec.y[rows], starts=joined, offsets=offsets, sha256=None, reference=None
+    ).centred()

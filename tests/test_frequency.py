@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records
-from fitmodels.ident.estimators.bias_checks import feedback_detected
 from fitmodels.ident.excitation.signals import chirp, multisine, prbs
 from fitmodels.ident.model import Model
 from fitmodels.ident.responses.frequency import frequency_response
@@ -195,49 +194,3 @@ def test_what_cannot_be_is_refused_in_words(what):
     ask, words = REFUSED[what]
     with pytest.raises(IdentError, match=words):
         ask(recorded(chirp(), 30, 1))
-
-
-def looped(snr, delay=1, seed=0):
-    """The plant under a PI loop whose reference is the chirp."""
-    rng, n = np.random.default_rng(seed), 750
-    r, noise = chirp(), 0.18 * 10 ** (-snr / 20) * rng.standard_normal(n)
-    u, x, y, total = np.zeros(n + 3), np.zeros(n + 3), np.zeros(n + 3), 0.0
-    for t in range(3, n + 3):
-        x[t] = PLANT.b[1:] @ u[t - 3 : t][::-1] - PLANT.a[1:] @ x[t - 3 : t][::-1]
-        y[t] = x[t] + noise[t - 3]
-        error = 0.1 * r[t - 3] - y[t - delay]
-        total += 0.05 * error
-        u[t] = 0.3 * r[t - 3] + error + total
-    return Record(u=u[3:], y=y[3:], sample_time=0.02)
-
-
-@pytest.mark.parametrize("snr", [40, 10])
-def test_a_controller_is_found_in_its_data(snr):
-    assert "depends on the output" in feedback_detected(looped(snr))
-
-
-def test_a_controller_without_delay_is_found_where_the_machine_has_one():
-    assert feedback_detected(looped(30, delay=0), nk=0) is None
-    assert "depends on the output" in feedback_detected(looped(30, delay=0), nk=1)
-
-
-def test_open_loop_is_not_taken_for_a_closed_one():
-    inputs = [chirp(), prbs(2.5, hold=0.2), np.random.default_rng(9).standard_normal(750)]
-    found = [
-        feedback_detected(recorded(u, snr, seed, colour=colour), nk=1)
-        for u in inputs for snr in (60, 30, 10) for colour in (0.0, 0.9) for seed in range(5)
-    ]  # fmt: skip
-    assert found == [None] * 90
-
-
-def test_the_loop_of_a_real_drive_is_found(measurements):
-    # EMPS: Janot, Gautier & Brunot 2019, recorded under a position controller without delay
-    t, _, position, control = np.loadtxt(measurements / "emps/data_emps.csv", delimiter=",", skiprows=1)[:, :4].T
-    rec = Record(u=control, y=position, sample_time=float(t[1] - t[0]))
-    assert feedback_detected(rec, nk=1)
-
-
-@pytest.mark.parametrize("name", ["dryer", "robot_arm"])
-def test_open_loop_measurements_are_not_flagged(measurements, name):
-    u, y = np.loadtxt(measurements / f"daisy/{name}.dat").T
-    assert feedback_detected(Record(u=u, y=y, sample_time=0.08), nk=1) is None

@@ -18,6 +18,7 @@ DEPTH = 6  # lags of each signal in the test of causality
 FLOOR = 1e-6  # residual share below which a prediction is exact: sensors have fewer digits
 RELEVANT = 0.05  # of |G|: gains are not tuned more finely
 SIGNIFICANT = 3.0  # standard errors of a complex number; without bias exceeded at 1 frequency in 8000
+KNOWN = 0.3  # of |G|: where the standard error of the reference is larger, it is no reference
 FREQUENCIES = 60
 NAMES = {"output_error": "output error", "sriv": "instrumental variables", "box_jenkins": "Box-Jenkins"}
 
@@ -105,7 +106,11 @@ def warn_of_bias(arx_model: Model, oe_model: Model, band: tuple[float, float]) -
     reference, biased = oe_model.response(f), arx_model.response(f)
     distance = np.abs(biased - reference)
     error = response_error(oe_model, f)
-    found = (distance > RELEVANT * np.abs(reference)) & (distance > SIGNIFICANT * error)
+    found = (
+        (distance > RELEVANT * np.abs(reference))
+        & (distance > SIGNIFICANT * error)
+        & (error < KNOWN * np.abs(reference))
+    )
     if not found.any():
         return None
     k = int(np.argmax(np.where(found, distance / np.abs(reference), 0.0)))

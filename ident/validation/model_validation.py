@@ -14,7 +14,7 @@ from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE
 from ...datasets.records.record import Record
-from ..closed_loop import feedback_clause
+from ..closed_loop import feedback
 from ..model import Model
 from .prediction import BY_EQUATION, check_frame, fit_percent, k_steps, lagged_inputs, one_step, simulated
 from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
@@ -134,6 +134,7 @@ def validate(
     simulates the record with 83 % fit (R2 0.9727); residuals are independent of u
     """
     check_frame(model, other)
+    original = other
     other, remarks, kept = long_stretches(model, other, steps)
     beside = None if beside is None else beside[kept]
     raw, other = other, without_slope(other) if model.integrating else other
@@ -142,7 +143,10 @@ def validate(
     step = one_step(model, other, yhat, beside)
     held_out = model.record is None or model.record != other.sha256
     cov = model.cov_params if held_out else None
-    past, future = range(lags + 1), range(-lags, 0)
+    loop = feedback(original)
+    # a controller without delay feeds e(t) into u(t), which a model with a delay does not use
+    first = int(loop.state != "none" and model.nk > 0)
+    past, future = range(first, lags + 1), range(-lags, 0)
     left = y - yhat
     mean = np.concatenate([np.full(k.stop - k.start, y[k].mean()) for k in s])
     k_step_fit = {
@@ -155,9 +159,9 @@ def validate(
         fit_zero_state=fit_percent(y, simulated(model, other, False, beside=beside), s),
         k_step_fit=k_step_fit,
         whiteness=residual_whiteness(step, cov, not held_out, lags),
-        independence=independence(step, lagged_inputs(other, step, past), 0, cov, not held_out),
+        independence=independence(step, lagged_inputs(other, step, past), first, cov, not held_out),
         future_inputs=independence(step, lagged_inputs(other, step, future), -lags, cov, not held_out),
-        feedback=feedback_clause(other),
+        feedback=loop.sentence if loop.found and original.reference is None else None,
         remarks=remarks + plausibility_remarks(model, max(k.stop - k.start for k in s) * other.sample_time),
         held_out=held_out,
         y=y,
