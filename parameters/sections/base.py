@@ -1,5 +1,6 @@
-"""Base of all sections: `Section`, its kinds of numbers and text, and covariances."""
+"""Base of all sections: `Section`, its kinds of numbers and text, covariances, and polynomials of models."""
 
+from collections.abc import Sequence
 from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
@@ -17,6 +18,7 @@ Count = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 Text = Annotated[str, Field(min_length=1)]
 Name = Annotated[str, Field(min_length=1, max_length=500)]
 Level = Literal["usable inside the tested region", "usable with reservations", "do not use for control"]
+Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
@@ -168,3 +170,25 @@ def covariance_error(matrix: np.ndarray[tuple[int, int], np.dtype[np.float64]]) 
     if len(matrix) and np.linalg.eigvalsh(correlation)[0] < -len(matrix) * ROUNDING:
         return "the matrix is not a covariance: some combination of the parameters has a negative variance"
     return None
+
+
+def coefficient_names(b: Sequence[float], a: Sequence[float], nk: int) -> tuple[str, ...]:
+    """Names of the estimated coefficients: a1 ..., then b<nk> ...
+
+    >>> coefficient_names([0.0, 0.5], [1.0, -0.5], 1)
+    ('a1', 'b1')
+    """
+    return (*(f"a{i}" for i in range(1, len(a))), *(f"b{j}" for j in range(nk, len(b))))
+
+
+def check_polynomials(
+    b: Sequence[float], a: Sequence[float], nk: int, uncertainty: ModelCovariance | NoCovariance
+) -> None:
+    """Raise ValueError unless a starts with 1, b with nk zeros, and the covariance is of their coefficients."""
+    if a[0] != 1:
+        raise ValueError(f"a starts with 1, not with {a[0]:g}")
+    if len(b) <= nk or any(b[:nk]):
+        raise ValueError(f"b with nk {nk} begins with {nk} zeros, then its coefficients")
+    names = coefficient_names(b, a, nk)
+    if isinstance(uncertainty, ModelCovariance) and set(uncertainty.of) != set(names):
+        raise ValueError(f"the covariance must be of {', '.join(names)}")

@@ -5,7 +5,6 @@
 Source: Ljung 1999, System Identification, section 4.2. ``nk`` counts as MATLAB does; Octave's arx counts one less.
 """
 
-from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -20,16 +19,18 @@ from .base import (
     NoCovariance,
     NotNegative,
     Number,
+    Polynomial,
     Positive,
     Section,
     Sha256,
     Share,
     Text,
     VerdictSection,
+    check_polynomials,
+    coefficient_names,
 )
 
 Array = NDArray[np.float64]
-Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
 MOST_ALTERNATIVES = 100
 INTEGRATOR = 1e-14  # of the sum of |a|: a(1) below it is rounding of zero, a pole at exactly 1
 
@@ -67,28 +68,6 @@ class AlternativeModel(Section):
     def names(self) -> tuple[str, ...]:
         """Names of the coefficients that were estimated: a1 ..., then b<nk> ..."""
         return coefficient_names(self.b, self.a, self.nk)
-
-
-def coefficient_names(b: Sequence[float], a: Sequence[float], nk: int) -> tuple[str, ...]:
-    """Names of the estimated coefficients: a1 ..., then b<nk> ...
-
-    >>> coefficient_names([0.0, 0.5], [1.0, -0.5], 1)
-    ('a1', 'b1')
-    """
-    return (*(f"a{i}" for i in range(1, len(a))), *(f"b{j}" for j in range(nk, len(b))))
-
-
-def check_polynomials(
-    b: Sequence[float], a: Sequence[float], nk: int, uncertainty: ModelCovariance | NoCovariance
-) -> None:
-    """Raise ValueError unless a starts with 1, b with nk zeros, and the covariance is of their coefficients."""
-    if a[0] != 1:
-        raise ValueError(f"a starts with 1, not with {a[0]:g}")
-    if len(b) <= nk or any(b[:nk]):
-        raise ValueError(f"b with nk {nk} begins with {nk} zeros, then its coefficients")
-    names = coefficient_names(b, a, nk)
-    if isinstance(uncertainty, ModelCovariance) and set(uncertainty.of) != set(names):
-        raise ValueError(f"the covariance must be of {', '.join(names)}")
 
 
 class DynamicsSection(Plottable, Section):
