@@ -17,22 +17,16 @@ from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..estimators.box_jenkins import (
     WhitenedRun,
-    box_jenkins_model,
     noise_of,
     prewhitened,
-    whitened_errors,
     whitened_minimum,
     whitened_run,
 )
-from ..estimators.filters import EDGE, MAX_ORDER, burg, filtered, is_stable, lagged, squares
-from ..estimators.least_squares import arx
-from ..estimators.order_losses import losses, losses_of_triangle
-from ..estimators.prediction_error import output_error
-from ..estimators.regressors import Lags, arx_regressors, gram, triangle
+from ..estimators.filters import burg, filtered, lagged, squares
 from ..estimators.starting_values import high_order_arx, steiglitz_mcbride
 from ..model import Model
 from .choice import criterion, guard
-from .continuous_forms import FittedForm, fit_forms, integrating, refit_form
+from .continuous_forms import FittedForm, fit_forms
 
 ONE = np.ones(1)
 FIRST_STEPS, STEPS = 5, 2  # of the iteration: at the first delay of an order, and at each further one
@@ -42,13 +36,11 @@ EXACT = 1e-18  # of the variance: a loss below it is rounding
 NO_DELAY = (
     20.0  # of the criterion, for nk = 0: behind a zero-order hold a plant responds one sample later at the earliest
 )
-FINAL, FINAL_STEPS = 1e-10, 100  # the same for a final estimate
 SLOW = 10.0  # a pole with a time constant above a tenth of the longest segment is slow
 SLOW_TRIED = 12  # candidates of which those with a slow pole are tried with an integrator
 CANCELLED = 1e-6  # share of |b| below which b(1) cancels the integrator
 HOPELESS = 100.0  # of the criterion above the best: the penalty makes no difference
 MEMORY = (0, 1, 2, 4, 7, 11, 16, 22, 30, 40, 55)  # lags of u beside which drift and lines are estimated first
-EQUATIONS = 6  # candidates with equation noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,59 +235,6 @@ def refined(screen: Screen, one: Candidate) -> Candidate:
     return judged(screen, replace(run, nd=0), end.theta[: one.na + one.nb])
 
 
-def equation_candidates(screen: Screen, most_order: int, delays: Sequence[int]) -> list[Candidate]:
-    """Candidates with equation noise, a y = b u + e, by least squares on all orders at once: the best few."""
-    na, nb = range(1, most_order + 1), most_order + 1
-    lags = Lags(most_order, 0, max(delays) + nb - 1)
-    rec = partialled(screen.rec, screen.beside)
-    if max(s.stop - s.start for s in rec.stretches) <= 3 * lags.span:
-        return []
-    total = gram(rec, lags)
-    rss = losses(total, na, nb, delays)
-    if rss is None:  # the innovations are rounding of the products
-        rss = losses_of_triangle(triangle(rec, lags), na, nb, delays)
-    n = len(rec)
-    p = np.arange(1, nb + 1) + np.array(na)[:, None]
-    bic = n * np.log(np.maximum(rss / total.rows, EXACT * float(np.var(rec.y)))) + p * np.log(n)
-    best = np.argsort(bic, axis=None)[:EQUATIONS]
-    found = (
-        _equation_candidate(screen, na[i], j + 1, delays[k])
-        for k, i, j in zip(*np.unravel_index(best, bic.shape), strict=True)
-    )
-    return [one for one in found if one is not None]
-
-
-def partialled(rec: Record, beside: Array | None) -> Record:
-    """The record with input and output orthogonal to the signals beside the plant.
-
-    Least squares on lags of such signals equals least squares with the signals among the regressors, because lags of
-    sines and polynomials are combinations of them (Frisch & Waugh 1933).
-    """
-    if beside is None or not beside.shape[1]:
-        return rec
-    level = np.zeros((len(rec), len(rec.stretches)))
-    for k, s in enumerate(rec.stretches):
-        level[s, k] = 1.0
-    both = np.hstack([level, beside])
-    signals = np.column_stack([rec.u, rec.y])
-    left = signals - both @ np.linalg.lstsq(both, signals, rcond=None)[0]
-    return replace(rec, u=left[:, 0], y=left[:, 1])
-
-
-def _equation_candidate(screen: Screen, na: int, nb: int, nk: int) -> Candidate | None:
-    """One order by least squares; None if it is not stable."""
-    Phi, y, _ = arx_regressors(partialled(screen.rec, screen.beside), na, nb, nk)
-    both = np.column_stack([np.ones(len(y)), Phi])
-    theta = np.linalg.lstsq(both, y, rcond=None)[0][1:]
-    if not is_stable(np.concatenate([ONE, theta[:na]]), EDGE):
-        return None
-    e = y - Phi @ theta
-    variance = max(float(np.var(e)), EXACT * float(np.var(screen.rec.y)))
-    plain = replace(whitened_run(screen.rec, (na, nb, nk, 0)), beside=screen.beside)
-    loss = squares(whitened_errors(plain, theta)[0]) / len(y)
-    return with_criterion(screen, Candidate("arx", na, nb, nk, theta, ONE, loss, variance, 0.0))
-
-
 def form_candidates(screen: Screen, delays: Sequence[int] | None) -> list[Candidate]:
     """Continuous forms with few parameters, judged as the other candidates."""
     return [
@@ -323,62 +262,9 @@ def _of_form(screen: Screen, form: FittedForm) -> Candidate:
     ))  # fmt: skip
 
 
-def estimated(rec: Record, one: Candidate, beside: Array | None = None) -> Model:
-    """Final estimate of a candidate on any record of the machine, started from its coefficients.
-
-    Raises
-    ------
-    IdentError
-        The record does not identify the structure.
-    """
-    if one.form is not None:
-        same = rec.sha256 == one.form.model.record and beside is None
-        return one.form.model if same else refit_form(rec, one.form, beside=beside).model
-    if one.structure == "arx":
-        return arx(partialled(rec, beside), one.na, one.nb, one.nk)
-    if one.integrating:
-        inner = without_integrator(one)
-        return integrating(rec, lambda total, slope: _box_jenkins(total, inner, _both(slope, beside)))
-    if len(one.d) > MAX_ORDER - 1 and beside is None:
-        return _output_error(rec, one)
-    return _box_jenkins(rec, one, beside)
-
-
-def _output_error(rec: Record, one: Candidate) -> Model:
-    """Output error, where the noise model reaches its largest order: then much of the error is not noise.
-
-    b/a is an approximation, and that with the least simulation error is wanted, not with the least whitened error.
-    """
-    model = output_error(rec, one.nb, one.na, one.nk, initial="offset")
-    return replace(
-        model,
-        notes=(
-            *model.notes,
-            f"the error is coloured beyond an autoregression of order {MAX_ORDER - 2}, so it is not noise alone "
-            "(nonlinearity, unmodelled dynamics): the model is fitted to the simulation error",
-        ),
-    )
-
-
-def _box_jenkins(rec: Record, one: Candidate, beside: Array | None) -> Model:
-    """Box-Jenkins estimate from the coefficients of a candidate."""
-    run = replace(whitened_run(rec, (one.na, one.nb, one.nk, len(one.d) - 1)), beside=beside)
-    if not run.stretches:
-        raise IdentError(
-            f"no segment of the record is long enough for na {one.na}, nb {one.nb}, nk {one.nk}: record longer."
-        )
-    end = whitened_minimum(run, np.concatenate([one.theta, one.d[1:]]), FINAL_STEPS, FINAL)
-    return box_jenkins_model(rec, run, end)
-
-
-def _both(slope: Array, beside: Array | None) -> Array:
+def both_beside(slope: Array, beside: Array | None) -> Array:
+    """A slope and the signals beside the plant, (N, 1 + k)."""
     return slope if beside is None else np.hstack([slope, beside])
-
-
-def without_integrator(one: Candidate) -> Candidate:
-    """The candidate from the running sum of the input: a divided by 1 - q^-1."""
-    a = np.cumsum(one.a)[:-1]
-    return replace(one, na=one.na - 1, theta=np.concatenate([a[1:], one.theta[one.na :]]), integrating=False)
 
 
 def integrating_candidates(screen: Screen, found: Sequence[Candidate]) -> list[Candidate]:
@@ -393,7 +279,7 @@ def integrating_candidates(screen: Screen, found: Sequence[Candidate]) -> list[C
     time = np.concatenate([np.linspace(-1.0, 1.0, s.stop - s.start) for s in rec.stretches])[:, None]
     summed = replace(
         screen, rec=replace(rec, u=total), u=filtered(screen.d, [1.0], total, rec.stretches),
-        beside=_both(time, screen.beside),
+        beside=both_beside(time, screen.beside),
     )  # fmt: skip
     out = []
     for one in slow:

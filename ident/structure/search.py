@@ -13,18 +13,14 @@ import numpy as np
 import pandas as pd
 
 from ...core.arrays import Array
-from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..estimators.box_jenkins import box_jenkins
-from ..model import Model
 from ..responses.spectra import excited_band
 from .candidates import (
     HOPELESS,
     Candidate,
     Screen,
     equation,
-    equation_candidates,
-    estimated,
     fitted,
     form_candidates,
     integrating_candidates,
@@ -33,7 +29,8 @@ from .candidates import (
     scanned,
     screen_of,
 )
-from .choice import criterion, weights
+from .choice import weights
+from .equation_noise import equation_candidates
 
 MOST_ORDER, MOST_DELAY = 5, 10
 FARTHEST = 100  # samples of delay, or a tenth of the longest segment
@@ -44,7 +41,6 @@ REFINED = 8  # candidates whose plant and noise model are fitted jointly
 EQUAL = 2.0  # of the criterion: no evidence (Kass & Raftery 1995, doi 10.1080/01621459.1995.10476572)
 UNLIKELY = 5.0  # error of the iteration relative to the best delay, above which a delay is not fitted
 AS_GOOD = 6.0  # of the criterion: weights differ by a factor of 4
-MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,12 +150,13 @@ def _form_first(found: list[Candidate]) -> list[Candidate]:
 
 def _without_doubles(found: Sequence[Candidate]) -> list[Candidate]:
     """Sorted candidates without those of which a better one has the slow pole at exactly 1: their gain is not known."""
-    better: set[tuple[int, int, int]] = set()
+    better: set[tuple[str, int, int, int]] = set()
     out = []
     for one in found:
+        key = (one.structure, one.na, one.nb, one.nk)
         if one.integrating and one.form is None:
-            better.add((one.na, one.nb, one.nk))
-        elif one.form is None and (one.na, one.nb, one.nk) in better:
+            better.add(key)
+        elif one.form is None and key in better:
             continue
         out.append(one)
     return out
@@ -270,42 +267,3 @@ def _limits(found: Sequence[Candidate], most_order: int, reach: Reach) -> tuple[
     if any(one.nk == last for one in near) and len(reach.delays) > 1:
         notes.append(f"nk {last} is the longest delay tried: the plant may have a longer one (delays)")
     return tuple(notes)
-
-
-def mixture(rec: Record, found: Search, beside: Array | None = None) -> tuple[Candidate, Model]:
-    """The chosen candidate, and its final estimate with the alternatives that the record supports.
-
-    A candidate whose coefficients are not identifiable is left out.
-
-    Raises
-    ------
-    IdentError
-        No candidate is identifiable.
-    """
-    models: list[tuple[Candidate, Model]] = []
-    refusal: IdentError | None = None
-    most = MOST_LONG if len(rec) > found.n else len(found.candidates)
-    for one in found.candidates:
-        if len(models) == most or (models and one.weight == 0):
-            break
-        try:
-            models.append((one, estimated(rec, one, beside)))
-        except IdentError as error:
-            refusal = refusal or error
-    if not models:
-        raise refusal or no_model()
-    if len(rec) > found.n:  # compared anew on all samples
-        again = sorted(((rescored(one, model), model) for one, model in models), key=lambda pair: pair[0].total)
-        shares = weights([one.total for one, _ in again], [one.nk == 0 for one, _ in again])
-        models = [(replace(one, weight=float(w)), model) for w, (one, model) in zip(shares, again, strict=True)]
-    (chosen, model), *rest = models
-    total = chosen.weight + sum(one.weight for one, _ in rest)
-    others = tuple((one.weight / total, other) for one, other in rest if one.weight > 0)
-    return chosen, replace(model, alternatives=others if chosen.weight > 0 else ())
-
-
-def rescored(one: Candidate, model: Model) -> Candidate:
-    """The candidate with the criterion of its final estimate on all samples."""
-    n, noise = model.n or 1, len(model.d) - 1
-    total = criterion(n, model.noise_variance or 0.0, one.parameters, noise)
-    return replace(one, theta=model.theta, d=model.d, variance=model.noise_variance or 0.0, criterion=total)

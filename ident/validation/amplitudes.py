@@ -138,7 +138,7 @@ def gain_over_amplitude(runs: Sequence[tuple[Record, Model]]) -> AmplitudeTable:
 def with_amplitudes(found: "Identification", records: Sequence[Record]) -> "Identification":
     """The identification of several runs with its gain over amplitude: each run is fitted with its structure."""
     from ..disturbances import disturbances
-    from ..structure.candidates import estimated
+    from ..structure.final_estimates import estimated
 
     named = [disturbances(rec.centred()) for rec in records]
     runs = [(one.record, estimated(one.record, found.chosen, one.columns)) for one in named]

@@ -1,0 +1,114 @@
+"""Final estimates of candidate structures, and their mixture: the chosen model with weighted alternatives."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...core.errors import IdentError
+from ...datasets.records.record import Record
+from ..estimators.box_jenkins import box_jenkins_model, whitened_minimum, whitened_run
+from ..estimators.filters import MAX_ORDER
+from ..estimators.prediction_error import output_error
+from ..model import Model
+from .candidates import Candidate, both_beside, no_model
+from .choice import criterion, weights
+from .continuous_forms import integrating, refit_form
+from .equation_noise import equation_estimate
+from .search import Search
+
+FINAL, FINAL_STEPS = 1e-10, 100  # predicted reduction of the loss at convergence, as a share; trials
+MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
+
+
+def estimated(rec: Record, one: Candidate, beside: Array | None = None) -> Model:
+    """Final estimate of a candidate on any record of the machine, started from its coefficients.
+
+    Raises
+    ------
+    IdentError
+        The record does not identify the structure.
+    """
+    if one.form is not None:
+        same = rec.sha256 == one.form.model.record and beside is None
+        return one.form.model if same else refit_form(rec, one.form, beside=beside).model
+    if one.structure == "arx":
+        return equation_estimate(rec, one, beside)
+    if one.integrating:
+        inner = without_integrator(one)
+        return integrating(rec, lambda total, slope: _box_jenkins(total, inner, both_beside(slope, beside)))
+    if len(one.d) > MAX_ORDER - 1 and beside is None:
+        return _output_error(rec, one)
+    return _box_jenkins(rec, one, beside)
+
+
+def _output_error(rec: Record, one: Candidate) -> Model:
+    """Output error, where the noise model reaches its largest order: then much of the error is not noise.
+
+    b/a is an approximation, and that with the least simulation error is wanted, not with the least whitened error.
+    """
+    model = output_error(rec, one.nb, one.na, one.nk, initial="offset")
+    return replace(
+        model,
+        notes=(
+            *model.notes,
+            f"the error is coloured beyond an autoregression of order {MAX_ORDER - 2}, so it is not noise alone "
+            "(nonlinearity, unmodelled dynamics): the model is fitted to the simulation error",
+        ),
+    )
+
+
+def _box_jenkins(rec: Record, one: Candidate, beside: Array | None) -> Model:
+    """Box-Jenkins estimate from the coefficients of a candidate."""
+    run = replace(whitened_run(rec, (one.na, one.nb, one.nk, len(one.d) - 1)), beside=beside)
+    if not run.stretches:
+        raise IdentError(
+            f"no segment of the record is long enough for na {one.na}, nb {one.nb}, nk {one.nk}: record longer."
+        )
+    end = whitened_minimum(run, np.concatenate([one.theta, one.d[1:]]), FINAL_STEPS, FINAL)
+    return box_jenkins_model(rec, run, end)
+
+
+def without_integrator(one: Candidate) -> Candidate:
+    """The candidate from the running sum of the input: a divided by 1 - q^-1."""
+    a = np.cumsum(one.a)[:-1]
+    return replace(one, na=one.na - 1, theta=np.concatenate([a[1:], one.theta[one.na :]]), integrating=False)
+
+
+def mixture(rec: Record, found: Search, beside: Array | None = None) -> tuple[Candidate, Model]:
+    """The chosen candidate, and its final estimate with the alternatives that the record supports.
+
+    A candidate whose coefficients are not identifiable is left out.
+
+    Raises
+    ------
+    IdentError
+        No candidate is identifiable.
+    """
+    models: list[tuple[Candidate, Model]] = []
+    refusal: IdentError | None = None
+    most = MOST_LONG if len(rec) > found.n else len(found.candidates)
+    for one in found.candidates:
+        if len(models) == most or (models and one.weight == 0):
+            break
+        try:
+            models.append((one, estimated(rec, one, beside)))
+        except IdentError as error:
+            refusal = refusal or error
+    if not models:
+        raise refusal or no_model()
+    if len(rec) > found.n:  # compared anew on all samples
+        again = sorted(((rescored(one, model), model) for one, model in models), key=lambda pair: pair[0].total)
+        shares = weights([one.total for one, _ in again], [one.nk == 0 for one, _ in again])
+        models = [(replace(one, weight=float(w)), model) for w, (one, model) in zip(shares, again, strict=True)]
+    (chosen, model), *rest = models
+    total = chosen.weight + sum(one.weight for one, _ in rest)
+    others = tuple((one.weight / total, other) for one, other in rest if one.weight > 0)
+    return chosen, replace(model, alternatives=others if chosen.weight > 0 else ())
+
+
+def rescored(one: Candidate, model: Model) -> Candidate:
+    """The candidate with the criterion of its final estimate on all samples."""
+    n, noise = model.n or 1, len(model.d) - 1
+    total = criterion(n, model.noise_variance or 0.0, one.parameters, noise)
+    return replace(one, theta=model.theta, d=model.d, variance=model.noise_variance or 0.0, criterion=total)
