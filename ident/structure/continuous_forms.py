@@ -27,7 +27,7 @@ MOST_DELAY = 200  # samples, of the grid
 ROUGH = 0.3  # standard errors: a smaller step ends the first iteration
 SLOW = 8.0  # a time constant above the length of the record over this may be an integrator
 MARGIN = 4  # samples above the delay of a lag in the search of further delays
-BEHIND = 200.0  # of N ln V: a form that far behind the best is not refined
+BEHIND = 100.0  # of N ln V: a form that far behind the best is not refined
 DAMPING_RATIOS = {0.1: 16, 0.4: 7, 1.2: 6}  # of the grid, with the number of time constants
 COARSE = 10  # time constants of the grid
 NEIGHBOUR = 0.75  # samples: a delay further off is another minimum
@@ -132,13 +132,14 @@ def _fits(data: FormData, delays: Array) -> list[FormFit]:
         scan = _scan(data, delays[delays <= fit.p[2] + MARGIN] if fit.form.delayed else delays[:MARGIN])
     second, zero, _, undelayed = scan.starts(SECOND_ORDER[1])
     split = [_as_two_lags(fit.p) for fit in found if fit.form.delayed]
-    found += _variants(scan, SECOND_ORDER[0], [second[0].p, *split])
-    found += _variants(scan, SECOND_ORDER[1], [zero[0].p])
+    twice = _variants(scan, SECOND_ORDER[0], [second[0].p, *split], found)
+    no_zero = [np.concatenate([fit.p[:3], [0.0], fit.p[3:]]) for fit in twice if fit.form.delayed]
+    found += [*twice, *_variants(scan, SECOND_ORDER[1], [zero[0].p, *no_zero], twice)]
     found += _best(scan, replace(SECOND_ORDER[1], delayed=False), [undelayed[0].p[:-1]])
     if any(_slowest(fit) > data.longest / SLOW for fit in found) or not found:
         for form in INTEGRATORS:
-            found += _variants(scan, form, [np.r_[scan.starts(form)[0][0].p, 0.0]])
-    if any(math.log(0.3) < fit.p[2] < math.log(1.5) for fit in found if fit.form.name == "second order"):
+            found += _variants(scan, form, [np.append(scan.starts(form)[0][0].p, 0.0)])
+    if any(math.log(0.3) < fit.p[2] < math.log(1.1) for fit in found if fit.form.name == "second order"):
         several = [_variants(scan, form, [scan.starts(form)[0][0].p]) for form in EQUAL_LAGS]
         found += min((fits for fits in several if fits), key=lambda fits: fits[0].loss, default=[])
     return found
@@ -159,22 +160,30 @@ def _as_two_lags(p: Array) -> Array:
     )
 
 
-def _best(scan: "_Scan", form: Form, starts: Sequence[Array]) -> list[FormFit]:
-    """The best fit from several starts, unless a parameter is at its bound."""
-    data = scan.data
-    runs = [run for p in starts if (run := improved(data, form, p, np.ones(1), ROUGH)) and not at_limit(run, data)]
+def _best(scan: "_Scan", form: Form, starts: Sequence[Array], nested: Sequence[FormFit] = ()) -> list[FormFit]:
+    """The best fit from several starts, unless a parameter is at its bound.
+
+    A start is the last where the fit is as good as those of the ``nested`` forms, which it contains.
+    """
+    data, enough, runs = scan.data, min((fit.loss for fit in nested), default=0.0), []
+    for p in starts:
+        run = improved(data, form, p, np.ones(1), ROUGH)
+        if run and not at_limit(run, data):
+            runs.append(run)
+            if run.loss <= enough:
+                break
     if not runs:
         return []
     best = min(runs, key=lambda run: run.loss)
-    other = scan.other_delay(best) if form.delayed else None
+    other = scan.other_delay(best) if form.delayed and "Tz" not in form.parameters else None
     again = improved(data, form, other, np.ones(1), ROUGH) if other is not None else None
     return [again if again and again.loss < best.loss and not at_limit(again, data) else best]
 
 
-def _variants(scan: "_Scan", form: Form, starts: Sequence[Array]) -> list[FormFit]:
+def _variants(scan: "_Scan", form: Form, starts: Sequence[Array], nested: Sequence[FormFit] = ()) -> list[FormFit]:
     """The form with its delay, and without where the delay is not clearly above zero."""
     k = form.size - 1
-    for fit in _best(scan, form, starts):
+    for fit in _best(scan, form, starts, nested):
         found = [fit] if fit.p[k] > 0 else []
         if "Tz" not in form.parameters and fit.p[k] <= NO_DELAY * math.sqrt(fit.cov[k, k]):
             found += _best(scan, replace(form, delayed=False), [np.delete(fit.p, k)])
@@ -250,9 +259,9 @@ class _Scan:
         den = np.ones(1)
         for k, p in enumerate(points):
             model = sample(form, p)
-            num, den = np.r_[np.zeros(model.whole + 1), model.b], np.r_[1.0, model.a]  # the same den for all
+            num, den = np.append(np.zeros(model.whole + 1), model.b), np.append(1.0, model.a)  # den is that of all
             X[:, k] = filtered(num, den, self.data.input(form), self.data.stretches)
-        free = free_columns(self.data, den)
+        free = free_columns(self.data, den if len(points) == 1 else np.ones(1))  # of a grid of two, the offset alone
         free = np.column_stack([free, self.data.ramp]) if form.integrating else free
         free /= np.linalg.norm(free, axis=0)
         X -= free @ np.linalg.solve(free.T @ free + 1e-10 * np.eye(free.shape[1]), free.T @ X)
@@ -277,15 +286,15 @@ class _Scan:
     def other_delay(self, fit: FormFit) -> Array | None:
         """Parameters of a fit with another delay at which the output is projected better, if there is one."""
         k = fit.form.size - 1
-        unit = np.r_[1.0, fit.p[1:k]]
-        parts = [(part, *self.falls(fit.form, [np.r_[unit, part]])[0]) for part in (0.0, 0.5)]
+        unit = np.append(1.0, fit.p[1:k])
+        parts = [(part, *self.falls(fit.form, [np.append(unit, part)])[0]) for part in (0.0, 0.5)]
         falls = np.concatenate([fall for _, fall, _ in parts])
         at = np.concatenate([self.delays + part for part, _, _ in parts])
         best, near = int(np.argmax(falls)), int(np.argmin(np.abs(at - fit.p[k])))
         if abs(at[best] - fit.p[k]) <= NEIGHBOUR or falls[best] <= falls[near]:
             return None
         gain = np.concatenate([weights[:, 0] for _, _, weights in parts])[best]
-        return np.r_[gain, fit.p[1:k], at[best], fit.p[k + 1 :]]
+        return np.concatenate([[gain], fit.p[1:k], [at[best]], fit.p[k + 1 :]])
 
 
 def _scan(data: FormData, delays: Array) -> _Scan:

@@ -144,7 +144,7 @@ class Residual:
 def residual_of(data: FormData, form: Form, p: Array, h: Array) -> Residual:
     """Residual of a form with parameters p and the autoregression h of the noise."""
     model = sample(form, p[: form.size])
-    u, late, den = data.input(form), model.whole + 1, np.r_[1.0, model.a]
+    u, late, den = data.input(form), model.whole + 1, np.append(1.0, model.a)
     uf = filtered([1.0], den, u, data.stretches) if form.order else u
     U = lagged(uf, range(late, late + len(model.b)), data.stretches)
     x = U @ model.b
@@ -199,7 +199,7 @@ def sensitivities_of(data: FormData, form: Form, at: Residual, h: Array) -> Arra
     model, na = at.model, form.order
     J = at.lags @ model.db.T
     if na:
-        xf = filtered([1.0], np.r_[1.0, model.a], at.x, data.stretches)
+        xf = filtered([1.0], np.append(1.0, model.a), at.x, data.stretches)
         J -= lagged(xf, range(1, na + 1), data.stretches) @ model.da.T
     if form.integrating:
         J[:, 0] += data.drift
