@@ -40,6 +40,8 @@ from .validation.amplitudes import AmplitudeTable
 from .validation.handover import Handover, arx_by_choice, judge_handover
 from .validation.model_validation import Validation
 
+CERTAIN = 3.0  # standard errors below zero of a gain that is named as negative
+LOADS = ("A", "mA", "W", "kW", "N", "kN", "Nm", "%")  # units of a load, which rises with the feed
 SURE = 2.0  # standard errors between the static gain and zero
 LOOP = "Closed loop"
 CHECKED = (
@@ -218,9 +220,12 @@ def _of_gain(model: Model) -> list[tuple[int, str]]:
         radius = float(np.abs(model.poles).max())
         return [(DO_NOT_USE, f"the model is not stable, a pole at radius {radius:.6g}: record it in closed loop")]
     gain, error = model.dc_gain, float(response_error(model, np.zeros(1))[0])
+    unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
+    if gain < -CERTAIN * error and model.unit_y in LOADS:
+        words = f"the static gain is negative, {gain:.3g}{unit}: {model.output} falls when {model.input} rises"
+        return [(RESERVATIONS, f"{words}; check the sign of the sensor and the columns")]
     if abs(gain) >= SURE * error:
         return []
-    unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
     return [
         (
             DO_NOT_USE,

@@ -75,6 +75,12 @@ def test_units_scale_the_gain():
     assert scaled.dc_gain == pytest.approx(found.dc_gain / 100, rel=1e-6)
 
 
+def test_a_reversed_sensor_is_suspected():
+    rec = run(40)
+    found = identify(Record(u=rec.u, y=-rec.y, sample_time=0.02, unit_u="V", unit_y="A"))
+    assert any("check the sign of the sensor" in words for words in found.verdict.reasons)
+
+
 def test_swapped_columns_are_suspected():
     rec = run(40)
     assert identify(Record(u=rec.y, y=rec.u, sample_time=0.02)).causality is not None
