@@ -23,6 +23,7 @@ from .regressors import r_of
 Y_LAGS, U_LAGS = 20, (20, 40, 60)
 SAMPLES_PER_LAG = 30  # of y: shorter records have fewer lags
 FEWEST_LAGS = 4
+ROWS_PER_COLUMN = 3  # of the regression: many short segments leave fewer rows
 MOST_ROWS, PARTS = 4000, 8  # of longer records the middle part, or parts of it
 DEPENDENT = 1e-7  # of its length: a lag of u beyond is a combination of the lags before (a slow chirp has about ten)
 EXACT = 1e-12  # of the variance of y: innovations below are rounding or the printed digits of a simulation
@@ -131,9 +132,13 @@ def input_lags(rec: Record, y_lags: int) -> NDArray[np.intp]:
 
 
 def order_of(rec: Record) -> int:
-    """Lags of y for the length of a record; 0 where it is too short."""
-    order = min(len(rec) // SAMPLES_PER_LAG, Y_LAGS)
-    return order if order >= FEWEST_LAGS else 0
+    """Lags of y for the length of a record and of its segments; 0 where they are too short."""
+    lengths = np.diff([*rec.starts, len(rec)])
+    for order in range(min(len(rec) // SAMPLES_PER_LAG, Y_LAGS), FEWEST_LAGS - 1, -1):
+        rows = np.maximum(lengths - order, 0)
+        if rows.sum() > ROWS_PER_COLUMN * (2 * order + 2 + np.count_nonzero(rows)):
+            return order
+    return 0
 
 
 def long_arx(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None = None) -> LongArx:
