@@ -1,6 +1,7 @@
 """``fitmodels ident``: a model of the dynamics of a machine from a recorded run."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -224,12 +225,21 @@ def _facts(found: "Identification") -> dict[str, Any]:
         "fit": found.validation.fit,
         "rsquared": found.validation.rsquared,
         "one_step_fit": found.validation.k_step_fit.get(1),
+        "disturbances": [
+            {name: _finite(getattr(one, name)) for name in ("kind", "size", "unit", "place", "sentence", "level")}
+            for one in found.disturbances.found
+        ],
         "amplitudes": None if found.amplitudes is None else _rows(found.amplitudes),
         "argument": found.argument,
         "form": None if found.form is None else found.form.words,
         "tried": found.tried.to_dict(orient="records"),
         "arx": {"b": found.arx.b.tolist(), "a": found.arx.a.tolist()},
     }
+
+
+def _finite(value: Any) -> Any:  # noqa: ANN401
+    """A value as JSON has it: None for a size that is not known."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _rows(found: "AmplitudeTable") -> dict[str, Any]:

@@ -146,7 +146,7 @@ class Identification(Plottable):
             return f"{first} ({fit})."
         second = other[0]
         apart = second.total - best.total
-        by = f"{'larger' if apart >= 0 else 'smaller'} by {abs(apart):.0f}"
+        by = f"{'larger' if apart >= 0 else 'smaller'} by {abs(apart):.1f}"
         return (
             f"{first} ({fit}). The best of another order or kind, {_named(second)}, has a simulation fit of "
             f"{self.search.fit(second):.1f} % and a criterion {by}."

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...parameters.sections.base import ModelCovariance
-from ...parameters.sections.dynamics import DynamicsSection
+from ...parameters.sections.dynamics import AlternativeModel, DynamicsSection
 from .numbers import INFINITE, NONE, count, fact, figure, number, places, sentence, spread
 from .parts import CoefficientPart, DynamicsPart, FactPart
 from .verdicts import DYNAMICS, verdict_part
@@ -90,14 +90,21 @@ def _alternatives(d: DynamicsSection) -> list[str]:
         return []
     own = 1 - sum(other.weight for other in d.alternatives)
     named = [
-        f"{'ARX of ' if other.structure == 'arx' else ''}na {len(other.a) - 1}, nb {len(other.b) - other.nk}, nk "
-        f"{other.nk} ({100 * other.weight:.2g} %)"
+        f"{_orders(other)} ({100 * other.weight:.2g} %)"
         for other in sorted(d.alternatives, key=lambda other: -other.weight)
     ]
     return [
         f"the record does not decide between this structure (weight {100 * own:.2g} %) and {', '.join(named)}: bands, "
         "gains and their probability include all of them"
     ]
+
+
+def _orders(other: AlternativeModel) -> str:
+    """The name of a continuous form, or orders and delay."""
+    if other.structure not in STRUCTURES:
+        return other.structure
+    kind = "ARX of " if other.structure == "arx" else ""
+    return f"{kind}na {len(other.a) - 1}, nb {len(other.b) - other.nk}, nk {other.nk}"
 
 
 def _coefficients(d: DynamicsSection) -> tuple[CoefficientPart, ...]:

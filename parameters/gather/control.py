@@ -57,12 +57,26 @@ def dynamics_section(
         form = None if dynamics.by_choice else dynamics.form
         return {
             **section,
-            "notes": [*(() if form is None else (form.words,)), *section["notes"]],
+            "alternatives": _by_form(dynamics, section["alternatives"]),
+            "notes": list(
+                dict.fromkeys([*(() if form is None else (form.words,)), *section["notes"], *dynamics.notes])
+            ),
             "held_out_on": where if held_out_fit is None else None,
             "own_fit": float(judged.own.fit),
             "verdict": VerdictSection.of(dynamics.verdict).model_dump(),
         }
     return _model(dynamics, held_out_fit)
+
+
+def _by_form(found: "Identification", alternatives: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The alternatives, those of a continuous form under its name; the candidates have their order."""
+    others = [one for one in found.search.candidates if one.weight > 0 and one is not found.chosen]
+    if found.by_choice or len(others) != len(alternatives):
+        return alternatives
+    return [
+        section if one.form is None else {**section, "structure": one.form.name}
+        for one, section in zip(others, alternatives, strict=True)
+    ]
 
 
 def _model(model: "Model", held_out_fit: float | None) -> dict[str, Any]:
