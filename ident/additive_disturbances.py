@@ -19,13 +19,14 @@ from .estimators.filters import filtered
 from .estimators.long_arx import LongArx, golden, input_lags, long_arx, spread
 
 SPIKE = 6.0  # robust standard deviations of the innovations
+SMALLEST = 0.02  # of the standard deviation of y: smaller spikes do no harm
 PATCH = (1, 2, 3)  # samples of one spike
 LIKE_A_SPIKE = 0.95  # of the response as a load impulse, a change of the innovation
 MOST_SPIKES, ROUNDS = 0.05, 6  # share of the samples above which the noise has heavy tails; repetitions
 FALSE_ALARM = 1e-5  # probability that a record without lines has one
 DRIFT, DRIFT_ALARM = 3, 1e-5  # degree; stricter, as a slow plant leaves some of its dynamics
 INTEGRATING = 1e-6  # a(1) of an integrator, relative to the sum of |a|: its output drifts without a disturbance
-MOST_LINES = 4
+MOST_LINES, MOST_SEGMENTS = 4, 3  # lines, and segments in which they are searched
 SLOWEST = 4.0  # periods of a line within a stretch; slower ones are drift
 PADDED = 4  # points of the search per independent frequency
 ALIASES = 2  # multiples of the sample rate for which the true frequency of a line is named
@@ -57,7 +58,7 @@ def without_spikes(rec: Record, y_lags: int) -> tuple[Record, NDArray[np.intp], 
     for _ in range(ROUNDS):
         fit = long_arx(spread(clean), y_lags, lags)
         e = innovations(clean, fit)
-        new = _spikes(e, fit.a, clean.stretches) & ~bad
+        new = _spikes(e, fit.a, clean.stretches, SMALLEST * float(np.std(clean.y))) & ~bad
         if not new.any():
             break
         bad |= new
@@ -78,8 +79,11 @@ def innovations(rec: Record, fit: LongArx) -> Array:
     return np.asarray(e)
 
 
-def _spikes(e: Array, a: Array, stretches: tuple[slice, ...]) -> NDArray[np.bool_]:
-    """Samples of spikes: the largest matched response within the length of a, if larger than that of a load impulse."""
+def _spikes(e: Array, a: Array, stretches: tuple[slice, ...], least: float) -> NDArray[np.bool_]:
+    """Samples of spikes of at least the size ``least``, in unit of y.
+
+    A spike is the largest matched response within the length of a, and larger than that of a load impulse.
+    """
     scale = MAD * float(np.median(np.abs(e[e != 0.0]))) if e.any() else 0.0
     found = np.zeros(len(e), dtype=bool)
     if scale == 0.0:
@@ -92,7 +96,7 @@ def _spikes(e: Array, a: Array, stretches: tuple[slice, ...]) -> NDArray[np.bool
             response = np.abs(_matched(part, shape)) / np.linalg.norm(shape)
             larger = response > best * (1.1 if count > 1 else 1.0)  # fewer samples where both explain it
             best, width = np.where(larger, response, best), np.where(larger, count, width)
-        for k in np.flatnonzero(best > SPIKE * scale):
+        for k in np.flatnonzero(best > max(SPIKE * scale, least * float(np.linalg.norm(a)))):
             near = slice(max(k - len(a), 0), k + len(a))
             if best[k] == best[near].max() and best[k] >= LIKE_A_SPIKE * np.abs(part[near]).max():
                 found[s.start + k : min(s.start + k + width[k], s.stop)] = True
@@ -147,57 +151,68 @@ def drift_range(a: Array, coefficients: Array, length: int) -> float | None:
     return float(np.ptp(powers @ np.linalg.solve(maps, np.r_[0.0, coefficients])))
 
 
-def line_statistics(fit: LongArx, rows: slice, size: int) -> Array:
-    """Decrease of the sum of squares by a cosine and a sine at frequencies k / size, k = 0 ... size / 2.
-
-    ``rows`` are those of one stretch. With Q the columns of the regression and z = exp(-jwt), Fourier transforms of Q
-    and of e give the products of the regression with both columns at all frequencies.
-    """
-    n = rows.stop - rows.start
-    Z, g = np.fft.rfft(fit.q[rows], size, axis=0), np.fft.rfft(fit.left[rows], size)
-    w = 2 * np.pi * np.arange(size // 2 + 1) / size
-    doubled = np.full(len(w), n, dtype=np.complex128)  # sum of z^2
-    doubled[1:-1] = (1 - np.exp(-2j * w[1:-1] * n)) / (1 - np.exp(-2j * w[1:-1]))
-    cc = (n + doubled.real) / 2 - (Z.real**2).sum(axis=1)
-    ss = (n - doubled.real) / 2 - (Z.imag**2).sum(axis=1)
-    cs = doubled.imag / 2 - (Z.real * Z.imag).sum(axis=1)
-    det = cc * ss - cs**2
-    usable = (np.minimum(cc, ss) > 1e-11 * n) & (det > 1e-6 * cc * ss)
-    usable[[0, -1]] = False
-    fell = ss * g.real**2 - 2 * cs * g.real * g.imag + cc * g.imag**2
-    return np.where(usable, fell / np.where(usable, det, 1.0), 0.0)
-
-
 def strongest_line(fit: LongArx, rec: Record) -> tuple[float, float]:
-    """Frequency (cycles per sample) of the line that explains most, and its p value over the grid."""
+    """Frequency (cycles per sample) of the line that explains most, and its p value over the grid.
+
+    The phase is free in each of the longest segments: samples between segments are not counted.
+    """
     from scipy.special import fdtrc
 
     stretch = np.searchsorted(rec.starts, fit.rows, side="right") - 1
-    longest = int(np.argmax(np.bincount(stretch)))
-    where = np.flatnonzero(stretch == longest)
-    rows = slice(int(where[0]), int(where[-1]) + 1)
-    n = len(where)
+    count = np.bincount(stretch)
+    groups = [np.flatnonzero(stretch == k) for k in np.argsort(-count)[:MOST_SEGMENTS] if count[k] > len(fit.a)]
+    n = len(groups[0])
     size = 1 << int(np.ceil(np.log2(PADDED * n)))
-    fell = line_statistics(fit, rows, size)
+    fell = line_decreases(fit, groups, size)
     fell[: int(np.ceil(SLOWEST * size / n))] = 0.0
     k = int(np.argmax(fell))
-    f = golden(lambda x: -decrease(fit, rows, x), (k - 1) / size, (k + 1) / size, REFINED)
-    largest = max(float(fell[k]), decrease(fit, rows, f))
-    rest = max(fit.rss - largest, 1e-300) / (fit.free - 2)
-    return f, min(1.0, n * float(fdtrc(2, fit.free - 2, largest / 2 / rest)))
+    f = golden(lambda x: -decrease(fit, groups, x), (k - 1) / size, (k + 1) / size, REFINED)
+    largest, added = max(float(fell[k]), decrease(fit, groups, f)), 2 * len(groups)
+    rest = max(fit.rss - largest, 1e-300) / (fit.free - added)
+    return f, min(1.0, n * float(fdtrc(added, fit.free - added, largest / added / rest)))
 
 
-def decrease(fit: LongArx, rows: slice, f: float) -> float:
-    """Decrease of the sum of squares by a line of frequency f, cycles per sample, in one stretch."""
-    t = np.arange(rows.stop - rows.start)
-    z = np.stack([np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)], axis=1)
-    c = z.T @ fit.left[rows]
-    held = fit.q[rows].T @ z
-    g = z.T @ z - held.T @ held
-    det = g[0, 0] * g[1, 1] - g[0, 1] ** 2
-    if det <= 1e-6 * g[0, 0] * g[1, 1] or min(g[0, 0], g[1, 1]) <= 1e-11 * len(t):
-        return 0.0
-    return float((g[1, 1] * c[0] ** 2 - 2 * g[0, 1] * c[0] * c[1] + g[0, 0] * c[1] ** 2) / det)
+def line_decreases(fit: LongArx, groups: list[NDArray[np.intp]], size: int) -> Array:
+    """Decrease of the sum of squares by a line at frequencies k / size, k = 0 ... size / 2.
+
+    With Q the columns of the regression and z = exp(-jwt) in each group of rows, Fourier transforms of Q and of e give
+    the products with cosines and sines at all frequencies, and G = Z'Z - Z'QQ'Z those beside the regression.
+    """
+    frequencies, own = size // 2 + 1, 2 * len(groups)
+    held, c = np.empty((frequencies, fit.q.shape[1], own)), np.empty((frequencies, own))
+    G = np.zeros((frequencies, own, own))
+    for k, rows in enumerate(groups):
+        Z, g = np.fft.rfft(fit.q[rows], size, axis=0), np.fft.rfft(fit.left[rows], size)
+        held[:, :, 2 * k], held[:, :, 2 * k + 1] = Z.real, Z.imag
+        c[:, 2 * k], c[:, 2 * k + 1] = g.real, g.imag
+        G[:, 2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = _products(len(rows), size)
+    G -= held.transpose(0, 2, 1) @ held
+    length = np.sqrt(np.maximum(G.diagonal(axis1=1, axis2=2), 0.0))
+    usable = (length**2 > 1e-11 * len(groups[0])).all(axis=1)
+    usable[[0, -1]] = False
+    scale = np.where(usable[:, None], length, 1.0)
+    G = np.where(usable[:, None, None], G / (scale[:, :, None] * scale[:, None, :]), np.eye(own))
+    G += 1e-6 * np.eye(own)  # of unit diagonals: dependent columns add nothing
+    c = np.where(usable[:, None], c / scale, 0.0)
+    return np.asarray((c * np.linalg.solve(G, c[:, :, None])[:, :, 0]).sum(axis=1))
+
+
+def _products(n: int, size: int) -> Array:
+    """Products of cosine and -sine over n samples at frequencies k / size, shape (size / 2 + 1, 2, 2)."""
+    w = 2 * np.pi * np.arange(size // 2 + 1) / size
+    doubled = np.full(len(w), n, dtype=np.complex128)  # sum of z^2
+    doubled[1:-1] = (1 - np.exp(-2j * w[1:-1] * n)) / (1 - np.exp(-2j * w[1:-1]))
+    both = np.stack([n + doubled.real, doubled.imag, doubled.imag, n - doubled.real], axis=1) / 2
+    return both.reshape(-1, 2, 2)
+
+
+def decrease(fit: LongArx, groups: list[NDArray[np.intp]], f: float) -> float:
+    """Decrease of the sum of squares by a line of frequency f, cycles per sample."""
+    x = np.zeros((len(fit.rows), 2 * len(groups)))
+    for k, rows in enumerate(groups):
+        t = np.arange(len(rows))
+        x[rows, 2 * k], x[rows, 2 * k + 1] = np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)
+    return fit.tested(fit.orthogonal(x), np.linalg.norm(x, axis=0))[1] * fit.rss
 
 
 def origins_of_line(f: float, rate: float) -> str:

@@ -29,6 +29,7 @@ from .additive_disturbances import (
 from .estimators.long_arx import EXACT, LongArx, input_lags, long_arx, middle, order_of, spread
 from .static_nonlinearity import Nonlinearity, clipped, nonlinearity, quantum
 
+NEGLIGIBLE = 0.005  # of the standard deviation of y: smaller lines are left to the noise model
 RELEVANT = 0.02  # of the standard deviation of y: smaller drift and lines are named without a reservation
 NARROW = 0.02  # of half the range of u: smaller dead zones and backlash are named without a reservation
 FEWEST_STEPS = 20  # of a quantised output over its range
@@ -204,7 +205,17 @@ def _additive(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...]]:
             break
         lines = (*lines, f / rec.sample_time)
         held = long_arx(rec, order, fit.lags, columns_beside(rec, lines, drift))
-    return drift, lines
+    sizes = _amplitudes(rec, held, lines, drift)
+    return drift, tuple(f for f, size in zip(lines, sizes, strict=True) if _relative(size, rec) > NEGLIGIBLE)
+
+
+def _amplitudes(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -> list[float]:
+    """Amplitude of each line of the output, in the stretch where it is largest."""
+    if not lines:
+        return []
+    block = fit.beside.reshape(len(rec.starts), -1)[:, drift:]
+    z = np.exp(-2j * np.pi * rec.sample_time * np.outer(lines, np.arange(len(fit.a))))
+    return (np.hypot(block[:, ::2], block[:, 1::2]).max(axis=0) / np.abs(z @ fit.a)).tolist()
 
 
 def _confirmed(rec: Record, order: int, drift: int, lines: tuple[float, ...]) -> tuple[int, tuple[float, ...]]:
@@ -253,8 +264,8 @@ def _unit(unit: str) -> str:
 def _of_spikes(rec: Record, clean: Record, at: NDArray[np.intp], heavy: bool) -> list[Disturbance]:
     if heavy:
         words = (
-            f"more than {MOST_SPIKES:.0%} of the samples of {rec.output} are outliers of its noise, too many to "
-            "replace: check the sensor and its wiring, and record again"
+            f"more than {100 * MOST_SPIKES:.0f} % of the samples of {rec.output} are outliers of its noise, too many "
+            "to replace: check the sensor and its wiring, and record again"
         )
         return [Disturbance("heavy tails", float("nan"), rec.unit_y, "all samples", words)]
     if not at.size:
@@ -279,8 +290,8 @@ def _of_drift(rec: Record, fit: LongArx, drift: int) -> list[Disturbance]:
     relative, time = _relative(size, rec), count * rec.sample_time
     words = (
         f"the output {rec.output} drifts by {plain(size, 2)}{_unit(rec.unit_y)} within {plain(time)} s "
-        f"({relative:.0%} of its standard deviation), fitted beside the plant as a polynomial of degree {drift}: warm "
-        "up the machine, or correct the offset of the sensor before each run"
+        f"({100 * relative:.2g} % of its standard deviation), fitted beside the plant as a polynomial of degree "
+        f"{drift}: warm up the machine, or correct the offset of the sensor before each run"
     )
     return [Disturbance("drift", size, rec.unit_y, "whole record", words, _level(relative))]
 
@@ -295,14 +306,12 @@ def _level(relative: float) -> int:
 
 def _of_lines(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -> list[Disturbance]:
     out = []
-    block = fit.beside.reshape(len(rec.starts), -1)[:, drift:] if lines else np.empty((1, 0))
-    for k, f in enumerate(lines):
-        z = np.exp(-2j * np.pi * f * rec.sample_time * np.arange(len(fit.a)))
-        size = float(np.hypot(block[:, 2 * k], block[:, 2 * k + 1]).max() / abs(fit.a @ z))
+    for f, size in zip(lines, _amplitudes(rec, fit, lines, drift), strict=True):
         relative = _relative(size, rec)
         words = (
             f"the output {rec.output} has a line at {f:.4g} Hz of amplitude {plain(size, 2)}{_unit(rec.unit_y)} "
-            f"({relative:.0%} of its standard deviation), fitted beside the plant. {origins_of_line(f, rec.rate)}"
+            f"({100 * relative:.2g} % of its standard deviation), fitted beside the plant. "
+            f"{origins_of_line(f, rec.rate)}"
         )
         out.append(Disturbance("line", size, rec.unit_y, f"{f:.4g} Hz", words, _level(relative)))
     return out
@@ -327,8 +336,8 @@ def _of_nonlinearity(rec: Record, found: Nonlinearity | None) -> list[Disturbanc
 def _dead_zone(rec: Record, found: Nonlinearity) -> tuple[str, str]:
     place = f"{rec.input} from {plain(found.low, 3)} to {plain(found.high, 3)}{_unit(rec.unit_u)}"
     return place, (
-        f"dead zone: {rec.output} does not respond to {place} ({found.beyond:.0%} of the samples), so that gain and "
-        "delay depend on the amplitude: record with the amplitude that the controller will use, or away from this range"
+        f"dead zone: {rec.output} does not respond to {place} ({100 * found.beyond:.0f} % of the samples), so that "
+        "gain and delay depend on the amplitude: record with the amplitude of the controller, or away from this range"
     )
 
 
@@ -346,8 +355,8 @@ def _saturation(rec: Record, found: Nonlinearity) -> tuple[str, str]:
     sides = [words for words, end in ((below, found.low), (above, found.high)) if np.isfinite(end)]
     place = f"{rec.input} {' and '.join(sides)}"
     return place, (
-        f"saturation: {rec.output} hardly responds to {place} ({found.beyond:.0%} of the samples), so that the gain is "
-        "understated: record with a smaller amplitude, or record the limited signal as the input"
+        f"saturation: {rec.output} hardly responds to {place} ({100 * found.beyond:.0f} % of the samples), so that the "
+        "gain is understated: record with a smaller amplitude, or record the limited signal as the input"
     )
 
 
@@ -383,7 +392,7 @@ def _of_clipping(rec: Record) -> list[Disturbance]:
     value = found[0] + float(_offsets(rec)[0, 1])
     place = f"{rec.output} {plain(value)}{_unit(rec.unit_y)}"
     words = (
-        f"the output {rec.output} is held at {plain(value)}{_unit(rec.unit_y)} in {found[1]:.0%} of the samples, the "
-        "end of the range of its sensor, so that the gain is understated: use a larger range, or a smaller amplitude"
+        f"the output {rec.output} is held at {plain(value)}{_unit(rec.unit_y)} in {100 * found[1]:.0f} % of the "
+        "samples, the end of the range of its sensor, so that the gain is understated: use another range or amplitude"
     )
     return [Disturbance("clipped output", value, rec.unit_y, place, words)]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Array
 from ..datasets.records.record import Record
-from .estimators.long_arx import LongArx, golden, lagged_rows, long_arx
+from .estimators.long_arx import LongArx, golden, lagged_rows, long_arx, rss_of
 
 LAGS = np.array([1, 2, 4, 7, 11, 16, 22, 30, 40, 55])  # of g: dense near, wide apart for slow plants and long delays
 FALSE_ALARM = 1e-4  # of all candidates together
@@ -26,7 +26,8 @@ REFINED = 8  # evaluations of the width or level
 CLIPPED = 0.01  # share of repeated samples
 LOSS = (-1.0, -0.6, 0.6)  # change of the gain, relative; -1 where the input is lost
 CHANGES = {"dead zone": LOSS, "backlash": (-1.0,), "saturation": LOSS, "curvature": (-0.3, -0.1, 0.1, 0.3)}
-LOST = -0.5  # above it the input is not lost but amplified differently
+ALIKE = 1.02  # sums of squares of the innovations that do not decide between a partial and a whole loss
+LOST = -0.8  # above it the input is not lost but amplified differently
 FEW_VALUES = 3  # of u: a signal of two or three values shows no static characteristic
 
 
@@ -100,7 +101,7 @@ def nonlinearity(fit: LongArx, rec: Record, raw: Array, beside: Array) -> Nonlin
     p = wide.f_test(stacked[:, first * len(lags) : (first + 1) * len(lags)])[0]
     if p > FALSE_ALARM / len(columns):
         return None
-    best = {c.kind: (c, x) for _, (c, x) in sorted(zip(fell, columns, strict=True), key=lambda item: item[0])}
+    best = {c.kind: c for _, (c, _) in sorted(zip(fell, columns, strict=True), key=lambda item: item[0])}
     acting = Acting(rec, raw, beside, len(fit.a) - 1, both)
     return _refined(acting, list(best.values()), p)
 
@@ -129,7 +130,7 @@ class Acting:
     def left(self, candidate: "Candidate", size: float, change: float) -> float:
         """Sum of squares of the innovations with the input u + change g(u)."""
         acting = replace(self.rec, u=self.raw + change * candidate.function(self.rec, self.raw, size))
-        return long_arx(acting, self.y_lags, self.lags, self.beside).rss
+        return rss_of(acting, self.y_lags, self.lags, self.beside)
 
 
 def _candidates(rec: Record, raw: Array) -> Iterator[Candidate]:
@@ -184,14 +185,16 @@ def backlash(u: Array, width: float) -> Array:
     return np.array(out)
 
 
-def _refined(acting: Acting, best: list[tuple[Candidate, float]], p: float) -> Nonlinearity:
-    """Kind, size and change of gain with the smallest innovations; ``best`` has each kind with its size on the grid."""
-    tried = [(acting.left(c, x, change), c, x, change) for c, x in best for change in CHANGES[c.kind]]
+def _refined(acting: Acting, best: list[Candidate], p: float) -> Nonlinearity:
+    """Kind, size and change of gain with the smallest innovations; ``best`` has the best candidate of each kind."""
+    tried = [(acting.left(c, x, change), c, x, change) for c in best for x in c.sizes for change in CHANGES[c.kind]]
     _, candidate, size, change = min(tried, key=lambda item: item[0])
     if len(candidate.sizes) > 1:
-        grid = np.array(sorted((0.5 * candidate.sizes[0], *candidate.sizes, 0.97)))
-        k = int(np.argmin(np.abs(grid - size)))
-        size = golden(lambda x: acting.left(candidate, x, change), float(grid[k - 1]), float(grid[k + 1]), REFINED)
+        whole = -1.0  # what is lost altogether has a name; part of it may have the wrong size only
+        at = {value: _size(acting, candidate, tried, value) for value in {change, whole}}
+        left = {value: acting.left(candidate, x, value) for value, x in at.items()}
+        change = whole if left[whole] < ALIKE * left[change] else change
+        size = at[change]
     ends = candidate.ends(size)
 
     def lost(rec: Record, raw: Array) -> Array:
@@ -199,6 +202,16 @@ def _refined(acting: Acting, best: list[tuple[Candidate, float]], p: float) -> N
 
     kind = "curvature" if change > LOST else candidate.kind
     return Nonlinearity(kind, *ends, p, _affected(candidate.kind, acting.raw, *ends), change, lost)
+
+
+def _size(
+    acting: Acting, candidate: Candidate, tried: list[tuple[float, Candidate, float, float]], change: float
+) -> float:
+    """Size with the smallest innovations at one change of gain, between the neighbours on the grid."""
+    best = min((left, x) for left, c, x, value in tried if c is candidate and value == change)[1]
+    grid = np.array(sorted((0.5 * min(candidate.sizes), *candidate.sizes, 0.97)))
+    k = int(np.argmin(np.abs(grid - best)))
+    return golden(lambda x: acting.left(candidate, x, change), float(grid[k - 1]), float(grid[k + 1]), REFINED)
 
 
 def _affected(kind: str, raw: Array, low: float, high: float) -> float:

@@ -145,27 +145,33 @@ def long_arx(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | N
     """The regression of high order with ``beside`` (N, k), columns over all samples of the record."""
     from scipy.linalg import solve_triangular
 
-    t = rows_of(rec, max(y_lags, int(lags[-1])))
-    extra = np.empty((len(t), 0)) if beside is None else beside[t]
-    past = lagged_rows(rec.y, 1 + np.arange(y_lags), t)
-    q, r = np.linalg.qr(np.column_stack([levels(rec, t), lagged_rows(rec.u, lags, t), extra, past]))
+    t, x = _columns(rec, y_lags, lags, beside)
+    q, r = np.linalg.qr(x)
     c = q.T @ rec.y[t]
     diagonal = np.abs(np.diag(r))
     r[np.diag_indices(len(r))] += np.where(diagonal < 1e-14 * diagonal.max(), 1e-14 * diagonal.max(), 0.0)
     theta = solve_triangular(r, c)
     b = np.zeros(int(lags[-1]) + 1)
-    end = theta.size - y_lags
-    start = end - extra.shape[1] - len(lags)
+    end, count = theta.size - y_lags, 0 if beside is None else beside.shape[1]
+    start = end - count - len(lags)
     b[lags] = theta[start : start + len(lags)]
     return LongArx(
-        rows=t,
-        q=q,
-        left=rec.y[t] - q @ c,
-        a=np.r_[1.0, -theta[end:]],
-        b=b,
-        lags=lags,
-        beside=theta[start + len(lags) : end],
+        rows=t, q=q, left=rec.y[t] - q @ c, a=np.r_[1.0, -theta[end:]], b=b, lags=lags, beside=theta[end - count : end]
     )
+
+
+def rss_of(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None = None) -> float:
+    """Sum of squares of the innovations of `long_arx`."""
+    t, x = _columns(rec, y_lags, lags, beside)
+    return float(r_of(np.column_stack([x, rec.y[t]]))[-1, -1] ** 2)
+
+
+def _columns(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None) -> tuple[NDArray[np.intp], Array]:
+    """Samples with a complete regressor (m,), and the regressors (m, p): levels, u, ``beside``, y."""
+    t = rows_of(rec, max(y_lags, int(lags[-1])))
+    extra = np.empty((len(t), 0)) if beside is None else beside[t]
+    past = lagged_rows(rec.y, 1 + np.arange(y_lags), t)
+    return t, np.column_stack([levels(rec, t), lagged_rows(rec.u, lags, t), extra, past])
 
 
 def rows_of(rec: Record, span: int) -> NDArray[np.intp]:

@@ -1,0 +1,174 @@
+"""Disturbances of a record: each is found with its size and place, and a record without any has none."""
+
+import numpy as np
+import pytest
+from fitmodels.datasets import Record
+from fitmodels.ident import Model, chirp, identify, tune_pi
+from fitmodels.ident.additive_disturbances import origins_of_line
+from fitmodels.ident.disturbances import disturbances
+from fitmodels.ident.estimators.long_arx import input_lags, long_arx
+from fitmodels.ident.static_nonlinearity import backlash
+
+T = 0.02
+CLM = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=T)
+LAG = Model(b=[0.0, 0.0, 0.0, 0.06], a=[1.0, -0.94], nk=3, sample_time=T)
+DRIVE = Model(b=[0.0, 0.0769, 0.0748], a=[1.0, -1.7714, 0.9231], nk=1, sample_time=T)
+AMPLITUDE = 2.5  # of the chirp
+
+
+def record(plant=LAG, seed=1, noise=0.03, acting=lambda u: u, coloured=False, extra=0.0):
+    """A chirp of 15 s about a level of 1, with sensor noise relative to the standard deviation of the output."""
+    from scipy.signal import lfilter
+
+    u = chirp()
+    x = plant.simulate(acting(u))
+    e = np.random.default_rng(seed).standard_normal(len(u))
+    v = lfilter([0.6], [1.0, -0.8], e) if coloured else e
+    return Record(u=u + 1.0, y=x + np.std(x) * (noise * v + extra) + 3.0, sample_time=T, unit_u="mm/min", unit_y="A")
+
+
+def kinds(rec):
+    return [item.kind for item in disturbances(rec).found]
+
+
+@pytest.mark.parametrize("plant", [CLM, LAG, DRIVE])
+@pytest.mark.parametrize("coloured", [False, True])
+def test_a_record_without_disturbance_has_none(plant, coloured):
+    for seed in range(3):
+        rec = record(plant, seed, coloured=coloured)
+        found = disturbances(rec)
+        assert found.found == ()
+        np.testing.assert_allclose(found.record.y, rec.y, rtol=1e-12)
+        assert found.columns is None
+
+
+def test_spikes_are_replaced_by_values_near_the_true_ones():
+    at = np.array([100, 101, 333, 600])
+    extra = np.zeros(750)
+    extra[at] = [1.5, 1.5, -1.0, 0.5]
+    clean, rec = record(), record(extra=extra)
+    found = disturbances(rec)
+    assert found.replaced.tolist() == at.tolist()
+    assert np.abs(found.record.y[at] - clean.y[at]).max() < 0.15 * np.std(clean.y)  # noise .03, two in a row
+    (item,) = found.found
+    assert item.size == pytest.approx(1.5 * np.std(clean.y), rel=0.1)
+    assert "samples 101, 102, 334, 601" in item.sentence
+    assert "750 samples" in item.sentence
+    np.testing.assert_array_equal(np.delete(found.record.u, at), np.delete(rec.u, at))
+
+
+def test_a_load_impulse_is_no_spike():
+    """An innovation passes through the plant; only a wrong sample of the sensor is isolated."""
+    from scipy.signal import lfilter
+
+    kick = np.zeros(750)
+    kick[400] = 1.0
+    rec = record(extra=0.5 * lfilter([1.0], DRIVE.a, kick), plant=DRIVE)
+    assert "spikes" not in kinds(rec)
+
+
+@pytest.mark.parametrize("f", [1.3, 7.3, 21.0])
+def test_a_line_is_found_with_frequency_and_amplitude(f):
+    extra = 0.1 * np.sin(2 * np.pi * f * T * np.arange(750) + 0.7)
+    rec = record(extra=extra)
+    found = disturbances(rec)
+    (item,) = found.found
+    assert found.lines == pytest.approx((f,), abs=0.01)
+    assert item.size == pytest.approx(0.1 * np.std(record().y), rel=0.2)
+    assert found.columns.shape == (750, 2)
+
+
+def test_an_aliased_line_names_its_possible_origins():
+    extra = 0.1 * np.sin(2 * np.pi * 60.0 * T * np.arange(750))
+    (item,) = disturbances(record(extra=extra)).found
+    assert float(item.place.split()[0]) == pytest.approx(10.0, abs=0.01)
+    assert "60 (mains)" in item.sentence
+    assert origins_of_line(12.0, 100.0).startswith("Sampled at 100 Hz, it may stem from 12, 88, 112")
+
+
+def test_drift_is_fitted_beside_the_plant():
+    extra = 0.5 * np.linspace(-0.5, 0.5, 750)
+    found = disturbances(record(extra=extra))
+    (item,) = found.found
+    assert (item.kind, found.drift) == ("drift", 1)
+    assert item.size == pytest.approx(0.5 * np.std(record().y), rel=0.1)
+
+
+def test_an_integrator_has_no_drift():
+    plant = Model(b=[0.0, 0.02], a=[1.0, -1.0], nk=1, sample_time=T)
+    assert kinds(record(plant, noise=0.01)) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "acting", "words"),
+    [
+        ("dead zone", lambda u: u - np.clip(u, -0.5, 0.5), "u from 0."),
+        ("backlash", lambda u: backlash(u, 1.0), "reversals"),
+        ("saturation", lambda u: np.clip(u, -1.75, 1.75), "below -0.7"),
+        ("saturation", lambda u: np.minimum(u, 1.5), "above 2."),
+        ("curvature", lambda u: u + 0.1 * u**2, "varies over u from -1.5 to 3.5 mm/min"),
+    ],
+)
+@pytest.mark.parametrize("plant", [CLM, LAG])
+def test_a_static_nonlinearity_is_named_with_its_size(plant, kind, acting, words):
+    (item,) = disturbances(record(plant, acting=acting)).found
+    assert item.kind == kind
+    assert words in item.sentence
+    size = {"dead zone": 1.0, "backlash": 1.0}.get(kind)
+    assert size is None or item.size == pytest.approx(size, rel=0.15)
+
+
+def test_a_quantised_and_a_clipped_output_are_named():
+    rec = record()
+    step = np.ptp(rec.y) / 12
+    coarse = Record(u=rec.u, y=np.round(rec.y / step) * step, sample_time=T)
+    assert "quantisation" in kinds(coarse)
+    fine = Record(u=rec.u, y=rec.y.round(4), sample_time=T)
+    assert "quantisation" not in kinds(fine)
+    limit = float(np.quantile(rec.y, 0.85))
+    assert "clipped output" in kinds(Record(u=rec.u, y=np.minimum(rec.y, limit), sample_time=T))
+
+
+def test_records_that_cannot_be_tested_say_so():
+    rec = record()
+    assert "too few" in disturbances(rec.part(0, 100)).remark
+    u = chirp()
+    assert disturbances(Record(u=u, y=LAG.simulate(u), sample_time=T)).remark == "the record has no noise"
+
+
+def test_segments_have_their_own_level_and_phase():
+    extra = 0.1 * np.sin(2 * np.pi * 7.3 * T * np.r_[np.arange(400), np.arange(350) + 17])
+    rec = record(extra=extra)
+    found = disturbances(Record(u=rec.u, y=rec.y, sample_time=T, starts=(0, 400)))
+    assert found.lines == pytest.approx((7.3,), abs=0.02)
+    assert found.columns.shape == (750, 4)
+    assert not found.columns[:400, 2:].any()
+    assert not found.columns[400:, :2].any()
+
+
+def test_the_f_test_holds_its_level():
+    """Unrelated columns: p values are uniform, here over 200 draws (binomial, four standard errors)."""
+    rec = record().centred()
+    fit = long_arx(rec, 20, input_lags(rec, 20))
+    rng = np.random.default_rng(3)
+    p = np.array([fit.f_test(rng.standard_normal((len(fit.rows), 3)))[0] for _ in range(200)])
+    assert abs((p < 0.1).mean() - 0.1) < 4 * np.sqrt(0.09 / 200)
+
+
+def test_an_identification_is_as_accurate_beside_disturbances_and_names_them():
+    extra = 0.2 * np.sin(2 * np.pi * 1.3 * T * np.arange(750)) + 0.5 * np.linspace(-0.5, 0.5, 750)
+    extra[[90, 250, 500]] += 2.0
+    found = identify(record(CLM, extra=extra))
+    f = np.geomspace(*found.model.band, 40)
+    assert np.abs(np.abs(found.model.response(f) / CLM.response(f)) - 1).max() < 0.05
+    assert found.verdict.level == 1
+    assert [item.kind for item in found.disturbances.found] == ["spikes", "drift", "line"]
+    assert sum("output y" in reason for reason in found.verdict.reasons) == 3
+    assert "Spikes, drift, lines and nonlinearity" in found.verdict.checked
+
+
+def test_gains_inherit_the_reservation():
+    found = identify(record(acting=lambda u: u - np.clip(u, -0.5, 0.5)))
+    tuned = tune_pi(found, rise_time=2.0, settling_time=6.0)
+    assert tuned.verdict.level >= 1
+    assert any(reason.startswith("Model: Dead zone") for reason in tuned.verdict.reasons)
