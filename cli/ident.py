@@ -16,10 +16,11 @@ if TYPE_CHECKING:
     from ..ident.validation.amplitudes import AmplitudeTable
     from ..parameters import ParameterFile
 
-READING = ("input", "output", "time", "rate", "sample_time", "resample", "decimal", "delimiter", "sheet")
+READING = ("input", "output", "time", "rate", "sample_time", "resample", "decimal", "delimiter", "sheet", "reference")
 RECORDED = (
     "input",
     "output",
+    "reference",
     "time",
     "rate",
     "sample_time",
@@ -50,6 +51,7 @@ def parser() -> Parser:
     )
     p.add_argument("--input", metavar="COLUMN", help="commanded signal: header, or col2")
     p.add_argument("--output", metavar="COLUMN", help="measured signal: header, or col3")
+    p.add_argument("--reference", metavar="COLUMN", help="set point of the controller, of a run in closed loop")
     p.add_argument("--time", metavar="COLUMN", help="column of times, where the headers are ambiguous")
     p.add_argument("--rate", type=float, metavar="HZ", help="samples per second, where there is no column of times")
     p.add_argument("--sample-time", type=float, metavar="S", help="seconds between samples, instead of --rate")

@@ -137,7 +137,7 @@ class _Causes:
     left: float
 
 
-def loop_of(rec: Record) -> Feedback:
+def checked_feedback(rec: Record) -> Feedback:
     """Feedback of a record that is to be identified; IdentError where a loop at constant reference was recorded.
 
     Raises

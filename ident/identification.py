@@ -22,7 +22,7 @@ from ..core.threads import one_thread
 from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ..datasets.records.gaps import without_short
 from ..datasets.records.record import Record, join_records
-from .closed_loop import LoopCheck, check_loop, loop_of
+from .closed_loop import LoopCheck, check_loop, checked_feedback
 from .disturbances import CHECKED as DISTURBANCES
 from .disturbances import Disturbances, disturbances
 from .estimators.bias_checks import causality, response_error, warn_of_bias
@@ -299,7 +299,7 @@ def identify(
     disturbed = disturbances(whole)
     whole, beside = disturbed.record, disturbed.columns
     part = _parts(whole)
-    loop = loop_of(whole)
+    loop = checked_feedback(whole)
     found = search(
         part, most_order=most_order, delays=delays, orders=orders, least_delay=int(loop.found),
         beside=beside if part is whole else disturbed.columns_of(part),

@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
-from fitmodels.core.errors import IdentError
-from fitmodels.datasets import Record
+from fitmodels import parameters
+from fitmodels.cli import main
+from fitmodels.core.errors import IdentError, UsageError
+from fitmodels.datasets import Record, read_record
 from fitmodels.ident import Model, chirp, identify, prbs
-from fitmodels.ident.closed_loop import feedback, loop_of
+from fitmodels.ident.closed_loop import checked_feedback, feedback
 from fitmodels.ident.estimators.bias_checks import response_error
 from fitmodels.ident.estimators.two_stage import two_stage
+from fitmodels.ident.pi.gains import PiGains
+from fitmodels.ident.pi.loop import loop_of
 from scipy.signal import lfilter
 
 T, N = 0.02, 750
@@ -23,8 +27,8 @@ def run(plant, r, noise, late):
     """u and y under a digital PI that uses the measured output of ``late`` samples before."""
     kp, ki = GAINS[id(plant)]
     b, a, k = plant.b[1:], plant.a[1:], 10
-    u, x, y, total = np.zeros(N + k), np.zeros(N + k), np.zeros(N + k), 0.0
-    for t in range(k, N + k):
+    u, x, y, total = *np.zeros((3, len(r) + k)), 0.0
+    for t in range(k, len(r) + k):
         x[t] = b @ u[t - len(b) : t][::-1] - a @ x[t - len(a) : t][::-1]
         y[t] = x[t] + noise[t - k]
         error = r[t - k] - y[t - late]
@@ -35,10 +39,10 @@ def run(plant, r, noise, late):
 
 def looped(plant=LAG, r=SWEEP, snr=30.0, seed=1, late=0, colour=0.0, named=False):
     """A record in closed loop with noise of the sensor, relative to the noise-free output (to 1 if that is zero)."""
-    noise = lfilter([1.0], [1.0, -colour], np.random.default_rng(seed).standard_normal(N + 300))[300:]
-    size = np.std(run(plant, r, np.zeros(N), late)[1]) * 10 ** (-snr / 20) * np.sqrt(1 - colour**2)
+    noise = lfilter([1.0], [1.0, -colour], np.random.default_rng(seed).standard_normal(len(r) + 300))[300:]
+    size = np.std(run(plant, r, np.zeros(len(r)), late)[1]) * 10 ** (-snr / 20) * np.sqrt(1 - colour**2)
     u, y = run(plant, r, size * noise, late)
-    return Record(u=u, y=y, sample_time=T, reference=r[:N] if named else None)
+    return Record(u=u, y=y, sample_time=T, reference=r if named else None)
 
 
 def open_loop(u, snr, seed, plant=PUBLISHED, colour=0.0):
@@ -124,7 +128,7 @@ def test_two_stage_holds_its_standard_errors():
 def test_a_loop_at_constant_reference_is_refused_with_what_to_record(late):
     rec = looped(r=np.ones(N), snr=20, late=late)
     with pytest.raises(IdentError, match=r"as under a PI controller with constant reference .*Kp 1\.5.*steps of about"):
-        loop_of(rec.part(300, N).centred())
+        checked_feedback(rec.part(300, N).centred())
 
 
 REFUSED = {
@@ -146,3 +150,47 @@ def test_an_undecided_loop_is_listed_as_not_checked():
     found = identify(open_loop(np.random.default_rng(9).standard_normal(N), 30, 1))
     assert any(text.startswith("Closed loop: u is too irregular") for text in found.verdict.not_checked)
     assert "Closed loop" not in found.verdict.checked
+
+
+def written(tmp_path, **columns):
+    path = tmp_path / "production.csv"
+    cells = np.column_stack(list(columns.values()))
+    path.write_text(",".join(columns) + "\n" + "".join(",".join(f"{c:.6f}" for c in row) + "\n" for row in cells))
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def production(tmp_path_factory):
+    """A minute of production: a constant-load PI on the published plant, its target moved every 5 s."""
+    r = 0.2 + np.repeat(np.array([0, 1, 0, -1, 1, 0, -1, 1, -1, 0, 1, 0]) * 0.02, 250)
+    rec = looped(PUBLISHED, r, snr=25.0, seed=3)
+    folder = tmp_path_factory.mktemp("loop")
+    columns = {"time [s]": T * np.arange(len(r)), "target [A]": r, "command [V]": rec.u, "current [A]": rec.y}
+    return written(folder, **columns), folder
+
+
+def test_a_running_loop_is_tuned_again_from_production_data(production, capsys):
+    """Reference, command and load of the loop in use -> model -> gains that meet 2 s and 4 s on the true plant."""
+    path, folder = production
+    named = ["--input", "command", "--output", "current", "--reference", "target"]
+    assert main(["ident", path, *named, "--out", str(folder / "fit")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "The two-stage estimate from the reference differs from the direct one by at most" in said
+    file = folder / "fit" / "params.json"
+    assert main(["tune", str(file), "--rise", "2", "--settle", "4", "--overshoot", "0.05"]) == 0
+    pi = parameters.read(file).pi
+    figures = loop_of(PUBLISHED, PiGains(pi.kp, pi.ki, T, delay=pi.delay)).figures()
+    assert figures.rise_time <= 2.0
+    assert figures.settling_time <= 4.0
+
+
+def test_the_reference_is_read_beside_two_signals(production):
+    """Input and output need no names once the reference has one; a wrong name is refused with the nearest."""
+    path, _ = production
+    rec = read_record(path, reference="target")
+    assert (rec.input, rec.output) == ("command", "current")
+    assert rec.reference[[0, 260]].tolist() == pytest.approx([0.2, 0.22])
+    with pytest.raises(UsageError, match="--reference targett: the file has no such column; did you mean 'target"):
+        read_record(path, reference="targett")
+    with pytest.raises(IdentError, match="reference and input command are the same signal"):
+        identify(read_record(path, "command", "current", reference="command"))

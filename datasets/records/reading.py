@@ -37,6 +37,7 @@ def read_record(
     decimal: Literal["point", "comma"] | None = None,
     delimiter: str | None = None,
     sheet: str | None = None,
+    reference: str | int | None = None,
 ) -> Record:
     r"""Read one or more recorded runs of a machine.
 
@@ -54,6 +55,7 @@ def read_record(
     resample : Hz to which the samples are brought, through an anti-alias filter where that is slower; uneven
         samples are joined by lines first, and refused without it
     offsets : operating point (input, output) to subtract; none by default (see `Record.centred`)
+    reference : column of the set point of the controller, of a record in closed loop
     decimal, delimiter, sheet : see :func:`fitmodels.datasets.read_table`; ``sheet`` also names a group of a .tdms file
 
     Raises
@@ -72,7 +74,9 @@ def read_record(
     >>> rec.rate, rec.input, rec.unit_y, rec.y[-1].item()
     (50.0, 'u', 'mm', 0.0055)
     """
-    asked = RecordOptions(input, output, time, sample_time_of(rate, sample_time), units or {}, resample, offsets)
+    asked = RecordOptions(
+        input, output, time, sample_time_of(rate, sample_time), units or {}, resample, offsets, reference
+    )
     files = [path] if isinstance(path, (str, os.PathLike, Table)) else list(path)
     tables = [
         table
@@ -100,10 +104,12 @@ def _record(table: Table, asked: RecordOptions) -> Record:
     """One table as a record."""
     known = heads(table.columns)
     clock = find(known, asked.time, "time") if asked.time is not None else time_column(known)
-    u, y, presumed = choose(known, clock, asked.input, asked.output)
-    if clock is not None and clock.column.number in (u.column.number, y.column.number):
+    r = find(known, asked.reference, "reference") if asked.reference is not None else None
+    others = [head for head in known if r is None or head.column.number != r.column.number]
+    u, y, presumed = choose(others if asked.input is None or asked.output is None else known, clock, *asked.signals)
+    if clock is not None and clock.column.number in {head.column.number for head in (u, y, r) if head is not None}:
         if asked.time is not None:
-            raise UsageError(f"--time means column {clock.label}, which is the input or output too.")
+            raise UsageError(f"--time means column {clock.label}, which is input, output or reference too.")
         clock = None  # named as a signal: a ramp is not the time
     given = _units(asked.units, known, {"time": clock, "input": u, "output": y})
     (u_values, unit_u, u_notes), (y_values, unit_y, y_notes) = in_unit(u, given[1]), in_unit(y, given[2])
@@ -113,7 +119,8 @@ def _record(table: Table, asked: RecordOptions) -> Record:
             f"{table.path.name} has no column of times among {names}: give --rate (Hz) or --sample-time (s), or which "
             "column it is with --time."
         )
-    samples, notes = _samples(table, clock, np.column_stack([u_values, y_values]), known)
+    r_values = () if r is None else (in_unit(r, None)[0],)
+    samples, notes = _samples(table, clock, np.column_stack([u_values, y_values, *r_values]), known)
     if clock is not None:
         record = timed(clock, samples, asked, given[0])
     else:
@@ -122,7 +129,7 @@ def _record(table: Table, asked: RecordOptions) -> Record:
     checked = (
         *(
             note
-            for head, x, unit in zip((u, y), samples.values.T, (unit_u, unit_y), strict=True)
+            for head, x, unit in zip((u, y), samples.values.T[:2], (unit_u, unit_y), strict=True)
             for note in signal_findings(head.name, x[np.isfinite(x)], unit)
         ),
     )

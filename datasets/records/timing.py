@@ -1,6 +1,6 @@
 """Rows with or without times -> an even Record: times first, a given rate where they fail, gaps by their length."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,8 @@ from .gaps import fill_gaps
 from .record import Record
 from .resampling import GAP, interpolated
 from .sampling import Rows, TimeAxis, run_starts, time_axis
+
+SIGNALS = ("input", "output", "reference")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +27,12 @@ class RecordOptions:
     units: Mapping[str, str]
     resample: float | None
     offsets: tuple[float, float] | None
+    reference: str | int | None = None
+
+    @property
+    def signals(self) -> tuple[str | int | None, str | int | None]:
+        """Columns of input and output."""
+        return self.input, self.output
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +42,8 @@ class Samples:
     Attributes
     ----------
     time : ndarray, shape (n,), in its own unit
-    values : ndarray, shape (n, 2)
-        Input and output; NaN where a cell is empty.
+    values : ndarray, shape (n, 2), or (n, 3) with a reference
+        Input, output and reference; NaN where a cell is empty.
     lines, places : ndarray of int, shape (n,)
         Line in the file, and row counted with those that were left out as gaps.
     cuts : ndarray of int
@@ -114,10 +122,15 @@ def _agree(measured: float, given: float, name: str, within: float) -> None:
 
 
 def _even(samples: Samples, axis: TimeAxis, asked: RecordOptions) -> Record:
-    even = fill_gaps(samples.values, axis.lost, samples.lines, axis.sample_time, ("input", "output"))
-    u, y = even.values.T
-    record = Record(u, y, axis.sample_time, even.starts, notes=(*axis.notes, *even.notes))
+    even = fill_gaps(samples.values, axis.lost, samples.lines, axis.sample_time, SIGNALS[: samples.values.shape[1]])
+    u, y, *reference = even.values.T
+    record = Record(u, y, axis.sample_time, even.starts, notes=(*axis.notes, *even.notes), reference=_only(reference))
     return record.resampled(asked.resample) if asked.resample is not None else record
+
+
+def _only(reference: Sequence[Array]) -> Array | None:
+    """The reference, if there is one."""
+    return reference[0] if reference else None
 
 
 def _full(samples: Samples) -> Samples:
@@ -152,5 +165,6 @@ def _uneven(samples: Samples, seconds: float, name: str, rate: float, notes: tup
         f"interpolated linearly at {rate * times_denser:g} Hz",
         *([f"{gaps.size} gap(s) of more than {GAP:g} median steps are left open"] if gaps.size else []),
     )
-    record = Record(values[:, 0], values[:, 1], 1 / (rate * times_denser), begins, notes=(*notes, *assumptions))
+    u, y, *reference = values.T
+    record = Record(u, y, 1 / (rate * times_denser), begins, notes=(*notes, *assumptions), reference=_only(reference))
     return record.decimated(times_denser) if times_denser > 1 else record
