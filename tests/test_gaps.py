@@ -137,7 +137,7 @@ def test_segments_too_short_are_left_out_with_count_and_place():
     assert without_short(short) is short
 
 
-@pytest.mark.parametrize("count", [8, 60])
+@pytest.mark.parametrize("count", [8, 40])
 def test_no_length_of_segment_stops_an_estimation(count):
     rng = np.random.default_rng(count)
     u = chirp(duration=6.0)
@@ -148,7 +148,7 @@ def test_no_length_of_segment_stops_an_estimation(count):
         lambda: ident.arx(rec, 3, 3),
         lambda: ident.output_error(rec, 3, 3, initial="offset"),
         lambda: ident.box_jenkins(rec, 3, 3, 4), lambda: ident.armax(rec, 3, 3, 3),
-        lambda: ident.validate(PLANT, rec), lambda: ident.identify(rec),
+        lambda: ident.validate(PLANT, rec), lambda: ident.identify(rec, orders=(3, 3, 1)),
         lambda: ident.frequency_response(rec), lambda: ident.choose_order(rec),
     ):  # fmt: skip
         try:
