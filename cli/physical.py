@@ -24,7 +24,7 @@ OPTIONS: Final = {  # of each model; an option of another one would have no effe
     DRIVE: ("force_per_unit", "cutoff", "held_out"),
     FORCE: ("given", "drive_pole", "depth"),
 }
-OF_IDENTIFICATION: Final = ("orders", "trend", "handover", "amplitudes")
+OF_IDENTIFICATION: Final = ("orders", "trend", "handover", "amplitudes", "reference")
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
 
 
