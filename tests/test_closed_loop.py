@@ -194,3 +194,13 @@ def test_the_reference_is_read_beside_two_signals(production):
         read_record(path, reference="targett")
     with pytest.raises(IdentError, match="reference and input command are the same signal"):
         identify(read_record(path, "command", "current", reference="command"))
+
+
+@pytest.mark.parametrize("a", [[1.0, -1.77138815, 0.92311635], [1.0, -0.5]], ids=["damped drive", "fast lag"])
+def test_a_sweep_of_a_plant_in_open_loop_is_not_refused_where_u_resembles_y(a):
+    """A smooth u is nearly a combination of a few y; without feedback in the noise that is no controller."""
+    plant = Model(b=[0.0, sum(a)], a=a, nk=1, sample_time=T)
+    u = chirp()
+    x = plant.simulate(u)
+    noise = np.random.default_rng(1).standard_normal(len(u)) * x.std() * 10 ** (-30 / 20)
+    assert checked_feedback(Record(u=u, y=x + noise, sample_time=T).centred()).state == "none"
