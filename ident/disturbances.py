@@ -26,7 +26,7 @@ from .additive_disturbances import (
     strongest_line,
     without_spikes,
 )
-from .estimators.long_arx import EXACT, LongArx, input_lags, long_arx, middle, order_of, spread
+from .estimators.long_arx import EXACT, LongArx, input_lags, long_arx, middle, offsets_of, order_of, spread
 from .static_nonlinearity import Nonlinearity, clipped, nonlinearity, quantum
 
 NEGLIGIBLE = 0.005  # of the standard deviation of y: smaller lines are left to the noise model
@@ -107,6 +107,15 @@ class Disturbances(Displayable):
         """Columns (N, k) to be fitted to the output beside the plant; None without drift and lines."""
         return self.columns_of(self.record)
 
+    @property
+    def count(self) -> int:
+        """Number of columns to be fitted beside the plant."""
+        return len(self.record.starts) * (self.drift + 2 * len(self.lines))
+
+    def without_drift(self) -> "Disturbances":
+        """The same without its drift, where the plant explains it."""
+        return replace(self, drift=0, found=tuple(item for item in self.found if item.kind != "drift"))
+
     def columns_of(self, rec: Record) -> Array | None:
         """The same columns for another record of the same rate."""
         return columns_beside(rec, self.lines, self.drift) if self.lines or self.drift else None
@@ -118,11 +127,6 @@ def disturbances(rec: Record) -> Disturbances:
     Parameters
     ----------
     rec : Record
-
-    Returns
-    -------
-    Disturbances
-        With the record whose spikes are replaced, and the columns to fit beside the plant.
 
     Examples
     --------
@@ -142,7 +146,7 @@ def disturbances(rec: Record) -> Disturbances:
     lags = input_lags(part, order)
     fit = long_arx(part, order, lags)
     static = [*_of_quantum(rec, fit), *_of_clipping(rec)]
-    clean = replace(rec, y=clean.y + _offsets(clean)[:, 1] - _offsets(rec)[:, 1], sha256=rec.sha256)
+    clean = replace(rec, y=clean.y + offsets_of(clean)[:, 1] - offsets_of(rec)[:, 1], sha256=rec.sha256)
     if fit.rss <= EXACT * float(part.y @ part.y):
         return Disturbances(tuple(static), clean, remark="the record has no noise")
     drift, lines, held = _tested(part, fit)
@@ -167,10 +171,10 @@ def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:
         return clean, replaced, heavy
     part = spread(rec)
     fit = long_arx(part, order, input_lags(part, order))
-    found = nonlinearity(fit, part, part.u + _offsets(part)[:, 0], np.empty((len(part), 0)))
+    found = nonlinearity(fit, part, part.u + offsets_of(part)[:, 0], np.empty((len(part), 0)))
     if found is None:
         return clean, replaced, heavy
-    acting = found.acting(rec, rec.u + _offsets(rec)[:, 0])
+    acting = found.acting(rec, rec.u + offsets_of(rec)[:, 0])
     clean, replaced, heavy = without_spikes(replace(rec, u=acting).centred(), order)
     return replace(clean, u=rec.u, offsets=rec.offsets), replaced, heavy
 
@@ -188,7 +192,7 @@ def _static(rec: Record, order: int, lines: tuple[float, ...], drift: int, held:
     """Nonlinearity of the input beside drift and lines; ``held`` is their regression on this record, if known."""
     beside = columns_beside(rec, lines, drift)
     held = held or long_arx(rec, order, input_lags(rec, order), beside)
-    return nonlinearity(held, rec, rec.u + _offsets(rec)[:, 0], beside)
+    return nonlinearity(held, rec, rec.u + offsets_of(rec)[:, 0], beside)
 
 
 def _additive(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...]]:
@@ -249,12 +253,6 @@ def _drift_of_longest(rec: Record, fit: LongArx, drift: int) -> tuple[float | No
     count = rec.stretches[longest].stop - rec.stretches[longest].start
     block = len(fit.beside) // len(rec.starts)
     return drift_range(fit.a, fit.beside[longest * block : longest * block + drift], count), count
-
-
-def _offsets(rec: Record) -> Array:
-    """Operating point of u and y at every sample, shape (N, 2)."""
-    assert rec.offsets is not None  # noqa: S101  set by the record
-    return np.repeat(rec.offsets, np.diff([*rec.starts, len(rec)]), axis=0)
 
 
 def _unit(unit: str) -> str:
@@ -361,7 +359,7 @@ def _saturation(rec: Record, found: Nonlinearity) -> tuple[str, str]:
 
 
 def _curvature(rec: Record, found: Nonlinearity) -> tuple[str, str]:
-    raw = rec.u + _offsets(rec)[:, 0]
+    raw = rec.u + offsets_of(rec)[:, 0]
     place = f"{rec.input} from {plain(float(raw.min()), 3)} to {plain(float(raw.max()), 3)}{_unit(rec.unit_u)}"
     return place, (
         f"the gain from {rec.input} to {rec.output} varies over {place}: the model holds for this operating point and "
@@ -389,7 +387,7 @@ def _of_clipping(rec: Record) -> list[Disturbance]:
     found = clipped(rec.y)
     if found is None:
         return []
-    value = found[0] + float(_offsets(rec)[0, 1])
+    value = found[0] + float(offsets_of(rec)[0, 1])
     place = f"{rec.output} {plain(value)}{_unit(rec.unit_y)}"
     words = (
         f"the output {rec.output} is held at {plain(value)}{_unit(rec.unit_y)} in {100 * found[1]:.0f} % of the "

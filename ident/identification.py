@@ -8,7 +8,7 @@ with their weights.
 Source: Schwarz 1978, Ann. Stat. 6, 461; Ljung 1999, System Identification, sections 16.4 to 16.6.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -297,13 +297,18 @@ def identify(
     check_varies(whole)
     band = excited_band(whole)
     disturbed = disturbances(whole)
-    whole, beside = disturbed.record, disturbed.columns
-    part = _parts(whole)
+    whole = disturbed.record
     loop = checked_feedback(whole)
-    found = search(
-        part, most_order=most_order, delays=delays, orders=orders, least_delay=int(loop.found),
-        beside=beside if part is whole else disturbed.columns_of(part),
-    )  # fmt: skip
+
+    def searched(disturbed: Disturbances) -> Search:
+        part = _parts(whole)
+        return search(
+            part, most_order=most_order, delays=delays, orders=orders, least_delay=int(loop.found),
+            beside=disturbed.columns_of(part),
+        )  # fmt: skip
+
+    found, disturbed = _with_drift(searched, disturbed)
+    beside = disturbed.columns
     best, chosen = mixture(whole, found, beside)
     one_step = _one_step(whole)
     plain = _plain(partialled(whole, beside), best, one_step)
@@ -330,6 +335,17 @@ def identify(
         by_choice=arx_by_choice(plain, chosen, band) if by_arx else None,
         notes=(*whole.notes, *found.notes),
     )
+
+
+def _with_drift(searched: Callable[[Disturbances], Search], disturbed: Disturbances) -> tuple[Search, Disturbances]:
+    """The search beside drift, or without it where the plant explains it: a slow plant has responses like a drift."""
+    found = searched(disturbed)
+    if not disturbed.drift:
+        return found, disturbed
+    plain = disturbed.without_drift()
+    other = searched(plain)
+    added = (disturbed.count - plain.count) * np.log(found.n)
+    return (other, plain) if other.chosen.total < found.chosen.total + added else (found, disturbed)
 
 
 def _one_step(rec: Record) -> OrderSearch:

@@ -5,6 +5,7 @@ import pytest
 from fitmodels.datasets import Record
 from fitmodels.ident import Model, chirp, identify, tune_pi
 from fitmodels.ident.additive_disturbances import origins_of_line
+from fitmodels.ident.continuous import ContinuousModel
 from fitmodels.ident.disturbances import disturbances
 from fitmodels.ident.estimators.long_arx import input_lags, long_arx
 from fitmodels.ident.static_nonlinearity import backlash
@@ -165,6 +166,15 @@ def test_an_identification_is_as_accurate_beside_disturbances_and_names_them():
     assert [item.kind for item in found.disturbances.found] == ["spikes", "drift", "line"]
     assert sum("output y" in reason for reason in found.verdict.reasons) == 3
     assert "Spikes, drift, lines and nonlinearity" in found.verdict.checked
+
+
+def test_a_slow_plant_is_not_taken_for_a_drift():
+    """Its response to the first half wave of the chirp resembles a polynomial; a form without drift explains it."""
+    slow = ContinuousModel(num=[1.0], den=np.poly([-1.0] * 5)).sampled(T)
+    found = identify(record(slow, noise=0.01))
+    f = np.geomspace(*found.model.band, 40)
+    assert found.disturbances.drift == 0
+    assert np.abs(np.abs(found.model.response(f) / slow.response(f)) - 1).max() < 0.1
 
 
 def test_gains_inherit_the_reservation():

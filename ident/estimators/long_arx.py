@@ -209,3 +209,9 @@ def golden(function: Callable[[float], float], low: float, high: float, steps: i
             b = low + ratio * (high - low)
             at_b = function(b)
     return float(low + high) / 2
+
+
+def offsets_of(rec: Record) -> Array:
+    """Operating point of u and y at every sample, shape (N, 2)."""
+    assert rec.offsets is not None  # noqa: S101  set by the record
+    return np.repeat(rec.offsets, np.diff([*rec.starts, len(rec)]), axis=0)
