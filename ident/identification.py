@@ -32,9 +32,9 @@ from .estimators.order_selection import OrderSearch, choose_order
 from .model import Model
 from .responses.spectra import excited_band
 from .structure.candidates import Candidate
-from .structure.continuous_forms import FittedForm
 from .structure.equation_noise import partialled
 from .structure.final_estimates import estimated, mixture
+from .structure.fitted_form import FittedForm
 from .structure.search import MOST_ORDER, Search, search
 from .validation.amplitudes import AmplitudeTable
 from .validation.handover import Handover, arx_by_choice, judge_handover

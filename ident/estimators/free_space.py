@@ -39,7 +39,7 @@ class FreeSpace:
     columns: Array
     Q: Array
     R: Array
-    kept: Array
+    kept: NDArray[np.bool_]
     level: float
     along: Array
     rest: float

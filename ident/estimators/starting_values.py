@@ -14,6 +14,7 @@ import numpy as np
 from ...core.arrays import Array
 from .filters import EDGE, filtered, is_stable, reflected
 from .free_space import back_substituted, free_space
+from .regressors import r_of
 
 HIGH_ORDER = 20
 FEWEST_ROWS = 4  # per coefficient of the high-order model
@@ -69,7 +70,7 @@ def high_order_arx(
     if beside is not None:
         level = np.hstack([level, beside[t]])
     Phi = np.hstack([-y[t[:, None] - np.arange(1, order + 1)], u[t[:, None] - np.arange(first, span + 1)], level])
-    R = np.linalg.qr(np.column_stack([Phi, y[t]]), mode="r")
+    R = r_of(np.column_stack([Phi, y[t]]))
     theta = np.linalg.lstsq(R[:, :-1], R[:, -1], rcond=SMALL)[0]
     e = R[:, -1] - R[:, :-1] @ theta
     a = np.r_[1.0, theta[:order]]
@@ -126,8 +127,8 @@ def solved(R: Array) -> tuple[Array, float]:
     own = np.abs(R.diagonal()[:p])
     if len(R) == p + 1 and own.min() > INDEPENDENT * own.max():
         return back_substituted(R[:p, :p], R[:p, p]), float(R[p, p]) ** 2
-    R = np.triu(R)
-    theta = np.linalg.lstsq(R[:, :p], R[:, p], rcond=INDEPENDENT)[0]
+    R = np.asarray(np.triu(R), dtype=np.float64)
+    theta = np.asarray(np.linalg.lstsq(R[:, :p], R[:, p], rcond=INDEPENDENT)[0], dtype=np.float64)
     e = R[:, p] - R[:, :p] @ theta
     return theta, float(e @ e)
 

@@ -26,7 +26,8 @@ from ..estimators.filters import burg, filtered, lagged, squares
 from ..estimators.starting_values import high_order_arx, steiglitz_mcbride
 from ..model import Model
 from .choice import criterion, guard
-from .continuous_forms import FittedForm, fit_forms
+from .continuous_forms import fit_forms
+from .fitted_form import FittedForm
 
 ONE = np.ones(1)
 FIRST_STEPS, STEPS = 5, 2  # of the iteration: at the first delay of an order, and at each further one
@@ -165,7 +166,7 @@ def without_beside(rec: Record, beside: Array) -> Array:
     ]
     columns = np.column_stack([*level, past, beside])
     theta = np.linalg.lstsq(columns, rec.y, rcond=1e-9)[0]
-    return rec.y - beside @ theta[-beside.shape[1] :]
+    return np.asarray(rec.y - beside @ theta[-beside.shape[1] :], dtype=np.float64)
 
 
 def scanned(screen: Screen, na: int, nb: int, delays: Iterable[int], f: Array = ONE) -> dict[int, tuple[float, Array]]:
@@ -287,7 +288,7 @@ def integrating_candidates(screen: Screen, found: Sequence[Candidate]) -> list[C
         start = np.concatenate([a[1:], one.theta[one.na :]])
         inner = fitted(summed, (one.na - 1, one.nb, one.nk), start)
         if inner is not None and abs(inner.b.sum()) > CANCELLED * np.abs(inner.b).sum():
-            theta = np.concatenate([np.convolve(inner.a, [1.0, -1.0])[1:], inner.theta[inner.na :]])
+            theta = np.concatenate([np.convolve(inner.a, np.array([1.0, -1.0]))[1:], inner.theta[inner.na :]])
             whole = replace(inner, na=one.na, theta=theta, parameters=one.na - 1 + one.nb, integrating=True)
             out.append(with_criterion(screen, whole))
     return out

@@ -39,7 +39,7 @@ def equation_candidates(screen: Screen, most_order: int, delays: Sequence[int]) 
         theta, variance = _least_squares(change, na, nb, nk)
         a, b = np.concatenate([ONE, theta[:na]]), theta[na:]
         if is_stable(a, EDGE) and abs(b.sum()) > CANCELLED * np.abs(b).sum():
-            theta = np.concatenate([np.convolve(a, [1.0, -1.0])[1:], b])
+            theta = np.concatenate([np.convolve(a, np.array([1.0, -1.0]))[1:], b])
             found.append(_candidate(screen, (na + 1, nb, nk), theta, variance, True))
     return found
 
@@ -81,7 +81,7 @@ def _best_orders(rec: Record, na: range, delays: Sequence[int]) -> list[tuple[in
 def _least_squares(rec: Record, na: int, nb: int, nk: int) -> tuple[Array, float]:
     """Coefficients of one order by least squares with a constant, and the variance of the errors."""
     Phi, y, _ = arx_regressors(rec, na, nb, nk)
-    theta = np.linalg.lstsq(np.column_stack([np.ones(len(y)), Phi]), y, rcond=None)[0][1:]
+    theta = np.asarray(np.linalg.lstsq(np.column_stack([np.ones(len(y)), Phi]), y, rcond=None)[0][1:], dtype=np.float64)
     return theta, float(np.var(y - Phi @ theta))
 
 
