@@ -218,7 +218,7 @@ def decrease(fit: LongArx, groups: list[NDArray[np.intp]], f: float) -> float:
 def origins_of_line(f: float, rate: float) -> str:
     """Frequencies that a sampled line may have.
 
-    >>> _origins(10.0, 50.0)
+    >>> origins_of_line(10.0, 50.0)
     'Sampled at 50 Hz, it may stem from 10, 40, 60 (mains), 90 or 110 Hz: compare with teeth x rpm / 60'
     """
     true = [f, *(x for n in range(1, ALIASES + 1) for x in (n * rate - f, n * rate + f))]
