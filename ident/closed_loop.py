@@ -149,7 +149,7 @@ def checked_feedback(rec: Record) -> Feedback:
     found = feedback(rec)
     if rec.reference is not None:
         check_reference(rec)
-    elif found.state != "none" and (law := _constant_reference(rec)) is not None:
+    elif found.state != "none" and (law := _constant_reference(rec)) is not None and law[1] > 0:
         share, kp, ki = law
         raise IdentError(
             f"{rec.input} follows {rec.output} as under a PI controller with constant reference (R2 of its changes "
