@@ -160,12 +160,18 @@ def checked_feedback(rec: Record) -> Feedback:
 
 
 def _constant_reference(rec: Record) -> tuple[float, float, float] | None:
-    """R2, Kp and Ki (per sample) of u(t) - u(t - 1) = - Kp (y(t) - y(t - 1)) - Ki y(t), if it is nearly exact."""
+    """R2, Kp and Ki (per sample) of u(t) - u(t - 1) = - Kp (y(t) - y(t - 1)) - Ki y(t), if it is nearly exact.
+
+    It explains as much of what the two changes before leave: a slow command resembles the output of a drive that
+    follows it, but is known from its own past.
+    """
     change = np.concatenate([np.diff(rec.u[s])[2:] for s in rec.stretches])
     power = squares(change)
     if len(change) < FEWEST or power <= EXACT**2 * squares(rec.u):
         return None
-    best = (0.0, 0.0, 0.0)
+    own = np.column_stack([np.concatenate([np.diff(rec.u[s])[2 - k : -k] for s in rec.stretches]) for k in (1, 2)])
+    alone = _left(own, change)
+    best, rest = (0.0, 0.0, 0.0), 1.0
     for delay in range(MOST_DELAY + 1):
         parts = [(rec.y[s] - rec.y[s].mean()) for s in rec.stretches]
         now, before = (
@@ -174,8 +180,15 @@ def _constant_reference(rec: Record) -> tuple[float, float, float] | None:
         columns = np.column_stack([now, before])
         theta = np.linalg.lstsq(columns, change, rcond=None)[0]
         share = 1 - squares(change - columns @ theta) / power
-        best = max(best, (share, float(theta[1]), -float(theta.sum())))
-    return best if best[0] > REGULATED else None
+        if share > best[0]:
+            best = (share, float(theta[1]), -float(theta.sum()))
+            rest = _left(np.column_stack([own, columns]), change) / max(alone, 1e-300)
+    return best if best[0] > REGULATED and 1 - rest > REGULATED else None
+
+
+def _left(columns: Array, y: Array) -> float:
+    """Sum of squares of y that columns do not explain."""
+    return squares(y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0])
 
 
 def _found(rec: Record, causes: _Causes) -> Feedback:
