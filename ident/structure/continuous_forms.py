@@ -140,8 +140,9 @@ def _fits(data: FormData, delays: Array) -> list[FormFit]:
         for form in INTEGRATORS:
             found += _variants(scan, form, [np.append(scan.starts(form)[0][0].p, 0.0)])
     if any(math.log(0.3) < fit.p[2] < math.log(1.1) for fit in found if fit.form.name == "second order"):
-        several = [_variants(scan, form, [scan.starts(form)[0][0].p]) for form in EQUAL_LAGS]
-        found += min((fits for fits in several if fits), key=lambda fits: fits[0].loss, default=[])
+        several = [fits for form in EQUAL_LAGS if (fits := _variants(scan, form, [scan.starts(form)[0][0].p]))]
+        if several:
+            found += sorted(several, key=lambda fits: fits[0].loss)[0]
     return found
 
 
