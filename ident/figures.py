@@ -252,7 +252,7 @@ def poles_and_zeros(model: Model, ax: Axes | None = None) -> Axes:
         cloud = np.concatenate([getattr(one, name) for one in drawn]) if drawn else np.empty(0)
         ax.plot(cloud.real, cloud.imag, ".", color=colour, ms=2, alpha=0.35, zorder=1)
         at = getattr(model, name)
-        at = at[np.abs(at) > 1e-9]  # those at 0 are the delay
+        at = at[np.abs(at) > 1e-3]  # those at 0 are the delay
         ax.plot(at.real, at.imag, mark, color=colour, ms=8, mew=1.8, mfc="none", label=name, ls="")
         far += [float(z.real) for z in at if abs(z) > EDGE and z.imag >= 0]
     if far:
