@@ -31,6 +31,7 @@ SLOWEST = 4.0  # periods of a line within a stretch; slower ones are drift
 PADDED = 4  # points of the search per independent frequency
 ALIASES = 2  # multiples of the sample rate for which the true frequency of a line is named
 MAINS = (50.0, 60.0)
+UNDAMPED = 0.98  # modulus of a root that may stand for a line
 REFINED = 12  # evaluations of the exact frequency
 MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
@@ -151,10 +152,12 @@ def drift_range(a: Array, coefficients: Array, length: int) -> float | None:
     return float(np.ptp(powers @ np.linalg.solve(maps, np.r_[0.0, coefficients])))
 
 
-def strongest_line(fit: LongArx, rec: Record) -> tuple[float, float]:
+def strongest_line(fit: LongArx, rec: Record, beside: Array | None = None) -> tuple[float, float]:
     """Frequency (cycles per sample) of the line that explains most, and its p value over the grid.
 
-    The phase is free in each of the longest segments: samples between segments are not counted.
+    The phase is free in each of the longest segments: samples between segments are not counted. Beside lags of y the
+    decrease of a strong line is large at its exact frequency only, between the points of the grid; its frequency is
+    therefore searched also without lags of y (``beside`` are the columns of ``fit``), and at undamped roots of a.
     """
     from scipy.special import fdtrc
 
@@ -163,13 +166,26 @@ def strongest_line(fit: LongArx, rec: Record) -> tuple[float, float]:
     groups = [np.flatnonzero(stretch == k) for k in np.argsort(-count)[:MOST_SEGMENTS] if count[k] > len(fit.a)]
     n = len(groups[0])
     size = 1 << int(np.ceil(np.log2(PADDED * n)))
+    slowest, step = SLOWEST / n, 1 / size
+    f = _peak(fit, groups, size)
+    found = [golden(lambda x: -decrease(fit, groups, x), f - step, f + step, REFINED)]
+    plain = long_arx(rec, 0, fit.lags, beside, len(fit.a) - 1)
+    z = np.roots(fit.a)
+    rings = np.angle(z[(np.abs(z) > UNDAMPED) & (z.imag > 0)]) / (2 * np.pi)
+    starts = (_peak(plain, groups, size), *rings[rings > slowest].tolist())
+    found += [golden(lambda x: -decrease(plain, groups, x), f - step, f + step, 2 * REFINED) for f in starts]
+    found += starts[1:]
+    fell = [decrease(fit, groups, x) for x in found]
+    k, added = int(np.argmax(fell)), 2 * len(groups)
+    rest = max(fit.rss - fell[k], 1e-300) / (fit.free - added)
+    return found[k], min(1.0, n * float(fdtrc(added, fit.free - added, fell[k] / added / rest)))
+
+
+def _peak(fit: LongArx, groups: list[NDArray[np.intp]], size: int) -> float:
+    """Frequency on the grid, not slow, at which a line explains most."""
     fell = line_decreases(fit, groups, size)
-    fell[: int(np.ceil(SLOWEST * size / n))] = 0.0
-    k = int(np.argmax(fell))
-    f = golden(lambda x: -decrease(fit, groups, x), (k - 1) / size, (k + 1) / size, REFINED)
-    largest, added = max(float(fell[k]), decrease(fit, groups, f)), 2 * len(groups)
-    rest = max(fit.rss - largest, 1e-300) / (fit.free - added)
-    return f, min(1.0, n * float(fdtrc(added, fit.free - added, largest / added / rest)))
+    fell[: int(np.ceil(SLOWEST * size / len(groups[0])))] = 0.0
+    return float(np.argmax(fell)) / size
 
 
 def line_decreases(fit: LongArx, groups: list[NDArray[np.intp]], size: int) -> Array:

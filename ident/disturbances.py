@@ -204,7 +204,7 @@ def _additive(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...]]:
         held = long_arx(rec, order, fit.lags, columns_beside(rec, (), drift))
         drift, held = (drift, held) if _plausible(rec, held, drift) else (0, fit)
     while len(lines) < MOST_LINES:
-        f, p = strongest_line(held, rec)
+        f, p = strongest_line(held, rec, columns_beside(rec, lines, drift))
         if p > FALSE_ALARM:
             break
         lines = (*lines, f / rec.sample_time)

@@ -79,6 +79,13 @@ def test_a_line_is_found_with_frequency_and_amplitude(f):
     assert found.columns.shape == (750, 2)
 
 
+@pytest.mark.parametrize("size", [0.3, 3.0])
+def test_a_strong_line_is_not_absorbed_by_the_lags(size):
+    found = disturbances(record(CLM, extra=size * np.sin(2 * np.pi * 13.3 * T * np.arange(750))))
+    assert found.lines == pytest.approx((13.3,), abs=0.001)
+    assert found.found[0].size == pytest.approx(size * np.std(record(CLM).y), rel=0.1)
+
+
 def test_an_aliased_line_names_its_possible_origins():
     extra = 0.1 * np.sin(2 * np.pi * 60.0 * T * np.arange(750))
     (item,) = disturbances(record(extra=extra)).found

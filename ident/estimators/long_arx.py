@@ -141,11 +141,11 @@ def order_of(rec: Record) -> int:
     return 0
 
 
-def long_arx(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None = None) -> LongArx:
-    """The regression of high order with ``beside`` (N, k), columns over all samples of the record."""
+def long_arx(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None = None, span: int = 0) -> LongArx:
+    """The regression of high order with columns ``beside`` (N, k); the first ``span`` samples have no row."""
     from scipy.linalg import solve_triangular
 
-    t, x = _columns(rec, y_lags, lags, beside)
+    t, x = _columns(rec, y_lags, lags, beside, span)
     q, r = np.linalg.qr(x)
     c = q.T @ rec.y[t]
     diagonal = np.abs(np.diag(r))
@@ -166,9 +166,11 @@ def rss_of(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | Non
     return float(r_of(np.column_stack([x, rec.y[t]]))[-1, -1] ** 2)
 
 
-def _columns(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None) -> tuple[NDArray[np.intp], Array]:
+def _columns(
+    rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None, span: int = 0
+) -> tuple[NDArray[np.intp], Array]:
     """Samples with a complete regressor (m,), and the regressors (m, p): levels, u, ``beside``, y."""
-    t = rows_of(rec, max(y_lags, int(lags[-1])))
+    t = rows_of(rec, max(y_lags, int(lags[-1]), span))
     extra = np.empty((len(t), 0)) if beside is None else beside[t]
     past = lagged_rows(rec.y, 1 + np.arange(y_lags), t)
     return t, np.column_stack([levels(rec, t), lagged_rows(rec.u, lags, t), extra, past])
