@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from fitmodels.core.errors import FitError
+from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
 from fitmodels.ident import Model, identify
 from fitmodels.ident.closed_loop import checked_feedback, feedback
@@ -111,7 +111,7 @@ def state(rec):
     """State of the test, or "refused" where the reference is constant."""
     try:
         return checked_feedback(rec.centred()).state
-    except FitError:
+    except IdentError:
         return "refused"
 
 
@@ -145,7 +145,7 @@ def cell(plant, reference, noise, late, named, draws):
     for rec in records(plant, reference, noise, late, draws, named):
         try:
             found = identify(rec)
-        except FitError:
+        except IdentError:
             out["direct"].append(9.0)
             out["level"].append(3)
             continue

@@ -13,6 +13,7 @@ too.
 Sources: Soderstrom & Stoica 1989, chapter 10; Ljung 1999, sections 13.4 and 13.5; Granger 1969, doi 10.2307/1912791.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -311,7 +312,9 @@ class LoopCheck:
         return (*found, *filter(None, (self.sentence,)))
 
 
-def check_loop(rec: Record, model: Model, band: tuple[float, float], found: Feedback) -> LoopCheck:
+def check_loop(
+    rec: Record, model: Model, band: tuple[float, float], found: Feedback, estimate: Callable[[Record], Model]
+) -> LoopCheck:
     """Reservations of a model from a record that may be of a closed loop, and its comparison with two-stage.
 
     Parameters
@@ -324,6 +327,8 @@ def check_loop(rec: Record, model: Model, band: tuple[float, float], found: Feed
         Excited band, Hz.
     found : Feedback
         Of ``feedback(rec)``.
+    estimate : callable
+        Estimates a discrete model, with noise independent of its poles, from any record.
     """
     if not found.found:
         return LoopCheck(found)
@@ -336,7 +341,7 @@ def check_loop(rec: Record, model: Model, band: tuple[float, float], found: Feed
     if rec.reference is None:
         return LoopCheck(found, reservations=(*doubts, (RESERVATIONS, found.sentence)))
     try:
-        other = two_stage(rec, (model.na, model.nb, max(model.nk, 1)))
+        other = two_stage(rec, estimate)
     except IdentError as refusal:
         return LoopCheck(found, reservations=(*doubts, (RESERVATIONS, f"no two-stage comparison: {refusal}")))
     distance = np.abs(other.response(f) - model.response(f))
@@ -344,16 +349,24 @@ def check_loop(rec: Record, model: Model, band: tuple[float, float], found: Feed
     k = int(np.argmax(distance / size))
     largest = float(distance[k] / size[k])
     words = (
-        f"the two-stage estimate from the reference differs from the direct one by at most {100 * largest:.2g} % of "
-        f"|G| in the excited band (at {f[k]:.3g} Hz, standard error {100 * both[k] / size[k]:.2g} %)"
+        f"the two-stage estimate from the reference differs from the direct one by at most {_percentage(largest)} of "
+        f"|G| in the excited band (at {f[k]:.3g} Hz, standard error {_percentage(float(both[k] / size[k]))})"
     )
     if ((distance > APART * size) & (distance > SIGNIFICANT * both)).any():
-        doubts.append((
-            RESERVATIONS,
-            f"{words}, more than the noise explains: the controller was limited or switched during the record, "
-            "the plant is nonlinear, or the reference is not that of this loop",
-        ))  # fmt: skip
+        words += (
+            "; it is the less accurate of both, above all where the reference moves seldom, but a large difference can "
+            "also mean a controller that was limited or switched"
+        )
     return LoopCheck(found, other, largest, tuple(doubts), words)
+
+
+def _percentage(share: float) -> str:
+    """A share in %, two figures below 10 %.
+
+    >>> _percentage(0.0123), _percentage(4.7)
+    ('1.2 %', '470 %')
+    """
+    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"
 
 
 def _not_excited(unsure: float) -> str:

@@ -319,6 +319,8 @@ def identify(
             return arx(partialled(part, beside), plain.na, plain.nb, plain.nk)
         return estimated(part, best, beside)
 
+    discrete = next((one for one in found.candidates if one.form is None), best)
+    independent = replace(discrete, structure="box_jenkins")
     model = replace(plain if by_arx else chosen, band=band)
     return Identification(
         record=whole,
@@ -328,7 +330,7 @@ def identify(
         chosen=best,
         one_step=one_step,
         judged=judge_handover(model, whole, estimate, held_out, beside),
-        loop=check_loop(whole, model, band, loop),
+        loop=check_loop(whole, model, band, loop, lambda part: estimated(part, independent, beside)),
         bias=None if loop.found else warn_of_bias(plain, chosen, band),
         causality=None if loop.found else causality(whole),  # a controller has the same effect
         disturbances=disturbed,

@@ -9,6 +9,7 @@ from fitmodels.datasets import Record, read_record
 from fitmodels.ident import Model, chirp, identify, prbs
 from fitmodels.ident.closed_loop import checked_feedback, feedback
 from fitmodels.ident.estimators.bias_checks import response_error
+from fitmodels.ident.estimators.box_jenkins import box_jenkins
 from fitmodels.ident.estimators.two_stage import two_stage
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
@@ -119,7 +120,7 @@ def test_a_reference_confirms_the_estimate():
 def test_two_stage_holds_its_standard_errors():
     """Strongly coloured noise, PRBS as reference: the true coefficients lie within 4 of them."""
     rec = looped(named=True, colour=0.95, r=prbs(1.0, 15.0, 50.0, hold=0.4)).centred()
-    model = two_stage(rec, (1, 1, 1))
+    model = two_stage(rec, lambda part: box_jenkins(part, 1, 1, 6))
     f = np.geomspace(0.2, 2.0, 10)
     assert (np.abs(model.response(f) - LAG.response(f)) < 4 * response_error(model, f) + 0.02).all()
 
