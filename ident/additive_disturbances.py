@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..core.arrays import Array
 from ..datasets.records.record import Record
 from .estimators.filters import filtered
-from .estimators.long_arx import U_LAGS, LongArx, golden, input_lags, long_arx, spread
+from .estimators.long_arx import LongArx, golden, input_lags, long_arx, spread
 
 SPIKE = 6.0  # robust standard deviations of the innovations
 SMALLEST = 0.02  # of the standard deviation of y: smaller spikes do no harm
@@ -53,44 +53,20 @@ def columns_beside(rec: Record, lines: tuple[float, ...], drift: int) -> Array:
 
 
 def without_spikes(rec: Record, y_lags: int) -> tuple[Record, NDArray[np.intp], bool]:
-    """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes.
-
-    The first samples of a segment have no innovations; their spikes are found in the reversed record.
-    """
-    clean, bad = _cleaned(rec, y_lags, np.ones(len(rec), dtype=bool))
-    if bad.mean() <= MOST_SPIKES:
-        first = np.zeros(len(rec), dtype=bool)
-        for s in rec.stretches:
-            first[s.start : s.start + y_lags * len(U_LAGS)] = True
-        back, early = _cleaned(_reversed(clean), y_lags, first[::-1])
-        clean, bad = replace(clean, y=back.y[::-1].copy()), bad | early[::-1]
-    if bad.mean() > MOST_SPIKES:
-        return rec, np.empty(0, dtype=np.intp), True
-    return clean, np.flatnonzero(bad), False
-
-
-def _cleaned(rec: Record, y_lags: int, searched: NDArray[np.bool_]) -> tuple[Record, NDArray[np.bool_]]:
-    """The record with spikes among the ``searched`` samples replaced, and these; too many are not replaced."""
+    """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes."""
     bad = np.zeros(len(rec), dtype=bool)
     clean, lags = rec, input_lags(spread(rec), y_lags)
     for _ in range(ROUNDS):
         fit = long_arx(spread(clean), y_lags, lags)
         e = innovations(clean, fit)
-        new = _spikes(e, fit.a, clean.stretches, SMALLEST * float(np.std(clean.y))) & ~bad & searched
+        new = _spikes(e, fit.a, clean.stretches, SMALLEST * float(np.std(clean.y))) & ~bad
         if not new.any():
             break
         bad |= new
         if bad.mean() > MOST_SPIKES:
-            return rec, bad
+            return rec, np.empty(0, dtype=np.intp), True
         clean = _filled(clean, e, fit.a, bad)
-    return clean, bad
-
-
-def _reversed(rec: Record) -> Record:
-    """The record in reverse order of time."""
-    starts = tuple(len(rec) - s.stop for s in reversed(rec.stretches))
-    offsets = np.asarray(rec.offsets)[::-1]
-    return replace(rec, u=rec.u[::-1], y=rec.y[::-1], starts=starts, offsets=offsets, reference=None)
+    return clean, np.flatnonzero(bad), False
 
 
 def innovations(rec: Record, fit: LongArx) -> Array:
@@ -118,10 +94,7 @@ def _spikes(e: Array, a: Array, stretches: tuple[slice, ...], least: float) -> N
         best = np.zeros(len(part))
         for count in PATCH:
             shape = np.convolve(a, np.ones(count))
-            there = (
-                np.minimum(len(part) - np.arange(len(part)), len(shape)) - 1
-            )  # the last samples see part of the shape
-            response = np.abs(_matched(part, shape)) / np.sqrt(np.cumsum(shape**2))[there]
+            response = np.abs(_matched(part, shape)) / np.linalg.norm(shape)
             larger = response > best * (1.1 if count > 1 else 1.0)  # fewer samples where both explain it
             best, width = np.where(larger, response, best), np.where(larger, count, width)
         for k in np.flatnonzero(best > max(SPIKE * scale, least * float(np.linalg.norm(a)))):

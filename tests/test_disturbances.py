@@ -58,12 +58,6 @@ def test_spikes_are_replaced_by_values_near_the_true_ones():
     np.testing.assert_array_equal(np.delete(found.record.u, at), np.delete(rec.u, at))
 
 
-def test_spikes_at_the_ends_are_found():
-    extra = np.zeros(750)
-    extra[[0, 35, 749]] = [1.0, -1.0, 1.0]
-    assert disturbances(record(CLM, extra=extra)).replaced.tolist() == [0, 35, 749]
-
-
 def test_a_load_impulse_is_no_spike():
     """An innovation passes through the plant; only a wrong sample of the sensor is isolated."""
     from scipy.signal import lfilter
