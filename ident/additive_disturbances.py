@@ -204,7 +204,7 @@ def line_decreases(fit: LongArx, groups: list[NDArray[np.intp]], size: int) -> A
         G[:, 2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = _products(len(rows), size)
     G -= held.transpose(0, 2, 1) @ held
     length = np.sqrt(np.maximum(G.diagonal(axis1=1, axis2=2), 0.0))
-    usable = (length**2 > 1e-11 * len(groups[0])).all(axis=1)
+    usable = np.asarray((length**2 > 1e-11 * len(groups[0])).all(axis=1))
     usable[[0, -1]] = False
     scale = np.where(usable[:, None], length, 1.0)
     G = np.where(usable[:, None, None], G / (scale[:, :, None] * scale[:, None, :]), np.eye(own))

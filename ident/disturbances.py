@@ -197,7 +197,8 @@ def _static(rec: Record, order: int, lines: tuple[float, ...], drift: int, held:
 
 def _additive(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...]]:
     """Degree of drift and frequencies of lines in Hz."""
-    order, held, lines = len(fit.a) - 1, fit, ()
+    lines: tuple[float, ...] = ()
+    order, held = len(fit.a) - 1, fit
     powers = columns_beside(rec, (), DRIFT)
     drift = drift_degree(fit, powers) if powers.shape[1] < fit.free / 10 else 0
     if drift:
@@ -219,7 +220,8 @@ def _amplitudes(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int)
         return []
     block = fit.beside.reshape(len(rec.starts), -1)[:, drift:]
     z = np.exp(-2j * np.pi * rec.sample_time * np.outer(lines, np.arange(len(fit.a))))
-    return (np.hypot(block[:, ::2], block[:, 1::2]).max(axis=0) / np.abs(z @ fit.a)).tolist()
+    sizes = np.hypot(block[:, ::2], block[:, 1::2]).max(axis=0) / np.abs(z @ fit.a)
+    return [float(size) for size in sizes]
 
 
 def _confirmed(rec: Record, order: int, drift: int, lines: tuple[float, ...]) -> tuple[int, tuple[float, ...]]:

@@ -139,29 +139,30 @@ def _candidates(rec: Record, raw: Array) -> Iterator[Candidate]:
     zero = [0.0] if low + 0.1 * half < 0.0 < high - 0.1 * half else []
     middle = [] if zero and abs(centre) < 0.05 * half else [centre]
     for at in (*zero, *middle):
-        yield Candidate(
-            "dead zone", partial(_inside, at, half), WIDTHS, lambda x, at=at: (at - x * half, at + x * half)
-        )
+        yield Candidate("dead zone", partial(_inside, at, half), WIDTHS, partial(_ends, at, half, True, True))
     yield Candidate("backlash", partial(_lost, half), WIDTHS, lambda x: (0.0, 2 * x * half))
     for above, below in ((True, False), (False, True), (True, True)):
         yield Candidate(
             "saturation", partial(_excess, centre, half, above, below), LEVELS,
-            lambda x, above=above, below=below: (
-                centre - x * half if below else -np.inf, centre + x * half if above else np.inf
-            ),
+            partial(_ends, centre, half, above, below),
         )  # fmt: skip
     yield Candidate("curvature", lambda rec, u, _: ((u - centre) / half) ** 2, (1.0,), lambda _: (low, high))
 
 
+def _ends(centre: float, half: float, above: bool, below: bool, x: float) -> tuple[float, float]:
+    """Range within x times ``half`` of the centre, without end on a side that does not saturate."""
+    return centre - x * half if below else -np.inf, centre + x * half if above else np.inf
+
+
 def _inside(at: float, half: float, rec: Record, u: Array, x: float) -> Array:
     """What a dead zone takes from u."""
-    return np.clip(u - at, -x * half, x * half)
+    return np.asarray(np.clip(u - at, -x * half, x * half))
 
 
 def _excess(centre: float, half: float, above: bool, below: bool, rec: Record, u: Array, x: float) -> Array:
     """What a saturation takes from u."""
     v = u - centre
-    return np.maximum(v - x * half, 0.0) * above + np.minimum(v + x * half, 0.0) * below
+    return np.asarray(np.maximum(v - x * half, 0.0) * above + np.minimum(v + x * half, 0.0) * below)
 
 
 def _lost(half: float, rec: Record, u: Array, x: float) -> Array:

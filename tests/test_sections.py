@@ -84,7 +84,7 @@ def test_a_simulation_scales_with_its_input(a, b):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"a": [2.0, -1.0]}, "a and c start with 1"),
+        ({"a": [2.0, -1.0]}, "a starts with 1, not with 2"),
         ({"b": [0.5, 0.1]}, "begins with 1 zeros"),
         ({"nk": 9}, "begins with 9 zeros"),
         ({"sample_time": 0.0}, "greater than 0"),

@@ -60,7 +60,7 @@ class LongArx:
     @property
     def free(self) -> int:
         """Degrees of freedom of the innovations."""
-        return self.q.shape[0] - self.q.shape[1]
+        return int(self.q.shape[0] - self.q.shape[1])
 
     @property
     def rss(self) -> float:

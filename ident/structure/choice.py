@@ -67,13 +67,13 @@ def guard(b: Array, a: Array, sample_time: float, band: tuple[float, float], n: 
     >>> guard(np.array([0.0, 0.1]), np.array([1.0, 0.95]), 0.02, (0.1, 2.0), 750) > 10  # rings at 25 Hz
     True
     """
-    poles = np.roots(a)
+    poles = np.asarray(np.roots(a), dtype=np.complex128)
     nyquist, start = 0.5 / sample_time, BEYOND * band[1]
     paid = _unresolved(poles, sample_time, n, start) + _slow(poles, n)
     if start < nyquist:
         paid += _beyond(b, a, sample_time, band, np.linspace(start, nyquist, GRID))
         paid += int(((np.abs(poles) > RINGING) & (np.abs(np.angle(poles)) > 2 * math.pi * start * sample_time)).sum())
-    return paid * math.log(n)
+    return float(paid * math.log(n))
 
 
 def _beyond(b: Array, a: Array, sample_time: float, band: tuple[float, float], f: Array) -> float:

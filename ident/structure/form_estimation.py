@@ -62,7 +62,7 @@ class FormData:
     @property
     def longest(self) -> int:
         """Samples of the longest stretch."""
-        return max(s.stop - s.start for s in self.stretches)
+        return int(max(s.stop - s.start for s in self.stretches))
 
 
 @dataclass(frozen=True, slots=True)
