@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 from fitmodels.datasets import Record
 from fitmodels.ident import identify
-from fitmodels.ident.disturbances import disturbances
+from fitmodels.ident.record_disturbances import disturbances
 from structure_bank import INPUTS, PLANTS, T, noise_of, plant_of, play
 
 NOISES = ("white 40 dB", "white 30 dB", "white 20 dB", "AR(.8)", "equation")

@@ -13,8 +13,8 @@ from statistics import median
 import numpy as np
 from fitmodels.datasets.records.record import Record
 from fitmodels.ident import identify
-from fitmodels.ident.estimators.box_jenkins import box_jenkins
 from fitmodels.ident.estimators.instrumental import sriv
+from fitmodels.ident.estimators.plant_and_noise import box_jenkins
 from fitmodels.ident.estimators.prediction_error import armax, output_error
 from fitmodels.ident.model import Model
 

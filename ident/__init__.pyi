@@ -1,7 +1,7 @@
-from .estimators.box_jenkins import box_jenkins as box_jenkins
 from .estimators.instrumental import sriv as sriv
 from .estimators.least_squares import arx as arx
 from .estimators.order_selection import choose_order as choose_order
+from .estimators.plant_and_noise import box_jenkins as box_jenkins
 from .estimators.prediction_error import armax as armax
 from .estimators.prediction_error import output_error as output_error
 from .excitation.files import write_excitation as write_excitation

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..core.arrays import Array
 from ..datasets.records.record import Record
 from .estimators.filters import filtered
-from .estimators.long_arx import LongArx, golden, input_lags, long_arx, spread
+from .estimators.high_order_arx import LongArx, golden, input_lags, long_arx, spread
 
 SPIKE = 6.0  # robust standard deviations of the innovations
 SMALLEST = 0.02  # of the standard deviation of y: smaller spikes do no harm

@@ -26,8 +26,8 @@ from ..core.verdict import DO_NOT_USE, RESERVATIONS
 from ..datasets.records.record import Record
 from .estimators.bias_checks import response_error
 from .estimators.filters import squares
+from .estimators.reference_response import EXCITE, check_reference, two_stage
 from .estimators.regressors import r_of
-from .estimators.two_stage import EXCITE, check_reference, two_stage
 from .model import Model
 
 PAST = 20  # lags of u and y

@@ -1,6 +1,7 @@
 """Identification of a record: excited band, structure, estimate, and validation by simulation of other samples.
 
-The structure is chosen by `structure.search`: orders, delays and continuous forms, each with a noise model of its own,
+The structure is chosen by `structure.structure_search`: orders, delays and continuous forms, each with a noise model
+of its own,
 compared by Schwarz's criterion of their innovations. The model is estimated with its noise model (`box_jenkins`, or
 `arx` where the noise enters through the poles of the plant), and carries the other structures that the record supports
 with their weights.
@@ -23,19 +24,19 @@ from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ..datasets.records.gaps import without_short
 from ..datasets.records.record import Record, join_records
 from .closed_loop import LoopCheck, check_loop, checked_feedback
-from .disturbances import CHECKED as DISTURBANCES
-from .disturbances import Disturbances, disturbances
 from .estimators.bias_checks import causality, response_error, warn_of_bias
 from .estimators.input_checks import check_varies
 from .estimators.least_squares import arx
 from .estimators.order_selection import OrderSearch, choose_order
 from .model import Model
+from .record_disturbances import CHECKED as DISTURBANCES
+from .record_disturbances import Disturbances, disturbances
 from .responses.spectra import excited_band
 from .structure.candidates import Candidate
 from .structure.equation_noise import partialled
 from .structure.final_estimates import estimated, mixture
 from .structure.fitted_form import FittedForm
-from .structure.search import MOST_ORDER, Search, search
+from .structure.structure_search import MOST_ORDER, Search, search
 from .validation.amplitudes import AmplitudeTable
 from .validation.handover import Handover, arx_by_choice, judge_handover
 from .validation.model_validation import Validation

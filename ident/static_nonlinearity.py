@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Array
 from ..datasets.records.record import Record
-from .estimators.long_arx import LongArx, golden, lagged_rows, long_arx, rss_of
+from .estimators.high_order_arx import LongArx, golden, lagged_rows, long_arx, rss_of
 
 LAGS = np.array([1, 2, 4, 7, 11, 16, 22, 30, 40, 55])  # of g: dense near, wide apart for slow plants and long delays
 FALSE_ALARM = 1e-4  # of all candidates together

@@ -9,8 +9,8 @@ from fitmodels.datasets import Record, read_record
 from fitmodels.ident import Model, chirp, identify, prbs
 from fitmodels.ident.closed_loop import checked_feedback, feedback
 from fitmodels.ident.estimators.bias_checks import response_error
-from fitmodels.ident.estimators.box_jenkins import box_jenkins
-from fitmodels.ident.estimators.two_stage import two_stage
+from fitmodels.ident.estimators.plant_and_noise import box_jenkins
+from fitmodels.ident.estimators.reference_response import two_stage
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
 from scipy.signal import lfilter

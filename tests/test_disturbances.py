@@ -6,8 +6,8 @@ from fitmodels.datasets import Record
 from fitmodels.ident import Model, chirp, identify, tune_pi
 from fitmodels.ident.additive_disturbances import origins_of_line
 from fitmodels.ident.continuous import ContinuousModel
-from fitmodels.ident.disturbances import disturbances
-from fitmodels.ident.estimators.long_arx import input_lags, long_arx
+from fitmodels.ident.estimators.high_order_arx import input_lags, long_arx
+from fitmodels.ident.record_disturbances import disturbances
 from fitmodels.ident.static_nonlinearity import backlash
 
 T = 0.02

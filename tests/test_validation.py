@@ -10,8 +10,8 @@ from fitmodels.core.errors import IdentError
 from fitmodels.core.verdict import RESERVATIONS
 from fitmodels.datasets import Record, join_records
 from fitmodels.ident import figures
-from fitmodels.ident.estimators.box_jenkins import box_jenkins
 from fitmodels.ident.estimators.least_squares import arx
+from fitmodels.ident.estimators.plant_and_noise import box_jenkins
 from fitmodels.ident.estimators.prediction_error import armax, output_error
 from fitmodels.ident.excitation.signals import chirp, prbs
 from fitmodels.ident.identification import identify

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...core.arrays import Array
 from .filters import EDGE, filtered, is_stable, reflected
-from .free_space import back_substituted, free_space
+from .free_responses import back_substituted, free_space
 from .regressors import r_of
 
 HIGH_ORDER = 20

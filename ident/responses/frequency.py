@@ -11,7 +11,7 @@ from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..estimators.input_checks import check_varies
 from .impulse_response import ImpulseResponse, block_means, regularised_impulse
-from .local_polynomial import LocalEstimate, local_polynomial
+from .local_polynomials import LocalEstimate, local_polynomial
 from .spectra import checked_frequencies, excited_band, input_power, welch_estimate
 
 if TYPE_CHECKING:

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.errors import IdentError
 from ...datasets.records.record import Record
-from ..estimators.box_jenkins import (
+from ..estimators.filters import burg, filtered, lagged, squares
+from ..estimators.plant_and_noise import (
     WhitenedRun,
     noise_of,
     prewhitened,
     whitened_minimum,
     whitened_run,
 )
-from ..estimators.filters import burg, filtered, lagged, squares
 from ..estimators.starting_values import high_order_arx, steiglitz_mcbride
 from ..model import Model
 from .choice import criterion, guard

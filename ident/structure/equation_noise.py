@@ -10,10 +10,10 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...datasets.records.record import Record
-from ..estimators.box_jenkins import whitened_errors, whitened_run
 from ..estimators.filters import EDGE, is_stable, squares
 from ..estimators.least_squares import arx
 from ..estimators.order_losses import losses, losses_of_triangle
+from ..estimators.plant_and_noise import whitened_errors, whitened_run
 from ..estimators.regressors import Lags, arx_regressors, gram, triangle
 from ..model import Model
 from .candidates import CANCELLED, EXACT, ONE, SLOW, Candidate, Screen, with_criterion

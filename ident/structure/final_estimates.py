@@ -7,15 +7,15 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.errors import IdentError
 from ...datasets.records.record import Record
-from ..estimators.box_jenkins import box_jenkins_model, whitened_minimum, whitened_run
 from ..estimators.filters import MAX_ORDER
+from ..estimators.plant_and_noise import box_jenkins_model, whitened_minimum, whitened_run
 from ..estimators.prediction_error import output_error
 from ..model import Model
 from .candidates import Candidate, both_beside, no_model
 from .choice import criterion, weights
 from .continuous_forms import integrating, refit_form
 from .equation_noise import equation_estimate
-from .search import Search
+from .structure_search import Search
 
 FINAL, FINAL_STEPS = 1e-10, 100  # predicted reduction of the loss at convergence, as a share; trials
 MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched

@@ -137,7 +137,7 @@ def gain_over_amplitude(runs: Sequence[tuple[Record, Model]]) -> AmplitudeTable:
 
 def with_amplitudes(found: "Identification", records: Sequence[Record]) -> "Identification":
     """The identification of several runs with its gain over amplitude: each run is fitted with its structure."""
-    from ..disturbances import disturbances
+    from ..record_disturbances import disturbances
     from ..structure.final_estimates import estimated
 
     named = [disturbances(rec.centred()) for rec in records]

@@ -51,7 +51,7 @@ def two_stage(rec: Record, estimate: Callable[[Record], Model]) -> Model:
 
     Examples
     --------
-    >>> from fitmodels.ident.estimators.box_jenkins import box_jenkins
+    >>> from fitmodels.ident.estimators.plant_and_noise import box_jenkins
     >>> rng = np.random.default_rng(1)
     >>> e, y, u, r = *(0.01 * rng.standard_normal((1, 900))), *np.zeros((2, 900)), np.sign(rng.standard_normal(900))
     >>> for t in range(1, 900):

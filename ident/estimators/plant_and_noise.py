@@ -23,7 +23,7 @@ from ...datasets.records.record import Record
 from ..model import Model
 from .build_model import record_facts, slow_pole
 from .filters import EDGE, ROUNDING, burg, filtered, inverse_of_squares, is_stable, squares
-from .free_space import free_space
+from .free_responses import free_space
 from .input_checks import check_identifiable, checked_record, not_centred
 from .instrumental import Initial
 from .prediction_error import Minimum, minimise, search_note

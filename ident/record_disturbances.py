@@ -26,7 +26,7 @@ from .additive_disturbances import (
     strongest_line,
     without_spikes,
 )
-from .estimators.long_arx import EXACT, LongArx, input_lags, long_arx, middle, offsets_of, order_of, spread
+from .estimators.high_order_arx import EXACT, LongArx, input_lags, long_arx, middle, offsets_of, order_of, spread
 from .static_nonlinearity import Nonlinearity, clipped, nonlinearity, quantum
 
 NEGLIGIBLE = 0.005  # of the standard deviation of y: smaller lines are left to the noise model

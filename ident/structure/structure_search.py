@@ -14,7 +14,7 @@ import pandas as pd
 
 from ...core.arrays import Array
 from ...datasets.records.record import Record
-from ..estimators.box_jenkins import box_jenkins
+from ..estimators.plant_and_noise import box_jenkins
 from ..responses.spectra import excited_band
 from .candidates import (
     HOPELESS,
