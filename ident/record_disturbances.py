@@ -290,7 +290,7 @@ def _of_drift(rec: Record, fit: LongArx, drift: int) -> list[Disturbance]:
     relative, time = _relative(size, rec), count * rec.sample_time
     words = (
         f"the output {rec.output} drifts by {plain(size, 2)}{_unit(rec.unit_y)} within {plain(time)} s "
-        f"({100 * relative:.2g} % of its standard deviation), fitted beside the plant as a polynomial of degree "
+        f"({100 * relative:.0f} % of its standard deviation), fitted beside the plant as a polynomial of degree "
         f"{drift}: warm up the machine, or correct the offset of the sensor before each run"
     )
     return [Disturbance("drift", size, rec.unit_y, "whole record", words, _level(relative))]
@@ -310,7 +310,7 @@ def _of_lines(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -
         relative = _relative(size, rec)
         words = (
             f"the output {rec.output} has a line at {f:.4g} Hz of amplitude {plain(size, 2)}{_unit(rec.unit_y)} "
-            f"({100 * relative:.2g} % of its standard deviation), fitted beside the plant. "
+            f"({100 * relative:.0f} % of its standard deviation), fitted beside the plant. "
             f"{origins_of_line(f, rec.rate)}"
         )
         out.append(Disturbance("line", size, rec.unit_y, f"{f:.4g} Hz", words, _level(relative)))
