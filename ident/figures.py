@@ -292,7 +292,8 @@ def structure_chart(found: Identification, axes: tuple[Axes, Axes] | None = None
         left.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, ec=ORANGE, lw=2.5))
     left.set(xlabel="delay nk [samples]", ylabel="order na")
     end = f"chosen: {chosen['form']}" if chosen["form"] else "outlined: chosen"
-    left.set_title(f"simulation fit [%], best nb; grey: not tried; {end}", fontsize=9)
+    what = "simulation fit [%]" if len(grid.columns) <= CELLS else "simulation error"
+    left.set_title(f"{what}, best nb; grey: not tried; {end}", fontsize=9)
     _ranking(right, found)
     return left, right
 
