@@ -31,7 +31,10 @@ def coded(facts: Facts, points: ArrayLike) -> Array:
     [-1.0, 1.0]
     """
     X = np.asarray(points, dtype=float)
-    terms = np.log(X) if facts["logs"] else X
+    logs = facts["logs"]
+    if isinstance(logs, bool):
+        logs = np.full(X.shape[-1], logs)
+    terms = np.log(X) if all(logs) else np.where(logs, np.log(np.where(logs, X, 1.0)), X)
     return np.asarray((terms - np.asarray(facts["centre"])) / np.asarray(facts["half_range"]), dtype=float)
 
 

@@ -25,7 +25,7 @@ from .edges import EdgeInference
 from .group_sums import sums_by
 from .lawfit import LawFit
 from .prediction import new_edge
-from .rows import Dropped, Positive, select
+from .rows import Dropped, select
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -224,7 +224,7 @@ def _columns_there(law: LawFit, runs: Runs) -> None:
 def _usable(law: LawFit, runs: Runs) -> tuple[bool, pd.DataFrame, tuple[Dropped, ...]]:
     """Whether edges are named, and the new rows that can be compared, in the units of the law."""
     places = replace(runs, lines=np.arange(len(runs)))  # a row's line may not be its own in joined files
-    rows = select(places, law.response, law.factors, positive=_positive(law))
+    rows = select(places, law.response, law.factors, positive=law.formula.positive(law.error))
     dropped = tuple(replace(item, lines=tuple(int(runs.lines[i]) for i in item.lines)) for item in rows.dropped)
     if not len(rows.y):
         why = "; ".join(f"{item.count} with {item.reason}" for item in dropped)
@@ -237,13 +237,6 @@ def _usable(law: LawFit, runs: Runs) -> tuple[bool, pd.DataFrame, tuple[Dropped,
     named = rows.edge is not None and bool((rows.edge != "").all())
     frame["edge"] = rows.edge if rows.edge is not None else ""
     return named, frame, dropped
-
-
-def _positive(law: LawFit) -> Positive:
-    """The columns that the law needs above zero."""
-    if law.error == "multiplicative":
-        return "all"
-    return "factors" if law.formula.log_factors else "none"
 
 
 def _unseen(law: LawFit, X: Array, y: Array) -> None:

@@ -59,8 +59,8 @@ class DesignRegion(Plottable):
     response : str
     factors, units : tuple of str
         Symbols and units, in the order of the law.
-    logs : bool
-        Whether factors are coded in logarithms.
+    logs : bool or tuple of bool
+        Whether factors are coded in logarithms, all of them or each.
     centre, half_range : tuple of float
         Middle and half width of each factor's range, in logarithms where ``logs``.
     largest_radius : float
@@ -76,7 +76,7 @@ class DesignRegion(Plottable):
     response: str
     factors: tuple[str, ...]
     units: tuple[str, ...]
-    logs: bool
+    logs: bool | tuple[bool, ...]
     centre: tuple[float, ...]
     half_range: tuple[float, ...]
     largest_radius: float
@@ -133,7 +133,7 @@ class DesignRegion(Plottable):
     def _beyond(self, x: Array) -> list[str]:
         """Factors outside their own range."""
         u, ends = region.coded(self.facts(), x), np.add.outer([-1.0, 1.0], np.zeros(len(x))) * self.half_range
-        low, high = np.exp(ends + self.centre) if self.logs else ends + self.centre
+        low, high = np.where(self.logs, np.exp(ends + self.centre), ends + self.centre)
         return [
             f"{name} {x[j]:.4g} {self.units[j]} {'above' if u[j] > 0 else 'below'} the {low[j]:.4g} to "
             f"{high[j]:.4g} that was cut"
@@ -150,10 +150,11 @@ class DesignRegion(Plottable):
             have = ", ".join(map(str, table)) or "nothing"
             raise FitError(f"the domain of {self.response} needs {', '.join(missing)}; given: {have}.")
         X = table[list(self.factors)].to_numpy(dtype=float)
-        bad = ~np.isfinite(X) | ((X <= 0) & self.logs)
+        logs = np.broadcast_to(self.logs, len(self.factors))
+        bad = ~np.isfinite(X) | ((X <= 0) & logs)
         if bad.any():
             j = int(np.argmax(bad.any(axis=0)))
-            wanted = "above zero" if self.logs else "that are finite"
+            wanted = "above zero" if logs[j] else "that are finite"
             raise FitError(
                 f"{self.factors[j]} {X[bad[:, j], j][0]:g}: the domain of {self.response} needs numbers {wanted}."
             )
@@ -179,7 +180,7 @@ def design_region(
     >>> law.region.inside({"V": [100, 200], "f": [0.2, 0.6], "d": [2, 3], "t": 8}).tolist()
     [True, False]
     """
-    T = np.log(X) if formula.log_factors else X
+    T = np.column_stack([np.log(x) if log else x for x, log in zip(X.T, formula.logs, strict=True)])
     low, high = T.min(axis=0), T.max(axis=0)
     centre, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
     keep = _selected_rows(T, edge)
@@ -190,7 +191,7 @@ def design_region(
         response=formula.response,
         factors=formula.factors,
         units=tuple(units.get(name, "") for name in formula.factors),
-        logs=formula.log_factors,
+        logs=formula.logs if len(set(formula.logs)) > 1 else formula.log_factors,
         centre=tuple(centre.tolist()),
         half_range=tuple(half.tolist()),
         largest_radius=float(np.linalg.norm(U, axis=1).max()),

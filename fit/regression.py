@@ -15,16 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FitError, UsageError
+from ..core.formula import FORMS, Term, second_order_terms
 from ..core.threads import one_thread
 from ..datasets import Runs
 from .available import NotAvailable
 from .edges import EXACT_FIT, NO_EDGES, EdgeInference, infer_by_edge
 from .fitted_rows import FittedRows, LawSource
 from .lawfit import LawFit
-from .laws import FORMS, Error, LawForm
+from .laws import Error, LawForm
 from .least_squares import linear
 from .nonlinear import minimise
-from .rows import Dropped, LeftOut, Positive, Rows, check_constant, check_enough, identifiable, select
+from .rows import Dropped, LeftOut, Rows, check_constant, check_enough, identifiable, select
 
 Array = NDArray[np.float64]
 # theta, its covariance (None without degrees of freedom), fitted response, residuals, total sum of squares
@@ -114,26 +115,56 @@ def fit_form(
     error: Error = "multiplicative",
     edge: str | None = "edge",
     by: str | None = None,
+    terms: Sequence[Term] | None = None,
 ) -> LawFit:
-    """Fit a law of any form of ``laws.FORMS``; arguments and errors as for :func:`power_law`.
+    """Fit a law of any form of ``core.formula.FORMS``; arguments and errors as for :func:`power_law`.
 
-    A form with named coefficients needs all its factors; a power law leaves out those that are not identified.
+    A form with named coefficients needs all its factors; others leave out those that are not identified. ``terms`` of
+    second order: by default factors, squares and products, less those that are not identified.
     """
     if error not in get_args(Error):
         raise UsageError(f"error={error!r}: it is 'multiplicative' or 'additive'.")
+    if form not in FORMS:
+        raise UsageError(f"form {form!r}: it is one of {', '.join(FORMS)}.")
     shape = FORMS[form]
-    positive: Positive = "factors" if shape.log_factors else "none"
-    if shape.log_response and error == "multiplicative":
-        positive = "all"
-    rows = select(runs, response, factors, by=by, edge=edge, positive=positive)
-    terms = np.log(rows.X) if shape.log_factors else rows.X
-    keep, left_out = identifiable(factors, terms, rows.shifts, logs=shape.log_factors)
-    if left_out and shape.coefficients is not None:
-        raise FitError(
-            f"{response} on {', '.join(factors)}: {left_out[0].factor} is {left_out[0].reason}; nothing to fit."
-        )
-    law = LawForm(form, response, tuple(factors[j] for j in keep))
-    return fit_rows(runs, law, replace(rows, X=rows.factors(keep)), left_out, error)
+    asked = LawForm(form, response, tuple(factors))
+    rows = select(runs, response, factors, by=by, edge=edge, positive=asked.positive(error))
+    logs = asked.logs
+    columns = np.column_stack([np.log(x) if log else x for x, log in zip(rows.X.T, logs, strict=True)])
+    keep, left_out = identifiable(factors, columns, rows.shifts, logs=logs)
+    needed = shape.coefficients is not None or (shape.last_unlogged and len(factors) - 1 not in keep)
+    if left_out and needed:
+        out = left_out[-1] if shape.last_unlogged else left_out[0]
+        raise FitError(f"{response} on {', '.join(factors)}: {out.factor} is {out.reason}; nothing to fit.")
+    kept = tuple(factors[j] for j in keep)
+    rows = replace(rows, X=rows.factors(keep))
+    law = replace(asked, factors=kept)
+    if shape.second_order and kept:
+        law, more = second_order_form(law, rows, terms)
+        left_out += more
+    return fit_rows(runs, law, rows, left_out, error)
+
+
+def second_order_form(law: LawForm, rows: Rows, terms: Sequence[Term] | None) -> tuple[LawForm, tuple[LeftOut, ...]]:
+    """The formula with centres near the middle of the rows and the terms that they identify, and the others.
+
+    Centres are rounded to four digits: where they lie does not change the fit, and the equation has round numbers.
+    """
+    logs = FORMS[law.name].log_factors
+    middle = np.exp(np.log(rows.X).mean(axis=0)) if logs else rows.X.mean(axis=0)
+    whole = replace(
+        law,
+        terms=tuple(second_order_terms(law.factors) if terms is None else terms),
+        centres=tuple(float(f"{value:.4g}") for value in middle),
+    )
+    if whole.fault:
+        raise UsageError(f"{law.response}: {whole.fault}.")
+    names = [term.name for term in whole.terms]
+    keep, left_out = identifiable(names, whole.columns(rows.X)[:, 1:], rows.shifts, logs=False)
+    two = {f"{x}^2": x for j, x in enumerate(law.factors) if len(np.unique(rows.X[:, j])) == 2}
+    why = "has two levels only, which do not show a curvature"
+    stated = (LeftOut(o.factor, f"{two[o.factor]} {why}") if o.factor in two else o for o in left_out)
+    return replace(whole, terms=tuple(whole.terms[j] for j in keep)), tuple(stated)
 
 
 def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "VB") -> LawFit:
@@ -155,7 +186,7 @@ def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "V
     >>> fit.load_law(runs).form
     'feed_line'
     """
-    rows = select(runs, current, [feed, wear], positive="none")
+    rows = select(runs, current, [feed, wear], positive=())
     if not len(rows.y):
         gone = "; ".join(f"{item.count} rows: {item.reason}" for item in rows.dropped)
         raise FitError(f"load line {current} on {feed} and {wear}: no usable row ({gone}). Fill those cells in.")

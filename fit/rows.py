@@ -1,8 +1,7 @@
 """Selection of the rows and factors that a law is fitted to; what is left out is recorded with the reason."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -15,7 +14,6 @@ from .laws import LARGEST_LOG, LawForm
 from .least_squares import linear
 
 Array = NDArray[np.float64]
-Positive = Literal["all", "factors", "none"]  # columns that must be above zero
 Points = Mapping[str, object] | pd.DataFrame
 
 # Fewer distinct rows than this may repeat by chance, where a gauge reads to 0.01 mm.
@@ -103,9 +101,9 @@ def select(
     *,
     by: str | None = None,
     edge: str | None = "edge",
-    positive: Positive = "all",
+    positive: Collection[str] | None = None,
 ) -> Rows:
-    """Rows of ``runs`` in which response, factors and category are there and, where asked, above zero."""
+    """Rows of ``runs`` in which response, factors and category are there; ``positive`` ones (None: all) above zero."""
     if not factors:
         raise UsageError(f"{response}: no factor is named; a law needs at least one, for instance V.")
     if response in factors:
@@ -126,8 +124,7 @@ def select(
         drop(np.isnan(values), f"{name} missing")
     if by is not None and level is not None:
         drop(np.asarray(level == "", dtype=bool), f"{by} missing")
-    must_be_positive = {"all": columns, "factors": list(factors), "none": []}[positive]
-    for name in must_be_positive:
+    for name in columns if positive is None else positive:
         drop(columns[name] <= 0, f"{name} zero or negative")
     labels = runs.labels(edge) if edge is not None and runs.has(edge) else None
     keep, repeats = _without_copies(columns, (labels, level), keep)
@@ -194,7 +191,7 @@ def _indicators(level: NDArray[np.object_] | None, keep: NDArray[np.bool_], by: 
 
 
 def identifiable(
-    names: Sequence[str], terms: Array, shifts: Array, *, logs: bool
+    names: Sequence[str], terms: Array, shifts: Array, *, logs: bool | Sequence[bool]
 ) -> tuple[list[int], tuple[LeftOut, ...]]:
     """Positions of the factors that can be fitted, in their order, and the others with the reason.
 
@@ -203,7 +200,7 @@ def identifiable(
     names : the k factors, most important first: of two dependent ones the later is left out
     terms : ndarray, shape (n, k), the factors as they enter the law (their logarithms in a power law)
     shifts : ndarray, shape (n, s), indicator columns of a category
-    logs : whether ``terms`` are logarithms; used in the reason only
+    logs : whether ``terms``, or each of them, are logarithms; used in the reason only
 
     Examples
     --------
@@ -213,13 +210,14 @@ def identifiable(
     """
     keep: list[int] = []
     out: list[LeftOut] = []
+    each = [logs] * len(names) if isinstance(logs, bool) else logs
     for j, name in enumerate(names):
         column = terms[:, j]
         level = float(column[0]) if len(column) else 0.0
         if len(column) > 1 and np.all(np.abs(column - level) <= CONSTANT * max(1.0, abs(level))):
-            value = np.exp(level) if logs else level
+            value = np.exp(level) if each[j] else level
             out.append(LeftOut(name, f"constant ({value:.6g} in all {len(column)} rows)"))
-        elif reason := _dependence(column, terms[:, keep], shifts, [names[i] for i in keep], logs):
+        elif reason := _dependence(column, terms[:, keep], shifts, [names[i] for i in keep], all(each)):
             out.append(LeftOut(name, reason))
         else:
             keep.append(j)

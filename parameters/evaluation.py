@@ -187,11 +187,11 @@ def terms(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> 
         A factor or a level that the law cannot take.
     """
     values = checked_values(law, given)
-    columns = [np.log(x) if law.log_factors else x for x in values]
     shape = values[0].shape if values else ()
+    columns = law.formula.columns(np.stack(values, axis=-1)) if values else np.ones((1,))
     at = _level(law, level)
-    shifts = [np.full(shape, float(other == at)) for other in (law.by.shifts if law.by else ())]
-    return np.stack([np.ones(shape), *columns, *shifts], axis=-1)
+    shifts = [np.full((*shape, 1), float(other == at)) for other in (law.by.shifts if law.by else ())]
+    return np.concatenate([columns, *shifts], axis=-1)
 
 
 def checked_values(law: LawFields, given: Mapping[str, ArrayLike]) -> list[Array]:
@@ -207,7 +207,8 @@ def checked_values(law: LawFields, given: Mapping[str, ArrayLike]) -> list[Array
                 f"the law of {law.response} needs {factor.symbol} ({factor.quantity}, {factor.unit}); "
                 f"give {factor.symbol}=..."
             )
-    values = [_number(law, factor.symbol, factor.unit, given[factor.symbol]) for factor in law.factors]
+    logs = law.formula.logs
+    values = [_number(law, f.symbol, f.unit, given[f.symbol], log) for f, log in zip(law.factors, logs, strict=True)]
     try:
         return list(np.broadcast_arrays(*values))
     except ValueError:
@@ -215,14 +216,14 @@ def checked_values(law: LawFields, given: Mapping[str, ArrayLike]) -> list[Array
         raise ParameterError(f"the factors do not broadcast to one shape: {shapes}.") from None
 
 
-def _number(law: LawFields, symbol: str, unit: str, given: ArrayLike) -> Array:
+def _number(law: LawFields, symbol: str, unit: str, given: ArrayLike, log: bool) -> Array:
     try:
         value = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"{symbol} = {short(given)} is not a number; give it in {unit or 'its unit'}.") from None
-    bad = ~np.isfinite(value) | ((value <= 0) if law.log_factors else False)
+    bad = ~np.isfinite(value) | ((value <= 0) if log else False)
     if bad.any():
-        wanted = "positive" if law.log_factors else "finite"
+        wanted = "positive" if log else "finite"
         seen = float(value[bad].flat[0]) if value.ndim else float(value)
         raise ParameterError(f"{symbol} = {seen:g} {unit}: the {law.form} law of {law.response} needs {wanted} values.")
     return value

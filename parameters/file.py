@@ -31,7 +31,7 @@ class ParameterFile(Plottable, Section):
     Attributes
     ----------
     schema_version : str
-        ``fitmodels.parameters/5``.
+        ``fitmodels.parameters/6``.
     identity : IdentitySection
     reading : ReadingSection or None
         Doubts about the data file; None where its values were not judged, as in files of schema version 1.
@@ -71,7 +71,7 @@ class ParameterFile(Plottable, Section):
     True
     """
 
-    schema_version: Literal["fitmodels.parameters/5"] = SCHEMA
+    schema_version: Literal["fitmodels.parameters/6"] = SCHEMA
     identity: IdentitySection
     reading: ReadingSection | None = None
     design: DesignSection | None = None

@@ -156,7 +156,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 
 
 FAMILY: Final = "fitmodels.parameters"
-SCHEMA: Final = "fitmodels.parameters/5"
+SCHEMA: Final = "fitmodels.parameters/6"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
 
 JUDGED = ("tool_life", "dynamics", "adaptive_force")  # sections with a verdict, as each law has one
@@ -208,6 +208,18 @@ def _to_version_5(data: dict[str, Any]) -> dict[str, Any]:
     return {**data, "dynamics": {**dynamics, **new}}
 
 
+def _to_version_6(data: dict[str, Any]) -> dict[str, Any]:
+    """Data of version 5 with laws of first order, whatever fields of the new names held before."""
+    if "laws" not in data:
+        return data
+    return {**data, "laws": {name: _of_first_order(law) for name, law in data["laws"].items()}}
+
+
+def _of_first_order(law: dict[str, Any]) -> dict[str, Any]:
+    other = {"alternative": _of_first_order(law["alternative"])} if law.get("alternative") else {}
+    return {**law, **other, "terms": [], "centres": {}, "fixed": {}}
+
+
 # Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
 # Version 2 added ``reading``, the doubts about the data, and ``null`` of ``identity.simulated`` where it is not known.
 # Version 3 added ``verdict`` of laws, tool life, dynamics and adaptive force, ``suspects`` and ``without`` of laws.
@@ -217,15 +229,17 @@ def _to_version_5(data: dict[str, Any]) -> dict[str, Any]:
 # Version 5 added ``d`` and ``alternatives`` of dynamics: the noise denominator, other structures and their weights;
 # ``held_out_on`` and ``own_fit``: which samples and which model a fit is of; ``drive``; and settings of adaptive force
 # that are not stated.
+# Version 6 added ``terms``, ``centres`` and ``fixed`` of laws: second order, and exponents that were not estimated.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,
     3: _without_disengagement,
     4: _to_version_5,
+    5: _to_version_6,
 }
 
 
-def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 5) -> dict[str, Any]:
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 6) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
     A checksum that was valid before a step is renewed after it.

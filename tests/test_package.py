@@ -80,8 +80,8 @@ def test_the_structure_stays_within_its_limits():
         sys.path.remove(str(ROOT / "benchmarks"))
     texts = {path: text for path, text in structure.sources().items() if text}
     found, remarks = structure.measures(texts)
-    assert found["Python files"] <= 490
-    assert found["public names"] <= 93
+    assert found["Python files"] <= 512
+    assert found["public names"] <= 103
     assert found["complexity, 90 % at most"] <= 8
     assert remarks == []
 

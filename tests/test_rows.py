@@ -56,7 +56,7 @@ def test_lines_of_the_file_are_named_and_only_the_first_five(tmp_path):
     assert (dropped.count, dropped.lines) == (7, (3, 4, 5, 6, 7))  # the first data row is line 3
 
 
-@pytest.mark.parametrize(("positive", "kept"), [("all", 3), ("factors", 4), ("none", 5)])
+@pytest.mark.parametrize(("positive", "kept"), [(None, 3), (["VB"], 4), ([], 5)])
 def test_what_must_be_above_zero(positive, kept):
     given = runs(VB=[0.0, 0.1, 0.2, 0.3, 0.4], I=[0.2, -0.1, 0.3, 0.3, 0.4])
     assert len(select(given, "I", ["VB"], positive=positive).y) == kept

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from ...core.formula import Term
 from ..file import ParameterFile
 from ..sections.base import Section
 from ..sections.law_fields import LawFields
@@ -142,7 +143,7 @@ def _of_pi(pf: ParameterFile) -> Found:
 
 def _of_laws(pf: ParameterFile) -> Found:
     for symbol, law in pf.laws.items():
-        units = (law.unit, *(_unit_of_slope(law, factor.unit) for factor in law.factors))
+        units = (law.unit, *(_unit_of_slope(law, term) for term in law.formula.all_terms))
         for name, unit in zip(law.coefficient_names, units, strict=True):
             yield f"law_{symbol}_{name}", law.coefficients[name], unit, f"{law.form} law of {symbol}, {name}"
         for factor in law.factors:
@@ -150,9 +151,12 @@ def _of_laws(pf: ParameterFile) -> Found:
             yield f"law_{symbol}_{factor.symbol}_high", factor.high, factor.unit, f"{symbol} was tested to here"
 
 
-def _unit_of_slope(law: LawFields, unit: str) -> str:
-    """Unit of the coefficient of a factor in this unit: that of the response, or 1, over that of the term."""
-    if law.log_factors or not unit:
+def _unit_of_slope(law: LawFields, term: Term) -> str:
+    """Unit of the coefficient of a term: that of the response, or 1, over that of its factors."""
+    of_each = zip(law.factors, law.formula.logs, term.degrees, strict=True)
+    units = [f"{f.unit}^{d}" if d > 1 else f.unit for f, log, d in of_each if d and f.unit and not log]
+    unit = " ".join(units)
+    if not unit:
         return "1" if law.logarithmic else law.unit
     return f"1/({unit})" if law.logarithmic else f"({law.unit})/({unit})"
 

@@ -176,6 +176,7 @@ def _section(law: "LawFit") -> dict[str, Any]:
         "error": law.error,
         "coefficients": {name: params[name] for name in law.formula.names},
         "factors": [_factor(law, symbol) for symbol in law.factors],
+        **_second_order(law),
         "by": _by(law, params),
         "uncertainty": _uncertainty(law),
         "residual_se": known(law.scale_se),
@@ -192,6 +193,14 @@ def _section(law: "LawFit") -> dict[str, Any]:
         "smearing": _smearing(law, "new" if law.edges else "independent rows"),
         "edges": _edges(law),
     }
+
+
+def _second_order(law: "LawFit") -> dict[str, Any]:
+    """Terms and centres of a law of second order."""
+    formula = law.formula
+    powers = ({x: d for x, d in zip(formula.factors, term.degrees, strict=True) if d} for term in formula.terms)
+    terms = [{"name": term.name, "powers": of} for term, of in zip(formula.terms, powers, strict=True)]
+    return {"terms": terms, "centres": dict(zip(formula.factors, formula.centres, strict=False))}
 
 
 def _edges(law: "LawFit") -> dict[str, Any]:

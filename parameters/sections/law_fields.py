@@ -1,22 +1,12 @@
-"""Fields of a law section, checked against the form of its equation.
+"""Fields of a law section, checked against its formula (`core.formula`).
 
-=============  ======================  ==========================  =============  ======
-form           equation                parameters theta            terms          link
-=============  ======================  ==========================  =============  ======
-power          R = c0 prod x_j^b_j     ln c0, x_1 ... x_k, shifts  1, ln x_j, 1   ln
-exponential    R = a exp(b F)          ln a, b, shifts             1, F, 1        ln
-load_line      I = A + B fm + k1 VB    A, B, k1, shifts            1, fm, VB, 1   none
-feed_line      fm = fm0 + slope VB     fm0, slope, shifts          1, VB, 1       none
-=============  ======================  ==========================  =============  ======
-
-An exponent has the name of its factor's symbol, a shift ``material[2]``. The term of a shift is 1 at its level and 0
-elsewhere, so that it multiplies a logarithmic law by exp(shift) and moves a line. Link and terms give both the
-prediction and the gradient of its interval.
+An exponent has the name of its factor's symbol, a term of second order ``V^2`` or ``V*f``, a shift ``material[2]``. The
+column of a shift is 1 at its level and 0 elsewhere, so that it multiplies a logarithmic law by exp(shift) and moves a
+line. Link and columns give both the prediction and the gradient of its interval.
 """
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -24,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticKnownError
 
+from ...core.formula import FORMS, Formula, Term
 from ...core.verdict import DO_NOT_USE, LEVELS
 from ..messages import short
 from .base import Count, Covariance, NoCovariance, NotNegative, Number, Positive, Section, Text, VerdictSection
@@ -39,35 +30,8 @@ from .law_parts import (
     Published,
     Region,
     Statistics,
+    TermSection,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class EquationForm:
-    """Link, terms and coefficients of one form of law.
-
-    Attributes
-    ----------
-    logarithmic : bool
-        Whether the linear form is that of the logarithm of the response.
-    log_factors : bool
-        Whether the factors enter by their logarithms, and are therefore above zero.
-    coefficients : tuple of str, or None
-        Names, the constant first; None: ``c0`` and the symbols of the factors.
-    """
-
-    logarithmic: bool
-    log_factors: bool
-    coefficients: tuple[str, ...] | None
-
-
-# Every form of a parameter file; those that are fitted stand in `fit.laws.FORMS` too.
-FORMS: dict[str, EquationForm] = {
-    "power": EquationForm(True, True, None),
-    "exponential": EquationForm(True, False, ("a", "b")),
-    "load_line": EquationForm(False, False, ("A", "B", "k1")),
-    "feed_line": EquationForm(False, False, ("fm0", "slope")),
-}
 
 
 def _known(form: str) -> str:
@@ -93,6 +57,9 @@ class LawFields(Section):
     error: Literal["multiplicative", "additive"]
     coefficients: dict[str, Number]
     factors: tuple[Factor, ...]
+    terms: tuple[TermSection, ...] = ()
+    centres: dict[str, Number] = Field(default_factory=dict)
+    fixed: dict[str, Number] = Field(default_factory=dict)
     by: LevelShifts | None = None
     uncertainty: Annotated[Covariance | NoCovariance, Field(discriminator="kind")]
     residual_se: NotNegative | None = None
@@ -133,19 +100,27 @@ class LawFields(Section):
         return self
 
     @property
+    def formula(self) -> Formula:
+        """The equation: its form, terms and centres, which give columns, names of the coefficients and text."""
+        symbols = tuple(factor.symbol for factor in self.factors)
+        terms = tuple(Term(term.name, tuple(term.powers.get(symbol, 0) for symbol in symbols)) for term in self.terms)
+        centres = tuple(self.centres[symbol] for symbol in symbols) if self.centres else ()
+        return Formula(self.form, self.response, symbols, terms, centres)
+
+    @property
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the coefficients, the constant first."""
-        return FORMS[self.form].coefficients or ("c0", *(factor.symbol for factor in self.factors))
+        return self.formula.names
 
     @property
     def logarithmic(self) -> bool:
         """Whether the law is linear for the logarithm of its response."""
-        return FORMS[self.form].logarithmic
+        return FORMS[self.form].log_response
 
     @property
     def log_factors(self) -> bool:
-        """Whether the factors enter by their logarithms, and are therefore above zero."""
-        return FORMS[self.form].log_factors
+        """Whether every factor enters by its logarithm, and is therefore above zero."""
+        return self.formula.log_factors
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -169,8 +144,9 @@ def _check_coefficients(law: LawFields) -> None:
     reserved = [symbol for symbol in symbols if symbol in (*OPTION_NAMES, "c0")]
     if reserved:
         raise ValueError(f"no factor can be called {reserved[0]}; give it another symbol")
+    _check_formula(law, symbols)
     names = law.coefficient_names
-    if set(law.coefficients) != set(names) or len(names) != 1 + len(symbols):
+    if set(law.coefficients) != set(names) or len(set(names)) < len(names):
         given = f"{_listed(symbols)} has the coefficients {_listed(law.coefficients)}"
         raise ValueError(f"the {law.form} law of {law.response} in {given}, not {_listed(names)}")
     if law.logarithmic and law.coefficients[names[0]] <= 0:
@@ -178,6 +154,19 @@ def _check_coefficients(law: LawFields) -> None:
     unknown = set(law.standard_errors) - {*names, *(law.by.names if law.by else ())}
     if unknown:
         raise ValueError(f"the law of {law.response} has no parameter {_listed(sorted(unknown))} for a standard error")
+
+
+def _check_formula(law: LawFields, symbols: list[str]) -> None:
+    named = {*law.centres, *law.fixed, *(symbol for term in law.terms for symbol in term.powers)}
+    if strange := sorted(named - set(symbols)):
+        raise ValueError(f"the law of {law.response} has no factor {_listed(strange)}; it has {_listed(symbols)}")
+    if law.centres and (missing := [symbol for symbol in symbols if symbol not in law.centres]):
+        raise ValueError(f"the law of {law.response} has no centre of {_listed(missing)}")
+    if fault := law.formula.fault:
+        raise ValueError(f"{law.response}: {fault}")
+    moved = [symbol for symbol, value in law.fixed.items() if law.coefficients.get(symbol) != value]
+    if moved:
+        raise ValueError(f"{moved[0]} of the law of {law.response} is fixed at {law.fixed[moved[0]]:g}, not its value")
 
 
 def _check_form(law: LawFields) -> None:

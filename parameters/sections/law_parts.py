@@ -31,6 +31,19 @@ class Factor(Section):
         return self
 
 
+class TermSection(Section):
+    """A term of a law of second order: the name of its coefficient and the power of each centred factor in it.
+
+    Examples
+    --------
+    >>> TermSection(name="V*f", powers={"V": 1, "f": 1}).powers["V"]
+    1
+    """
+
+    name: Text
+    powers: dict[str, Annotated[int, Field(strict=True, ge=1, le=2)]]
+
+
 class LevelShifts(Section):
     """Levels of a column that share the exponents: times exp(shift), or plus the shift of a line.
 
@@ -260,7 +273,7 @@ class Region(Section):
     The numbers are those that ``fitmodels.datasets.region`` evaluates.
     """
 
-    logs: bool
+    logs: bool | tuple[bool, ...]
     centre: tuple[Number, ...]
     half_range: tuple[Number, ...]
     largest_radius: NotNegative
