@@ -17,6 +17,7 @@ Sources: Schwarz 1978, Ann. Stat. 6, 461; Buckland, Burnham & Augustin 1997, doi
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,15 +72,22 @@ def guard(b: Array, a: Array, sample_time: float, band: tuple[float, float], n: 
     nyquist, start = 0.5 / sample_time, BEYOND * band[1]
     paid = _unresolved(poles, sample_time, n, start) + _slow(poles, n)
     if start < nyquist:
-        paid += _beyond(b, a, sample_time, band, np.linspace(start, nyquist, GRID))
+        paid += _beyond(b, a, *_grids(sample_time, band))
         paid += int(((np.abs(poles) > RINGING) & (np.abs(np.angle(poles)) > 2 * math.pi * start * sample_time)).sum())
     return float(paid * math.log(n))
 
 
-def _beyond(b: Array, a: Array, sample_time: float, band: tuple[float, float], f: Array) -> float:
-    """Twice the logarithm of the largest gain at frequencies f (Hz) over that in the band; 0 if it is smaller."""
-    inside = float(np.max(_gain(b, a, np.geomspace(*band, GRID) * sample_time)))
-    outside = float(np.max(_gain(b, a, f * sample_time)))
+@lru_cache(maxsize=8)  # the same for all candidates of a record
+def _grids(sample_time: float, band: tuple[float, float]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """z^-1 at frequencies of the band and at those above it."""
+    above = np.linspace(BEYOND * band[1], 0.5 / sample_time, GRID)
+    inside, outside = (np.exp(-2j * np.pi * (f * sample_time)) for f in (np.geomspace(*band, GRID), above))
+    return inside, outside
+
+
+def _beyond(b: Array, a: Array, band: NDArray[np.complex128], above: NDArray[np.complex128]) -> float:
+    """Twice the logarithm of the largest gain above the band over that in the band, both at z^-1; 0 if smaller."""
+    inside, outside = float(np.max(_gain(b, a, band))), float(np.max(_gain(b, a, above)))
     return 2 * max(math.log(outside / inside), 0.0) if inside > 0 and outside > 0 else 0.0
 
 
@@ -99,9 +107,8 @@ def _slow(poles: NDArray[np.complex128], n: int) -> int:
     return int((real > math.exp(-1 / n)).sum())
 
 
-def _gain(b: Array, a: Array, turns: Array) -> Array:
-    """|b / a| at frequencies in cycles per sample."""
-    z = np.exp(-2j * np.pi * turns)
+def _gain(b: Array, a: Array, z: NDArray[np.complex128]) -> Array:
+    """|b / a| at z^-1 = z."""
     return np.asarray(np.abs(np.polyval(b[::-1], z)) / np.maximum(np.abs(np.polyval(a[::-1], z)), 1e-12))
 
 
