@@ -227,11 +227,12 @@ def _refined(data: FormData, found: list[FormFit]) -> list[FormFit]:
 
 def _with_noise(data: FormData, fit: FormFit, h: Array) -> FormFit:
     """The fit and its noise model estimated in turn."""
-    for _ in range(NOISE_PASSES):
+    for k in range(NOISE_PASSES):
+        if k:
+            h = whitening(data.packed(fit.plain), data.compared)[0]
         fit = improved(data, fit.form, fit.p, h) or fit
         if len(h) == 1:
             break
-        h = whitening(data.packed(fit.plain), data.compared)[0]
     return fit
 
 
