@@ -23,7 +23,7 @@ from ...datasets.records.record import Record
 from ..model import Model
 from .build_model import record_facts, slow_pole
 from .filters import EDGE, ROUNDING, burg, filtered, inverse_of_squares, is_stable, squares
-from .free_responses import free_space
+from .free_responses import FreeSpace, free_space
 from .input_checks import check_identifiable, checked_record, not_centred
 from .instrumental import Initial
 from .prediction_error import Minimum, minimise, search_note
@@ -88,7 +88,7 @@ def whitened_run(rec: Record, orders: tuple[int, int, int, int], initial: Initia
 
 def whitened_errors(run: WhitenedRun, theta: Array) -> tuple[Array, Array]:
     """Errors e (n,) and -de / d theta (n, nf + nb + nd), initial states and constants projected out of both."""
-    parts = [group_errors(run, theta, group)[:2] for group in groups(run)]
+    parts = [group_errors(run, theta, group) for group in groups(run)]
     if len(parts) == 1:
         return parts[0][0], parts[0][1].T
     return np.concatenate([e for e, _ in parts]), np.hstack([J for _, J in parts]).T
@@ -96,12 +96,12 @@ def whitened_errors(run: WhitenedRun, theta: Array) -> tuple[Array, Array]:
 
 def noise_of(run: WhitenedRun, theta: Array) -> list[Array]:
     """Measured less simulated output of each segment, initial state and constant included in the simulation."""
-    return [v for group in groups(run) for v in group_errors(run, theta, group)[2]]
+    return [v for group in groups(run) for v in simulated_group(run, theta, group).v]
 
 
 def constants_of(run: WhitenedRun, theta: Array) -> Array:
     """Constant of each segment, shape (segments,)."""
-    found = {s.start: c for g in groups(run) for s, c in zip(g, group_errors(run, theta, g)[3], strict=True)}
+    found = {s.start: c for g in groups(run) for s, c in zip(g, simulated_group(run, theta, g).level, strict=True)}
     return np.array([found[s.start] for s in run.stretches])
 
 
@@ -110,8 +110,30 @@ def groups(run: WhitenedRun) -> list[tuple[slice, ...]]:
     return [(s,) for s in run.stretches] if run.beside is not None else by_length(run.stretches, 0)
 
 
-def group_errors(run: WhitenedRun, theta: Array, group: tuple[slice, ...]) -> tuple[Array, Array, Array, Array]:
-    """Errors (n,), sensitivities (p, n), noise 1/d e (segments, length) and constants of segments of one length."""
+@dataclass(frozen=True, slots=True)
+class SimulatedGroup:
+    """Simulation of S segments of one length n.
+
+    Attributes
+    ----------
+    uf, x : ndarray, shape (S, n)
+        Input filtered by 1/f, and simulated output with the initial states.
+    v : ndarray, shape (S, n - skipped)
+        Measured less simulated output, 1/d e.
+    level : ndarray, shape (S,)
+        Constant of each segment.
+    free : FreeSpace
+    """
+
+    uf: Array
+    x: Array
+    v: Array
+    level: Array
+    free: FreeSpace
+
+
+def simulated_group(run: WhitenedRun, theta: Array, group: tuple[slice, ...]) -> SimulatedGroup:
+    """Simulation of segments of one length, initial states and constants estimated."""
     from scipy.signal import lfilter
 
     (f, b, d), (nf, nb, nd) = run.polynomials(theta), (run.nf, run.nb, run.nd)
@@ -126,14 +148,21 @@ def group_errors(run: WhitenedRun, theta: Array, group: tuple[slice, ...]) -> tu
     v = y[:, start:] - x[:, start:]
     c, level = free.coefficients(fir(d, v)[:, nd:])
     free.response(c, level, x[:, start:])
-    v = y[:, start:] - x[:, start:]
-    first = start + nd
-    J = np.empty((nf + nb + nd, len(u), n - first))
-    shifted_rows(J[:nf], -fir(d, lfilter(ONE, f, x)), 1, first)
-    shifted_rows(J[nf : nf + nb], fir(d, uf), run.nk, first)
-    shifted_rows(J[nf + nb :], -v, 1, nd)
-    free.project_out(J.reshape(-1, n - first))
-    return fir(d, v)[:, nd:].ravel(), J.reshape(len(J), -1), v, level
+    return SimulatedGroup(uf, x, y[:, start:] - x[:, start:], level, free)
+
+
+def group_errors(run: WhitenedRun, theta: Array, group: tuple[slice, ...]) -> tuple[Array, Array]:
+    """Errors (n,) and sensitivities (p, n) of segments of one length."""
+    from scipy.signal import lfilter
+
+    (f, _, d), (nf, nb, nd) = run.polynomials(theta), (run.nf, run.nb, run.nd)
+    at, first = simulated_group(run, theta, group), run.skipped + nd
+    J = np.empty((nf + nb + nd, len(group), at.x.shape[1] - first))
+    shifted_rows(J[:nf], -fir(d, lfilter(ONE, f, at.x)), 1, first)
+    shifted_rows(J[nf : nf + nb], fir(d, at.uf), run.nk, first)
+    shifted_rows(J[nf + nb :], -at.v, 1, nd)
+    at.free.project_out(J.reshape(-1, J.shape[2]))
+    return fir(d, at.v)[:, nd:].ravel(), J.reshape(len(J), -1)
 
 
 def fir(d: Array, x: Array) -> Array:

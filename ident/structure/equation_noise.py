@@ -13,7 +13,7 @@ from ...datasets.records.record import Record
 from ..estimators.filters import EDGE, is_stable, squares
 from ..estimators.least_squares import arx
 from ..estimators.order_losses import losses, losses_of_triangle
-from ..estimators.plant_and_noise import whitened_errors, whitened_run
+from ..estimators.plant_and_noise import noise_of, whitened_run
 from ..estimators.regressors import Lags, arx_regressors, gram, triangle
 from ..model import Model
 from .candidates import CANCELLED, EXACT, ONE, SLOW, Candidate, Screen, with_criterion
@@ -92,7 +92,7 @@ def _candidate(
     na, nb, nk = orders
     variance = max(variance, EXACT * float(np.var(screen.rec.y)))
     plain = replace(whitened_run(screen.rec, (na, nb, nk, 0)), beside=screen.beside)
-    e = whitened_errors(plain, theta)[0]
+    e = np.concatenate(noise_of(plain, theta))
     return with_criterion(screen, Candidate(
         "arx", na, nb, nk, theta, ONE, squares(e) / len(e), variance, 0.0, parameters=na + nb - integrating,
         integrating=integrating,
