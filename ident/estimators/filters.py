@@ -22,15 +22,28 @@ EDGE = 1 - 1e-6  # largest modulus of a root of an estimate: a time constant of 
 
 def filtered(num: Array | list[float], den: Array | list[float], x: Array, stretches: Sequence[slice]) -> Array:
     """``num / den`` x, from rest in each segment; x (N,) or (N, k), same shape returned."""
-    from scipy.signal import lfilter
-
+    one = _moving_average if len(den) == 1 else _recursive
     if len(stretches) == 1:
-        if len(den) == 1 and x.ndim == 1:  # scipy's own path of a polynomial is ten times slower for short signals
-            return np.convolve(x, num)[: len(x)] / den[0]
-        return np.asarray(lfilter(num, den, x, axis=0), dtype=np.float64)
+        return one(num, den, x)
     out = np.empty_like(x)
     for s in stretches:
-        out[s] = lfilter(num, den, x[s], axis=0)
+        out[s] = one(num, den, x[s])
+    return out
+
+
+def _recursive(num: Array | list[float], den: Array | list[float], x: Array) -> Array:
+    from scipy.signal import lfilter
+
+    return np.asarray(lfilter(num, den, x, axis=0), dtype=np.float64)
+
+
+def _moving_average(num: Array | list[float], den: Array | list[float], x: Array) -> Array:
+    """The same of a polynomial, by convolution: scipy's general path is ten times slower for short signals."""
+    if x.ndim == 1:
+        return np.convolve(x, num)[: len(x)] / den[0]
+    out = np.empty_like(x, order="F")
+    for k in range(x.shape[1]):
+        out[:, k] = np.convolve(x[:, k], num)[: len(x)] / den[0]
     return out
 
 

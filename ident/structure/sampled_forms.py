@@ -79,17 +79,16 @@ def sample(form: Form, p: Array) -> Sampled:
     t = np.maximum(np.arange(nb + 1) - (delay - whole), 0.0)
     s, g, ds = form.response(t, p[:k])
     a, da = form.denominator(p[:k])
-    rows = np.empty((1 + form.size, nb + 1))  # s, then its derivatives
-    rows[0], rows[1 : 1 + k] = s, ds
+    rows = np.zeros((1 + form.size, nb + 1))  # s, then its derivatives; nothing before the delay has passed
+    rows[0, 1:], rows[1 : 1 + k, 1:] = s[1:], ds[:, 1:]
     full, dfull = np.zeros(len(a) + 1 + form.integrating), np.zeros((form.size, len(a) + 1 + form.integrating))
     full[0], full[1 : len(a) + 1], dfull[:k, 1 : len(a) + 1] = 1.0, a, da
     if form.delayed:
-        rows[-1] = -g
-        da = np.vstack([da, np.zeros((1, form.order))])
+        rows[-1, 1:] = -g[1:]
+        da = dfull[:, 1 : len(a) + 1].copy()
     if form.integrating:  # times 1 - q^-1
         full[1:] -= full[:-1].copy()
         dfull[:, 1:] -= dfull[:, :-1].copy()
-    rows[:, 0] = 0.0  # nothing before the delay has passed
     h = rows[:, 1:] - rows[:, :-1]
     b = h.copy()
     for i in range(1, min(len(full), nb + 1)):  # products with a, cut behind nb coefficients
@@ -131,11 +130,16 @@ def _modes(x: Array, zeta: float) -> tuple[Array, Array, Array]:
     square = 1 - zeta * zeta
     if abs(square) < 1e-12:
         square = 1e-12
-    nu = complex(square) ** 0.5
-    first, second = np.exp((-zeta + 1j * nu) * x), np.exp((-zeta - 1j * nu) * x)
-    c, s = ((first + second) / 2).real, ((first - second) / (2j * nu)).real
+    nu, decay = math.sqrt(abs(square)), np.exp(-zeta * x)
+    if square > 0:
+        c, s = decay * np.cos(nu * x), decay * np.sin(nu * x) / nu
+    else:  # of the two exponentials, as cosh overflows
+        slow, fast = np.exp((nu - zeta) * x), np.exp((-nu - zeta) * x)
+        c, s = (slow + fast) / 2, (slow - fast) / (2 * nu)
     z = square * x * x
-    series = x**3 * np.exp(-zeta * x) * (1 / 3 - z / 30 + z * z / 840)
+    if not (np.abs(z) < SMALL).any():
+        return c, s, (s - x * c) / square
+    series = x**3 * decay * (1 / 3 - z / 30 + z * z / 840)
     return c, s, np.where(np.abs(z) < SMALL, series, (s - x * c) / square)
 
 

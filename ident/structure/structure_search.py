@@ -221,10 +221,14 @@ def _of_order(screen: Screen, na: int, reach: Reach, others: float) -> list[Cand
         return [one for theta, _, k in tried if (one := fitted(screen, (na, nb, k), theta, least)) is not None]
 
     widest = out = at(na + 1, others)
-    if _least(out) > others + HOPELESS + na * np.log(len(screen.rec)):  # fewer coefficients of b fit no better
+    if _least(out) > others + HOPELESS + na * np.log(len(screen.rec)):
         return out
-    for nb in range(1, na + 1):
-        out = out + at(nb, min(_least(out), others))
+    for nb in range(na, 0, -1):
+        lowest = min(_least(out), others)
+        fewer = at(nb, lowest)
+        out = out + fewer
+        if min((one.criterion for one in fewer), default=np.inf) > lowest + HOPELESS + nb * np.log(len(screen.rec)):
+            break  # fewer coefficients of b fit no better
     for nb in range(na + 2, 2 * na + 3):
         if _least(widest) > _least(out):
             break
