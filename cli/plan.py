@@ -1,11 +1,11 @@
-"""``fitmodels plan``: a central composite design for a user's own ranges, in run order, as CSV."""
+"""``fitmodels plan``: a design for a user's own ranges, in run order, as a CSV to fill in."""
 
 import argparse
 import sys
 from pathlib import Path
 from typing import TextIO
 
-from .arguments import Parser, ranges, seed
+from .arguments import Parser, pairs, ranges, seed, values
 
 
 def parser() -> Parser:
@@ -13,13 +13,31 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels plan",
         "fitmodels plan --range V=50:200 --range f=0.06:0.6 --range d=1.5:3 --out plan.csv",
-        "Plan wear tests: a central composite design in the logarithms of the conditions, one edge per row,\n"
-        "with the run order drawn at random. Without --out the plan is printed.",
+        "Plan tests in the logarithms of the conditions, one edge per row (or a row per reading), with the run order\n"
+        "drawn at random. Filled in, the file is read by 'fitmodels plan.csv'. Without --out the plan is printed.",
     )
     p.add_argument("--range", action="append", metavar="V=50:200", help="a condition and its range; up to six")
-    p.add_argument("--alpha", type=float, default=2.0, help="distance of the axial points, coded (default: 2)")
-    p.add_argument("--centre", type=int, default=4, help="edges at the centre (default: 4)")
+    p.add_argument(
+        "--levels", action="append", metavar="f=0.1,0.2,0.4", help="levels of an array: numbers, or words (dry,flood)"
+    )
+    p.add_argument("--process", choices=["turning", "milling", "drilling"], help="checks names, adds n and fm")
+    p.add_argument("--value", action="append", metavar="Dc=20", help="what is the same in all tests")
+    p.add_argument(
+        "--design", default="composite", metavar="NAME",
+        help="composite (default), factorial, or an orthogonal array: L4, L8, L9, L12, L16, L18, L27",
+    )  # fmt: skip
+    p.add_argument(
+        "--alpha", default="2", metavar="A",
+        help="distance of the axial points, coded: a number, rotatable, face-centred or orthogonal (default: 2)",
+    )  # fmt: skip
+    p.add_argument("--half", action="store_true", help="half of the factorial; its aliases are printed")
+    p.add_argument("--blocks", type=int, default=1, help="blocks, such as days or bars (default: 1)")
+    p.add_argument("--centre", type=int, help="edges at the centre (default: 4; of an array: 0)")
     p.add_argument("--axial", type=int, default=2, help="edges at each axial point (default: 2)")
+    p.add_argument("--repeats", type=int, default=1, help="edges at each point of a factorial or array (default: 1)")
+    p.add_argument("--duration", metavar="5:20", help="minutes in cut of an edge: one number, or a range to vary")
+    p.add_argument("--readings", type=int, default=1, help="readings of an edge up to its duration (default: 1)")
+    p.add_argument("--measure", metavar="VB,Fc", help="empty columns to fill in")
     p.add_argument("--seed", type=seed, default=1, help="seed of the run order (default: 1)")
     p.add_argument("--out", metavar="FILE", help="file to write")
     p.add_argument("--force", action="store_true", help="replace an existing file")
@@ -28,29 +46,69 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Write the plan, and return the exit code."""
-    from ..core.errors import UsageError
-    from ..datasets import central_composite, write_csv
-    from ..datasets.vocabulary import ROLES
+    from ..datasets import plan_tests, write_csv
 
-    given = ranges(args.range)
-    if not given:
-        raise UsageError("no range: give at least one, for instance --range V=50:200.")
-    for name, ends in given.items():
+    plan = plan_tests(
+        _factors(args),
+        design=args.design, alpha=_alpha(args.alpha), centre=args.centre, axial_repeats=args.axial, half=args.half,
+        repeats=args.repeats, blocks=args.blocks, duration=_duration(args.duration), readings=args.readings,
+        measure=[name.strip() for name in args.measure.split(",")] if args.measure else (), process=args.process,
+        constants=values(args.value), seed=args.seed,
+    )  # fmt: skip
+    coded = [name for name in map(str, plan) if name.endswith("_coded")]
+    plan[coded] = plan[coded].round(3) + 0.0  # no minus before a zero
+    what = {"composite": f"central composite design in logarithms, alpha {args.alpha}"}.get(
+        args.design, f"{args.design} design in logarithms"
+    )
+    notes = [
+        f"plan: {what}, {plan['edge'].nunique()} edges, seed {args.seed}",
+        *plan.attrs["notes"],
+        "Cut the edges in the order of run; measure wear, forces and power after each sub-test, a row each.",
+    ]
+    write_csv(plan, target(args.out, args.force), notes)
+    return 0
+
+
+def _factors(args: argparse.Namespace) -> dict[str, tuple[float, float] | list[float] | list[str]]:
+    """Factors in the order given: ranges, then levels."""
+    from ..core.errors import UsageError
+
+    out: dict[str, tuple[float, float] | list[float] | list[str]] = {}
+    for name, ends in ranges(args.range).items():
         if len(ends) != 2:
             raise UsageError(f"--range {name}: a plan needs low:high, two numbers.")
-    design = central_composite(
-        {name: (ends[0], ends[1]) for name, ends in given.items()},
-        alpha=args.alpha, centre=args.centre, axial_repeats=args.axial, seed=args.seed,
-    )  # fmt: skip
-    design = design.round({f"{name}_coded": 3 for name in given})
-    design[[f"{name}_coded" for name in given]] += 0.0  # no minus before a zero
-    units = {name: ROLES[name].unit for name in given if name in ROLES and ROLES[name].unit}
-    notes = [
-        f"plan: central composite design in logarithms, alpha {args.alpha:g}, {len(design)} edges, seed {args.seed}",
-        "cut the edges in the order of run; measure wear, forces and power after each sub-test, a row each",
-    ]
-    write_csv(design, target(args.out, args.force), notes, units=units)
-    return 0
+        out[name] = (ends[0], ends[1])
+    for name, text in pairs(args.levels, "--levels", "f=0.1,0.2,0.4").items():
+        if name in out:
+            raise UsageError(f"--levels {name}: its range is given too; leave one out.")
+        words = [word.strip() for word in text.split(",")]
+        out[name] = _numbers(words) or words
+    if not out and args.process is None:
+        raise UsageError("no range: give at least one, for instance --range V=50:200.")
+    return out
+
+
+def _numbers(words: list[str]) -> list[float]:
+    """The words as numbers; none where one of them is not."""
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        return []
+
+
+def _alpha(text: str) -> "float | str":
+    return _numbers([text])[0] if _numbers([text]) else text
+
+
+def _duration(text: str | None) -> tuple[float, ...] | None:
+    from ..core.errors import UsageError
+
+    if text is None:
+        return None
+    numbers = tuple(_numbers(text.split(":")))
+    if len(numbers) not in (1, 2):
+        raise UsageError(f"--duration {text}: give minutes in cut as 12, or a range as 5:20.")
+    return numbers
 
 
 def target(out: str | None, force: bool) -> Path | TextIO:

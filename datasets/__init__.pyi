@@ -1,4 +1,5 @@
 from .design import central_composite as central_composite
+from .planning import plan_tests as plan_tests
 from .reading import read_runs as read_runs
 from .reading import runs_from_frame as runs_from_frame
 from .records.reading import read_record as read_record
@@ -22,6 +23,7 @@ __all__ = [
     "central_composite",
     "fetch",
     "join_records",
+    "plan_tests",
     "read_record",
     "read_runs",
     "read_table",

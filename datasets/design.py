@@ -1,15 +1,18 @@
 """Designs of experiments: central composite plans with levels spaced geometrically, and coded levels."""
 
-from collections.abc import Mapping
-from itertools import product
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import DataError, UsageError
+from .factorial_designs import alias_sentences, factorial_blocks, two_level
 
-RESERVED = ("run", "edge", "point")
+RESERVED = ("run", "edge", "point", "block")
+BLOCKS = (1, 2, 3, 5)
+ORTHOGONAL = 1e-6  # correlation below which columns are orthogonal
 MOST_FACTORS = 6
 MOST_EDGES = 1000  # at one point
 
@@ -19,13 +22,15 @@ Floats = NDArray[np.float64]
 def central_composite(
     ranges: Mapping[str, tuple[float, float]],
     *,
-    alpha: float = 2.0,
+    alpha: float | str = 2.0,
     centre: int = 4,
     axial_repeats: int = 2,
+    half: bool = False,
+    blocks: int = 1,
     seed: int,
     digits: int | None = 4,
 ) -> pd.DataFrame:
-    """Plan one edge a row: a full factorial, repeated centre points and repeated axial points.
+    """Plan one edge a row: a factorial, repeated centre points and repeated axial points.
 
     Levels are spaced geometrically, so that a power law is a plane in the coded columns; the axial points
     lie on the ends of the ranges (coded -alpha and +alpha). Three factors with the defaults give the 24 edges of
@@ -35,19 +40,27 @@ def central_composite(
     ----------
     ranges : mapping of 1 to 6 factors to (low, high)
         in the factor's unit (V m/min, f mm/rev, d mm)
-    alpha : float
-        coded distance of the axial points, 1 or more; the factorial points lie at -1 and +1
+    alpha : float, "rotatable", "face-centred" or "orthogonal"
+        coded distance of the axial points, 1 or more; the factorial points lie at -1 and +1. "rotatable" gives a
+        second-order law the same variance in all directions; "face-centred" is 1, so that each factor has three
+        levels; "orthogonal" makes squares uncorrelated with each other, and with blocks of more than one makes
+        block differences uncorrelated with the squares
     centre, axial_repeats : int
-        edges at the centre (0 or more) and at each axial point (1 or more)
+        edges at the centre (0 or more; with blocks at least one in each) and at each axial point (1 or more)
+    half : bool
+        half of the factorial of 3 factors or more, the last factor being the product of the others
+    blocks : {1, 2, 3, 5}
+        blocks of the factorial, and one more of the axial points; centre points are divided among them
     seed : int
-        seed of the run order
+        seed of the run order, which is drawn within blocks
     digits : int or None
         significant digits of a level; the range ends stay as given, None keeps full precision
 
     Returns
     -------
-    DataFrame, one row an edge, in run order: run (1..n), edge (E01.. in the order factorial, centre, axial),
-    point ("factorial", "centre" or "axial"), `<factor>_coded` (of the rounded level) and the factors.
+    DataFrame, one row an edge, in run order: run (1..n), edge (E01.. in the order factorial, centre, axial), block
+    (where there are several), point ("factorial", "centre" or "axial"), `<factor>_coded` (of the rounded level) and
+    the factors. ``attrs["notes"]``: the distance, the aliases and what the blocks cost, in sentences.
 
     Raises
     ------
@@ -62,19 +75,59 @@ def central_composite(
 
     """
     _check_ranges(ranges)
-    _check_counts(alpha, centre, axial_repeats, digits)
-    coded, point = _standard_order(len(ranges), alpha, centre, axial_repeats)
-    order = np.random.default_rng(seed).permutation(len(point))
-    columns: dict[str, object] = {
-        "run": np.arange(1, len(point) + 1),
-        "edge": _labels(len(point))[order],
-        "point": point[order],
-    }
+    _check_counts(centre, axial_repeats, digits)
+    factorial = two_level(len(ranges), half=half)
+    distance = _axial_distance(alpha, factorial, centre, axial_repeats, blocks)
+    points = _composite_points(factorial, distance, centre, axial_repeats, blocks)
+    notes = _composite_notes(points, factorial, list(ranges), distance, half)
+    return planned_edges(points, ranges, span=distance, seed=seed, digits=digits, notes=notes)
+
+
+@dataclass(frozen=True, slots=True)
+class DesignPoints:
+    """Points of a design in standard order.
+
+    Attributes
+    ----------
+    coded : ndarray, shape (n, k)
+    kind : ndarray of str, shape (n,)
+        "factorial", "centre", "axial", or the row of an array.
+    block : ndarray of int, shape (n,)
+        Number of each point's block, 0 upwards.
+    confounded : tuple of tuples of int
+        Interactions that equal a difference of blocks, as positions of factors.
+    """
+
+    coded: Floats
+    kind: NDArray[np.str_]
+    block: NDArray[np.intp]
+    confounded: tuple[tuple[int, ...], ...] = ()
+
+
+def planned_edges(
+    points: DesignPoints,
+    ranges: Mapping[str, tuple[float, float]],
+    *,
+    span: float,
+    seed: int,
+    digits: int | None,
+    notes: Sequence[str] = (),
+) -> pd.DataFrame:
+    """Edges in run order, drawn within blocks, with the levels of coded points; coded ``span`` is a range's end."""
+    rng, n = np.random.default_rng(seed), len(points.kind)
+    parts = [np.flatnonzero(points.block == number) for number in np.unique(points.block)]
+    order = np.concatenate([part[rng.permutation(len(part))] for part in parts])
+    columns: dict[str, object] = {"run": np.arange(1, n + 1), "edge": _labels(n)[order]}
+    if len(parts) > 1:
+        columns["block"] = points.block[order] + 1
+    columns["point"] = points.kind[order]
     levels = {}
     for j, (factor, (low, high)) in enumerate(ranges.items()):
-        levels[factor] = _levels(coded[order, j] / alpha, float(low), float(high), digits)
-        columns[f"{factor}_coded"] = alpha * _position(levels[factor], low, high)
-    return pd.DataFrame({**columns, **levels})
+        levels[factor] = _levels(points.coded[order, j] / span, float(low), float(high), digits)
+        columns[f"{factor}_coded"] = span * _position(levels[factor], low, high)
+    plan = pd.DataFrame({**columns, **levels})
+    plan.attrs["notes"] = tuple(notes)
+    return plan
 
 
 def round_significant(values: ArrayLike, digits: int) -> Floats:
@@ -103,17 +156,85 @@ def round_significant(values: ArrayLike, digits: int) -> Floats:
     return np.array(rounded, dtype=np.float64).reshape(array.shape)
 
 
-def _standard_order(factors: int, alpha: float, centre: int, axial_repeats: int) -> tuple[Floats, NDArray[np.str_]]:
-    """Coded points, shape (n, factors), and the kind of each, shape (n,)."""
-    factorial = np.array(list(product((-1.0, 1.0), repeat=factors)))
-    axial = np.kron(np.eye(factors), np.array([[-alpha], [alpha]]))
-    blocks = {
-        "factorial": factorial,
-        "centre": np.zeros((centre, factors)),
-        "axial": np.repeat(axial, axial_repeats, axis=0),
+def _axial_distance(alpha: float | str, factorial: Floats, centre: int, axial_repeats: int, blocks: int) -> float:
+    """Coded distance of the axial points.
+
+    Rotatable: ``alpha^4 = F / r`` of F factorial points and r edges at each axial point. Orthogonal squares:
+    ``(F + 2 r alpha^2)^2 = F N``. Orthogonal blocks: the factorial and the axial part have sums of squares in the ratio
+    of their sizes. (Myers, Montgomery & Anderson-Cook 2016, sections 8.2 and 8.3.)
+    """
+    if blocks not in BLOCKS:
+        raise UsageError(f"blocks {blocks}: a central composite design is cut in 1, 2, 3 or 5 blocks.")
+    if blocks > 1 and centre < blocks:
+        raise UsageError(f"centre {centre}: {blocks} blocks need {blocks} or more, one edge at the centre of each.")
+    (F, k), r = factorial.shape, axial_repeats
+    names = {
+        "rotatable": (F / r) ** 0.25,
+        "face-centred": 1.0,
+        "orthogonal": float(np.sqrt((np.sqrt(F * (F + 2 * k * r + centre)) - F) / (2 * r))),
     }
-    point = np.repeat(list(blocks), [len(block) for block in blocks.values()])
-    return np.vstack(list(blocks.values())), point
+    if blocks > 1:
+        in_factorial = (blocks - 1) * (centre // blocks)
+        names["orthogonal"] = float(np.sqrt(F * (2 * k * r + centre - in_factorial) / (2 * r * (F + in_factorial))))
+    if isinstance(alpha, str) and alpha not in names:
+        raise UsageError(f"alpha {alpha!r}: give a number of 1 or more, or {', '.join(names)}.")
+    distance = names[alpha] if isinstance(alpha, str) else float(alpha)
+    if not (np.isfinite(distance) and distance >= 1):
+        word = f"{alpha} alpha is {distance:.3g}" if isinstance(alpha, str) else f"alpha {distance:g}"
+        fewer = "repeat the axial points less" if isinstance(alpha, str) else "give 1 or more (2 is usual)"
+        raise UsageError(f"{word}: below 1 the factorial points leave the ranges; {fewer}.")
+    return distance
+
+
+def _composite_points(factorial: Floats, alpha: float, centre: int, axial_repeats: int, blocks: int) -> DesignPoints:
+    """The points in the order factorial, centre, axial."""
+    k = factorial.shape[1]
+    axial = np.repeat(np.kron(np.eye(k), np.array([[-alpha], [alpha]])), axial_repeats, axis=0)
+    parts = {"factorial": factorial, "centre": np.zeros((centre, k)), "axial": axial}
+    kind = np.repeat(list(parts), [len(part) for part in parts.values()])
+    of_factorial, confounded = factorial_blocks(factorial, max(blocks - 1, 1))
+    of_centre = np.minimum(np.arange(centre) // max(centre // blocks, 1), blocks - 1)
+    block = np.concatenate([of_factorial, of_centre, np.full(len(axial), blocks - 1)])
+    return DesignPoints(np.vstack(list(parts.values())), kind, block.astype(np.intp), confounded)
+
+
+def _composite_notes(
+    points: DesignPoints, factorial: Floats, names: Sequence[str], alpha: float, half: bool
+) -> tuple[str, ...]:
+    out = [f"Axial points at {alpha:.4g} times the distance of the factorial points, at the ends of the ranges."]
+    if half:
+        rest = "·".join(names[:-1])
+        out.append(f"Half of the {2 ** len(names)} factorial points: {names[-1]} = {rest}.")
+    aliases = alias_sentences(points.coded, names)
+    if half:
+        alone = [words for words in alias_sentences(factorial, names) if words not in aliases]
+        out += [f"Of the factorial points alone: {words}" for words in alone]
+    return (*out, *aliases, *block_sentences(points, names))
+
+
+def block_sentences(points: DesignPoints, names: Sequence[str]) -> tuple[str, ...]:
+    """What the blocks of a design cost, and how far their differences are confounded with squares."""
+    number = np.unique(points.block)
+    if len(number) == 1:
+        return ()
+    sizes = ", ".join(str(int((points.block == b).sum())) for b in number)
+    out = [f"{len(number)} blocks of {sizes} edges: cut one block after the other, each under the same circumstances."]
+    if points.confounded:
+        lost = ", ".join("·".join(names[j] for j in word) for word in points.confounded)
+        out.append(f"A difference of blocks cannot be separated from {lost}.")
+    indicator = (points.block[:, None] == number[1:]).astype(float)
+    terms = np.column_stack([points.coded, np.square(points.coded)])
+    terms, indicator = terms - terms.mean(axis=0), indicator - indicator.mean(axis=0)
+    size = np.sqrt(np.square(terms).sum(axis=0))
+    q = np.linalg.qr(indicator)[0]
+    r = np.sqrt(np.square(q.T @ terms).sum(axis=0))[size > ORTHOGONAL] / size[size > ORTHOGONAL]
+    largest = float(r.max(initial=0.0))
+    out.append(
+        "Blocks are orthogonal to factors and squares."
+        if largest < ORTHOGONAL
+        else f"Blocks are not orthogonal to factors and squares (correlation up to {largest:.2f})."
+    )
+    return tuple(out)
 
 
 def _levels(position: Floats, low: float, high: float, digits: int | None) -> Floats:
@@ -156,11 +277,7 @@ def _check_ranges(ranges: Mapping[str, tuple[float, float]]) -> None:
             )
 
 
-def _check_counts(alpha: float, centre: int, axial_repeats: int, digits: int | None) -> None:
-    if not (np.isfinite(alpha) and alpha >= 1):
-        raise UsageError(
-            f"alpha {alpha:g}: below 1 the factorial points leave the ranges; give 1 or more (2 is usual)."
-        )
+def _check_counts(centre: int, axial_repeats: int, digits: int | None) -> None:
     if max(centre, axial_repeats) > MOST_EDGES:
         raise UsageError(
             f"{max(centre, axial_repeats)} edges at one point; at most {MOST_EDGES} are planned: give fewer."

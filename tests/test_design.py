@@ -1,5 +1,7 @@
 """Central composite designs: counts, range ends, geometric spacing, orthogonality, run order."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from fitmodels.core.errors import UsageError
@@ -85,6 +87,87 @@ def test_coded_columns_are_balanced_and_orthogonal(ranges, alpha, centre, axial_
     assert x.T @ x == pytest.approx(np.eye(k) * (2**k + 2 * axial_repeats * alpha**2), abs=1e-9)
 
 
+def second_order(x):
+    k = x.shape[1]
+    products = [x[:, i] * x[:, j] for i, j in combinations(range(k), 2)]
+    return np.column_stack([np.ones(len(x)), x, np.square(x), *products])
+
+
+@pytest.mark.parametrize("k", [2, 3, 4, 5])
+@pytest.mark.parametrize("options", [{}, {"axial_repeats": 1}, {"axial_repeats": 1, "half": True}])
+def test_a_rotatable_design_predicts_equally_well_in_all_directions(k, options):
+    if options.get("half") and k < 5:  # its second-order law cannot be fitted
+        return
+    named = {f"x{i}": (1.0, 10.0) for i in range(k)}
+    z = second_order(coded(central_composite(named, alpha="rotatable", seed=1, digits=None, **options)))
+    M = np.linalg.inv(z.T @ z)
+    sphere = np.random.default_rng(1).normal(size=(200, k))
+    sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
+    variance = np.einsum("ij,jk,ik->i", second_order(sphere), M, second_order(sphere))
+    assert np.ptp(variance) < 1e-9 * variance.mean()
+
+
+@pytest.mark.parametrize(
+    ("k", "alpha", "options", "distance"),
+    [
+        (3, "face-centred", {}, 1.0),
+        (3, "rotatable", {"axial_repeats": 1}, 1.682),  # Montgomery 2017, Design and Analysis, section 11.4
+        (4, "rotatable", {"axial_repeats": 1}, 2.0),
+        (5, "rotatable", {"axial_repeats": 1, "half": True}, 2.0),
+        (3, "orthogonal", {"axial_repeats": 1, "centre": 1}, 1.215),  # Box & Wilson 1951
+        (4, "orthogonal", {"axial_repeats": 1, "centre": 1}, 1.414),
+        (2, "orthogonal", {"axial_repeats": 1, "centre": 6, "blocks": 2}, 1.414),  # Box & Hunter 1957, table 3
+        (3, "orthogonal", {"axial_repeats": 1, "centre": 6, "blocks": 3}, 1.633),
+        (4, "orthogonal", {"axial_repeats": 1, "centre": 6, "blocks": 3}, 2.0),
+    ],
+)
+def test_named_distances_are_those_of_the_textbooks(k, alpha, options, distance):
+    named = {f"x{i}": (1.0, 10.0) for i in range(k)}
+    plan = central_composite(named, alpha=alpha, seed=1, digits=None, **options)
+    assert abs(coded(plan)).max() == pytest.approx(distance, abs=5e-4)
+    if alpha == "orthogonal" and "blocks" not in options:
+        squares = np.square(coded(plan))
+        assert np.corrcoef(squares.T) == pytest.approx(np.eye(k), abs=1e-9)
+
+
+@pytest.mark.parametrize(("k", "blocks"), [(2, 2), (3, 2), (3, 3), (4, 3), (4, 5), (5, 5)])
+def test_orthogonal_blocks_leave_every_coefficient_as_it_is(k, blocks):
+    named = {f"x{i}": (1.0, 10.0) for i in range(k)}
+    plan = central_composite(named, alpha="orthogonal", blocks=blocks, centre=2 * blocks, seed=1, digits=None)
+    z, shift = second_order(coded(plan)), np.array([0.0, 3.0, -2.0, 5.0, 1.0])[plan["block"] - 1]
+    y = np.random.default_rng(1).normal(size=len(z))
+    words = [words for words in plan.attrs["notes"] if "cannot be separated from" in words]
+    assert any("Blocks are orthogonal to factors and squares" in note for note in plan.attrs["notes"])
+    names = [*named, *(f"{a}²" for a in named), *(f"{a}·{b}" for a, b in combinations(named, 2))]
+    with_shift, without = (np.linalg.lstsq(z, values, rcond=None)[0][1:] for values in (y + shift, y))
+    lost = [name for name, a, b in zip(names, with_shift, without, strict=True) if abs(a - b) > 1e-9]
+    assert all(f" {name}," in words[0].replace(".", ",") for name in lost)
+    assert all("·" in name for name in lost)  # never a factor or a square
+
+
+def test_blocks_are_cut_one_after_the_other_each_with_a_centre():
+    plan = central_composite(TURNING, blocks=3, seed=4)
+    assert plan["block"].is_monotonic_increasing
+    assert set(plan.loc[plan["point"] == "centre", "block"]) == {1, 2, 3}
+    assert set(plan.loc[plan["point"] == "axial", "block"]) == {3}
+    with pytest.raises(UsageError, match="one edge at the centre of each"):
+        central_composite(TURNING, blocks=3, centre=2, seed=1)
+    with pytest.raises(UsageError, match="1, 2, 3 or 5"):
+        central_composite(TURNING, blocks=4, seed=1)
+
+
+def test_half_of_the_factorial_states_its_aliases():
+    three = central_composite(TURNING, half=True, seed=1)
+    assert (three["point"] == "factorial").sum() == 4
+    assert "V = f·d; f = V·d; d = V·f" in " ".join(three.attrs["notes"])
+    four = central_composite({**TURNING, "t": (4.0, 16.0)}, half=True, seed=1)
+    assert "Aliased, only the sum can be estimated: V·f = d·t; V·d = f·t; V·t = f·d." in four.attrs["notes"]
+    five = central_composite({**TURNING, "t": (4.0, 16.0), "D": (20.0, 80.0)}, half=True, seed=1, digits=None)
+    assert np.linalg.matrix_rank(second_order(coded(five))) == 21  # all of a second-order law
+    with pytest.raises(UsageError, match="half of a factorial of 2 factors"):
+        central_composite({"V": (1.0, 2.0), "f": (1.0, 2.0)}, half=True, seed=1)
+
+
 def test_rounding_to_four_digits_leaves_the_columns_nearly_orthogonal():
     x = coded(central_composite(TURNING, seed=1))
     correlation = np.corrcoef(x.T)
@@ -114,6 +197,8 @@ def test_bad_ranges_are_told_in_a_sentence(ranges, words):
     ("options", "word"),
     [
         ({"alpha": 0.9}, "alpha 0.9"),
+        ({"alpha": "round"}, "alpha 'round'"),
+        ({"alpha": "rotatable", "axial_repeats": 9}, "rotatable alpha is 0.971"),
         ({"centre": -1}, "centre -1"),
         ({"axial_repeats": 0}, "axial_repeats 0"),
         ({"digits": 0}, "digits 0"),

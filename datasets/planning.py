@@ -1,0 +1,385 @@
+"""Plans of tests for a machine: a design of any kind, test durations, settings of the process, and what it costs.
+
+A plan has a row for each reading, with empty columns for what will be measured: filled in, it is the data file.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import pi, prod
+from types import MappingProxyType
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..core.errors import UsageError
+from .design import (
+    RESERVED,
+    DesignPoints,
+    block_sentences,
+    central_composite,
+    planned_edges,
+    round_significant,
+)
+from .factorial_designs import ARRAYS, alias_sentences, array_columns, factorial_blocks, orthogonal_array, two_level
+from .vocabulary import ROLES
+
+Floats = NDArray[np.float64]
+Levels = tuple[float, float] | Sequence[float] | Sequence[str]
+
+DESIGNS = ("composite", "factorial", *ARRAYS)
+MOST_READINGS = 100
+STEEL = 2000.0  # N/mm2, an assumed specific cutting force, for the power of the heaviest edge
+DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """What is set in a process: factors that can be varied, of which the first are usual."""
+
+    usual: tuple[str, ...]
+    factors: tuple[str, ...]
+    constants: tuple[str, ...]
+
+
+PROCESSES: Mapping[str, Process] = MappingProxyType(
+    {
+        "turning": Process(("V", "f", "d"), ("V", "n", "f", "d", "t"), ("V", "n", "f", "d", "D")),
+        "milling": Process(
+            ("V", "fz", "d", "ae"),
+            ("V", "n", "fz", "fm", "d", "ae", "Dc", "D", "t"),
+            ("V", "n", "fz", "fm", "d", "ae", "Dc", "D", "z"),
+        ),
+        "drilling": Process(("V", "f"), ("V", "n", "f", "Dc", "D", "t"), ("V", "n", "f", "Dc", "D", "z")),
+    }
+)
+
+
+def plan_tests(
+    ranges: Mapping[str, Levels],
+    *,
+    design: str = "composite",
+    alpha: float | str = 2.0,
+    centre: int | None = None,
+    axial_repeats: int = 2,
+    half: bool = False,
+    repeats: int = 1,
+    blocks: int = 1,
+    duration: tuple[float, ...] | None = None,
+    readings: int = 1,
+    measure: Sequence[str] = (),
+    process: str | None = None,
+    constants: Mapping[str, float] | None = None,
+    seed: int = 1,
+) -> pd.DataFrame:
+    """Plan of tests in run order, a row for each reading of an edge.
+
+    Parameters
+    ----------
+    ranges : mapping of factor to (low, high), or to its levels
+        in the factor's unit; three numbers or more, and words, are levels of an orthogonal array
+    design : {"composite", "factorial", "L4", "L8", "L9", "L12", "L16", "L18", "L27"}
+        central composite; all combinations of two levels; or one of Taguchi's orthogonal arrays
+    alpha, axial_repeats, half, blocks
+        as for :func:`central_composite`; a factorial has 1, 2 or 4 blocks, an array as many as a free column has levels
+    centre : int, optional
+        edges at the centre; 4 unless given, none of an array
+    repeats : int
+        edges at each point of a factorial or an array
+    duration : (minutes,) or (shortest, longest), optional
+        time in cut of each edge; two numbers make it a factor of the design, t
+    readings : int
+        readings of an edge, at equal steps to the end of its duration; more than one needs a duration
+    measure : sequence of str
+        symbols of empty columns to fill in, such as VB and Fc
+    process : {"turning", "milling", "drilling"}, optional
+        checks the names of the factors, and adds the settings of the machine (n, fm) where they follow
+    constants : mapping, optional
+        what is the same in all tests: ``{"Dc": 20, "z": 4}``
+    seed : int
+        of the run order
+
+    Returns
+    -------
+    DataFrame: run, edge, block (if several), point, ``<factor>_coded``, the factors, the settings of the machine, t and
+    the empty columns. ``attrs``: units, and notes: sentences on aliases, blocks, repeats, time and power.
+
+    Raises
+    ------
+    UsageError
+        for anything that cannot be planned
+
+    Examples
+    --------
+    >>> plan = plan_tests({"V": (100, 200), "f": (0.1, 0.4)}, design="factorial", duration=(12,), readings=3)
+    >>> len(plan), plan["edge"].nunique(), sorted(plan["t"].unique().tolist())
+    (24, 8, [4.0, 8.0, 12.0])
+    """
+    known = PROCESSES.get(process) if process is not None else None
+    _check(ranges, design, process, constants or {}, duration, readings, measure)
+    varied = dict(ranges)
+    if duration is not None and len(duration) > 1:
+        varied["t"] = duration
+    if design == "composite":
+        ends = {name: _two_ends(name, levels) for name, levels in varied.items()}
+        _no_repeats(repeats)
+        plan = central_composite(
+            ends, alpha=alpha, centre=4 if centre is None else centre, axial_repeats=axial_repeats, half=half,
+            blocks=blocks, seed=seed, digits=DIGITS,
+        )  # fmt: skip
+    else:
+        if half and design != "factorial":
+            raise UsageError(f"design {design}: half is of a factorial or a composite design; leave it out.")
+        plan = (_factorial if design == "factorial" else _array)(varied, design, centre, half, repeats, blocks, seed)
+    notes = list(plan.attrs["notes"])
+    fixed = {} if constants is None else dict(constants)
+    plan = plan.assign(**{name: value for name, value in fixed.items() if name not in plan})
+    if known is not None or fixed:
+        plan = plan.assign(**_machine_settings(plan, process))
+    if duration is not None and len(duration) == 1:
+        plan["t"] = float(duration[0])
+    notes += _effort(plan, process)
+    plan = _with_readings(plan, readings).assign(**dict.fromkeys(measure, np.nan))
+    plan.attrs = {"notes": tuple(notes), "units": _units(plan)}
+    return plan
+
+
+def _factorial(
+    ranges: Mapping[str, Levels], _design: str, centre: int | None, half: bool, repeats: int, blocks: int, seed: int
+) -> pd.DataFrame:
+    """Edges of a two-level factorial with centre points."""
+    ends, names = {name: _two_ends(name, levels) for name, levels in ranges.items()}, list(ranges)
+    corners = two_level(len(ends), half=half)
+    number, confounded = factorial_blocks(corners, blocks)
+    middle = 4 if centre is None else centre
+    of_centre = np.arange(middle) * blocks // max(middle, 1)
+    coded = np.vstack([np.repeat(corners, repeats, axis=0), np.zeros((middle, len(ends)))])
+    kind = np.repeat(["factorial", "centre"], [len(corners) * repeats, middle])
+    points = DesignPoints(coded, kind, np.concatenate([np.repeat(number, repeats), of_centre]), confounded)
+    notes = [f"Half of the {2 ** len(ends)} points: {names[-1]} = {'·'.join(names[:-1])}."] if half else []
+    notes += [*alias_sentences(corners, names), *block_sentences(points, names), *_pure_error(repeats, middle)]
+    if middle:
+        notes.append("The centre edges show whether there is curvature, but not of which factor.")
+    return planned_edges(points, ends, span=1.0, seed=seed, digits=DIGITS, notes=notes)
+
+
+def _array(
+    ranges: Mapping[str, Levels], design: str, centre: int | None, half: bool, repeats: int, blocks: int, seed: int
+) -> pd.DataFrame:
+    """Edges of an orthogonal array; numbers of two ends get the geometric middle where the column has three levels."""
+    table = orthogonal_array(design)
+    most = int(table[:, -1].max()) + 1
+    given = {name: _levels_of(name, levels, most) for name, levels in ranges.items()}
+    columns, of_block = array_columns(design, [len(levels) for levels in given.values()], blocks)
+    chosen, names = np.repeat(table[:, columns], repeats, axis=0), list(given)
+    scores = np.column_stack([2.0 * chosen[:, j] / (len(levels) - 1) - 1 for j, levels in enumerate(given.values())])
+    middle = 0 if centre is None else centre
+    words = [name for name, levels in given.items() if isinstance(levels[0], str)]
+    if middle and words:
+        raise UsageError(
+            f"centre {middle}: {words[0]} has no middle between {' and '.join(map(str, given[words[0]]))}."
+        )
+    block = np.zeros(len(chosen), dtype=np.intp) if of_block is None else np.repeat(table[:, of_block], repeats)
+    kind = np.array([*(f"row {i // repeats + 1}" for i in range(len(chosen))), *["centre"] * middle])
+    block = np.concatenate([block, np.arange(middle) * blocks // max(middle, 1)])
+    coded = np.vstack([scores, np.zeros((middle, len(names)))])
+    points = DesignPoints(coded, kind, block.astype(np.intp), _confounded(scores, block[: len(scores)]))
+    where = ", ".join(f"{name} in column {c + 1}" for name, c in zip(names, columns, strict=True))
+    notes = [f"{design}: {where}{'' if of_block is None else f', blocks in column {of_block + 1}'}."]
+    notes += [*alias_sentences(scores, names), *block_sentences(points, names), *_pure_error(repeats, middle)]
+    ends = {name: (1.0, 2.0) if name in words else _numbers(levels) for name, levels in given.items()}
+    plan = planned_edges(points, ends, span=1.0, seed=seed, digits=None, notes=notes)
+    order = np.array([int(label[1:]) - 1 for label in plan["edge"]], dtype=np.intp)
+    for j, (name, levels) in enumerate(given.items()):
+        plan = _with_levels(plan, name, levels, chosen[:, j], order)
+    plan.attrs["notes"] = tuple(notes)
+    return plan
+
+
+def _confounded(scores: Floats, block: NDArray[np.intp]) -> tuple[tuple[int, ...], ...]:
+    """Products of two factors that equal a difference of blocks."""
+    pairs = list(combinations(range(scores.shape[1]), 2))
+    within = [scores[:, i] * scores[:, j] for i, j in pairs]
+    means = [np.bincount(block, x) / np.bincount(block) for x in within]
+    return tuple(p for p, x, m in zip(pairs, within, means, strict=True) if np.ptp(m) > 0 and np.allclose(x, m[block]))
+
+
+def _with_levels(
+    plan: pd.DataFrame,
+    name: str,
+    levels: Sequence[float] | Sequence[str],
+    at: NDArray[np.intp],
+    order: NDArray[np.intp],
+) -> pd.DataFrame:
+    """The plan with the levels of one factor; words have no coded column."""
+    if isinstance(levels[0], str):
+        taken = np.array(levels, dtype=object)[at[order]]
+        return plan.drop(columns=f"{name}_coded").assign(**{name: taken})
+    low, high = _numbers(levels)
+    values = np.append(np.array(levels, dtype=float), round_significant(np.sqrt(low * high), DIGITS))
+    here = values[np.where(order < len(at), at[np.minimum(order, len(at) - 1)], len(levels))]
+    coded = np.log(here * here / (low * high)) / np.log(high / low)
+    return plan.assign(**{name: here, f"{name}_coded": coded})
+
+
+def _numbers(levels: Sequence[float] | Sequence[str]) -> tuple[float, float]:
+    numbers = [float(x) for x in levels]
+    return min(numbers), max(numbers)
+
+
+def _levels_of(name: str, levels: Levels, most: int) -> Sequence[float] | Sequence[str]:
+    """Levels of a factor of an array: as given, or two ends and their geometric middle."""
+    if len(levels) == 2 and not isinstance(levels[0], str) and most == 3 and isinstance(levels, tuple):
+        low, high = _two_ends(name, levels)
+        return (low, float(round_significant(np.sqrt(low * high), DIGITS)), high)
+    if len(set(levels)) < len(levels) or len(levels) not in (2, 3):
+        raise UsageError(f"{name}: {', '.join(map(str, levels))}; an array takes two or three different levels.")
+    if not isinstance(levels[0], str) and not all(np.isfinite(float(x)) and float(x) > 0 for x in levels):
+        raise UsageError(f"{name}: {', '.join(map(str, levels))}; levels are numbers above zero, or words.")
+    return levels
+
+
+def _two_ends(name: str, levels: Levels) -> tuple[float, float]:
+    if len(levels) != 2 or isinstance(levels[0], str):
+        raise UsageError(
+            f"{name}: {', '.join(map(str, levels))}; this design takes low:high. Levels of your own need an array, "
+            "such as --design L9."
+        )
+    low, high = (float(x) for x in levels)
+    if not 0 < low < high < np.inf:
+        raise UsageError(
+            f"range of {name}: {low:g} to {high:g}; geometric spacing needs finite ends above 0, and the lower end "
+            "must be below the upper."
+        )
+    return low, high
+
+
+def _no_repeats(repeats: int) -> None:
+    if repeats != 1:
+        raise UsageError(f"repeats {repeats}: a composite design repeats its centre and axial points; set those.")
+
+
+def _pure_error(repeats: int, centre: int) -> tuple[str, ...]:
+    if repeats > 1 or centre > 1:
+        return ()
+    return ("No setting is cut twice: lack of fit cannot be tested. Repeat the design, or its centre.",)
+
+
+def _check(
+    ranges: Mapping[str, Levels], design: str, process: str | None, constants: Mapping[str, float],
+    duration: tuple[float, ...] | None, readings: int, measure: Sequence[str],
+) -> None:  # fmt: skip
+    if design not in DESIGNS:
+        raise UsageError(f"design {design!r}: it is one of {', '.join(DESIGNS)}.")
+    if process is not None:
+        _check_process(ranges, process, constants)
+    if not ranges:
+        raise UsageError('no range: name each factor with its range, such as {"V": (50, 200)}.')
+    twice = [name for name in (*constants, *measure) if name in ranges or name in RESERVED]
+    if twice:
+        raise UsageError(f"{twice[0]} is a factor or a column of the plan already; leave it out.")
+    if any(not (np.isfinite(value) and value > 0) for value in constants.values()):
+        name, value = next((n, v) for n, v in constants.items() if not (np.isfinite(v) and v > 0))
+        raise UsageError(f"{name} {value:g}: a constant of the process is above zero.")
+    if "t" in ranges:
+        raise UsageError("t is the time in cut: give its range as the duration.")
+    if duration is not None and not all(np.isfinite(x) and x > 0 for x in duration):
+        raise UsageError(f"duration {', '.join(f'{x:g}' for x in duration)}: minutes in cut are above zero.")
+    if not 1 <= readings <= MOST_READINGS:
+        raise UsageError(f"readings {readings}: give 1 to {MOST_READINGS} of an edge.")
+    if readings > 1 and duration is None:
+        raise UsageError(f"readings {readings}: several readings need the duration of an edge, such as 12 min.")
+
+
+def _check_process(ranges: Mapping[str, Levels], process: str, constants: Mapping[str, float]) -> None:
+    known = PROCESSES.get(process)
+    if known is None:
+        raise UsageError(f"process {process!r}: plans are made for {', '.join(PROCESSES)}.")
+    quantities = ", ".join(f"{name} ({ROLES[name].quantity}, {ROLES[name].unit})" for name in known.usual)
+    if not ranges:
+        example = " ".join(f"--range {name}=low:high" for name in known.usual)
+        raise UsageError(f"a plan of {process} varies {quantities}: give {example}.")
+    strange = [name for name in ranges if name in ROLES and ROLES[name].kind != "label" and name not in known.factors]
+    strange += [name for name in constants if name in ROLES and name not in known.constants]
+    if strange:
+        may = ", ".join(known.factors)
+        raise UsageError(
+            f"{strange[0]} ({ROLES[strange[0]].quantity}) is not set in {process}; its factors are {may}, its "
+            f"constants {', '.join(known.constants)}."
+        )
+
+
+def _machine_settings(plan: pd.DataFrame, process: str | None) -> dict[str, Floats]:
+    """Spindle speed and feed rate, where they follow from speed, diameter, feed and teeth; 4 digits."""
+    has = {name: plan[name].to_numpy(dtype=float) for name in ("V", "n", "f", "fz", "fm", "z") if name in plan}
+    diameter = next((plan[name].to_numpy(dtype=float) for name in ("Dc", "D") if name in plan), None)
+    out: dict[str, Floats] = {}
+    if "n" not in has and "V" in has and diameter is not None:
+        out["n"] = has["n"] = round_significant(1000 * has["V"] / (pi * diameter), DIGITS)
+    if "fm" not in has and "n" in has and process != "turning":
+        per_turn = has["fz"] * has["z"] if {"fz", "z"} <= set(has) else has.get("f")
+        if per_turn is not None:
+            out["fm"] = round_significant(per_turn * has["n"], DIGITS)
+    return out
+
+
+def _with_readings(plan: pd.DataFrame, readings: int) -> pd.DataFrame:
+    """A row for each reading, at equal steps of the duration."""
+    if readings == 1:
+        return plan
+    rows = plan.loc[plan.index.repeat(readings)].reset_index(drop=True)
+    share = np.tile(np.arange(1, readings + 1) / readings, len(plan))
+    rows["t"] = round_significant(rows["t"].to_numpy(dtype=float) * share, DIGITS)
+    return rows.drop(columns="t_coded", errors="ignore")
+
+
+def _effort(plan: pd.DataFrame, process: str | None) -> list[str]:
+    """Edges, minutes and chips of the plan, and the power at its heaviest edge."""
+    out = []
+    time = plan["t"].to_numpy(dtype=float) if "t" in plan else None
+    if time is not None:
+        each = f"{time.min():.3g}" if np.ptp(time) == 0 else f"{time.min():.3g} to {time.max():.3g}"
+        out.append(f"{len(plan)} edges, {time.sum():.4g} min in cut, {each} min each.")
+        if np.ptp(time) > 0:
+            out.append("Stop an edge that reaches the wear criterion before its time, and write the time reached.")
+    rate = removal_rate(plan, process)
+    if rate is None:
+        return out
+    if time is not None:
+        litres = float(rate @ time) / 1e6
+        out.append(f"Chips: {litres:.2g} dm3 ({7.85 * litres:.2g} kg if the work is steel).")
+    at = int(np.argmax(rate))
+    power = float(rate[at]) * STEEL / 6e7
+    out.append(
+        f"The heaviest edge, {plan['edge'].iloc[at]}, removes {rate[at] / 1000:.3g} cm3/min: about {power:.2g} kW, if "
+        f"the specific cutting force is {STEEL:g} N/mm2 (assumed). Check machine and tool there first."
+    )
+    return out
+
+
+def removal_rate(plan: pd.DataFrame, process: str | None) -> Floats | None:
+    """Material removal rate of each row, mm3/min; None where a setting is missing or the process is not known.
+
+    Examples
+    --------
+    >>> removal_rate(pd.DataFrame({"V": [150.0], "f": [0.3], "d": [2.5]}), "turning").tolist()
+    [112500.0]
+    """
+    diameter = "Dc" if "Dc" in plan else "D"
+    needed = {"turning": ("V", "f", "d"), "milling": ("d", "ae", "fm"), "drilling": ("V", "f", diameter)}
+    if process is None:
+        process = "turning" if {"V", "f", "d"} <= set(plan) and not {"fz", "fm", "ae"} & set(plan) else ""
+    names = needed.get(process, ())
+    if not names or not set(names) <= set(plan):
+        return None
+    rate = prod((plan[name].to_numpy(dtype=float) for name in names), start=np.ones(len(plan)))
+    return np.asarray({"turning": 1000.0, "milling": 1.0, "drilling": 250.0}[process] * rate, dtype=np.float64)
+
+
+def _units(plan: pd.DataFrame) -> dict[str, str]:
+    return {
+        name: ROLES[name].unit
+        for name in map(str, plan.columns)
+        if name in ROLES and ROLES[name].unit not in ("", "1") and ROLES[name].kind != "label"
+    }
