@@ -78,14 +78,29 @@ def inside(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -> N
     >>> inside(facts, [[0.5], [1.5]]).tolist()
     [True, False]
     """
+    return np.asarray((excess(facts, points, level) <= 0).all(axis=-1))
+
+
+def excess(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -> Array:
+    """Excess of points over each range, the largest radius and the largest leverages, shape (..., k + 1 + spaces).
+
+    A point is inside the region where none is above zero. Arguments as in :func:`leverages`.
+
+    Examples
+    --------
+    >>> space = {"columns": [0, 1], "matrix": [[0.5, 0.0], [0.0, 0.5]], "largest": [1.0]}
+    >>> facts = {"logs": False, "centre": [0], "half_range": [1], "largest_radius": 1, "levels": [], "spaces": [space]}
+    >>> (excess(facts, [[2.0]]) > 0).tolist()
+    [[True, True, True]]
+    """
     U = coded(facts, points)
     at = level_numbers(facts, level, U.shape[:-1])
-    largest = np.stack([np.asarray(space["largest"])[at] for space in facts["spaces"]], axis=-1)
-    return np.asarray(
-        (np.abs(U) <= 1 + ROUNDING).all(axis=-1)
-        & (np.square(U).sum(axis=-1) <= facts["largest_radius"] ** 2 * (1 + SLACK))
-        & (leverages(facts, points, level) <= largest * (1 + SLACK)).all(axis=-1)
-    )
+    radius = np.square(U).sum(axis=-1) - facts["largest_radius"] ** 2 * (1 + SLACK)
+    parts = [np.abs(U) - (1 + ROUNDING), radius[..., None]]
+    if facts["spaces"]:
+        largest = np.stack([np.asarray(space["largest"])[at] for space in facts["spaces"]], axis=-1)
+        parts.append(leverages(facts, points, level) - largest * (1 + SLACK))
+    return np.concatenate(parts, axis=-1)
 
 
 def level_numbers(facts: Facts, level: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.intp]:

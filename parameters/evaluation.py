@@ -89,6 +89,18 @@ def point_values(law: LawFields, level: str | None, given: Mapping[str, ArrayLik
         return as_given(law, response(law, terms(law, level, given) @ law.theta))
 
 
+def sampled_values(law: LawFields, level: str | None, given: Mapping[str, ArrayLike], theta: Array) -> Array:
+    """Values of the equation for S draws of its parameters, (S, p), at G points, shape (S, G).
+
+    Each factor is a number, one for each point, shape (G,), or one for each draw and point, shape (S, G). A value that
+    is not finite stays so.
+    """
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        Z = terms(law, level, given)
+        eta = theta @ Z.reshape(-1, Z.shape[-1]).T if Z.ndim < 3 else np.einsum("sgp,sp->sg", Z, theta)
+        return response(law, eta)
+
+
 def region_contains(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> NDArray[np.bool_]:
     """Whether each point lies in the tested region of the law."""
     values = checked_values(law, given)

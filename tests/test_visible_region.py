@@ -398,7 +398,7 @@ def test_spindle_and_feed_rate_limit_through_the_diameter():
         (lambda: visible_region(file(POWER), at={"V": 3.0}), UsageError, "V is not allowed here"),
         (lambda: visible_region(file(POWER), at={"ae": 3.0}), UsageError, "no law has a factor 'ae'"),
         (lambda: visible_region(file(POWER)).at(0.0, 0.3), UsageError, "V = 0"),
-        (lambda: visible_region(file(POWER)).least_wear(), UsageError, "no power law of wear"),
+        (lambda: visible_region(file(POWER)).least_wear(), UsageError, "no law of wear"),
         (lambda: visible_region(file(POWER, WEAR)).least_wear(1.0), UsageError, "loss = 1"),
         (lambda: best_point(file(POWER), draws={}), UsageError, "without a probability"),
         (lambda: best_point(file(POWER, limits=kW(5.0)), probability=0.9), UsageError, "no residual standard error"),

@@ -40,7 +40,7 @@ def default_setting(pf: "ParameterFile") -> DefaultSetting:
     """The paper's depth and time where tested, else the middle of the tested range; laws at their reference level."""
     assumed = ["The laws come from simulated tests."] if pf.identity.simulated else []
     chosen = {name: _middle(pf, name, usual, assumed) for name, usual in USUAL.items()}
-    laws = [law for law in pf.laws.values() if law.form == "power"]
+    laws = [law for law in pf.laws.values() if law.form == "power" or {"V", "f"} & {f.symbol for f in law.factors}]
     by = next((law.by for law in laws if law.by is not None), None)
     if by is not None:
         assumed.append(f"The laws are evaluated at {by.column} {by.reference}, their reference level.")
@@ -53,9 +53,7 @@ def default_setting(pf: "ParameterFile") -> DefaultSetting:
 
 
 def _middle(pf: "ParameterFile", name: str, usual: float, assumed: list[str]) -> float:
-    ranges = [
-        (f.low, f.high) for law in pf.laws.values() if law.form == "power" for f in law.factors if f.symbol == name
-    ]
+    ranges = [(f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol == name and f.low > 0]
     low, high = max((low for low, _ in ranges), default=0.0), min((high for _, high in ranges), default=usual)
     if low <= usual <= high or not 0 < low <= high:
         value, why = usual, "as in AC-2016"

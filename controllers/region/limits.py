@@ -1,10 +1,10 @@
-"""Limits of a parameter file, or of the caller, as half planes of ln V and ln f, and the laws that they need."""
+"""Limits of a parameter file, or of the caller, on V and f, and the laws that they need."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import log, pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import ValidationError
@@ -16,8 +16,9 @@ from ...parameters.gather.control import limits_section
 from ...parameters.messages import schema_message
 from ...parameters.sections.load_line import Bound, LimitsSection, Range
 from .half_planes import HalfPlane
-from .log_planes import USUAL, WEARS, CutSetting, LogPlane, plane, ratio, wear_law
+from .log_planes import USUAL, WEARS, CutSetting, ratio, wear_law
 from .operating_point import plain
+from .surfaces import RegionLimit, ResponseBound, surface_of
 
 if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
@@ -70,8 +71,8 @@ def merged(pf: "ParameterFile", given: LimitsSection | Mapping[str, Any] | None)
         raise UsageError(f"limits: {schema_message(error, data)}.") from None
 
 
-def limited(pf: "ParameterFile", limits: LimitsSection) -> dict[str, Bound]:
-    """Bound of each limited response.
+def limited(pf: "ParameterFile", limits: LimitsSection) -> tuple[ResponseBound, ...]:
+    """The bounds of the limited responses.
 
     Raises
     ------
@@ -79,12 +80,17 @@ def limited(pf: "ParameterFile", limits: LimitsSection) -> dict[str, Bound]:
         The file has no law of a limited response, or several candidates.
     """
     candidates = {"power": ("P",), "force": FORCES, "wear": WEARS}
-    found: dict[str, Bound] = {}
+    found: list[ResponseBound] = []
     for name, usual in candidates.items():
         bound: Bound | None = getattr(limits, name)
         if bound is not None:
-            found[_response(pf, name, bound, usual)] = bound
-    return found
+            found.append(ResponseBound(_response(pf, name, bound, usual), "most", bound.value, bound.unit))
+    for symbol, ends in limits.responses.items():
+        if symbol not in pf.laws:
+            raise UsageError(f"limits.responses: the file has no law of {symbol}; fit it, or leave this limit out.")
+        both: tuple[tuple[Literal["least", "most"], float | None], ...] = (("least", ends.low), ("most", ends.high))
+        found += [ResponseBound(symbol, side, value, ends.unit) for side, value in both if value is not None]
+    return tuple(found)
 
 
 def _response(pf: "ParameterFile", name: str, bound: Bound, usual: tuple[str, ...]) -> str:
@@ -98,17 +104,6 @@ def _response(pf: "ParameterFile", name: str, bound: Bound, usual: tuple[str, ..
             f"limits={{{name!r}: None}}."
         )
     return names[0]
-
-
-def half_planes(bounds: Mapping[str, Bound], planes: Mapping[str, LogPlane]) -> tuple[HalfPlane, ...]:
-    """Half plane of each limited response, labelled in the limit's own unit."""
-    out = []
-    for name, bound in bounds.items():
-        plane = planes[name]
-        allowed = log(bound.value * ratio(bound.unit, plane.unit))
-        a = (float(plane.slopes[0]), float(plane.slopes[1]))
-        out.append(HalfPlane(name, bound.unit, "most", bound.value, a, allowed - float(plane.intercept)))
-    return tuple(out)
 
 
 def box(pf: "ParameterFile", limits: LimitsSection) -> MachineRange:
@@ -177,13 +172,52 @@ def of_spindle(limits: LimitsSection, setting: CutSetting) -> tuple[tuple[HalfPl
     return tuple(out), ()
 
 
+def within_tests(machine: MachineRange, tested: Sequence[RegionLimit]) -> MachineRange:
+    """The machine's ranges within the tested ranges of laws that are no power laws, with a note on each.
+
+    Raises
+    ------
+    UsageError
+        A fixed factor, or the whole of the machine's range, lies outside the tests of such a law.
+    """
+    low, high, notes = machine.low.copy(), machine.high.copy(), list(machine.notes)
+    for limit in tested:
+        law = limit.surface.law
+        for i, (symbol, _, unit) in enumerate(RANGES):
+            factor = next((f for f in law.factors if f.symbol == symbol), None)
+            if factor is not None and factor.low > 0:
+                k = ratio(factor.unit, unit)
+                low[i], high[i] = max(low[i], log(factor.low * k)), min(high[i], log(factor.high * k))
+            if low[i] > high[i]:
+                raise UsageError(f"the machine's range of {symbol} lies outside the tests of {law.response}.")
+        _need_tested(limit)
+        form = law.form.replace("_", " ")
+        notes.append(f"The law of {law.response} is {form}, so the region is limited to where it was tested.")
+    return MachineRange(low, high, tuple(notes))
+
+
+def _need_tested(limit: RegionLimit) -> None:
+    """Refuse a fixed factor outside the tests of a law that states nothing there."""
+    law, known = limit.surface.law, limit.surface.setting.known
+    for factor in law.factors:
+        if factor.symbol in known and factor.symbol != getattr(limit.surface.wear, "response", None):
+            value, unit = known[factor.symbol]
+            value *= ratio(unit or factor.unit, factor.unit)
+            if not factor.low * (1 - 1e-9) <= value <= factor.high * (1 + 1e-9):
+                remedy = f"{factor.symbol}=" if factor.symbol in ("d", "t") else f"at={{{factor.symbol!r}: ...}}"
+                raise UsageError(
+                    f"{factor.symbol} {value:g} {factor.unit} lies outside {factor.low:g} to {factor.high:g}, the "
+                    f"tested range of the {law.form.replace('_', ' ')} law of {law.response}; give {remedy} within it."
+                )
+
+
 def required_wear_law(pf: "ParameterFile", setting: CutSetting, named: str | None) -> "LawSection | None":
     """The law of wear; None where the file has none or the setting gives the wear itself."""
     wear = wear_law(pf, named)
     if wear is not None and wear.response in setting.at and named is None:
         return None
     if wear is not None:
-        plane(wear, setting)  # raises here, naming the wear law
+        surface_of(wear, setting)  # raises here, naming the wear law
     return wear
 
 
@@ -193,7 +227,7 @@ def unlimited_responses(pf: "ParameterFile", setting: CutSetting, wear: "LawSect
     for name in ("P", *FORCES):
         if name in pf.laws:
             with suppress(UsageError):
-                plane(pf.laws[name], setting, wear)
+                surface_of(pf.laws[name], setting, None if wear is None else surface_of(wear, setting))
                 out.append(name)
     return tuple(out)
 

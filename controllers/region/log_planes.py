@@ -91,7 +91,7 @@ class LogPlane(Displayable):
 
 
 def plane(
-    law: "LawSection", setting: CutSetting, wear: "LawSection | None" = None, of: Array | None = None
+    law: "LawSection", setting: CutSetting, wear: "LawSection | LogPlane | None" = None, of: Array | None = None
 ) -> LogPlane:
     """A law in ln V and ln f, with the wear still a factor; ``of``: its parameters, (..., p), if not the file's.
 
@@ -102,7 +102,7 @@ def plane(
     """
     if law.form != "power":
         raise UsageError(f"the law of {law.response} is {law.form.replace('_', ' ')}: a region needs power laws.")
-    _need_speed_and_feed(law)
+    need_speed_and_feed(law)
     of = law.theta if of is None else of
     places = dict(zip(law.parameter_names, np.moveaxis(of, -1, 0), strict=True))
     none = np.zeros(of.shape[:-1])
@@ -116,7 +116,7 @@ def plane(
             out["wear"] = power
             constant = _ln_ratio(wear.unit, factor.unit)
         else:
-            constant = _ln_known(law, factor.symbol, factor.unit, setting)
+            constant = log(known_value(law, factor.symbol, factor.unit, setting))
         out["intercept"] = out["intercept"] + power * constant
     slopes = np.stack([out["V"], out["f"]], axis=-1)
     return LogPlane(
@@ -124,8 +124,8 @@ def plane(
     )  # fmt: skip
 
 
-def _need_speed_and_feed(law: "LawSection") -> None:
-    """Refuse a law whose speed or feed is another quantity than the V and f that span the plane."""
+def need_speed_and_feed(law: "LawSection") -> None:
+    """Raise UsageError for a law whose speed or feed is another quantity than the V and f that span the plane."""
     symbols = {factor.symbol for factor in law.factors}
     for factor in law.factors:
         moved, value = STAND_IN.get(factor.symbol, ("", ""))
@@ -149,19 +149,7 @@ def with_wear(plane: LogPlane, wear: LogPlane) -> LogPlane:
 def wear_law(pf: "ParameterFile", of: str | None = None) -> "LawSection | None":
     """The file's law of wear: the one named, or else of AW, or of VB."""
     names = WEARS if of is None else (of,)
-    return next((pf.laws[name] for name in names if name in pf.laws and pf.laws[name].form == "power"), None)
-
-
-def planes(
-    pf: "ParameterFile", responses: tuple[str, ...], setting: CutSetting, wear: "LawSection | None"
-) -> dict[str, LogPlane]:
-    """The requested responses, and the wear, as planes of V and f alone."""
-    own = {} if wear is None else {wear.response: plane(wear, setting)}
-    for name in responses:
-        if name not in own:
-            made = plane(pf.laws[name], setting, wear)
-            own[name] = made if wear is None else with_wear(made, own[wear.response])
-    return own
+    return next((pf.laws[name] for name in names if name in pf.laws), None)
 
 
 def ratio(of: str, to: str) -> float:
@@ -175,12 +163,13 @@ def _ln_ratio(of: str, to: str) -> float:
     return log(ratio(of, to))
 
 
-def _ln_known(law: "LawSection", symbol: str, unit: str, setting: CutSetting) -> float:
+def known_value(law: "LawSection", symbol: str, unit: str, setting: CutSetting) -> float:
+    """Value of a fixed factor in the unit of a law; UsageError where the setting has none."""
     if symbol not in setting.known:
         remedy = "give the file its law, or" if symbol in WEARS else "give"
         raise UsageError(f"the law of {law.response} needs {symbol} ({unit}); {remedy} at={{{symbol!r}: ...}}.")
     value, given = setting.known[symbol]
-    return log(value * ratio(given or unit, unit))
+    return value * ratio(given or unit, unit)
 
 
 def _shift(law: "LawSection", by: str | None, places: Mapping[str, Array]) -> Array | float:

@@ -8,8 +8,10 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.display import Displayable
-from .half_planes import SAME, TOUCH, HalfPlane
+from .curved import Limit, gradient
+from .half_planes import SAME, TOUCH
 from .log_planes import LogPlane
+from .surfaces import RegionLimit, Surface
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -113,23 +115,26 @@ class Corner(Displayable):
     limits: tuple[str, ...]
 
 
-def best_corner(polygon: Array, wear: LogPlane | None) -> int:
+def best_corner(polygon: Array, wear: Surface | None) -> int:
     """Index of the corner with the greatest MRR; of equals, the one of least wear, or else of least speed."""
     removed = polygon.sum(axis=1)
     alike = np.flatnonzero(removed >= removed.max() - TOUCH)
-    cost = polygon[alike] @ wear.slopes if wear is not None else polygon[alike, 0]
+    if wear is None:
+        cost = polygon[alike, 0]
+    else:
+        cost = polygon[alike] @ wear.slopes if isinstance(wear, LogPlane) else wear.value(polygon[alike])
     return int(alike[np.argmin(cost)])
 
 
-def start_at_best(polygon: Array, wear: LogPlane | None) -> Array:
+def start_at_best(polygon: Array, wear: Surface | None) -> Array:
     """Corners clockwise, rotated so that the best is the second."""
     if len(polygon) < 2:
         return polygon
     return np.roll(polygon, 1 - best_corner(polygon, wear), axis=0)
 
 
-def label_corners(polygon: Array, limits: tuple[HalfPlane, ...]) -> tuple[Corner, ...]:
-    """Corners of a polygon, A to Z, with all limits that meet in each."""
+def label_corners(polygon: Array, limits: tuple[Limit, ...]) -> tuple[Corner, ...]:
+    """Corners of a region, A to Z, with all limits that meet in each."""
     out = []
     for letter, x in zip(ascii_uppercase, polygon, strict=False):
         meet = tuple(each.name for each in limits if abs(float(each.beyond(x))) <= SAME)
@@ -137,13 +142,19 @@ def label_corners(polygon: Array, limits: tuple[HalfPlane, ...]) -> tuple[Corner
     return tuple(out)
 
 
-def sensitivities(x: Array, limits: tuple[HalfPlane, ...]) -> dict[str, float]:
-    """Gain in MRR, %, per 1 % of each limit active at a corner: the multipliers of the linear programme.
+def sensitivities(x: Array, limits: tuple[Limit, ...]) -> dict[str, float]:
+    """Gain in MRR, %, per 1 % of each limit active at the best pair: the multipliers of the programme.
 
-    Empty unless exactly two limits meet.
+    Empty unless exactly two limits meet, or one curve alone is active. The end of a tested region has no value to
+    raise, and none is given for it.
     """
     meet = [each for each in limits if abs(float(each.beyond(x))) <= SAME]
-    if len(meet) != 2:
+    slopes = np.array([gradient(each, x) for each in meet])
+    if len(meet) == 2:
+        multipliers = np.linalg.solve(slopes.T, np.ones(2))
+    elif len(meet) == 1:
+        multipliers = slopes.sum(axis=1) / np.square(slopes).sum(axis=1)
+    else:
         return {}
-    multipliers = np.linalg.solve(np.array([each.a for each in meet]).T, np.ones(2))
-    return {each.name: float(value) for each, value in zip(meet, multipliers, strict=True)}
+    shown = zip(meet, multipliers, strict=True)
+    return {each.name: float(value) for each, value in shown if not isinstance(each, RegionLimit)}

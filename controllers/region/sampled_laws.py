@@ -1,4 +1,4 @@
-"""Power laws sampled from their draws over ln V and ln f, with the deviation of a new edge for each draw.
+"""Laws sampled from their draws over ln V and ln f, with the deviation of a new edge for each draw.
 
 A row of a new edge deviates from the law with standard deviation ``sd / sqrt(1 - icc)``, between and within edges
 together. The deviation of its wear propagates into power and force. Assumed: given the data, the laws are independent,
@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
+from ...parameters.evaluation import sampled_values
 from ...parameters.sections.base import Covariance
 from .half_planes import Bools
-from .log_planes import CutSetting, LogPlane, plane, ratio, with_wear
+from .log_planes import LogPlane, plane, ratio, with_wear
+from .surfaces import LawSurface, RegionLimit
 
 if TYPE_CHECKING:
     from ...parameters import LawSection
@@ -52,6 +54,11 @@ class SampledLaw(Displayable):
     adds: bool
     words: str
 
+    @property
+    def takes_wear(self) -> bool:
+        """Whether the wear of its own law is a factor that is not substituted."""
+        return bool(self.plane.wear_power.any())
+
     def ln(self, x: Array, ln_wear: Array | None, rows: slice) -> Array:
         """Logarithm of the response of some draws at points (G, 2), shape (s, G)."""
         p = self.plane
@@ -64,15 +71,48 @@ class SampledLaw(Displayable):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class LimitSampling(Displayable):
-    """Laws by draws, and the logarithm of each limit in the unit of its law.
+class SampledSurface(Displayable):
+    """A law that is no plane in ln V and ln f by S draws: as `SampledLaw`, evaluated at every point.
 
-    ``wear`` is set where the wear must be evaluated at every point, because its errors are additive.
+    Attributes
+    ----------
+    surface : LawSurface
+    theta : ndarray, shape (S, p)
+    deviation, adds, words
+        As in `SampledLaw`.
     """
 
-    laws: Mapping[str, SampledLaw]
-    ln_limits: Mapping[str, float]
-    wear: SampledLaw | None
+    surface: LawSurface
+    theta: Array
+    deviation: Array
+    adds: bool
+    words: str
+
+    @property
+    def takes_wear(self) -> bool:
+        """Whether the wear of its own law is a factor."""
+        return self.surface.wear is not None
+
+    def ln(self, x: Array, ln_wear: Array | None, rows: slice) -> Array:
+        """Logarithm of the response of some draws at points (G, 2), shape (s, G)."""
+        given = self.surface.factors(x, None if ln_wear is None else np.exp(ln_wear))
+        values = sampled_values(self.surface.law, self.surface.by, given, self.theta[rows])
+        values = np.broadcast_to(values, (len(self.theta[rows]), len(x)))
+        off = self.deviation[rows, None]
+        return np.log(np.maximum(values + off if self.adds else values * np.exp(off), TINY))
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LimitSampling(Displayable):
+    """Laws by draws, and the limits on them: symbol, side and logarithm of the value in the unit of the law.
+
+    ``wear`` is set where the wear must be evaluated at every point, because its errors are additive or a law is no
+    power law.
+    """
+
+    laws: Mapping[str, SampledLaw | SampledSurface]
+    limits: tuple[tuple[str, str, float], ...]
+    wear: SampledLaw | SampledSurface | None
     count: int
 
     def keeps(self, x: Array) -> Array:
@@ -90,13 +130,16 @@ class LimitSampling(Displayable):
 
     def _over(self, x: Array, rows: slice) -> dict[str, Bools]:
         ln_wear = None if self.wear is None else self.wear.ln(x, None, rows)
-        return {
-            name: self.laws[name].ln(x, ln_wear if self.laws[name].plane.wear_power.any() else None, rows) > limit
-            for name, limit in self.ln_limits.items()
-        }
+        over: dict[str, Bools] = {}
+        for name, side, limit in self.limits:
+            ln = self.laws[name].ln(x, ln_wear if self.laws[name].takes_wear else None, rows)
+            beyond = ln > limit if side == "most" else ln < limit
+            over[name] = beyond | over[name] if name in over else beyond
+        return over
 
     def _blocks(self, points: int) -> list[slice]:
-        step = max(1, AT_ONCE // max(points, 1))
+        terms = max((law.theta.shape[1] for law in self.laws.values() if isinstance(law, SampledSurface)), default=1)
+        step = max(1, AT_ONCE // (terms * max(points, 1)))
         return [slice(start, min(start + step, self.count)) for start in range(0, self.count, step)]
 
 
@@ -111,34 +154,45 @@ def sampling(region: "VisibleRegion", draws: "Mapping[str, Draws]", kind: Kind, 
     count = min([most, *(len(draws[name].values) for name in region.laws if name in draws)])
     rng = np.random.default_rng(seed)
     wear_law = None if region.wear is None else region.laws[region.wear]
-    laws: dict[str, SampledLaw] = {}
+    laws: dict[str, SampledLaw | SampledSurface] = {}
     for name in sorted(region.laws):  # independent of the order in the file
         wear = None if name == region.wear else wear_law
-        laws[name] = _sampled(region.laws[name], region.setting, wear, draws.get(name), kind, count, rng)
+        laws[name] = _sampled(region, region.laws[name], wear, draws.get(name), kind, count, rng)
     wear_drawn = None if region.wear is None else laws[region.wear]
-    adds = wear_drawn is not None and wear_drawn.adds and wear_drawn.deviation.any()
-    if wear_drawn is not None and not adds:
-        off = replace(
-            wear_drawn.plane, intercept=wear_drawn.plane.intercept + (0 if wear_drawn.adds else wear_drawn.deviation)
-        )
-        laws = {
-            name: law if law is wear_drawn else replace(law, plane=with_wear(law.plane, off))
-            for name, law in laws.items()
-        }
-    limits = {each.symbol: each for each in region.limits if each.symbol in region.planes}
-    ln_limits = {name: log(each.value * ratio(each.unit, region.planes[name].unit)) for name, each in limits.items()}
-    return LimitSampling(laws, ln_limits, wear_drawn if adds else None, count)
+    everywhere = wear_drawn is not None and (
+        any(isinstance(law, SampledSurface) for law in laws.values())
+        or (wear_drawn.adds and wear_drawn.deviation.any())
+    )
+    if isinstance(wear_drawn, SampledLaw) and not everywhere:
+        laws = _substituted(laws, wear_drawn)
+    limits = tuple(
+        (each.symbol, each.side, log(each.value * ratio(each.unit, region.planes[each.symbol].unit)))
+        for each in region.limits
+        if not isinstance(each, RegionLimit) and each.symbol in region.planes
+    )
+    return LimitSampling(laws, limits, wear_drawn if everywhere else None, count)
+
+
+def _substituted(
+    laws: Mapping[str, SampledLaw | SampledSurface], wear: SampledLaw
+) -> dict[str, SampledLaw | SampledSurface]:
+    """Planes with the wear of each draw put in."""
+    off = replace(wear.plane, intercept=wear.plane.intercept + (0 if wear.adds else wear.deviation))
+    return {
+        name: replace(law, plane=with_wear(law.plane, off)) if isinstance(law, SampledLaw) and law is not wear else law
+        for name, law in laws.items()
+    }
 
 
 def _sampled(
+    region: "VisibleRegion",
     law: "LawSection",
-    setting: CutSetting,
     wear: "LawSection | None",
     draws: "Draws | None",
     kind: Kind,
     count: int,
     rng: np.random.Generator,
-) -> SampledLaw:
+) -> SampledLaw | SampledSurface:
     if draws is not None:
         of, sd, heavy = _from_draws(law, draws, rng.permutation(len(draws.values))[:count])
         words = f"{law.response} by {count} of {len(draws.values)} draws"
@@ -148,9 +202,15 @@ def _sampled(
     z = rng.standard_normal(count) * sd
     if heavy is not None:
         z *= np.sqrt(heavy / rng.chisquare(heavy))
-    return SampledLaw(
-        plane(law, setting, wear, of), z if kind == "prediction" else np.zeros(count), law.error == "additive", words
+    off, adds, surface = (
+        z if kind == "prediction" else np.zeros(count),
+        law.error == "additive",
+        region.planes[law.response],
     )
+    if law.form != "power":
+        assert isinstance(surface, LawSurface)  # noqa: S101  only power laws are planes
+        return SampledSurface(surface, of, off, adds, words)
+    return SampledLaw(plane(law, region.setting, wear, of), off, adds, words)
 
 
 def _from_draws(law: "LawSection", draws: "Draws", rows: NDArray[np.int64]) -> tuple[Array, Array, Array | None]:

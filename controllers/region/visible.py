@@ -1,7 +1,8 @@
-"""The visible region: all pairs of V and f within the limits of power, force, wear and machine, with exact corners.
+"""The visible region: all pairs of V and f within the limits of power, force, wear and machine, with its corners.
 
 Power laws are linear in ln V and ln f, so the region is a polygon there, and the pair with the greatest metal removal
-rate, ``ln MRR = ln(1000 d) + ln V + ln f``, is one of its corners: a linear programme in two unknowns.
+rate, ``ln MRR = ln(1000 d) + ln V + ln f``, is one of its corners: a linear programme in two unknowns. Within laws of
+other forms the sides are curves (`curved`).
 
 Source: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006, section III, whose corners are read off contour charts.
 """
@@ -15,20 +16,22 @@ import numpy as np
 from ...core.arrays import Array, is_positive
 from ...core.display import Plottable, as_columns
 from ...core.errors import DataError, UsageError
+from .curved import Limit, curved_conflict, grid, minimum, vertices, worst
 from .half_planes import SAME, TOUCH, HalfPlane, clip, conflict_sentence, intersect, rectangle
 from .limits import (
     MachineRange,
     box,
     check_fixed_factors,
-    half_planes,
     limited,
     merged,
     of_spindle,
     required_wear_law,
     unlimited_responses,
+    within_tests,
 )
-from .log_planes import CutSetting, LogPlane, outside_tested_ranges, planes, ratio, within_tested_ranges
+from .log_planes import CutSetting, LogPlane, outside_tested_ranges, ratio, within_tested_ranges
 from .operating_point import Corner, OperatingPoint, best_corner, label_corners, ln, plain, sensitivities, start_at_best
+from .surfaces import Surface, limits_on, surfaces, tested_limits
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -47,12 +50,12 @@ class VisibleRegion(Plottable):
     corners : tuple of Corner
         Clockwise on a chart of f over V; the corner of the greatest MRR is B, as in AC-2016. Empty where no pair
         is feasible.
-    limits : tuple of HalfPlane
+    limits : tuple of HalfPlane, CurvedLimit or RegionLimit
         Those of the responses and of the spindle, then the four sides of the machine's ranges.
-    planes : dict of LogPlane
+    planes : dict of LogPlane or LawSurface
         Limited responses, and the wear, over ln V and ln f.
     polygon : ndarray, shape (n, 2)
-        Corners as (ln V, ln f).
+        Corners as (ln V, ln f); within curves the best pair is among them, and the sides are no straight lines.
     box : MachineRange
         The machine's ranges.
     setting : CutSetting
@@ -72,8 +75,8 @@ class VisibleRegion(Plottable):
     """
 
     corners: tuple[Corner, ...]
-    limits: tuple[HalfPlane, ...]
-    planes: Mapping[str, LogPlane]
+    limits: tuple[Limit, ...]
+    planes: Mapping[str, Surface]
     polygon: Array
     box: MachineRange
     setting: CutSetting
@@ -89,7 +92,17 @@ class VisibleRegion(Plottable):
     @property
     def conflict(self) -> str:
         """The limits that exclude each other, and by how much; empty where the region is not."""
-        return conflict_sentence(self.limits[:-4], self.limits[-4:], self.planes) if self.empty else ""
+        if not self.empty:
+            return ""
+        planes = [each for each in self.limits if isinstance(each, HalfPlane)]
+        if len(planes) == len(self.limits):
+            return conflict_sentence(planes[:-4], planes[-4:], self.planes)
+        return curved_conflict(self.limits[:-4], self.box.low, self.box.high, self.planes)
+
+    @property
+    def curved(self) -> bool:
+        """Whether a limit is a curve in ln V and ln f, so that corners and best pair are found numerically."""
+        return not all(isinstance(each, HalfPlane) for each in self.limits)
 
     @property
     def best(self) -> OperatingPoint:
@@ -116,7 +129,7 @@ class VisibleRegion(Plottable):
         The derivative of eq. 6 of AC-2016, whose eq. 7 and 13 leave out h = 0.245.
         """
         law = None if self.wear is None else self.laws[self.wear]
-        if law is None or "t" not in law.coefficients:
+        if law is None or law.form != "power" or "t" not in law.coefficients:
             return None
         return law.coefficients["t"] / self.setting.t * ratio(law.unit, "um")
 
@@ -146,12 +159,19 @@ class VisibleRegion(Plottable):
             The region is empty.
         """
         if self.wear is None:
-            raise UsageError("the file has no power law of wear (AW or VB); fit one to compare wear and removal rate.")
+            raise UsageError("the file has no law of wear (AW or VB); fit one to compare wear and removal rate.")
         if not 0 <= loss < 1:
             raise UsageError(f"loss = {loss:g} of the greatest MRR: give a share from 0 to below 1, such as 0.05.")
         most = self.polygon[self._best()].sum() + np.log1p(-loss)
-        left = clip(self.polygon, HalfPlane("MRR", "mm3/min", "least", 0.0, (-1.0, -1.0), -float(most)))
-        worn = left @ self.planes[self.wear].slopes
+        enough = HalfPlane("MRR", "mm3/min", "least", 0.0, (-1.0, -1.0), -float(most))
+        wear = self.planes[self.wear]
+        if self.curved or not isinstance(wear, LogPlane):
+            limits, x = (*self.limits, enough), grid(self.box.low, self.box.high).reshape(-1, 2)
+            feasible = x[worst(limits, x) <= 0]
+            starts = [self.polygon[self._best()]]
+            return self._at(minimum(wear.value, limits, (self.box.low, self.box.high), starts, feasible))
+        left = clip(self.polygon, enough)
+        worn = left @ wear.slopes
         least = np.flatnonzero(worn <= worn.min() + TOUCH)
         return self._at(left[least[np.argmax(left[least].sum(axis=1))]])
 
@@ -199,7 +219,8 @@ def visible_region(
     Parameters
     ----------
     pf : ParameterFile
-        With power laws of the limited responses.
+        With laws of the limited responses. Where all are power laws the result is exact; other forms are evaluated
+        numerically, inside their tested regions alone.
     limits : Limits or mapping, optional
         In place of the file's limits of the same name; a bare number is in kW, N or mm, a pair in m/min or mm/rev;
         None drops one. Without ranges of speed and feed the tested ranges are used, with a note.
@@ -219,7 +240,7 @@ def visible_region(
     Raises
     ------
     UsageError
-        A limited response without a power law, an unknown factor, an invalid limit.
+        A limited response without a law, an unknown factor, an invalid limit.
 
     Examples
     --------
@@ -234,10 +255,16 @@ def visible_region(
     bounds, machine = limited(pf, asked), box(pf, asked)
     worn = None if asked.wear is None else asked.wear.of
     wear = required_wear_law(pf, setting, worn)
-    over = planes(pf, (*bounds, *unlimited_responses(pf, setting, wear)), setting, wear)
+    over = surfaces(pf, (*(b.symbol for b in bounds), *unlimited_responses(pf, setting, wear)), setting, wear)
     spindle, notes = of_spindle(asked, setting)
-    held = (*half_planes(bounds, over), *spindle)
-    polygon = intersect(held, rectangle(machine.low, machine.high))
+    tested = tested_limits(bounds, over)
+    machine = within_tests(machine, tested)
+    held = (*limits_on(bounds, over), *spindle, *tested)
+    straight = [each for each in held if isinstance(each, HalfPlane)]
+    if len(straight) == len(held):
+        polygon = intersect(straight, rectangle(machine.low, machine.high))
+    else:
+        polygon = vertices((*held, *machine.sides), machine.low, machine.high)
     symbol = None if wear is None else wear.response
     polygon = start_at_best(polygon, over.get(symbol or ""))
     laws = {name: pf.laws[name] for name in over}

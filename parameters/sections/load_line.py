@@ -209,6 +209,28 @@ class Range(Section):
         return self
 
 
+class ResponseLimit(Section):
+    """Smallest and largest value allowed of a response, at least one of them, with the unit.
+
+    Examples
+    --------
+    >>> ResponseLimit(high=3.2, unit="um").low is None
+    True
+    """
+
+    low: Positive | None = None
+    high: Positive | None = None
+    unit: Text
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        if self.low is None and self.high is None:
+            raise ValueError("the limit has neither a low nor a high end; give one")
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"the limit in {short(self.unit)} has low {self.low:g} above high {self.high:g}")
+        return self
+
+
 class LimitsSection(Section):
     """Limits that a controller or a choice of V and f keeps to; each may be left out.
 
@@ -216,6 +238,9 @@ class LimitsSection(Section):
     ----------
     power, force, wear : Bound or None
         Power of the spindle, force on tool or work, and the wear criterion at which an edge is worn out.
+    responses : dict of ResponseLimit
+        Limits of other responses by their symbols, such as ``Ra`` at most 3.2 um or ``T`` at least 15 min; files of
+        schema version 5 and earlier have none.
     feed, feed_rate, speed, spindle_speed : Range or None
         Ranges of the machine settings f, fm, V and n.
 
@@ -229,6 +254,7 @@ class LimitsSection(Section):
     power: Bound | None = None
     force: Bound | None = None
     wear: Bound | None = None
+    responses: dict[Text, ResponseLimit] = Field(default_factory=dict)
     feed: Range | None = None
     feed_rate: Range | None = None
     speed: Range | None = None

@@ -1,0 +1,220 @@
+"""Region and optimum within limits that are curves in ln V and ln f.
+
+Half planes give a polygon and its best corner exactly (`half_planes`). Where a limit is a curve, the corners are
+solved for from the crossings of two limits on a grid, and the best pair is searched with SLSQP from the best points of
+that grid and from the corners. What is found keeps every limit to a part in 10^9. A region narrower than a cell of the
+grid, 1/160 of the machine's ranges, is found by minimising its worst excess.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+
+import numpy as np
+
+from ...core.arrays import Array
+from .half_planes import SAME, HalfPlane
+from .surfaces import CurvedLimit, RegionLimit
+
+Limit = HalfPlane | CurvedLimit | RegionLimit
+Cost = Callable[[Array], Array]
+
+AXES = (("V", "m/min"), ("f", "mm/rev"))
+CELLS = 160  # along each axis
+STARTS = 6  # of the search, beside the corners
+ZOOMS, FINE = 14, 21  # rounds and points along each axis of a refined minimum
+STEP = 1e-6  # of a logarithm, central differences: good to 1e-10 of it
+APART = 1e-7  # of a logarithm: two vertices are one
+
+
+def worst(limits: Sequence[Limit], x: Array) -> Array:
+    """Excess over the limit that is exceeded most, (..., 2) -> (...,); negative where all are kept."""
+    return np.asarray(np.maximum.reduce([each.beyond(x) for each in limits]))
+
+
+def gradient(limit: Limit, x: Array) -> Array:
+    """Derivative of ``beyond`` by ln V and ln f at points (..., 2), in the same shape."""
+    if isinstance(limit, HalfPlane):
+        return np.broadcast_to(np.array(limit.a), x.shape)
+    steps = STEP * np.eye(2)
+    return np.stack([(limit.beyond(x + h) - limit.beyond(x - h)) / (2 * STEP) for h in steps], axis=-1)
+
+
+def grid(low: Array, high: Array, cells: int = CELLS) -> Array:
+    """Points over a box, shape (cells + 1, cells + 1, 2): rows along ln f, columns along ln V."""
+    axes = [np.linspace(low[i], high[i], cells + 1) for i in (0, 1)]
+    return np.stack(np.meshgrid(*axes), axis=-1)
+
+
+def vertices(limits: Sequence[Limit], low: Array, high: Array) -> Array:
+    """Corners and best pair of the region within limits, clockwise, shape (n, 2); empty where no pair is feasible."""
+    x = grid(low, high)
+    over = np.stack([each.beyond(x) for each in limits])
+    start = _least(lambda at: worst(limits, at), x, over.max(axis=0))
+    if float(worst(limits, start)) > SAME:
+        return np.zeros((0, 2))
+    corners = _corners(limits, x, over)
+    feasible = x[over.max(axis=0) <= 0]
+    best = minimum(lambda at: -at.sum(axis=-1), limits, (low, high), [*corners, start], feasible)
+    found = _distinct(np.array([*corners, best]).reshape(-1, 2))
+    return _clockwise(found if len(found) else start[None])
+
+
+def minimum(
+    cost: Cost, limits: Sequence[Limit], box: tuple[Array, Array], starts: Sequence[Array], feasible: Array
+) -> Array:
+    """The feasible point of least cost, shape (2,): the best of SLSQP from several starts.
+
+    Parameters
+    ----------
+    cost : callable
+        (..., 2) -> (...,).
+    limits : sequence of limits
+    box : two arrays, shape (2,)
+        Smallest and largest ln V and ln f.
+    starts : sequence of arrays, shape (2,)
+        Candidates themselves, where they keep the limits.
+    feasible : ndarray, shape (n, 2)
+        Points of a grid that keep the limits; the search begins at the best of them too.
+    """
+    inner = feasible[np.argsort(cost(feasible), kind="stable")[:: max(1, len(feasible) // 400)][:STARTS]]
+    found = [np.asarray(each) for each in (*starts, *inner)]
+    found += [each for at in tuple(found) if (each := _searched(cost, limits, box, at)) is not None]
+    points = np.array(found)
+    kept = points[worst(limits, points) <= SAME]
+    if not len(kept):
+        return points[int(np.argmin(worst(limits, points)))]
+    return np.asarray(kept[int(np.argmin(cost(kept)))])
+
+
+def _searched(cost: Cost, limits: Sequence[Limit], box: tuple[Array, Array], start: Array) -> Array | None:
+    """End of one search, moved inside by less than a part in 10^9 where rounding left it outside."""
+    from scipy.optimize import minimize
+
+    curves = [each for each in limits if not isinstance(each, HalfPlane)]
+    planes = [each for each in limits if isinstance(each, HalfPlane)]
+
+    def inside(x: Array) -> Array:
+        parts = [-each.parts(x).ravel() for each in curves]
+        return np.concatenate([*parts, [-float(each.beyond(x)) for each in planes]])
+
+    low, high = box
+    with np.errstate(all="ignore"):
+        found = minimize(
+            lambda x: float(cost(x)), np.clip(start, low, high), method="SLSQP",
+            bounds=[(float(low[i]), float(high[i])) for i in (0, 1)],
+            constraints=[{"type": "ineq", "fun": inside}], options={"ftol": 1e-14, "maxiter": 200},
+        )  # fmt: skip
+    end = np.clip(np.asarray(found.x, dtype=np.float64), low, high)
+    if not np.isfinite(end).all():
+        return None
+    for share in (0.0, *np.geomspace(1e-12, 1e-3, 19)):  # towards the start, which keeps the limits
+        at = end + share * (start - end)
+        if float(worst(limits, at)) <= SAME:
+            return at
+    return None
+
+
+def _least(of: Cost, x: Array, values: Array) -> Array:
+    """The point of least value: the best of a grid (rows, columns, 2), refined by grids around it."""
+    at = x[np.unravel_index(int(np.argmin(values)), values.shape)]
+    low, high = x[0, 0], x[-1, -1]
+    half = 2 * (high - low) / (x.shape[0] - 1)
+    for _ in range(ZOOMS):
+        near = grid(np.maximum(at - half, low), np.minimum(at + half, high), FINE - 1)
+        found = of(near)
+        at = near[np.unravel_index(int(np.argmin(found)), found.shape)]
+        half = half / 4
+    return np.asarray(at)
+
+
+def _corners(limits: Sequence[Limit], x: Array, over: Array) -> list[Array]:
+    """Feasible points where two limits meet, each solved for from the cells in which both change sign."""
+    changes = [_changes(each) for each in over]
+    found: list[Array] = []
+    for i, first in enumerate(limits):
+        for j in range(i + 1, len(limits)):
+            cells = np.argwhere(changes[i] & changes[j])
+            starts = x[cells[:, 0], cells[:, 1]] / 2 + x[cells[:, 0] + 1, cells[:, 1] + 1] / 2
+            found += _solved(first, limits[j], starts)
+    if not found:
+        return []
+    points = _distinct(np.array(found))
+    box = np.logical_and(points >= x[0, 0] - SAME, points <= x[-1, -1] + SAME).all(axis=1)
+    points = points[box]
+    return list(points[worst(limits, points) <= SAME]) if len(points) else []
+
+
+def _changes(over: Array) -> Array:
+    """Cells in which a limit changes sign, with their neighbours, shape (rows - 1, columns - 1)."""
+    corners = np.stack([over[:-1, :-1], over[1:, :-1], over[:-1, 1:], over[1:, 1:]])
+    found = (corners.min(axis=0) <= SAME) & (corners.max(axis=0) >= -SAME)
+    wide = np.pad(found, 1)
+    rows, columns = found.shape
+    return np.logical_or.reduce([wide[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
+
+
+def _solved(first: Limit, second: Limit, starts: Array) -> list[Array]:
+    """Common zeros of two limits by Newton's method from several starts; those that do not converge are left out."""
+    if not len(starts):
+        return []
+    x = starts.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(30):
+            value = np.stack([first.beyond(x), second.beyond(x)], axis=-1)
+            slopes = np.stack([gradient(first, x), gradient(second, x)], axis=-2)
+            determinant = np.linalg.det(slopes)
+            usable = np.abs(determinant) > 1e-12
+            move = np.zeros_like(x)
+            if usable.any():
+                move[usable] = np.linalg.solve(slopes[usable], value[usable][..., None])[..., 0]
+            x = x - np.clip(move, -0.5, 0.5)
+    value = np.stack([first.beyond(x), second.beyond(x)], axis=-1)
+    near = (np.abs(value).max(axis=-1) <= SAME / 2) & (np.abs(x - starts).max(axis=-1) < 0.5)
+    return list(_distinct(x[near])) if near.any() else []
+
+
+def _distinct(points: Array) -> Array:
+    """Points without repetitions, to a part in 10^7; the first of equals is kept."""
+    kept: list[Array] = []
+    for point in points:
+        if not any(float(np.abs(point - other).max()) <= APART for other in kept):
+            kept.append(point)
+    return np.array(kept).reshape(-1, 2)
+
+
+def _clockwise(points: Array) -> Array:
+    middle = points.mean(axis=0)
+    angle = np.arctan2(points[:, 1] - middle[1], points[:, 0] - middle[0])
+    return np.asarray(points[np.argsort(-angle, kind="stable")])
+
+
+def curved_conflict(limits: Sequence[Limit], low: Array, high: Array, responses: Collection[str]) -> str:
+    """Sentence on an empty region: limits that exclude each other, and the best value that the others allow.
+
+    ``limits`` are those of responses, spindle and tests; the machine's ranges are the box from ``low`` to ``high``.
+    """
+    x = grid(low, high)
+    among = list(limits)
+    for each in limits:
+        rest = [other for other in among if other is not each]
+        if rest and _excess(rest, x) > SAME:
+            among = rest
+    ends = ((name, unit, np.exp(low[i]), np.exp(high[i])) for i, (name, unit) in enumerate(AXES))
+    box = " and ".join(f"{name} {a:.4g} to {b:.4g} {unit}" for name, unit, a, b in ends)
+    names = [each.words for each in among]
+    head = f"no pair within {box} keeps {' and '.join(names)}"
+    for each in among:
+        if isinstance(each, RegionLimit) or each.symbol not in responses:
+            continue
+        others = [other for other in among if other is not each]
+        kept = x[worst(others, x) <= SAME] if others else x.reshape(-1, 2)
+        if len(kept):
+            sign = 1.0 if each.side == "most" else -1.0
+            best = float(np.exp(sign * each.beyond(kept).min())) * each.value
+            return f"{head}: {each.symbol} is {best:.4g} {each.unit} there at best."
+    return f"{head}."
+
+
+def _excess(limits: Sequence[Limit], x: Array) -> float:
+    """The least of the worst excess over a box, given as a grid: not above zero where a pair keeps all limits."""
+    at = _least(lambda near: worst(limits, near), x, worst(limits, x))
+    return float(worst(limits, at))

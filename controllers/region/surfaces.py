@@ -1,0 +1,255 @@
+"""Laws of any form over ln V and ln f, and the limits on them, which are curves there.
+
+Only a power law is a plane in ln V and ln f (`log_planes`). Every other form is evaluated from its section of the
+parameter file, with the wear put in from its own law, and is limited to the tested region of that law: a polynomial
+in particular states nothing beyond its tests.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import log
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...core.display import Displayable
+from ...core.errors import UsageError
+from ...datasets import region as tested_region
+from .half_planes import HalfPlane
+from .log_planes import USUAL, CutSetting, LogPlane, known_value, need_speed_and_feed, plane, ratio, with_wear
+
+if TYPE_CHECKING:
+    from ...parameters import LawSection, ParameterFile
+
+MARGIN = 1e-8  # coded: a point on this limit lies in the region after rounding too
+LEAST = 1e-12  # share of a limit that stands for a response at or below zero, which has no logarithm
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LawSurface(Displayable):
+    """A law of any form over ln V and ln f at a setting.
+
+    Attributes
+    ----------
+    law : LawSection
+    setting : CutSetting
+        Depth, time, level, further factors.
+    wear : LogPlane, LawSurface or None
+        The wear that the law takes from its own law; None where it has none or the setting gives it.
+    """
+
+    law: "LawSection"
+    setting: CutSetting
+    wear: "LogPlane | LawSurface | None" = None
+
+    @property
+    def response(self) -> str:
+        """Symbol of the response."""
+        return self.law.response
+
+    @property
+    def quantity(self) -> str:
+        """The response in words."""
+        return self.law.quantity
+
+    @property
+    def unit(self) -> str:
+        """Unit of the response."""
+        return self.law.unit
+
+    @property
+    def by(self) -> str | None:
+        """Level of the law, where it has levels.
+
+        Raises
+        ------
+        UsageError
+            The setting names none of them.
+        """
+        held = self.law.by
+        if held is None:
+            return None
+        known = (held.reference, *held.shifts)
+        if self.setting.by not in known:
+            raise UsageError(f"the law of {self.response} is by {held.column}: give by=, one of {', '.join(known)}.")
+        return self.setting.by
+
+    def factors(self, x: Array, wear: Array | None = None) -> dict[str, Array | float]:
+        """Values of the factors at points (..., 2), in the units of the law; ``wear`` in that of its own law."""
+        moved = {"V": np.exp(x[..., 0]), "f": np.exp(x[..., 1])}
+        out: dict[str, Array | float] = {}
+        for factor in self.law.factors:
+            if factor.symbol in moved:
+                out[factor.symbol] = moved[factor.symbol] * ratio(USUAL[factor.symbol], factor.unit)
+            elif self.wear is not None and factor.symbol == self.wear.response:
+                worn = self.wear.value(x) if wear is None else wear
+                out[factor.symbol] = worn * ratio(self.wear.unit, factor.unit)
+            else:
+                out[factor.symbol] = known_value(self.law, factor.symbol, factor.unit, self.setting)
+        return out
+
+    def value(self, x: Array) -> Array:
+        """The response at points (..., 2) of ln V and ln f, in its unit."""
+        found = self.law.predict(by=self.by, **self.factors(x))
+        return np.broadcast_to(np.asarray(found, dtype=np.float64), x.shape[:-1])
+
+
+Surface = LogPlane | LawSurface
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class CurvedLimit(Displayable):
+    """One limit on a law that is no plane in ln V and ln f.
+
+    Attributes
+    ----------
+    symbol, unit : str
+    side : {"most", "least"}
+    value : float
+        In ``unit``.
+    surface : LogPlane or LawSurface
+    allowed : float
+        The value in the unit of the surface.
+    """
+
+    symbol: str
+    unit: str
+    side: Literal["most", "least"]
+    value: float
+    surface: Surface
+    allowed: float
+
+    @property
+    def name(self) -> str:
+        """Short: ``P 7 kW``."""
+        return f"{self.symbol} {self.value:g} {self.unit}"
+
+    @property
+    def words(self) -> str:
+        """The limit as a phrase: ``P at most 7 kW``."""
+        return f"{self.symbol} at {self.side} {self.value:g} {self.unit}"
+
+    def beyond(self, x: Array) -> Array:
+        """Excess of points over the limit, in logarithms: (..., 2) -> (...,); negative is within."""
+        share = np.log(np.maximum(self.surface.value(x) / self.allowed, LEAST))
+        return np.asarray(share if self.side == "most" else -share)
+
+    def parts(self, x: Array) -> Array:
+        """`beyond` as smooth functions, shape (..., 1)."""
+        return self.beyond(x)[..., None]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class RegionLimit(Displayable):
+    """The tested region of a law: range, radius and leverage, as the parameter file holds them.
+
+    Attributes
+    ----------
+    surface : LawSurface
+    """
+
+    surface: LawSurface
+
+    @property
+    def symbol(self) -> str:
+        """No response: the limit is of the tests."""
+        return ""
+
+    @property
+    def name(self) -> str:
+        """Short: ``tested region of P``."""
+        return f"tested region of {self.surface.response}"
+
+    @property
+    def words(self) -> str:
+        """The limit as a phrase."""
+        return f"the tested region of {self.surface.response}"
+
+    def beyond(self, x: Array) -> Array:
+        """Excess of points over the region, coded: (..., 2) -> (...,); negative is within."""
+        return np.asarray(self.parts(x).max(axis=-1))
+
+    def parts(self, x: Array) -> Array:
+        """Excess over each range, the largest radius and the largest leverage, shape (..., parts)."""
+        law = self.surface.law
+        given = self.surface.factors(x)
+        points = np.stack(np.broadcast_arrays(*(given[f.symbol] for f in law.factors)), axis=-1)
+        points = np.broadcast_to(points, (*x.shape[:-1], points.shape[-1]))
+        if law.region is None:
+            low, high = (np.array([getattr(f, end) for f in law.factors]) for end in ("low", "high"))
+            half = np.where(high > low, (high - low) / 2, np.maximum(np.abs(high), 1e-300))
+            return np.asarray(np.abs(points - (low + high) / 2) / half - np.where(high > low, 1 - MARGIN, MARGIN))
+        return np.asarray(tested_region.excess(law.region.model_dump(), points, self.surface.by) + MARGIN)
+
+
+def surface_of(law: "LawSection", setting: CutSetting, wear: Surface | None = None) -> Surface:
+    """A law over ln V and ln f: a plane where it and its wear are power laws.
+
+    Raises
+    ------
+    UsageError
+        The law is on another speed or feed than V and f, or the value of a factor is unknown.
+    """
+    of_wear = wear is not None and wear.response not in setting.at and _has(law, wear.response)
+    if law.form == "power" and not (of_wear and isinstance(wear, LawSurface)):
+        if not of_wear or wear is None:
+            return plane(law, setting)
+        return with_wear(plane(law, setting, wear), wear)
+    need_speed_and_feed(law)
+    made = LawSurface(law, setting, wear if of_wear else None)
+    made.factors(np.zeros(2), np.ones(()))  # raises here where a factor is unknown
+    _ = made.by
+    return made
+
+
+def surfaces(
+    pf: "ParameterFile", responses: tuple[str, ...], setting: CutSetting, wear: "LawSection | None"
+) -> dict[str, Surface]:
+    """The requested responses, and the wear, over V and f alone."""
+    own = {} if wear is None else {wear.response: surface_of(wear, setting)}
+    worn = None if wear is None else own[wear.response]
+    for name in responses:
+        if name not in own:
+            own[name] = surface_of(pf.laws[name], setting, worn)
+    return own
+
+
+class ResponseBound(NamedTuple):
+    """The largest or smallest value allowed of a response, in a unit of its dimension."""
+
+    symbol: str
+    side: Literal["most", "least"]
+    value: float
+    unit: str
+
+
+def limits_on(bounds: Sequence[ResponseBound], over: Mapping[str, Surface]) -> tuple[HalfPlane | CurvedLimit, ...]:
+    """Limit of each response, labelled in its own unit: a half plane on a plane, else a curve."""
+    out: list[HalfPlane | CurvedLimit] = []
+    for name, side, value, unit in bounds:
+        surface = over[name]
+        allowed = value * ratio(unit, surface.unit)
+        if isinstance(surface, LawSurface):
+            out.append(CurvedLimit(name, unit, side, value, surface, allowed))
+            continue
+        sign = 1.0 if side == "most" else -1.0
+        a = (sign * float(surface.slopes[0]), sign * float(surface.slopes[1]))
+        out.append(HalfPlane(name, unit, side, value, a, sign * (log(allowed) - float(surface.intercept))))
+    return tuple(out)
+
+
+def tested_limits(bounds: Sequence[ResponseBound], over: Mapping[str, Surface]) -> tuple[RegionLimit, ...]:
+    """The tested region of each limited law, and of the wear in it, that is no power law."""
+    found: dict[str, RegionLimit] = {}
+    for bound in bounds:
+        surface: Surface | None = over[bound.symbol]
+        while isinstance(surface, LawSurface):
+            if surface.law.form != "power":
+                found.setdefault(surface.response, RegionLimit(surface))
+            surface = surface.wear
+    return tuple(found.values())
+
+
+def _has(law: "LawSection", symbol: str) -> bool:
+    return any(factor.symbol == symbol for factor in law.factors)
