@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ..parameters import ParameterFile
 
 RANGES = {"f": "feed", "fm": "feed_rate", "V": "speed", "n": "spindle_speed"}
+LOWER = ("T",)  # responses that are limited from below where one number is given
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 WRITTEN = "P=7kW, Fxz=1300N, AW=0.3mm, V=50:200m/min or f=0.06:0.6mm/rev"
 
@@ -23,8 +24,9 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels limits",
         "fitmodels limits params.json P=7kW Fxz=1300N AW=0.3mm V=50:200m/min f=0.06:0.6mm/rev",
-        "Write limits of machine, tool and work into a parameter file: upper limits of power, of a force, and of\n"
-        "wear; ranges of speed V, spindle speed n, feed f and feed rate fm, from low to high.\n"
+        "Write limits of machine, tool and work into a parameter file: upper limits of power, of a force, of wear and\n"
+        "of any other response with a law, Ra=3.2um; a lower one of tool life, T=15min; both ends as Ra=0.4:3.2um;\n"
+        "ranges of speed V, spindle speed n, feed f and feed rate fm, from low to high.\n"
         "`fitmodels replay` respects them. Limits that are not named stay as they are.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
@@ -42,18 +44,22 @@ def run(args: argparse.Namespace) -> int:
 
     pf = parameters.read(args.file)
     given = {symbol: _limit(symbol, text, pf) for symbol, text in pairs(args.limits, "limit", "P=7kW").items()}
+    others = {symbol: given.pop(symbol)[1] for symbol in tuple(given) if given[symbol][0] == "responses"}
     asked = dict(given.values())
     if len(asked) < len(given):
         raise UsageError(f"limits {', '.join(given)}: a file has one limit of each kind, and two are of the same kind.")
     held = {} if pf.limits is None else {k: v for k, v in pf.limits.model_dump().items() if v is not None}
+    stated = held.get("responses", {})
     twice = [name for name in asked if name in held and held[name] != asked[name]]
+    twice += [name for name in others if name in stated and stated[name] != others[name]]
     if twice and not args.force:
         raise UsageError(f"{args.file} has a limit of {', '.join(twice)}; replace it with --force.")
+    asked["responses"] = {**stated, **others}
     changed = sealed(pf, limits={**held, **asked}, provenance=traced(pf, args.words))
     parameters.write(changed, args.file, replaces=pf)
     section = changed.limits
     assert section is not None  # noqa: S101  just written
-    bounded = [limit["of"] for limit in asked.values() if limit.get("of")]
+    bounded = [*(limit["of"] for limit in asked.values() if limit.get("of")), *others]
     verdicts = cautions(pf, *bounded) if bounded else []
     if args.json:
         facts = {"file": Path(args.file).name, "limits": section.model_dump(), "verdicts": verdicts}
@@ -67,13 +73,14 @@ def _limit(symbol: str, text: str, pf: "ParameterFile") -> tuple[str, dict[str, 
     """Kind and section of one limit: a bound of a response, or a range of a setting of the machine."""
     from ..datasets.vocabulary import ROLES
 
-    kind = RANGES.get(symbol) or _bounded(symbol)
+    kind = RANGES.get(symbol) or _bounded(symbol) or ("responses" if symbol in pf.laws else None)
     if kind is None:
-        known = [*RANGES, *(s for s in ROLES if _bounded(s))]
+        known = [*RANGES, *(s for s in ROLES if _bounded(s)), *pf.laws]
         raise UsageError(f"limit {symbol}: there is no such limit. {did_you_mean(symbol, known, 0.6)}")
-    usual = ROLES[symbol].unit
+    usual = ROLES[symbol].unit if symbol in ROLES else pf.laws[symbol].unit
     found = re.fullmatch(rf"({NUMBER})(?::({NUMBER}))?\s*(\S.*)?", text)
-    if found is None or (found[2] is not None) != (symbol in RANGES):
+    shaped = found is not None and (kind == "responses" or (found[2] is not None) == (symbol in RANGES))
+    if found is None or not shaped:
         shape = "low:high with a unit, V=50:200m/min" if symbol in RANGES else "one number with a unit, P=7kW"
         raise UsageError(f"limit {symbol}={text}: give {shape}.")
     unit = _unit(symbol, found[3], usual)
@@ -82,13 +89,20 @@ def _limit(symbol: str, text: str, pf: "ParameterFile") -> tuple[str, dict[str, 
         if not 0 <= low < high:
             raise UsageError(f"limit {symbol}={text}: low must be below high, and neither below zero.")
         return kind, {"low": low, "high": high, "unit": unit}
-    value = float(found[1])
-    if not value > 0:
-        raise UsageError(f"limit {symbol}={text}: a limit is above zero.")
     if symbol not in pf.laws:
-        held = ", ".join(pf.laws) or "nothing"
-        raise UsageError(f"limit {symbol}: the file has laws of {held}, so the limit would have no effect.")
-    return kind, {"value": value, "unit": unit, "of": symbol}
+        laws = ", ".join(pf.laws) or "nothing"
+        raise UsageError(f"limit {symbol}: the file has laws of {laws}, so the limit would have no effect.")
+    ends = [float(found[1]), *([float(found[2])] if found[2] else [])]
+    if not all(value > 0 for value in ends):
+        raise UsageError(f"limit {symbol}={text}: a limit is above zero.")
+    if kind != "responses":
+        return kind, {"value": ends[0], "unit": unit, "of": symbol}
+    if len(ends) == 2:
+        if not ends[0] < ends[1]:
+            raise UsageError(f"limit {symbol}={text}: low must be below high.")
+        return kind, {"low": ends[0], "high": ends[1], "unit": unit}
+    lower = symbol in LOWER  # more of it is better
+    return kind, {"low": ends[0] if lower else None, "high": None if lower else ends[0], "unit": unit}
 
 
 def _bounded(symbol: str) -> str | None:
@@ -119,9 +133,18 @@ def _sentences(section: dict[str, Any]) -> list[str]:
         if limit is None:
             continue
         what = name.replace("_", " ")
-        if "value" in limit:
+        if name == "responses":
+            sentences += [_response_sentence(symbol, ends) for symbol, ends in limit.items()]
+        elif "value" in limit:
             of = f" {limit['of']}" if limit.get("of") else ""
             sentences.append(f"{what.capitalize()}{of} at most {limit['value']:g} {limit['unit']}.")
         else:
             sentences.append(f"{what.capitalize()} from {limit['low']:g} to {limit['high']:g} {limit['unit']}.")
     return sentences
+
+
+def _response_sentence(symbol: str, ends: dict[str, Any]) -> str:
+    low, high, unit = ends["low"], ends["high"], ends["unit"]
+    if low is None or high is None:
+        return f"{symbol} at {'most' if low is None else 'least'} {high if low is None else low:g} {unit}."
+    return f"{symbol} from {low:g} to {high:g} {unit}."

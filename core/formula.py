@@ -182,8 +182,20 @@ class Formula(Displayable):
         ones = np.ones((*U.shape[:-1], 1))
         if self.first_order:
             return np.concatenate([ones, U], axis=-1)
-        terms = [np.prod(U ** np.array(term.degrees), axis=-1) for term in self.terms]
+        places = [[j for j, d in enumerate(term.degrees) for _ in range(d)] for term in self.terms]
+        terms = [U[..., at[0]] if len(at) == 1 else U[..., at[0]] * U[..., at[1]] for at in places]
         return np.concatenate([ones, np.stack(terms, axis=-1)], axis=-1)
+
+    def apart(self, X: Array, values: Array, place: int) -> tuple[Array, Array]:
+        """One factor transformed, in the shape of its values, and the columns where it counts 1, for factors X (n, k).
+
+        A column is that of the other factors times the transformed one to its degree in the term.
+        """
+        log = self.logs[place]
+        g = self.centres[place] if self.centres else 1.0 if log else 0.0
+        others = X.copy()
+        others[:, place] = g * np.e if log else g + 1.0
+        return (np.log(values / g) if log else values - g), self.columns(others)
 
     def equation(self, coefficients: Sequence[str]) -> str:
         """Right-hand side of the equation with these coefficients, given as text."""

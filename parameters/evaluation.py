@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import ParameterError
+from ..core.formula import Formula
 from ..core.intervals import (
     KNOWN_LEVEL,
     Centre,
@@ -89,16 +90,53 @@ def point_values(law: LawFields, level: str | None, given: Mapping[str, ArrayLik
         return as_given(law, response(law, terms(law, level, given) @ law.theta))
 
 
-def sampled_values(law: LawFields, level: str | None, given: Mapping[str, ArrayLike], theta: Array) -> Array:
-    """Values of the equation for S draws of its parameters, (S, p), at G points, shape (S, G).
+@dataclass(frozen=True, slots=True)
+class Equation:
+    """The equation of a law at one of its levels, for very many evaluations: factors are not checked.
 
-    Each factor is a number, one for each point, shape (G,), or one for each draw and point, shape (S, G). A value that
-    is not finite stays so.
+    Attributes
+    ----------
+    formula : Formula
+    theta : ndarray, shape (p,)
+        As `LawFields.theta`.
+    shifts : ndarray, shape (number of shifts,)
+        1 at the level.
     """
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        Z = terms(law, level, given)
-        eta = theta @ Z.reshape(-1, Z.shape[-1]).T if Z.ndim < 3 else np.einsum("sgp,sp->sg", Z, theta)
-        return response(law, eta)
+
+    formula: Formula
+    theta: Array
+    shifts: Array
+
+    def values(self, X: Array) -> Array:
+        """The response at factors (..., k), in the order and units of the law; what is not finite stays so."""
+        with np.errstate(all="ignore"):
+            m = len(self.theta) - len(self.shifts)
+            eta = self.formula.columns(X) @ self.theta[:m] + float(self.theta[m:] @ self.shifts)
+            return np.exp(eta) if self.formula.logarithmic else np.asarray(eta)
+
+    def sampled(self, X: Array, theta: Array, drawn: Array | None = None, place: int = 0) -> Array:
+        """The response of S draws of the parameters, (S, p), at factors (G, k), shape (S, G).
+
+        ``drawn``, (S, G), are values of the factor number ``place`` that differ from draw to draw, as a wear does.
+        Columns are products of transformed factors, so that only the powers of this one are taken draw by draw.
+        """
+        m = len(self.theta) - len(self.shifts)
+        with np.errstate(all="ignore"):
+            eta = (theta[:, m:] @ self.shifts)[:, None]
+            if drawn is None:
+                eta = eta + theta[:, :m] @ self.formula.columns(X).T
+            else:
+                u, columns = self.formula.apart(X, drawn, place)
+                degrees = np.array([0, *(term.degrees[place] for term in self.formula.all_terms)])
+                for d in np.unique(degrees):
+                    eta = eta + theta[:, :m][:, degrees == d] @ columns[:, degrees == d].T * u**d
+            return np.exp(eta) if self.formula.logarithmic else np.asarray(eta)
+
+
+def equation_of(law: LawFields, level: str | None) -> Equation:
+    """The equation of a law at a level, which is needed where the law has levels."""
+    at = _level(law, level)
+    return Equation(law.formula, law.theta, np.array([float(name == at) for name in (law.by.shifts if law.by else ())]))
 
 
 def region_contains(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> NDArray[np.bool_]:

@@ -209,10 +209,11 @@ def _to_version_5(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _to_version_6(data: dict[str, Any]) -> dict[str, Any]:
-    """Data of version 5 with laws of first order, whatever fields of the new names held before."""
+    """Data of version 5 with laws of first order and limits of power, force and wear alone."""
+    limits = {"limits": {**data["limits"], "responses": {}}} if data.get("limits") else {}
     if "laws" not in data:
-        return data
-    return {**data, "laws": {name: _of_first_order(law) for name, law in data["laws"].items()}}
+        return {**data, **limits}
+    return {**data, **limits, "laws": {name: _of_first_order(law) for name, law in data["laws"].items()}}
 
 
 def _of_first_order(law: dict[str, Any]) -> dict[str, Any]:
@@ -229,7 +230,8 @@ def _of_first_order(law: dict[str, Any]) -> dict[str, Any]:
 # Version 5 added ``d`` and ``alternatives`` of dynamics: the noise denominator, other structures and their weights;
 # ``held_out_on`` and ``own_fit``: which samples and which model a fit is of; ``drive``; and settings of adaptive force
 # that are not stated.
-# Version 6 added ``terms``, ``centres`` and ``fixed`` of laws: second order, and exponents that were not estimated.
+# Version 6 added ``terms``, ``centres`` and ``fixed`` of laws: second order, and exponents that were not estimated;
+# and ``responses`` of limits.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,

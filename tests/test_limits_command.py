@@ -87,3 +87,25 @@ def test_the_file_remembers_which_commands_made_it(file):
         f"fitmodels limits {file} P=7kW",
         f"fitmodels limits {file} AW=0.3mm P=8kW --force",
     )
+
+
+def test_any_response_with_a_law_is_limited_and_life_from_below(file, capsys):
+    pf = parameters.read(file)
+    wear = pf.laws["AW"].model_dump()
+    others = {
+        symbol: {**wear, "response": symbol, "unit": unit, "edges": None}
+        for symbol, unit in (("Ra", "um"), ("T", "min"))
+    }
+    parameters.write(sealed(pf, laws={**pf.model_dump()["laws"], **others}), file, replaces=pf)
+    assert main(["limits", file, "Ra=3.2um", "T=15min"]) == 0
+    said = capsys.readouterr().out
+    assert "Ra at most 3.2 um." in said
+    assert "T at least 15 min." in said
+    assert main(["limits", file, "Ra=0.4:1.6um"]) == 2
+    assert "limit of Ra; replace it with --force" in capsys.readouterr().err
+    assert main(["limits", file, "Ra=0.4:1.6um", "P=7kW", "--force"]) == 0
+    found = parameters.read(file).limits
+    assert (found.responses["Ra"].low, found.responses["Ra"].high, found.responses["T"].low) == (0.4, 1.6, 15.0)
+    assert found.power.value == 7.0
+    assert main(["limits", file, "Ra=3.2mm/rev"]) == 2
+    assert main(["limits", file, "Rz=3.2"]) == 2

@@ -14,7 +14,9 @@ from fitmodels.cards.replays import region as replay_of_region
 from fitmodels.controllers.region.probability import best_point, feasibility
 from fitmodels.controllers.region.visible import visible_region, wear_front
 from fitmodels.core.errors import DataError, UsageError
+from fitmodels.datasets import central_composite, runs_from_frame
 from fitmodels.datasets.published_laws import PUBLISHED
+from fitmodels.fit.regression import fit_form
 from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.draws import Draws
 from fitmodels.parameters.published import published
@@ -559,7 +561,7 @@ def test_the_replay_tells_the_optimum_the_paper_s_points_and_the_risk(paper):
 
 
 def test_a_file_that_cannot_drive_the_system_is_told_why():
-    assert "no limit of power, force or wear" in replay_of_region.lacks(file(POWER))
+    assert "no limit of a response" in replay_of_region.lacks(file(POWER))
     zero = [*OF_WEAR["factors"][:3], {**OF_WEAR["factors"][3], "low": 0.0}]  # no middle in logarithms
     assert "needs AW" in replay_of_region.lacks(file({**OF_WEAR, "factors": zero}, limits=kW(5.0)))
     assert replay_of_region.lacks(published("AC-2017")) == ""
@@ -581,3 +583,99 @@ def test_the_room_is_imported_without_matplotlib_or_scipy():
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
     )
+
+
+# --- laws of other forms: curves in ln V and ln f
+
+CURVED = ["second_order", "second_order_original", "linear", "exponential", "power_exponential"]
+
+
+@pytest.fixture(scope="module")
+def tests_of_two_laws():
+    """A central composite design of 24 edges at 5 times: wear and power with known curvature."""
+    rng = np.random.default_rng(3)
+    plan = central_composite({"V": (60.0, 200.0), "f": (0.1, 0.5), "d": (1.0, 3.0)}, seed=3)
+    rows = plan.loc[plan.index.repeat(5), ["edge", "V", "f", "d"]].reset_index(drop=True)
+    t = np.tile([2.0, 4.0, 6.0, 8.0, 10.0], len(plan))
+    off = rng.normal(size=(2, len(plan))).repeat(5, axis=1)
+    u, v, w, s = np.log([rows["V"] / 110, rows["f"] / 0.22, rows["d"] / 1.7, t / 5])
+    AW = 0.15 * np.exp(0.6 * u + 0.2 * v + 0.25 * w + 0.3 * s + 0.15 * u * u + 0.04 * off[0])
+    e = rng.normal(size=(2, len(t)))
+    P = 3 * np.exp(0.9 * u + 0.65 * v + 0.85 * w + 0.8 * (AW - 0.15) + 0.02 * (off[1] + e[0]))
+    return runs_from_frame(rows.assign(t=t, AW=AW * np.exp(0.03 * e[1]), P=P), judge=False)
+
+
+def file_of(runs, **forms):
+    factors = {"AW": ["V", "f", "d", "t"], "P": ["V", "f", "d", "AW"]}
+    laws = [fit_form(runs, form, response, factors[response]) for response, form in forms.items()]
+    limits = {"power": 5.0, "wear": 0.3, "speed": (60.0, 200.0), "feed": (0.1, 0.5)}
+    return parameters.collect(tool="T", work="W", laws=laws, limits=limits)
+
+
+@pytest.mark.parametrize("form", CURVED)
+def test_the_best_pair_within_curves_is_feasible_and_no_grid_finds_a_better(form, tests_of_two_laws):
+    pf = file_of(tests_of_two_laws, AW=form, P=form)
+    region = visible_region(pf, d=1.7, t=5.0)
+    best, less = region.best, region.least_wear(0.05)
+    assert region.curved
+    assert best.tested
+    assert less.tested
+    assert (best.exceeds, less.exceeds) == ((), ())
+    V, f = fine_grid(region, 501)
+    MRR = np.where(region.contains(V, f), 1700 * V * f, 0.0)
+    assert best.MRR * (1 - 0.01) < MRR.max() <= best.MRR * (1 + ROUND)
+    wear = region.planes["AW"].value(np.log(np.stack([V, f], axis=-1)))
+    assert wear[0.95 * best.MRR <= MRR].min() >= less.values["AW"] * (1 - 1e-6)
+    for corner in region.corners:
+        values = region.at(corner.V, corner.f)
+        assert values.exceeds == ()
+        assert corner.limits == values.held_by
+    assert all("limited to where it was tested" in note for note in region.notes)
+
+
+def test_a_power_law_as_a_curve_has_the_region_of_its_half_planes(tests_of_two_laws):
+    """A second-order law without terms of second order is a power law: corners and best pair to 1e-8."""
+    pf = file_of(tests_of_two_laws, AW="power", P="power")
+    exact = visible_region(pf, d=1.7, t=5.0)
+    data = pf.model_dump()
+    for law in data["laws"].values():
+        centres = {factor["symbol"]: 1.0 for factor in law["factors"]}
+        wide = [{**factor, "low": factor["low"] / 3, "high": factor["high"] * 3} for factor in law["factors"]]
+        terms = [{"name": symbol, "powers": {symbol: 1}} for symbol in centres]
+        law |= {"form": "second_order", "terms": terms, "centres": centres, "region": None, "factors": wide}
+    found = visible_region(ParameterFile.model_validate({**data, "content_sha256": None}), d=1.7, t=5.0)
+    assert found.curved
+    np.testing.assert_allclose(found.best.xy, exact.best.xy, rtol=1e-8)
+    by_speed = [np.array(sorted((c.V, c.f) for c in region.corners)) for region in (found, exact)]
+    np.testing.assert_allclose(by_speed[0], by_speed[1], rtol=1e-8)
+    assert found.sensitivities == pytest.approx(exact.sensitivities, rel=1e-5)
+    for loss in (0.05, 0.3):
+        assert found.least_wear(loss).values["AW"] == pytest.approx(exact.least_wear(loss).values["AW"], rel=1e-7)
+    chances = [feasibility(each, d=1.7, t=5.0, grid=(9, 9), most=500).probability
+               for each in (pf, ParameterFile.model_validate({**data, "content_sha256": None}))]  # fmt: skip
+    np.testing.assert_allclose(chances[0], chances[1], atol=1e-9)
+
+
+def test_limits_of_further_responses_bound_from_above_and_below(tests_of_two_laws):
+    pf = file_of(tests_of_two_laws, AW="second_order", P="power")
+    limits = {"power": None, "wear": None, "responses": {"P": {"low": 2.0, "high": 5.0, "unit": "kW"}}}
+    region = visible_region(pf, limits=limits, d=1.7, t=5.0)
+    assert {limit.words for limit in region.limits[:2]} == {"P at least 2 kW", "P at most 5 kW"}
+    assert region.best.values["P"] == pytest.approx(5.0, rel=1e-8)
+    V, f = fine_grid(region, 101)
+    P = region.planes["P"].value(np.log(np.stack([V, f], axis=-1)))
+    assert ((P >= 2.0) & (P <= 5.0))[region.contains(V, f)].all()
+    chance = feasibility(pf, limits=limits, d=1.7, t=5.0, grid=(5, 5), most=200, kind="mean")
+    assert chance.at(*region.best.xy) == pytest.approx(0.5, abs=0.15)
+
+
+def test_limits_that_curves_exclude_are_named_with_the_best_value(tests_of_two_laws):
+    pf = file_of(tests_of_two_laws, AW="second_order", P="second_order")
+    region = visible_region(pf, limits={"power": 0.2}, d=1.7, t=5.0)
+    assert region.empty
+    assert "P at most 0.2 kW" in region.conflict
+    assert region.conflict.endswith("kW there at best.")
+    with pytest.raises(DataError, match="P at most"):
+        _ = region.best
+    with pytest.raises(UsageError, match=r"d 9 mm lies outside 1 to 3, the tested range of the second order law of"):
+        visible_region(pf, d=9.0, t=5.0)

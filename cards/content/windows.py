@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ...controllers.region.operating_point import OperatingPoint
     from ...controllers.region.visible import VisibleRegion
 
-ALONE = "The file has no power law in V and f of the limited quantities, so there is no operating window."
+ALONE = "The file has no law in V and f of the limited quantities, so there is no operating window."
 BOUNDS = {"power": "power", "force": "force", "wear": "wear"}
 RANGES = {"feed": "feed", "feed_rate": "feed rate", "speed": "cutting speed", "spindle_speed": "spindle speed"}
 TITLE = "Operating window"
@@ -73,6 +73,9 @@ def limits_window(limits: LimitsSection, *, alone: bool = False) -> WindowPart:
         bound: Bound | None = getattr(limits, name)
         if bound is not None:
             facts += fact(f"{words}{f' {bound.of}' if bound.of else ''}, at most", figure(bound.value, 6, bound.unit))
+    for symbol, ends in limits.responses.items():
+        facts += [] if ends.low is None else fact(f"{symbol}, at least", figure(ends.low, 6, ends.unit))
+        facts += [] if ends.high is None else fact(f"{symbol}, at most", figure(ends.high, 6, ends.unit))
     for name, words in RANGES.items():
         each: Range | None = getattr(limits, name)
         if each is not None:
@@ -287,10 +290,9 @@ def operation_window(pf: ParameterFile) -> WindowPart | None:
 
 def _can(pf: ParameterFile) -> bool:
     limits = pf.limits
-    if limits is None or not (limits.power or limits.force or limits.wear):
+    if limits is None or not (limits.power or limits.force or limits.wear or limits.responses):
         return False
-    powers = [law for law in pf.laws.values() if law.form == "power"]
-    return any({"V", "f"} <= {f.symbol for f in law.factors} for law in powers)
+    return any({"V", "f"} <= {f.symbol for f in law.factors} for law in pf.laws.values())
 
 
 def _middle(pf: ParameterFile, symbol: str) -> float | None:

@@ -26,8 +26,8 @@ WORDS = {"B": "greatest MRR", "H": "least wear rate", "(147, 0.54)": "least wear
 def lacks(pf: "ParameterFile") -> str:
     """Reason why a file cannot drive the system; empty where it can."""
     limits = pf.limits
-    if limits is None or (limits.power, limits.force, limits.wear) == (None, None, None):
-        return "The file has no limit of power, force or wear: add one, e.g. `fitmodels limits params.json P=7kW`."
+    if limits is None or not (limits.power or limits.force or limits.wear or limits.responses):
+        return "The file has no limit of a response: add one, e.g. `fitmodels limits params.json P=7kW`."
     try:
         default_setting(pf).region(pf)
     except UsageError as error:
@@ -78,7 +78,7 @@ def _optimum(region: VisibleRegion) -> list[str]:
 
 def _less(region: VisibleRegion) -> list[str]:
     if region.wear is None:
-        return ["The file has no power law of wear, so wear and MRR cannot be compared."]
+        return ["The file has no law of wear, so wear and MRR cannot be compared."]
     best, less = region.best, region.least_wear(LOSS)
     before, after, unit = best.values[region.wear], less.values[region.wear], best.units[region.wear]
     rate = ""

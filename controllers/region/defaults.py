@@ -55,7 +55,8 @@ def default_setting(pf: "ParameterFile") -> DefaultSetting:
 def _middle(pf: "ParameterFile", name: str, usual: float, assumed: list[str]) -> float:
     ranges = [(f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol == name and f.low > 0]
     low, high = max((low for low, _ in ranges), default=0.0), min((high for _, high in ranges), default=usual)
-    if low <= usual <= high or not 0 < low <= high:
+    straight = all(law.form == "power" for law in pf.laws.values())  # others are limited to their tests
+    if (straight and low <= usual <= high) or not 0 < low <= high:
         value, why = usual, "as in AC-2016"
     else:
         value, why = sqrt(low * high), "the middle of the tested range"

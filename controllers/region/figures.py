@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from ...core.arrays import Array
 from ...core.display import plot
 from ...core.plotting import BLUE, NotebookFigure, new_axes
-from .half_planes import HalfPlane
+from .curved import Limit, worst
 from .operating_point import OperatingPoint
 from .probability import Feasibility
 from .visible import VisibleRegion, WearFront
@@ -207,7 +207,12 @@ def _rate(region: VisibleRegion) -> Values:
 
 
 def _shade(region: VisibleRegion, ax: Axes) -> None:
-    if len(region.polygon) > 2:
+    if region.curved:
+        V, f, x = _plane(region)
+        over = worst(region.limits, x)
+        ax.contourf(V, f, over, [over.min() - 1.0, 0.0], colors=[BLUE], alpha=0.12)
+        ax.add_patch(Polygon(np.empty((0, 2)), facecolor=BLUE, alpha=0.12, edgecolor="0.2", lw=1.0, label="feasible"))
+    elif len(region.polygon) > 2:
         outline = np.exp(_sides(region.polygon))
         ax.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.12, edgecolor="0.2", lw=1.0, label="feasible"))
 
@@ -220,7 +225,7 @@ def _sides(polygon: Array) -> Array:
 
 
 def _limits(region: VisibleRegion, ax: Axes, V: Array, f: Array, x: Array) -> None:
-    shown: tuple[HalfPlane, ...] = region.limits[:-4]
+    shown: tuple[Limit, ...] = region.limits[:-4]
     for each, colour in zip(shown, COLOURS * len(shown), strict=False):
         over = each.beyond(x)
         note = " (not active here)" if over.max() <= 0 else " (exceeded everywhere)" if over.min() >= 0 else ""

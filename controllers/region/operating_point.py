@@ -149,6 +149,8 @@ def sensitivities(x: Array, limits: tuple[Limit, ...]) -> dict[str, float]:
     raise, and none is given for it.
     """
     meet = [each for each in limits if abs(float(each.beyond(x))) <= SAME]
+    ends = [each for each in meet if isinstance(each, RegionLimit)]  # laws of the same tests end together
+    meet = [each for each in meet if each not in ends[1:]]
     slopes = np.array([gradient(each, x) for each in meet])
     if len(meet) == 2:
         multipliers = np.linalg.solve(slopes.T, np.ones(2))

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from ...parameters.evaluation import sampled_values
 from ...parameters.sections.base import Covariance
 from .half_planes import Bools
 from .log_planes import LogPlane, plane, ratio, with_wear
@@ -95,9 +94,11 @@ class SampledSurface(Displayable):
 
     def ln(self, x: Array, ln_wear: Array | None, rows: slice) -> Array:
         """Logarithm of the response of some draws at points (G, 2), shape (s, G)."""
-        given = self.surface.factors(x, None if ln_wear is None else np.exp(ln_wear))
-        values = sampled_values(self.surface.law, self.surface.by, given, self.theta[rows])
-        values = np.broadcast_to(values, (len(self.theta[rows]), len(x)))
+        surface, place = self.surface, self.surface.wear_place
+        drawn = None
+        if surface.wear is not None and ln_wear is not None and place is not None:
+            drawn = np.exp(ln_wear) * ratio(surface.wear.unit, surface.law.factors[place].unit)
+        values = surface.equation.sampled(surface.points(x), self.theta[rows], drawn, place or 0)
         off = self.deviation[rows, None]
         return np.log(np.maximum(values + off if self.adds else values * np.exp(off), TINY))
 
@@ -138,8 +139,7 @@ class LimitSampling(Displayable):
         return over
 
     def _blocks(self, points: int) -> list[slice]:
-        terms = max((law.theta.shape[1] for law in self.laws.values() if isinstance(law, SampledSurface)), default=1)
-        step = max(1, AT_ONCE // (terms * max(points, 1)))
+        step = max(1, AT_ONCE // max(points, 1))
         return [slice(start, min(start + step, self.count)) for start in range(0, self.count, step)]
 
 

@@ -8,7 +8,7 @@ in particular states nothing beyond its tests.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import log
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -16,13 +16,17 @@ from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...datasets import region as tested_region
+from ...parameters.evaluation import Equation, equation_of
 from .half_planes import HalfPlane
 from .log_planes import USUAL, CutSetting, LogPlane, known_value, need_speed_and_feed, plane, ratio, with_wear
 
 if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
+    from ...parameters.sections.law_parts import Factor
 
 MARGIN = 1e-8  # coded: a point on this limit lies in the region after rounding too
+FAR = 1e6  # coded: stands for the excess of a point with a factor that has no logarithm
+USUAL_PAIR = ("V", "f")
 LEAST = 1e-12  # share of a limit that stands for a response at or below zero, which has no logarithm
 
 
@@ -35,12 +39,15 @@ class LawSurface(Displayable):
     law : LawSection
     setting : CutSetting
         Depth, time, level, further factors.
+    equation : Equation
+        Of the law at the level.
     wear : LogPlane, LawSurface or None
         The wear that the law takes from its own law; None where it has none or the setting gives it.
     """
 
     law: "LawSection"
     setting: CutSetting
+    equation: Equation
     wear: "LogPlane | LawSurface | None" = None
 
     @property
@@ -59,40 +66,26 @@ class LawSurface(Displayable):
         return self.law.unit
 
     @property
-    def by(self) -> str | None:
-        """Level of the law, where it has levels.
+    def wear_place(self) -> int | None:
+        """Number of the factor that is the wear of its own law; None without one."""
+        symbols = [factor.symbol for factor in self.law.factors]
+        return None if self.wear is None else symbols.index(self.wear.response)
 
-        Raises
-        ------
-        UsageError
-            The setting names none of them.
-        """
-        held = self.law.by
-        if held is None:
-            return None
-        known = (held.reference, *held.shifts)
-        if self.setting.by not in known:
-            raise UsageError(f"the law of {self.response} is by {held.column}: give by=, one of {', '.join(known)}.")
-        return self.setting.by
+    def points(self, x: Array) -> Array:
+        """Factors at points (..., 2) of ln V and ln f, shape (..., k), in the units of the law."""
+        columns = [np.broadcast_to(self._values(factor, x), x.shape[:-1]) for factor in self.law.factors]
+        return np.stack(columns, axis=-1)
 
-    def factors(self, x: Array, wear: Array | None = None) -> dict[str, Array | float]:
-        """Values of the factors at points (..., 2), in the units of the law; ``wear`` in that of its own law."""
-        moved = {"V": np.exp(x[..., 0]), "f": np.exp(x[..., 1])}
-        out: dict[str, Array | float] = {}
-        for factor in self.law.factors:
-            if factor.symbol in moved:
-                out[factor.symbol] = moved[factor.symbol] * ratio(USUAL[factor.symbol], factor.unit)
-            elif self.wear is not None and factor.symbol == self.wear.response:
-                worn = self.wear.value(x) if wear is None else wear
-                out[factor.symbol] = worn * ratio(self.wear.unit, factor.unit)
-            else:
-                out[factor.symbol] = known_value(self.law, factor.symbol, factor.unit, self.setting)
-        return out
+    def _values(self, factor: "Factor", x: Array) -> Array | float:
+        if factor.symbol in USUAL_PAIR:
+            return np.exp(x[..., USUAL_PAIR.index(factor.symbol)]) * ratio(USUAL[factor.symbol], factor.unit)
+        if self.wear is not None and factor.symbol == self.wear.response:
+            return self.wear.value(x) * ratio(self.wear.unit, factor.unit)
+        return known_value(self.law, factor.symbol, factor.unit, self.setting)
 
     def value(self, x: Array) -> Array:
-        """The response at points (..., 2) of ln V and ln f, in its unit."""
-        found = self.law.predict(by=self.by, **self.factors(x))
-        return np.broadcast_to(np.asarray(found, dtype=np.float64), x.shape[:-1])
+        """The response at points (..., 2) of ln V and ln f, in its unit; what is not finite stays so."""
+        return self.equation.values(self.points(x))
 
 
 Surface = LogPlane | LawSurface
@@ -132,8 +125,9 @@ class CurvedLimit(Displayable):
 
     def beyond(self, x: Array) -> Array:
         """Excess of points over the limit, in logarithms: (..., 2) -> (...,); negative is within."""
-        share = np.log(np.maximum(self.surface.value(x) / self.allowed, LEAST))
-        return np.asarray(share if self.side == "most" else -share)
+        share = self.surface.value(x) / self.allowed
+        ln = np.log(np.clip(share, LEAST, 1 / LEAST))
+        return np.asarray(np.where(np.isfinite(share), ln if self.side == "most" else -ln, FAR))
 
     def parts(self, x: Array) -> Array:
         """`beyond` as smooth functions, shape (..., 1)."""
@@ -147,9 +141,12 @@ class RegionLimit(Displayable):
     Attributes
     ----------
     surface : LawSurface
+    facts : mapping or None
+        The region of the file, None where it has only the ranges of the factors.
     """
 
     surface: LawSurface
+    facts: Mapping[str, Any] | None
 
     @property
     def symbol(self) -> str:
@@ -172,15 +169,14 @@ class RegionLimit(Displayable):
 
     def parts(self, x: Array) -> Array:
         """Excess over each range, the largest radius and the largest leverage, shape (..., parts)."""
-        law = self.surface.law
-        given = self.surface.factors(x)
-        points = np.stack(np.broadcast_arrays(*(given[f.symbol] for f in law.factors)), axis=-1)
-        points = np.broadcast_to(points, (*x.shape[:-1], points.shape[-1]))
-        if law.region is None:
-            low, high = (np.array([getattr(f, end) for f in law.factors]) for end in ("low", "high"))
-            half = np.where(high > low, (high - low) / 2, np.maximum(np.abs(high), 1e-300))
-            return np.asarray(np.abs(points - (low + high) / 2) / half - np.where(high > low, 1 - MARGIN, MARGIN))
-        return np.asarray(tested_region.excess(law.region.model_dump(), points, self.surface.by) + MARGIN)
+        law, points = self.surface.law, self.surface.points(x)
+        if self.facts is not None:
+            with np.errstate(all="ignore"):
+                over = tested_region.excess(self.facts, points, self.surface.setting.by)
+            return np.asarray(np.where(np.isfinite(over), over, FAR) + MARGIN)
+        low, high = (np.array([getattr(f, end) for f in law.factors]) for end in ("low", "high"))
+        half = np.where(high > low, (high - low) / 2, np.maximum(np.abs(high), 1e-300))
+        return np.asarray(np.abs(points - (low + high) / 2) / half - np.where(high > low, 1 - MARGIN, MARGIN))
 
 
 def surface_of(law: "LawSection", setting: CutSetting, wear: Surface | None = None) -> Surface:
@@ -197,9 +193,13 @@ def surface_of(law: "LawSection", setting: CutSetting, wear: Surface | None = No
             return plane(law, setting)
         return with_wear(plane(law, setting, wear), wear)
     need_speed_and_feed(law)
-    made = LawSurface(law, setting, wear if of_wear else None)
-    made.factors(np.zeros(2), np.ones(()))  # raises here where a factor is unknown
-    _ = made.by
+    held = law.by
+    if held is not None and setting.by not in (held.reference, *held.shifts):
+        levels = ", ".join((held.reference, *held.shifts))
+        raise UsageError(f"the law of {law.response} is by {held.column}: give by=, one of {levels}.")
+    by = None if held is None else setting.by
+    made = LawSurface(law, setting, equation_of(law, by), wear if of_wear else None)
+    made.points(np.zeros(2))  # raises here where a factor is unknown
     return made
 
 
@@ -246,7 +246,9 @@ def tested_limits(bounds: Sequence[ResponseBound], over: Mapping[str, Surface]) 
         surface: Surface | None = over[bound.symbol]
         while isinstance(surface, LawSurface):
             if surface.law.form != "power":
-                found.setdefault(surface.response, RegionLimit(surface))
+                region = surface.law.region
+                facts = None if region is None else region.model_dump()
+                found.setdefault(surface.response, RegionLimit(surface, facts))
             surface = surface.wear
     return tuple(found.values())
 

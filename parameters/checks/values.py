@@ -178,6 +178,9 @@ def _of_sections(pf: ParameterFile) -> Iterator[Stated]:
         for name, unit in KINDS.items():
             if (bound := getattr(pf.limits, name)) is not None:
                 yield Stated(f"limits.{name}", bound.unit, unit)
+        for symbol, ends in pf.limits.responses.items():
+            known = ROLES[symbol].unit if symbol in ROLES else getattr(pf.laws.get(symbol), "unit", None)
+            yield Stated(f"limits.responses.{short_name(symbol)}", ends.unit, known or None)
     for name, units in SECTION_UNITS.items():
         if (section := getattr(pf, name)) is not None:
             for field, (quantity, kind) in units.items():

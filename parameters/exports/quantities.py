@@ -1,7 +1,7 @@
 """All exported numbers of the file, each under a safe name, with unit and description."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ...core.formula import Term
@@ -180,6 +180,8 @@ def _of_section(prefix: str, section: Section) -> Found:
 
 
 def _items(key: str, value: object) -> Iterable[tuple[str, object]]:
+    if isinstance(value, Mapping):
+        return [(f"{key}_{name}", item) for name, item in value.items()]
     if isinstance(value, tuple):
         return [(f"{key}_{place}", item) for place, item in enumerate(value)]
     return [(key, value)]
