@@ -165,7 +165,6 @@ def fitted(table: pd.DataFrame) -> NDArray[np.bool_]:
 
 
 LEVEL = 0.95
-FORMS = {"power": "power", "load": "load_line", "exponential": "exponential"}
 
 
 def table_of_many(laws: "ManyLaws", unit: str, pairs: Ints, reasons: Mapping[int, str]) -> pd.DataFrame:
@@ -212,7 +211,7 @@ def row_of(law: "LawFit", asked: Asked) -> dict[str, Cell]:
     --------
     >>> from fitmodels import datasets, fit
     >>> runs = datasets.read_runs(datasets.bundled("clm2023_end_milling"))
-    >>> row = row_of(fit.load_law(runs), Asked("I", ("fm", "VB"), "load"))
+    >>> row = row_of(fit.load_law(runs), Asked("I", ("fm", "VB"), "load_line"))
     >>> row["response"], row["form"], row["nobs"]
     ('fm', 'feed_line', 7)
     """
@@ -229,7 +228,7 @@ def row_of(law: "LawFit", asked: Asked) -> dict[str, Cell]:
     }  # fmt: skip
     ends = law.conf_int(LEVEL)
     held = {name: getattr(law, name) for name in PARTS if name not in ends} | {name: ends[name] for name in ends}
-    names = law.names if asked.kind != "power" else ("c0", *asked.factors)
+    names = law.names if asked.form != "power" else ("c0", *asked.factors)
     for name in names:
         row |= {f"{part}_{name}": cell(held[part].get(name)) for part in PARTS}
     return row
@@ -244,10 +243,10 @@ def row_without(asked: Asked, unit: str, reason: str) -> dict[str, Cell]:
     True
     """
     row: dict[str, Cell] = {
-        "response": asked.response, "form": FORMS[asked.kind], "unit": unit, "reason": reason,
+        "response": asked.response, "form": asked.form, "unit": unit, "reason": reason,
         **dict.fromkeys(WHOLE), "nobs": 0, "by_edge": False, "dropped": 0, "left_out": "", "edge_reason": "",
     }  # fmt: skip
-    names = ("c0", *asked.factors) if asked.kind == "power" else ()
+    names = ("c0", *asked.factors) if asked.form == "power" else ()
     return row | {f"{part}_{name}": None for name in names for part in PARTS}
 
 

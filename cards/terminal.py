@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from ..ident.physical_models.step_response import StepFit
 
 NOTHING = (
-    "no law can be fitted to these columns. A wear law needs AW or VB and at least one of V, f, d, t, ae; a force or "
-    "power law also a force or P; a load line I, fm and VB; a roughness law Ra and F. Assign columns with --map, for "
-    'instance --map "VB=col7".'
+    "no law can be fitted to these columns. A law needs a response (wear AW or VB, tool life T, a force, P, M, I, Ra, "
+    "Rz or theta) and at least one condition that varies: V or n, f or fz or fm, d, ae, t. Assign columns with --map, "
+    'for instance --map "VB=col7".'
 )
 WRAPPED = {
     "coefficient": "",

@@ -39,6 +39,10 @@ def fitting_options(parser: Parser) -> None:
     """Add the options of fitting laws and drawing posteriors."""
     group = parser.add_argument_group("fitting")
     group.add_argument(
+        "--law", action="append", dest="laws", metavar='"Ra ~ V, f, d"',
+        help='law in place of the default one of this response; "Ra ~ + VB" and "Ra ~ - t" change its factors',
+    )  # fmt: skip
+    group.add_argument(
         "--error", choices=["multiplicative", "additive"], default="multiplicative",
         help="multiplicative error (log scale; default), or additive error (original scale)",
     )  # fmt: skip
@@ -77,8 +81,9 @@ def fit_options(args: argparse.Namespace, *more: str) -> "FitOptions":
     """Analysis options from the command line; ``more`` are options that not every command has."""
     from ..pipeline import FitOptions
 
+    laws = tuple(args.laws or ())
     names = ("error", "criterion", "gauge_sd", "seed", "draws", "priors", "student", *more)
-    return FitOptions(**read_keywords(args), **{name: getattr(args, name) for name in names})
+    return FitOptions(**read_keywords(args), laws=laws, **{name: getattr(args, name) for name in names})
 
 
 def read(file: str | Path, args: argparse.Namespace) -> "Runs":

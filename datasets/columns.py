@@ -13,8 +13,9 @@ from ..core.suggestions import closest, did_you_mean
 from .headers import parse_header
 from .tables import Column, is_number
 from .units import canonical, convert, same_dimension, suggest
-from .vocabulary import ROLES, Role, role_of, role_of_unit, role_within, suggest_role, understood_unit
+from .vocabulary import ROLES, Role, role_of, role_of_mean, role_of_unit, role_within, suggest_role, understood_unit
 
+LARGEST_RADIUS = 50.0  # mm, of a nose; um and in are below it too
 LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
 _BOUND = re.compile(r"\s*[<>≤≥]")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[.-][A-Za-zäé]{3,4}\.?(?:[.-]\d{2,4})?")  # 2024-02-01, 1-Feb, 01.Feb
@@ -146,28 +147,23 @@ def _claims(columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapp
 
 
 def _may_be(role: str, column: Column) -> bool:
-    """Whether the cells allow a role whose names have other meanings: z a coordinate, L or nose a remark."""
+    """Whether the cells allow a role whose names have other meanings: z a coordinate, Re a strength, nose a remark."""
     if role in ("VBC", "VBN"):
         return column.is_numeric or bool(column.bad)
-    if role not in ("z", "Dc", "lf", "lc"):
+    if role not in ("z", "Dc", "lf", "lc", "re", "theta"):
         return True
     if not column.is_numeric or column.bad:
         return False
     values = np.asarray(column.values, dtype=float)
+    if role == "re":
+        return not np.any((values <= 0) | (values > LARGEST_RADIUS))
     return role != "z" or not np.any((values < 1) | (values % 1 > 0))
 
 
 def _named_otherwise(claims: list[_Claim], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
-    """The claims, with free roles for headers that are a unit (SFM, IPR) or a name and a remark after a comma."""
+    """The claims, with free roles for headers that are a unit (SFM, IPR), a mean, or a name and a remark."""
     taken = {claim.role for claim in claims} | set(mapping)
-    found = []
-    for claim in claims:
-        role, text = None, claim.unit_text
-        if claim.role is None:
-            name, comma, _ = claim.name.partition(",")
-            role = role_of(name, canonical(text) if text else None) if comma else role_of_unit(claim.name)
-            text = text if comma else text or claim.name
-        found.append((role, text))
+    found = [_otherwise(claim) if claim.role is None else (None, claim.unit_text) for claim in claims]
     done = []
     for claim, (role, text) in zip(claims, found, strict=True):
         if role is not None and role not in taken and [one for one, _ in found].count(role) == 1:
@@ -175,6 +171,18 @@ def _named_otherwise(claims: list[_Claim], mapping: Mapping[str, str], units: Ma
         else:
             done.append(claim)
     return done
+
+
+def _otherwise(claim: _Claim) -> tuple[str | None, str]:
+    """Role and unit of a header that is no name: a mean of readings, a name before a comma, or a unit alone."""
+    text = claim.unit_text
+    unit = canonical(text) if text else None
+    if (role := role_of_mean(claim.name, unit)) is not None:
+        return role, text
+    name, comma, _ = claim.name.partition(",")
+    if comma:
+        return role_of(name, unit), text
+    return role_of_unit(claim.name), text or claim.name
 
 
 def check_edge_option(columns: tuple[Column, ...], name: str | None) -> None:

@@ -28,6 +28,7 @@ from .notes import pair_name as pair_name
 from .options import ReadOptions
 from .plausibility.judgement import check_signs, check_values, settle_units
 from .plausibility.quantities import table_process
+from .repeated_readings import with_means
 from .runs import UNNAMED, Runs, Source
 from .several_files import files_of_folder, joined_sheets, joined_tables
 from .shapes import long_table
@@ -217,10 +218,11 @@ def _assemble(
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
     check_edge_option(columns, options.edge)
+    columns, means = (columns, ()) if sample else with_means(columns, options.columns)
     columns, of_columns, clocks, of_times = clock_columns(columns, options)
     uses, data, assumed = assign(columns, options.columns, of_columns)
     units = {role: ROLES[role].unit for role in data if ROLES[role].unit}
-    taken = [*assumed_shape, *clocks, *assumed]
+    taken = [*assumed_shape, *means, *clocks, *assumed]
     draft = Draft(columns, uses, data, units, lines, notes, taken, list(warnings), [*doubts, *of_times])
     if not sample:
         fill_down(draft)

@@ -107,8 +107,13 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "1": ("1", "-", "", "dimensionless"),
     "deg": ("°", "deg", "degree", "degrees", "degré", "degrés", "grado", "grados"),
     "degC": ("degC", "°C", "deg C", "celsius"),
+    "degF": ("degF", "°F", "deg F", "fahrenheit"),
+    "K": ("K", "kelvin"),
 }
 """The canonical unit -> the spellings met in English, German, French and Spanish files."""
+
+ZERO_POINT: Mapping[str, float] = {"degC": 0.0, "degF": 32.0, "K": 273.15}
+"""Reading of each scale of temperature at 0 degC."""
 
 _DEFINITIONS = """
 mm = [length]             ; m = 1000 * mm        ; cm = 10 * mm      ; um = mm / 1000
@@ -120,6 +125,7 @@ Nm = N * m                ; Ncm = N * cm         ; Nmm = N * mm
 W = Nm / s                ; kW = 1000 * W        ; hp = 550 * ft * lbf / s ; PS = 75 * kgf * m / s
 A = [current]             ; mA = A / 1000        ; V = W / A         ; mV = V / 1000
 MPa = N / mm ** 2         ; bar = MPa / 10       ; degC = [temperature] ; deg = [angle]
+degF = 5 / 9 * degC       ; K = degC
 rev = [revolution]        ; tooth = [tooth]      ; sfm = ft / min
 Hz = 1 / s                ; kHz = 1000 / s       ; percent = 1 / 100
 HRC = [hardness_rockwell] ; HB = [hardness_brinell] ; HV = [hardness_vickers]
@@ -258,6 +264,8 @@ def convert(values: NDArray[np.float64], from_unit: str, to_unit: str) -> NDArra
             f"correct the unit in the header or map the column to another role."
         )
     factor = _factor(a, b)
+    if a in ZERO_POINT:
+        return np.asarray((values - ZERO_POINT[a]) * float(factor) + ZERO_POINT[b], dtype=np.float64)
     return np.asarray(values * float(factor.numerator) / float(factor.denominator), dtype=np.float64)
 
 

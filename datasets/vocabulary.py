@@ -22,6 +22,7 @@ __all__ = [
     "Role",
     "fits",
     "role_of",
+    "role_of_mean",
     "role_of_unit",
     "role_within",
     "roles_named",
@@ -87,10 +88,13 @@ _TABLE = (
           "Durchmesser, Werkstückdurchmesser", "diamètre, diamètre de la pièce",
           "diámetro, diámetro de la pieza"),
     _role("Dc", "tool diameter", "mm", "other",
-          "cutter diameter, mill diameter, end mill diameter, milling cutter diameter, drill diameter",
+          "cutter diameter, mill diameter, end mill diameter, milling cutter diameter, drill diameter, drill dia",
           "Werkzeugdurchmesser, Fräserdurchmesser, Bohrerdurchmesser",
           "diamètre de l'outil, diamètre de la fraise, diamètre de fraise, diamètre du foret",
           "diámetro de la herramienta, diámetro de la fresa, diámetro de fresa, diámetro de la broca"),
+    _role("re", "nose radius", "mm", "other",
+          "r_e, rε, r_eps, r_epsilon, r_n, tool nose radius, insert nose radius, corner radius, insert radius",
+          "Eckenradius, Spitzenradius", "rayon de bec, rayon de pointe", "radio de punta, radio de nariz"),
     _role("z", "number of teeth", "1", "other",
           "Z, zn, zc, teeth, flutes, no of teeth, number of flutes, no of flutes",
           "Zähnezahl, Schneidenzahl, Zähne, Anzahl Zähne, Anzahl der Zähne",
@@ -131,15 +135,20 @@ _TABLE = (
     _role("P", "power", "kW", "load", "Pc, cutting power, spindle power",
           "Leistung, Schnittleistung, Spindelleistung",
           "puissance, puissance de coupe", "potencia, potencia de corte"),
-    _role("M", "torque", "Nm", "load", "Mc, cutting torque, spindle torque", "Drehmoment, Schnittmoment",
+    _role("M", "torque", "Nm", "load", "Mc, Mz, cutting torque, spindle torque, drilling torque, moment",
+          "Drehmoment, Schnittmoment, Bohrmoment",
           "couple, couple de coupe", "par de torsión, par de corte"),
     _role("I", "spindle current", "A", "load", "current, motor current", "Strom, Spindelstrom, Motorstrom",
           "courant, courant de broche, intensité", "corriente, corriente del husillo"),
+    _role("theta", "temperature", "degC", "load",
+          "θ, temp, cutting temperature, tool temperature, interface temperature, tool chip interface temperature",
+          "Temperatur, Schnitttemperatur, Zerspantemperatur", "température, température de coupe",
+          "temperatura, temperatura de corte"),
     _role("MRR", "material removal rate", "mm3/min", "other", "Q, Qw, removal rate, metal removal rate",
           "Zeitspanvolumen, Zeitspanungsvolumen", "débit de copeaux",
           "caudal de viruta, tasa de remoción de material"),
     _role("Ra", "arithmetic mean roughness", "um", "surface",
-          "roughness, surface roughness, average roughness",
+          "roughness, surface roughness, average roughness, surface finish, roughness average",
           "Rauheit, Rauigkeit, Mittenrauwert", "rugosité", "rugosidad, rugosidad media"),
     _role("Rz", "maximum height of profile", "um", "surface", "roughness depth",
           "Rautiefe, gemittelte Rautiefe"),
@@ -172,7 +181,12 @@ _SHARED: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("wear", "Verschleiß", "usure", "desgaste"), ("AW", "VB")),
     **dict.fromkeys(("roughness", "Rauheit", "rugosité", "rugosidad"), ("Ra", "Rz")),
     "FZ": ("Fz", "fz"),
+    "T": ("T", "theta"),
 }
+# Letters that name a quantity only beside its unit: words of a part program, a radius.
+_WITH_UNIT: Mapping[str, tuple[str, ...]] = {"S": ("n",), "N": ("n",), "r": ("re",), "R": ("re",)}
+_MEAN = r"(?:mean|average|avg\.?|ave\.?|Mittelwert|Mittel|moyenne|moy\.?|media|promedio|prom\.?)"
+_OF_MEAN = re.compile(rf"{_MEAN}[\s_]+(?:of[\s_]+)?(?P<after>.+)|(?P<before>.+?)[\s_,-]+{_MEAN}", re.IGNORECASE)
 _CASED_PAIRS = ("fz", "Fz", "FZ")
 
 
@@ -243,25 +257,39 @@ def role_of(name: str, unit: str | None) -> str | None:
     """Symbol of the role denoted by a column's name (without its unit), None when it is unknown.
 
     The unit decides between the roles of one name. If it fits none of them, the first is returned, so that the
-    reader reports the unit, except where the letter denotes something else: V in volt, T in degC, z in mm, DC
+    reader reports the unit, except where the letter denotes something else: V in volt, t in degC, z in mm, DC
     in A, a label with a unit. None, "" or a spelling that is not listed is ignored.
 
     >>> role_of("Schnittgeschwindigkeit vc", "m/min"), role_of("feed", "mm/s"), role_of("V", "volt")
     ('V', 'fm', None)
-    >>> role_of("AW", "N")
-    'AW'
+    >>> role_of("AW", "N"), role_of("S", "rpm"), role_of("S", None), role_of("T", "°C")
+    ('AW', 'n', None, 'theta')
     """
-    found = roles_named(name)
-    if not (found and unit and is_unit(unit)):
+    known = unit is not None and is_unit(unit)
+    found = roles_named(name) or (_WITH_UNIT.get(name.strip(), ()) if known else ())
+    if not (found and unit and known):
         return found[0] if found else None
     fitting = [symbol for symbol in found if fits(symbol, unit)]
-    if fitting:
-        return fitting[0]
+    if fitting or name.strip() in _WITH_UNIT:
+        return fitting[0] if fitting else None
     electric = canonical(unit) in ("V", "mV", "A", "mA") and found[0] == "Dc"
     other_thing = (
-        electric or found[0] == "z" or (canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t"))
+        electric
+        or found[0] in ("z", "re", "theta")
+        or (canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t"))
     )
     return None if other_thing or not ROLES[found[0]].unit else found[0]
+
+
+def role_of_mean(name: str, unit: str | None) -> str | None:
+    """Symbol of the response whose mean a column is named as, None for other names.
+
+    >>> role_of_mean("Ra_mean", None), role_of_mean("average cutting force", "N"), role_of_mean("mean speed", None)
+    ('Ra', 'Fc', None)
+    """
+    match = _OF_MEAN.fullmatch(name.strip())
+    role = role_of(match["after"] or match["before"], unit) if match else None
+    return role if role is not None and ROLES[role].kind in ("wear", "load", "surface") else None
 
 
 # Units that name one quantity when they are the whole header, as US laboratories write them.

@@ -1,89 +1,49 @@
-"""Default laws of a file by its columns: the papers' wear, force, power, load and roughness laws."""
+"""Laws of a file by its columns: which responses are fitted, on which factors, and in which form.
 
-from collections.abc import Callable
+A response is fitted on the conditions of the cut (`law_conditions`) and, but for wear and tool life, on the wear.
+Forms that papers give: the load line of current on feed and wear (Tai, Tsai & Li 2023, doi
+10.1109/ACCESS.2023.3330587, eq. 14), and roughness as an exponential of the resultant force where only the feed was
+changed (eq. 5 of the constant-roughness paper).
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+
+import numpy as np
 
 from ..core.display import Displayable
 from ..core.errors import UsageError
 from ..datasets import Runs
+from ..datasets.options import Process
 from .available import computed
+from .law_requests import LawRequest, named_role, parse_laws, symbol_of
 from .lawfit import LawFit
 from .laws import Error
 from .regression import exponential_law, load_law, power_law
 
 CONDITIONS = ("V", "f", "d", "ae", "t")
-STAND_INS = {"V": ("n",), "f": ("fz", "fm")}  # in place of a condition that is neither measured nor computed
+SPEEDS, FEEDS, CLOCKS = ("V", "n"), ("f", "fz", "fm"), ("t", "lc", "lf")  # the first that a file has is taken
+WHERE_VARIED = ("z", "D", "Dc", "re")  # conditions of a law only where the file holds several values
+SETTINGS = (*SPEEDS, *FEEDS, "d", "ae", *CLOCKS, *WHERE_VARIED)
 WEAR = ("AW", "VB")
-LANDS = ("VBC", "VBN")  # nose and notch, where they are the only wear
-LOADS = ("Fxz", "Fx", "Fy", "Fz", "Fc", "Ff", "Fp", "F", "P")
+LANDS = ("VBC", "VBN")  # nose and notch
+LOADS = ("Fxz", "Fx", "Fy", "Fz", "Fc", "Ff", "Fp", "F", "P", "M")
+SURFACES = ("Ra", "Rz")
+RESPONSES = (*WEAR, *LANDS, "T", *LOADS, "I", *SURFACES, "theta")
+FEW = 5  # lines that are named
+
+Has = Callable[[str], bool]
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A law that columns ask for: its response, its factors, and which kind of law it is."""
+    """A law that columns or a user ask for: its response, its factors, its form, and the request."""
 
     response: str
     factors: tuple[str, ...]
-    kind: Literal["power", "load", "exponential"] = "power"
-
-
-def law_conditions(has: Callable[[str], bool]) -> tuple[str, ...]:
-    """Conditions that the laws of a file contain: V, f, d, ae and t.
-
-    Without V the spindle speed stands in its place, without f the feed per tooth or the feed rate.
-
-    A feed rate alone is no condition of a law: it is what a controller of the load moves.
-
-    >>> law_conditions({"n", "fz", "d", "t"}.__contains__)
-    ('n', 'fz', 'd', 't')
-    """
-    found = (next((name for name in (one, *STAND_INS.get(one, ())) if has(name)), None) for one in CONDITIONS)
-    conditions = tuple(name for name in found if name is not None)
-    return () if conditions == ("fm",) else conditions
-
-
-def asked_laws(has: Callable[[str], bool]) -> tuple[Asked, ...]:
-    """Every law of the papers that columns ask for, in the order of the output.
-
-    Wear on the conditions (`law_conditions`); each force and the power on these and wear; current on feed rate and
-    wear; roughness as an exponential of the resultant force.
-
-    Parameters
-    ----------
-    has : callable
-        Whether there is a column of this symbol.
-
-    Examples
-    --------
-    >>> [(law.response, *law.factors) for law in asked_laws({"V", "t", "VB", "P"}.__contains__)]
-    [('VB', 'V', 't'), ('P', 'V', 't', 'VB')]
-    """
-    conditions = law_conditions(has)
-    wear = tuple(name for name in WEAR if has(name)) or tuple(name for name in LANDS if has(name))
-    asked = [Asked(name, conditions) for name in wear if conditions]
-    asked += [Asked(name, conditions + wear[:1]) for name in LOADS if has(name) and (conditions or wear)]
-    if has("I") and has("fm") and wear:
-        asked.append(Asked("I", ("fm", wear[-1]), "load"))
-    if has("Ra") and has("F"):
-        asked.append(Asked("Ra", ("F",), "exponential"))
-    return tuple(asked)
-
-
-def fit_asked(runs: Runs, asked: Asked, *, error: Error = "multiplicative", by: str | None = None) -> LawFit:
-    """Fit a law that was asked for.
-
-    Raises
-    ------
-    FitError
-        These rows do not allow it.
-    """
-    if asked.kind == "load":
-        return load_law(runs, wear=asked.factors[-1])
-    if asked.kind == "exponential":
-        return exponential_law(runs, asked.response, asked.factors[0], error=error, by=by)
-    return power_law(runs, asked.response, asked.factors, error=error, by=by)
+    form: str = "power"
+    request: str = ""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -94,24 +54,270 @@ class Refused(Displayable):
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Held:
+    """The columns of a file: which are there, which of them vary, and the process.
+
+    Without ``varies`` every column counts as varying but those of `WHERE_VARIED`.
+    """
+
+    has: Has
+    varies: Has
+    process: Process | None = None
+
+    @classmethod
+    def of(cls, has: Has, varies: Has | None = None, process: Process | None = None) -> "Held":
+        """What is held, where only names are known."""
+        return cls(has, varies or (lambda name: has(name) and name not in WHERE_VARIED), process)
+
+    @classmethod
+    def of_runs(cls, runs: Runs) -> "Held":
+        """What runs hold: columns with a value, of roles and others, and those with several values."""
+        known = {str(name): runs.data[name].dropna() for name in runs.data}
+        held = frozenset(name for name, values in known.items() if len(values))
+        varying = frozenset(name for name in held if _several(known[name].to_numpy()))
+        return cls(held.__contains__, varying.__contains__, runs.process)
+
+    def first(self, names: Sequence[str]) -> str | None:
+        """The first of these names that is there and varies, or else the first that is there."""
+        there = [name for name in names if self.has(name)]
+        return next(filter(self.varies, there), there[0] if there else None)
+
+    @property
+    def rotating(self) -> bool:
+        """Whether the tool rotates: milling, drilling, or columns of these."""
+        if self.process is not None:
+            return self.process in ("milling", "drilling")
+        return self.has("Dc") or any(map(self.has, ("fz", "ae", "z"))) or not self.has("d")
+
+
+def _several(values: "np.ndarray[tuple[int], np.dtype[np.generic]]") -> bool:
+    return bool((values != values[0]).any())
+
+
+def law_conditions(has: Has, varies: Has | None = None, process: Process | None = None) -> tuple[str, ...]:
+    """Conditions that the laws of a file contain, in the order in which dependent ones are left out.
+
+    They are V (without it the spindle speed n); f (without it, or where it is constant, the feed per tooth fz or the
+    feed rate fm); d; ae; the time in cut t (without it the cutting path lc or the cut length lf). The number of teeth
+    z, the diameter of the tool and the nose radius re are conditions where they vary; the diameter of a turned work
+    is none, nor is a feed rate alone, which is what a controller of the load moves.
+
+    Examples
+    --------
+    >>> law_conditions({"n", "fz", "d", "t"}.__contains__)
+    ('n', 'fz', 'd', 't')
+    >>> columns = {"V", "f", "Dc", "M"}.__contains__
+    >>> law_conditions(columns, columns, "drilling")
+    ('V', 'f', 'Dc')
+    """
+    return _conditions(Held.of(has, varies, process))
+
+
+def _conditions(held: Held) -> tuple[str, ...]:
+    tool = next((name for name in ("Dc", "D") if held.varies(name)), None) if held.rotating else None
+    others = [name for name in ("z",) if held.varies(name) and held.rotating]
+    found = [
+        _speed(held), _feed(held), *others, *filter(held.has, ("d", "ae")), tool, *filter(held.varies, ("re",)),
+        held.first(CLOCKS),
+    ]  # fmt: skip
+    conditions = tuple(name for name in found if name is not None)
+    return () if conditions == ("fm",) else conditions
+
+
+def _speed(held: Held) -> str | None:
+    """V, but n of a rotating tool where V was constant, and where V is not known."""
+    return held.first(SPEEDS) if held.rotating or not held.has("V") else "V"
+
+
+def _feed(held: Held) -> str | None:
+    """Feed per revolution; per tooth where the number of teeth varies; the feed rate where no speed changes it."""
+    if held.has("fz") and held.varies("z"):
+        return "fz"
+    feed = held.first(FEEDS)
+    if feed == "fm" and any(map(held.varies, SPEEDS)):
+        return next(filter(held.has, FEEDS))
+    return feed
+
+
+def asked_laws(has: Has, varies: Has | None = None, process: Process | None = None) -> tuple[Asked, ...]:
+    """Every law that columns ask for, in the order of the output.
+
+    Wear on the conditions (`law_conditions`); each force, power, torque, current, roughness and temperature on these
+    and the wear; tool life T on the conditions without time. Current on feed and wear alone is a load line, roughness
+    where only feed and force change an exponential of the force.
+
+    Parameters
+    ----------
+    has : callable
+        Whether there is a column of this symbol.
+    varies : callable, optional
+        Whether it holds several values; without it every column counts as varying but those of `WHERE_VARIED`.
+    process : {"turning", "milling", "drilling", "grinding"}, optional
+
+    Examples
+    --------
+    >>> [(law.response, *law.factors) for law in asked_laws({"V", "t", "VB", "P"}.__contains__)]
+    [('VB', 'V', 't'), ('P', 'V', 't', 'VB')]
+    >>> [(law.response, *law.factors) for law in asked_laws({"V", "f", "d", "Ra", "T"}.__contains__)]
+    [('T', 'V', 'f', 'd'), ('Ra', 'V', 'f', 'd')]
+    """
+    held = Held.of(has, varies, process)
+    return _of_columns(held)
+
+
+def _of_columns(held: Held) -> tuple[Asked, ...]:
+    conditions = _conditions(held)
+    settings = tuple(name for name in conditions if name not in CLOCKS)
+    wear = tuple(filter(held.has, (*WEAR, *LANDS)))
+    asked = [Asked(name, conditions) for name in wear if conditions and not _at_end_of_life(held)]
+    if held.has("T") and settings:
+        asked.append(Asked("T", settings))
+    given = conditions + wear[:1]
+    asked += [Asked(name, given) for name in LOADS if held.has(name) and given]
+    asked += [_current(held, settings, wear)] if held.has("I") else []
+    asked += [_surface(held, name, conditions, wear[:1]) for name in SURFACES if held.has(name)]
+    asked += [Asked("theta", given)] if held.has("theta") and conditions else []
+    return tuple(one for one in asked if one.factors)
+
+
+def _at_end_of_life(held: Held) -> bool:
+    """Whether the wear of a row is that at the end of a life, so that it is no response."""
+    return held.has("T") and not any(map(held.has, CLOCKS))
+
+
+def _current(held: Held, settings: tuple[str, ...], wear: tuple[str, ...]) -> Asked:
+    """Load line on feed and wear where nothing else varies, otherwise a power law on the conditions and wear."""
+    feed = next(filter(held.has, ("fm", "f", "fz")), None)
+    if feed is not None and wear and not any(held.varies(name) for name in settings if name not in FEEDS):
+        land = next((name for name in reversed(WEAR) if name in wear), wear[-1])
+        return Asked("I", (feed, land), "load_line")
+    return Asked("I", settings + wear[:1])
+
+
+def _surface(held: Held, name: str, conditions: tuple[str, ...], wear: tuple[str, ...]) -> Asked:
+    """Exponential of the force where nothing but the feed varies, otherwise a power law on conditions and wear."""
+    if held.has("F") and not any(held.varies(one) for one in conditions if one not in FEEDS):
+        return Asked(name, ("F",), "exponential")
+    return Asked(name, conditions + wear if conditions else ())
+
+
+def requested_laws(held: Held, texts: Sequence[str]) -> tuple[Asked, ...]:
+    """The laws that columns ask for, with those of requests (``"Ra ~ V, f, d"``, ``"Ra ~ + VB"``) in their place.
+
+    Laws of other responses stay. A factor that is no column is kept as written, so that the fit refuses it by name.
+
+    Examples
+    --------
+    >>> held = Held.of({"V", "f", "d", "t", "VB", "Ra"}.__contains__)
+    >>> [(law.response, *law.factors) for law in requested_laws(held, ["Ra ~ V, f", "VB ~ - d"])]
+    [('VB', 'V', 'f', 't'), ('Ra', 'V', 'f')]
+    """
+    default = _of_columns(held)
+    if not texts:
+        return default
+    requests = parse_laws(texts)
+    asked = {one.response: one for one in default}
+    for request in requests:
+        response = symbol_of(request.response, held.has) or named_role(request.response)
+        asked[response] = _requested(held, request, response, asked.get(response))
+    return tuple(asked.values())
+
+
+def _requested(held: Held, request: LawRequest, response: str, default: Asked | None) -> Asked:
+    def named(names: Sequence[str]) -> tuple[str, ...]:
+        return tuple(symbol_of(name, held.has) or named_role(name) for name in names)
+
+    if request.factors:
+        factors = named(request.factors)
+    else:
+        old = default.factors if default is not None else _conditions(held)
+        gone, new = named(request.removed), named(request.added)
+        factors = tuple(name for name in (*old, *(one for one in new if one not in old)) if name not in gone)
+    return Asked(response, factors, _usual_form(response, factors), request.text)
+
+
+def _usual_form(response: str, factors: tuple[str, ...]) -> str:
+    if response == "I" and len(factors) == 2 and factors[0] in FEEDS and factors[1] in (*WEAR, *LANDS):
+        return "load_line"
+    return "exponential" if response in SURFACES and factors == ("F",) else "power"
+
+
+def fit_asked(runs: Runs, asked: Asked, *, error: Error = "multiplicative", by: str | None = None) -> LawFit:
+    """Fit a law that was asked for.
+
+    Raises
+    ------
+    FitError
+        These rows do not allow it.
+    UsageError
+        A column of the law is not there.
+    """
+    _check_columns(runs, asked)
+    if asked.form == "load_line":
+        return load_law(runs, feed=asked.factors[0], wear=asked.factors[1])
+    if asked.form == "exponential":
+        return exponential_law(runs, asked.response, asked.factors[0], error=error, by=by)
+    return power_law(runs, asked.response, asked.factors, error=error, by=by)
+
+
+def _empty_responses(runs: Runs) -> tuple[Refused, ...]:
+    """Responses whose column holds nothing."""
+    lines = ", ".join(map(str, runs.lines[:FEW])) + (", ..." if len(runs.lines) > FEW else "")
+    return tuple(
+        Refused(name, f"{name}: {len(runs)} rows left out: {name} missing (lines {lines}).")
+        for name in RESPONSES
+        if name in runs.data and not runs.data[name].notna().any()
+    )
+
+
+def _check_columns(runs: Runs, asked: Asked) -> None:
+    """Refuse a law that names a column which the runs do not have."""
+    held = [str(name) for name in runs.data]
+    missing = next((name for name in (asked.response, *asked.factors) if name not in held), None)
+    if missing is not None:
+        law = f"law {asked.request!r}" if asked.request else f"law of {asked.response}"
+        raise UsageError(f"{law}: there is no column {missing!r}; there are {', '.join(held)}.")
+
+
 def default_laws(
-    runs: Runs, *, error: Error = "multiplicative", by: str | None = None
+    runs: Runs, *, error: Error = "multiplicative", by: str | None = None, laws: Sequence[str] = ()
 ) -> tuple[tuple[LawFit, ...], tuple[Refused, ...]]:
     """Every law that the columns of the runs ask for (`asked_laws`), and those that could not be fitted.
+
+    Parameters
+    ----------
+    runs : Runs
+    error, by
+        As of `power_law`.
+    laws : sequence of str
+        Laws in place of the default ones: ``"Ra ~ V, f, d"``; ``"Ra ~ + VB"`` and ``"Ra ~ - t"`` change the factors of
+        the default law of this response.
+
+    Raises
+    ------
+    UsageError
+        A text of ``laws`` is no law, or names a column that the runs do not have.
 
     Examples
     --------
     >>> from fitmodels import datasets, fit
-    >>> laws, refused = fit.default_laws(datasets.read_runs(datasets.bundled("gc435_709m40")))
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> laws, refused = fit.default_laws(runs)
     >>> [law.response for law in laws], refused
     (['AW', 'Fxz', 'P'], ())
+    >>> fit.default_laws(runs, laws=["P ~ V, f, d"])[0][2].factors
+    ('V', 'f', 'd')
     """
-    laws: list[LawFit] = []
+    found: list[LawFit] = []
     refused: list[Refused] = []
-    for asked in asked_laws(runs.has):
+    held = Held.of_runs(runs)
+    for asked in requested_laws(held, laws):
+        if asked.request:
+            _check_columns(runs, asked)
         law = computed(partial(fit_asked, runs, asked, error=error, by=by), (OSError, UsageError))
         if isinstance(law, LawFit):
-            laws.append(law)
+            found.append(law)
         else:
             refused.append(Refused(asked.response, f"{law.reason}."))
-    return tuple(laws), tuple(refused)
+    return tuple(found), (*refused, *_empty_responses(runs))

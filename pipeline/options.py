@@ -1,7 +1,7 @@
 """Options of the main job, validated once: how a file of tests is read, and how the laws of each pair are fitted."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from hashlib import sha256
 from math import inf
@@ -22,7 +22,7 @@ OF_READING = (
     *("correct", "leave_out"),
 )
 RECORDED = (
-    *("map", "unit", "range", "value", "tool", "work", "by", "error", "criterion", "gauge_sd", "seed", "draws"),
+    *("map", "unit", "range", "value", "law", "tool", "work", "by", "error", "criterion", "gauge_sd", "seed", "draws"),
     *("priors", "student", "verify", "posterior_figures", "decimal", "delimiter", "sheet", "edge", "process", "hidden"),
     *("correct", "leave_out"),
 )
@@ -36,6 +36,8 @@ class FitOptions(ReadOptions):
     ----------
     map, units, ranges, constants, correct, leave_out, tool, work, edge, process, decimal, delimiter, sheet, hidden
         How a file is read, as in `datasets.read_runs`.
+    laws : tuple of str
+        Laws in place of the default ones, as ``"Ra ~ V, f, d"``, or changes of their factors, as ``"Ra ~ + VB"``.
     by : str or None
         A category whose levels shift the laws, fitted together.
     error : {"multiplicative", "additive"}
@@ -65,6 +67,7 @@ class FitOptions(ReadOptions):
 checks) to 1000000.
     """
 
+    laws: tuple[str, ...] = ()
     by: str | None = None
     error: Error = "multiplicative"
     criterion: float | None = None
@@ -78,8 +81,13 @@ checks) to 1000000.
 
     def __post_init__(self) -> None:
         from ..fit.bayes.draw_posterior import FEWEST, MOST
+        from ..fit.law_requests import parse_laws
 
         ReadOptions.__post_init__(self)
+        if isinstance(self.laws, str) or not isinstance(self.laws, Sequence):
+            raise UsageError(f"laws {self.laws!r}: give a list of texts, for instance ['Ra ~ V, f, d'].")
+        object.__setattr__(self, "laws", tuple(self.laws))
+        parse_laws(self.laws)
         check_choice("error", self.error, get_args(Error))
         if not isinstance(self.by, str | None):
             raise UsageError(f"by {self.by!r}: give a text, or leave it out.")
@@ -119,7 +127,7 @@ checks) to 1000000.
         ranges = {symbol: ":".join(f"{end:.12g}" for end in ends) for symbol, ends in self.ranges.items()}
         values = {symbol: f"{value:.12g}" for symbol, value in self.constants.items()}
         given_by_role = {"map": self.map, "unit": self.units, "range": ranges, "value": values}
-        listed = {name: _equations(of) for name, of in given_by_role.items()}
+        listed = {name: _equations(of) for name, of in given_by_role.items()} | {"law": list(self.laws)}
         given: dict[str, Any] = {name: value for name, value in listed.items() if value}
         usual = {one.name: one.default for one in fields(self)}
         for name in RECORDED[len(listed) :]:

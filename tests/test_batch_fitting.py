@@ -381,7 +381,7 @@ def test_an_interrupt_and_a_lack_of_memory_go_through(fitted, monkeypatch, error
     def stop(*given, **how):
         raise error
 
-    monkeypatch.setattr(laws_module, "asked_laws", stop)
+    monkeypatch.setattr(laws_module, "requested_laws", stop)
     with pytest.raises(error):
         fitted(rows_of(simulated("A", 1)))
 
@@ -416,7 +416,10 @@ def test_a_pair_that_went_meanwhile_says_so_and_others_rows_are_passed_by(fitted
 def test_columns_that_ask_for_no_law_are_the_reason(fitted):
     (outcome,) = fitted(rows_of(simulated("A", 1)[["V", "tool", "work"]])).pairs
     assert outcome.laws == ()
-    assert outcome.reason == "its rows hold V alone: a law needs wear, a force or power, and V, f, d or t."
+    assert (
+        outcome.reason
+        == "its rows hold V alone: a law needs a response (wear, a force, T, Ra) and conditions (V, f, d, t)."
+    )
     assert [c.kind for c in outcome.concerns] == ["no law"]
 
 

@@ -449,7 +449,7 @@ def test_map_says_which_column_is_which(tmp_path):
     path = write(tmp_path / "a.csv", header=("speed", "f", "t", "gauge reading"))
     result = run(path, "--json")
     assert result.code == 4
-    assert "A wear law needs AW or VB" in result.err
+    assert "A law needs a response (wear AW or VB" in result.err
     assert "--map" in result.err
     for said in ("VB=gauge reading", "VB=col4"):
         report, (pair,) = pairs(path, "--map", said)

@@ -111,7 +111,7 @@ def test_a_refused_file_is_shown_as_found(here):
 
 
 def test_a_file_without_a_law_is_not_proposed_to_be_fitted(here):
-    (here / "a.csv").write_text("edge,V [m/min],T [min]\na,100,10\nb,200,5\n")
+    (here / "a.csv").write_text("edge,V [m/min],f [mm/rev]\na,100,0.1\nb,200,0.2\n")
     result = run("look", "a.csv")
     assert "Fit it as read" not in result.out
     assert "No law can be fitted to these columns" in result.out

@@ -177,10 +177,11 @@ BAD = {
         ["V hardly changes", "Vary V", "--map V=none"],
     ),
     "wear alone": ("a.csv", "AW\n" + "\n".join(str(r[4]) for r in ROWS),
-                   4, ["AW or VB and at least one of V, f, d, t", "--map"]),
+                   4, ["at least one condition that varies", "--map"]),
     "edges and wear alone": ("a.csv", "edge,AW\n" + "\n".join(f"{i},{r[4]}" for i, r in enumerate(ROWS)), 4,
                              ["no law can be fitted to these columns"]),
-    "conditions alone": ("a.csv", table([r[:4] for r in ROWS], HEADER[:4]), 4, ["A wear law needs AW or VB"]),
+    "conditions alone": ("a.csv", table([r[:4] for r in ROWS], HEADER[:4]), 4,
+                         ["A law needs a response (wear AW or VB"]),
 }  # fmt: skip
 
 

@@ -242,7 +242,12 @@ def test_parts_that_disagree_are_unknown(name):
         ("V", "volt", None),
         ("V", "furlong", "V"),  # an unlisted unit tells nothing here; the reader complains of it by name
         ("I", "V", "I"),  # no role else: the reader says that the unit does not fit
-        ("T", "°C", None),
+        ("T", "°C", "theta"),
+        ("T", "min", "T"),
+        ("temperature", "°F", "theta"),
+        ("Re", "MPa", None),
+        ("r", "mm", "re"),
+        ("N", "rpm", "n"),
         ("d", "mm/rev", "d"),
         ("wear", "um", "AW"),
         ("flank wear", "um", "VB"),

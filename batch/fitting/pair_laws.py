@@ -8,8 +8,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...datasets import Runs
+from ...datasets.options import Process
+from ...datasets.plausibility.ranges import process_of
 from ...datasets.vocabulary import ROLES
-from ...fit.defaults import Asked, asked_laws, fit_asked
+from ...fit.defaults import SETTINGS, Asked, Held, fit_asked, requested_laws
 from ..law_rows import joined_tables, law_table, row_of, row_without, table_of_many
 from ..outcomes import Cell, Failure, attempt
 from ..plan import BatchOptions, Pair
@@ -34,6 +36,8 @@ class NumberedRows:
     counts : ndarray of int, shape (K,)
     held : mapping of str to ndarray of bool, shape (K,)
         Of each column that has a role, whether it holds anything of a pair.
+    varying : mapping of str to ndarray of bool, shape (K,)
+        Of each column of numbers that has a role, whether it holds several values of a pair.
     """
 
     rows: PairRows
@@ -41,14 +45,27 @@ class NumberedRows:
     number: Ints
     counts: Ints
     held: dict[str, Flags]
+    varying: dict[str, Flags]
 
-    def patterns(self) -> Iterator[tuple[frozenset[str], Ints]]:
-        """Symbols that hold something, and the pairs for which it is just these."""
-        names = list(self.held)
-        held = np.array([self.held[name] for name in names], dtype=bool).reshape(len(names), len(self.pairs)).T
-        patterns, which = np.unique(held, axis=0, return_inverse=True)
-        for i, pattern in enumerate(patterns):
-            yield frozenset(np.array(names)[pattern].tolist()), np.flatnonzero(which.ravel() == i)
+    def patterns(self) -> Iterator[tuple[Held, Ints]]:
+        """What pairs hold, as far as it decides on their laws, and the pairs for which it is just this."""
+        names, K = [*self.held, *self.varying], len(self.pairs)
+        flags = np.array([*self.held.values(), *self.varying.values()], dtype=bool).reshape(len(names), K).T
+        processes = [self._process(pair) for pair in self.pairs]
+        kinds = list(dict.fromkeys(processes))
+        keys = np.column_stack([flags, [kinds.index(process) for process in processes]])
+        _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        for i, one in enumerate(first):
+            held, varying = (
+                frozenset(name for name in found if found[name][one]) for found in (self.held, self.varying)
+            )
+            yield Held(held.__contains__, varying.__contains__, processes[one]), np.flatnonzero(which.ravel() == i)
+
+    def _process(self, pair: Pair) -> Process | None:
+        about = self.rows.of_pair.get(pair)
+        if about is not None:
+            return about.process
+        return self.rows.process or process_of(map(str, self.rows.frame), self.rows.notes)
 
     def has(self, i: int, symbol: str) -> bool:
         """Whether a column holds anything of pair i."""
@@ -76,7 +93,11 @@ def numbered_rows(rows: PairRows, wanted: Collection[Pair]) -> NumberedRows:
     K = len(pairs)
     there = {name: _there(rows.frame[name]) for name in rows.frame if name in ROLES and name not in ("tool", "work")}
     held = {str(name): np.bincount(number[flags], minlength=K) > 0 for name, flags in there.items()}
-    return NumberedRows(rows, pairs, number, np.bincount(number, minlength=K), held)
+    settings = [str(name) for name in rows.frame if name in SETTINGS]
+    ends = rows.frame[settings].astype(float).groupby(number)
+    several = ends.min().to_numpy() < ends.max().to_numpy()
+    varying = {name: several[:, j] for j, name in enumerate(settings)}
+    return NumberedRows(rows, pairs, number, np.bincount(number, minlength=K), held, varying)
 
 
 def without_empty_columns(runs: Runs) -> Runs:
@@ -149,11 +170,19 @@ def laws_of_pairs(of: NumberedRows, options: BatchOptions) -> pd.DataFrame:
     DataFrame
         As `law_table`, by pair; a law that the rows of a pair do not allow has its reason. No pair raises.
     """
-    found: list[pd.DataFrame] = []
+    alike: dict[tuple[tuple[Asked, ...], bool], list[Ints]] = {}
     for held, pairs in of.patterns():
-        for asked in asked_laws(held.__contains__):
-            if asked.kind == "power" and options.error == "multiplicative":
-                found += _stack(of, asked, pairs, "edge" if "edge" in held else None)
+        alike.setdefault((requested_laws(held, options.laws), held.has("edge")), []).append(pairs)
+    found: list[pd.DataFrame] = []
+    for (laws, by_edge), groups in alike.items():
+        pairs = np.sort(np.concatenate(groups))
+        for asked in laws:
+            if missing := [name for name in (asked.response, *asked.factors) if name not in of.rows.frame]:
+                why = f"law {asked.request!r}: there is no column {missing[0]!r}."
+                unit = unit_of(of.rows.units, asked.response)
+                found.append(law_table((i, row_without(asked, unit, why)) for i in pairs.tolist()))
+            elif asked.form == "power" and options.error == "multiplicative":
+                found += _stack(of, asked, pairs, "edge" if by_edge else None)
             else:
                 found.append(_one_by_one(of, asked, pairs, options))
     return joined_tables(found)

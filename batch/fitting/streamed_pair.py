@@ -5,11 +5,13 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 
+from ...datasets.plausibility.ranges import process_of
 from ...datasets.runs import disclaimers
 from ...datasets.vocabulary import ROLES
-from ...fit.defaults import Asked, asked_laws
+from ...fit.defaults import SETTINGS, Asked, Held, requested_laws
 from ..law_rows import law_table, reasons, row_of, row_without
 from ..outcomes import GONE, Cell, Concern, Failure, PairOutcome, attempt
 from ..plan import BatchOptions, Block, Plan
@@ -34,6 +36,7 @@ class Seen:
     headers: tuple[str, ...]
     rows: int = 0
     held: set[str] = field(default_factory=set)
+    ends: dict[str, tuple[float, float]] = field(default_factory=dict)  # of columns of settings
     names: dict[str, list[str]] = field(default_factory=dict)
     whole: bool = False
 
@@ -42,6 +45,9 @@ class Seen:
         for chunk in chunks:
             self.rows += len(chunk)
             self.held |= {str(name) for name in chunk if name not in self.held and chunk[name].notna().any()}
+            for name in (str(name) for name in chunk if name in SETTINGS and chunk[name].notna().any()):
+                low, high = self.ends.get(name, (np.inf, -np.inf))
+                self.ends[name] = min(low, float(chunk[name].min())), max(high, float(chunk[name].max()))
             for header in (name for name in self.headers if name in chunk):
                 new = [name for name in dict.fromkeys(texts(chunk[header])) if name]
                 self.names[header] = list(dict.fromkeys([*self.names.get(header, []), *new]))[:SEVERAL]
@@ -87,10 +93,10 @@ def no_law_asked(held: Iterable[str]) -> str:
     """Reason why the columns allow no law.
 
     >>> no_law_asked({"V", "tool"})
-    'its rows hold V alone: a law needs wear, a force or power, and V, f, d or t.'
+    'its rows hold V alone: a law needs a response (wear, a force, T, Ra) and conditions (V, f, d, t).'
     """
     names = ", ".join(sorted(set(held) & set(ROLES) - {"tool", "work", "edge"})) or "nothing with a role"
-    return f"its rows hold {names} alone: a law needs wear, a force or power, and V, f, d or t."
+    return f"its rows hold {names} alone: a law needs a response (wear, a force, T, Ra) and conditions (V, f, d, t)."
 
 
 def _chunks(block: Block, plan: Plan) -> "Generator[pd.DataFrame, None, None]":
@@ -103,11 +109,13 @@ def _laws(
     block: Block, plan: Plan, options: BatchOptions, seen: Seen, header: frozenset[str]
 ) -> "list[tuple[dict[str, Cell], LawFit | None]]":
     """The rows of the table and the laws; the first pass also finds empty columns."""
-    asked, done = asked_laws(header.__contains__), {}
+    process = plan.reading.process or process_of(header, plan.notes)
+    asked, done = requested_laws(Held.of(header.__contains__, process=process), options.laws), {}
     if asked:
         done[asked[0]] = _law(block, plan, options, asked[0], seen)
         if seen.whole:
-            asked = asked_laws(seen.held.__contains__)
+            varying = frozenset(name for name, (low, high) in seen.ends.items() if low < high)
+            asked = requested_laws(Held(seen.held.__contains__, varying.__contains__, process), options.laws)
     else:
         for _ in seen.over(_chunks(block, plan)):
             pass
@@ -126,8 +134,8 @@ def _law(
             read = chunks if seen is None else seen.over(chunks)
             return streamed_power_law(read, asked.response, asked.factors, source=_source(block, plan))
 
-    if asked.kind != "power" or options.error == "additive":
-        kind = "additive errors" if asked.kind == "power" else f"a law of {asked.response}"
+    if asked.form != "power" or options.error == "additive":
+        kind = "additive errors" if asked.form == "power" else f"a law of {asked.response}"
         why = f"{asked.response}: {kind} need all rows in memory, and these are streamed; fit a sample of them."
         return row_without(asked, unit, why), None
     made = attempt(fitted)

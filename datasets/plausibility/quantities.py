@@ -91,13 +91,13 @@ def numeric_columns(draft: Draft, options: ReadOptions, process: Process | None)
 
 
 def unit_factor(unit: str, role: str) -> float:
-    """Ratio of a unit to the unit of a role.
+    """Ratio of a unit to the unit of a role; of a temperature, the ratio of differences.
 
     >>> unit_factor("um", "VB")
     0.001
     """
     home = ROLES[role].unit
-    return 1.0 if unit == home else float(convert(np.ones(1), unit, home)[0])
+    return 1.0 if unit == home else float(np.diff(convert(np.array([0.0, 1.0]), unit, home))[0])
 
 
 def _bulk(ordered: Array, low: float) -> Range:

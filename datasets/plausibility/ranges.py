@@ -77,6 +77,8 @@ _TABLE: dict[str, dict[str, Plausible]] = {
     "T": {"any": _row(0.5, 600, 0.02, 6000, 0, 1e6)},
     "D": _DIAMETER,
     "Dc": _DIAMETER,
+    "re": {"any": _row(0.1, 3.2, 0.02, 20, 0, 200)},  # mm
+    "theta": {"any": _row(80, 1200, 35, 1500, -200, 3000)},  # degC, at the edge or in the work near it
     **dict.fromkeys(("AW", "VB", "VBC", "VBN"), _WEAR),
     **dict.fromkeys(_FEED_FORCES, _FORCE),
     "P": {
@@ -113,6 +115,8 @@ _UNITS: dict[str, tuple[str, ...]] = {
     "t": ("min", "s", "h", "ms"),
     "T": ("min", "s", "h"),
     **dict.fromkeys(("D", "Dc"), ("mm", "in", "m")),
+    "re": ("mm", "in"),
+    "theta": ("degC", "degF", "K"),
     "lf": ("mm", "m", "in"),
     **dict.fromkeys(("AW", "VB", "VBC", "VBN"), ("mm", "um", "in", "mil")),
     **dict.fromkeys(_FEED_FORCES, ("N", "kN", "lbf", "daN")),

@@ -10,7 +10,7 @@ from ..options import DecimalMark, check_choice
 from ..vocabulary import ROLES
 
 Join: TypeAlias = Literal["name", "time", "order"]
-LOADS = tuple(symbol for symbol, role in ROLES.items() if role.kind == "load")
+LOADS = tuple(symbol for symbol, role in ROLES.items() if role.kind == "load" and symbol != "theta")
 DRIVEN = ("P", "M", "I")  # loads that an idle spindle has too: off, idle and cut are three levels
 
 

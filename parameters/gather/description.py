@@ -74,7 +74,6 @@ def derived_words(runs: "Runs") -> list[tuple[str, str, str]]:
 def unused_conditions(runs: "Runs", laws: Mapping[str, LawSection]) -> list[str]:
     """Conditions that vary in the file and are in none of its laws, directly or through others, one sentence each."""
     from ...datasets.vocabulary import ROLES
-    from ...fit.defaults import CONDITIONS
 
     taken = {law.response for law in laws.values()}.union(
         *({f.symbol for f in law.factors} | {item.factor for item in law.left_out} for law in laws.values())
@@ -87,8 +86,9 @@ def unused_conditions(runs: "Runs", laws: Mapping[str, LawSection]) -> list[str]
             continue
         values = runs.values(role.symbol)
         if len(values) and np.fmin.reduce(values) < np.fmax.reduce(values):
+            one = next(iter(laws), "R")
             out.append(
-                f"{role.symbol}, {role.quantity}, varies but is in no law: laws are fitted on {', '.join(CONDITIONS)}."
+                f'{role.symbol}, {role.quantity}, varies but is in no law: --law "{one} ~ + {role.symbol}" adds it.'
             )
     return out
 
