@@ -9,11 +9,13 @@ Zhou & Gao 1997, Statistics in Medicine 16, 783 (Cox's interval of a lognormal m
 """
 
 from dataclasses import dataclass
+from math import gamma, log
 from typing import Literal
 
 import numpy as np
 
 from .arrays import Array
+from .censored import Distribution, standard_deviation, standard_quantile
 
 Kind = Literal["mean", "prediction", "tolerance"]
 Edge = Literal["new", "same"]
@@ -35,6 +37,8 @@ class Scatter:
         Standard deviation of a row.
     parts : tuple of (float, float)
         Mean squares that ``sd^2`` is the sum of, each with its degrees of freedom.
+    distribution : {"lognormal", "weibull"}
+        Of multiplicative errors; that of a Weibull life reaches farther below its median than above.
 
     Examples
     --------
@@ -44,6 +48,19 @@ class Scatter:
 
     sd: float
     parts: tuple[tuple[float, float], ...]
+    distribution: Distribution = "lognormal"
+
+    def sides(self, share: float) -> tuple["Scatter", "Scatter"]:
+        """Normal scatters whose quantiles at ``(1 - share)/2`` and ``(1 + share)/2`` are those of the distribution."""
+        if self.distribution == "lognormal":
+            return self, self
+        median, scale = standard_quantile(self.distribution, 0.5), self.sd / standard_deviation(self.distribution, 1.0)
+        ratios = [
+            scale * abs(standard_quantile(self.distribution, p) - median) / abs(standard_quantile("lognormal", p))
+            for p in ((1 - share) / 2, (1 + share) / 2)
+        ]
+        low, high = (one_component(ratio, self.df) for ratio in ratios)
+        return low, high
 
     @property
     def df(self) -> float:
@@ -72,9 +89,9 @@ class Scatter:
         return float(brentq(excess, low, high)) if excess(low) > 0 > excess(high) else low
 
 
-def one_component(sd: float, df: float) -> Scatter:
+def one_component(sd: float, df: float, distribution: Distribution = "lognormal") -> Scatter:
     """Scatter of independent rows, or of rows within an edge."""
-    return Scatter(sd, ((sd * sd, df),))  # sd**2 of a number that a file holds by mistake may raise
+    return Scatter(sd, ((sd * sd, df),), distribution)  # sd**2 of a number that a file holds by mistake may raise
 
 
 def between_and_within(
@@ -168,20 +185,28 @@ def value_and_ends(
         half = half_width(kind, variance, df, scatter, level=level, coverage=coverage)
         return median, median - half, median + half
     factor_variance = log_mean_variance(scatter) if kind == "mean" and centre != "median" else 0.0
-    half = half_width(kind, variance, df, scatter, level=level, coverage=coverage, factor_variance=factor_variance)
-    value = median * centre_factor(centre, scatter.sd, smearing)
+    down, up = (
+        half_width(kind, variance, df, side, level=level, coverage=coverage, factor_variance=factor_variance)
+        for side in scatter.sides(coverage if kind == "tolerance" else level)
+    )
+    value = median * centre_factor(centre, scatter, smearing)
     middle = value if kind == "mean" else median
-    return value, middle * np.exp(-half), middle * np.exp(half)
+    return value, middle * np.exp(-down), middle * np.exp(up)
 
 
-def centre_factor(centre: Centre, sd: float, smearing: float) -> float:
+def centre_factor(centre: Centre, scatter: Scatter, smearing: float) -> float:
     """Factor from the median to the requested centre, for multiplicative errors.
 
     ``smearing`` is the mean of exp(residual): Duan 1983, J. Am. Stat. Assoc. 78, 605.
     """
     if centre == "smeared":
         return smearing
-    return float(np.exp(sd * sd / 2)) if centre == "mean" else 1.0
+    if centre == "median":
+        return 1.0
+    if scatter.distribution == "weibull":
+        scale = scatter.sd / standard_deviation("weibull", 1.0)
+        return float(gamma(1 + scale) / log(2) ** scale)
+    return float(np.exp(scatter.sd * scatter.sd / 2))
 
 
 def log_mean_variance(scatter: Scatter) -> float:
@@ -190,19 +215,19 @@ def log_mean_variance(scatter: Scatter) -> float:
     return square * square / (2 * (scatter.df + 2))
 
 
-def interval_label(kind: Kind, level: float, coverage: float, edge: str | None) -> str:
-    """Description of an interval; ``edge`` names its edge, None where rows are independent.
+def interval_label(kind: Kind, level: float, coverage: float, edge: str | None, row: str = "row") -> str:
+    """Description of an interval; ``edge`` names its edge, None where rows are independent; a row may be a life.
 
     Examples
     --------
     >>> interval_label("tolerance", 0.9, 0.95, "a new edge")
     '90 % tolerance interval for 95 % of rows of a new edge'
     """
-    rows = "" if edge is None else f" of {edge}"
+    of_edge = "" if edge is None else f" of {edge}"
     of = {
         "mean": "the law" if edge in (None, "a new edge") else f"the law at the level of {edge}",
-        "prediction": f"one row{rows}",
-        "tolerance": f"{100 * coverage:.4g} % of rows{rows}",
+        "prediction": f"one {row}{of_edge}",
+        "tolerance": f"{100 * coverage:.4g} % of {'lives' if row == 'life' else f'{row}s'}{of_edge}",
     }[kind]
     return f"{100 * level:.4g} % {kind} interval for {of}"
 

@@ -32,7 +32,7 @@ from .repeated_readings import with_means
 from .runs import UNNAMED, Runs, Source
 from .several_files import files_of_folder, joined_sheets, joined_tables
 from .shapes import long_table
-from .tables import Column, Table, read_table
+from .tables import Column, Table, column_of_texts, read_table
 from .units import is_unit
 from .vocabulary import ROLES
 
@@ -195,12 +195,14 @@ def read_options(given: Mapping[str, Any]) -> ReadOptions:
 
 def _column_of(position: int, name: str, series: "pd.Series[float]") -> Column:
     numeric = pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series)
-    texts = [] if numeric else ["" if missing else str(v) for v, missing in zip(series, series.isna(), strict=True)]
-    values = series.to_numpy(dtype=float, na_value=np.nan) if numeric else np.array(texts, dtype=object)
-    if numeric and np.isinf(values).any():
+    if not numeric:
+        texts = ["" if missing else str(v) for v, missing in zip(series, series.isna(), strict=True)]
+        return column_of_texts(position + 1, name, texts)
+    values = series.to_numpy(dtype=float, na_value=np.nan)
+    if np.isinf(values).any():
         row = int(np.flatnonzero(np.isinf(values))[0])
         raise DataError(f"column {name!r} row {row}: {values[row]} is not a measurement; leave the row out.")
-    return Column(position + 1, name, "", values, numeric, ())
+    return Column(position + 1, name, "", values, True, ())
 
 
 def _assemble(

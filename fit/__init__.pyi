@@ -4,6 +4,7 @@ from .bayes.draw_posterior import posterior as posterior
 from .bayes.joint_posterior import latent_wear as latent_wear
 from .bayes.priors import Priors as Priors
 from .bootstrap import edge_bootstrap as edge_bootstrap
+from .censored_lives import life_law as life_law
 from .checks.competing_models import compare_forms as compare_forms
 from .checks.gauge_error import gauge_corrected as gauge_corrected
 from .checks.judgement import judge as judge
@@ -37,6 +38,7 @@ __all__ = [
     "interval",
     "judge",
     "latent_wear",
+    "life_law",
     "linear",
     "load_law",
     "many_power_laws",

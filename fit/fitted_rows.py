@@ -62,6 +62,8 @@ class FittedRows:
         Line of each row in the file.
     edge : ndarray of str, shape (n,), or None
         Cutting edge of each row.
+    side : ndarray of int, shape (n,), or None
+        Of a law of tool lives: 0 the life ended, 1 it is longer (run-out), -1 it is shorter than observed.
     """
 
     X: Array
@@ -71,6 +73,7 @@ class FittedRows:
     residuals: Array
     lines: NDArray[np.intp]
     edge: NDArray[np.object_] | None
+    side: NDArray[np.int8] | None = None
 
     def __len__(self) -> int:
         return len(self.observed)

@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.arrays import Array
+from ..core.censored import LifeDistribution
 from ..core.display import Plottable
 from ..core.errors import FitError, UsageError
 from ..core.intervals import Centre, Edge, Kind
@@ -60,6 +61,8 @@ class LawFit(RowAccess, Plottable):
         How often the file repeats each measurement; only one of each was used.
     source : LawSource
         Data file, tool, work, and whether the rows are simulated.
+    life : LifeDistribution or None
+        Of a law of tool lives: their distribution about the law, and how many are known by a bound alone.
     sums : EdgeSums or None
         Sums of products by edge that a law of a stream was fitted from; None for rows in memory.
     rows : FittedRows or None
@@ -84,6 +87,7 @@ class LawFit(RowAccess, Plottable):
     notes: tuple[str, ...] = ()
     repeats: int = 1
     source: LawSource = NO_SOURCE
+    life: LifeDistribution | None = None
     sums: EdgeSums | None = field(default=None, compare=False)
     rows: FittedRows | None = None
 
@@ -168,8 +172,8 @@ class LawFit(RowAccess, Plottable):
 
     @property
     def df_resid(self) -> int:
-        """Observations less parameters, rows taken as independent."""
-        return self.nobs - len(self.theta)
+        """Observations less parameters, rows taken as independent; of tool lives, those that ended less parameters."""
+        return (self.nobs if self.life is None else self.life.ended) - len(self.theta)
 
     @property
     def no_interval(self) -> str | None:

@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.censored import LifeDistribution
 from ..core.errors import FitError, UsageError
 from ..core.intervals import (
     KNOWN_LEVEL,
@@ -66,6 +67,8 @@ class Fitted(Protocol):
     def region(self) -> DesignRegion: ...  # noqa: D102
     @property
     def by(self) -> By | None: ...  # noqa: D102
+    @property
+    def life(self) -> LifeDistribution | None: ...  # noqa: D102
     @property
     def df_resid(self) -> int: ...  # noqa: D102
     @property
@@ -128,7 +131,8 @@ def new_edge(law: Fitted, Z: Array) -> PredictiveScale:
     if not isinstance(law.edges, EdgeInference):
         sd, df = law.scale_se or 0.0, float(law.df_resid)
         method = f"rows taken as independent ({law.edges.reason})"
-        return PredictiveScale("independent rows", None, method, none, variance, one_component(sd, df), df)
+        lives = "lognormal" if law.life is None else law.life.name
+        return PredictiveScale("independent rows", None, method, none, variance, one_component(sd, df, lives), df)
     method = "jackknife by edge (CR3), scatter between and within edges"
     levels = law.edges.mixed
     scatter = between_and_within(

@@ -7,8 +7,8 @@ sheets     which sheet holds the table         header_rows  several rows -> name
 gather     blocks -> columns                   read      the whole way, and what was found on it
 """
 
-from .gather import Column
+from .gather import Column, column_of_texts
 from .numerals import is_number
 from .read import Table, no_units, read_table
 
-__all__ = ["Column", "Table", "is_number", "no_units", "read_table"]
+__all__ = ["Column", "Table", "column_of_texts", "is_number", "no_units", "read_table"]

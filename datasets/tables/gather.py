@@ -1,6 +1,6 @@
 """Blocks of cells -> columns of numbers or of text."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -70,6 +70,19 @@ class Column:
         """The first cells of `bad` as a list for messages, and the number of the others."""
         cells = ", ".join(f"line {line}: {text!r}" for line, text in self.bad[:3])
         return cells + (f" and {self.bad_count - 3} more" if self.bad_count > 3 else "")
+
+
+def column_of_texts(number: int, name: str, cells: Sequence[str]) -> Column:
+    """A column of texts; one of numbers where some of them are marked (``<0.05``, ``60+``).
+
+    >>> column_of_texts(1, "T", ["12", "60+"]).values.tolist(), column_of_texts(1, "edge", ["1", "2"]).is_numeric
+    ([12.0, nan], False)
+    """
+    g = _Gathering()
+    g.add(tuple(cells), list(range(len(cells))), "point")
+    if not (g.marks and g.is_numeric):
+        return Column(number, name, "", np.array(cells, dtype=object), False, ())
+    return Column(number, name, "", np.concatenate(g.floats), True, tuple(g.bad), g.bad_count, tuple(g.marks))
 
 
 @dataclass(slots=True)

@@ -31,12 +31,22 @@ _ONE_GROUP: dict[Decimal, re.Pattern[str]] = {
 }
 # The same cells are asked about for the delimiter and for the layout, and are alike from row to row.
 _SHORT = 24  # characters of a cell that is remembered
-_SIGNS = {"<": "<", "≤": "<", ">": ">", "≥": ">", "~": "~", "≈": "~", "≃": "~", "*": "*", "†": "*", "‡": "*"}
-_FIRST_LETTERS = ("ca", "ci", "ab", "ap", "en", "et")  # of ca., circa, about, approx., env., etwa
+_SIGNS = {"<": "<", "≤": "<", ">": ">", "≥": ">", "⩾": ">", "≧": ">", "~": "~", "≈": "~", "≃": "~", "*": "*", "†": "*", "‡": "*"}
+_AT_LEAST = ("at least", "more than", "over", "mindestens", "mind.", "mehr als", "über", "au moins", "plus de", "más de",
+             "al menos")  # fmt: skip
+_FIRST_LETTERS = ("ca", "ci", "ab", "ap", "en", "et", *sorted({words[:2] for words in _AT_LEAST}))  # ca., circa, about
+# Words of a test that was stopped before the tool failed, in the cell of its time: 60 (run-out), 60 abgebrochen
+_STOPPED = (
+    r"run[- ]?outs?|ro|censored|cens\.?|suspended|susp\.?|stopped|no failure|not failed|not reached|survived|abgebrochen|"
+    r"abgebr\.?|durchläufer|nicht erreicht|zensiert|interrompu|arrêté|non atteint|censuré|interrumpido|censurado|"
+    r"no alcanzado"
+)
 _MARKED = re.compile(
-    r"(?P<before>[<>]=?|=?[<>]|[≤≥~≈≃*†‡]|(?:ca|approx|env|circa|about|etwa)\b\.?)?\s*"
+    r"(?P<before>[<>]=?|=?[<>]|[≤≥⩾≧~≈≃*†‡]|(?:ca|approx|env|circa|about|etwa)\b\.?|"
+    rf"(?P<least>{'|'.join(map(re.escape, _AT_LEAST))}))?\s*"
     r"(?P<number>[+\-−]?[\d.,][\d.,'’ \u00a0\u2009\u202f]*(?:[eE][+-]?\d+)?)\s*"
-    r"(?P<unit>[^\W\d_][\w/·^]*)?\s*(?P<after>\*{1,3}|\(\*\)|[†‡+])?",
+    rf"(?:(?P<unit>(?!(?:{_STOPPED})\b)[^\W\d_][\w/·^]*)\s*)?"
+    rf"(?P<after>\*{{1,3}}|\(\*\)|[†‡]|(?P<longer>\(?(?:\+|[>↑→])\)?(?:\s*(?P<unit2>min|s|sec|h)\b)?(?:\s*\(?(?:{_STOPPED})\)?)?|\(?(?:{_STOPPED})\)?))?",
     re.IGNORECASE,
 )
 
@@ -281,7 +291,7 @@ class Mark:
 def read_mark(text: str, decimal: Decimal) -> Mark | None:
     """A marked number, or None for any other text.
 
-    >>> [read_mark(text, "point").describe() for text in ("<0.05", "> 0.3 mm", "0.24*", "ca. 0.2", "60+")]
+    >>> [read_mark(text, "point").describe() for text in ("<0.05", "> 0.3 mm", "0.24*", "ca. 0.2", "60 (run-out)")]
     ['<0.05', '>0.3', '0.24*', '~0.2', '>60']
     >>> read_mark("worn", "point"), read_mark("0.24", "point")
     (None, None)
@@ -296,6 +306,8 @@ def read_mark(text: str, decimal: Decimal) -> Mark | None:
     value = parse_number(match["number"].strip(), decimal)
     if value is None:
         return None
-    sign = match["before"] or (">" if match["after"] == "+" else "*")
+    if match["least"] or match["longer"]:
+        return Mark(">", value, match["unit"] or match["unit2"] or "", text)
+    sign = match["before"] or "*"
     plain = sign.strip("=")[:1]
     return Mark(_SIGNS.get(plain, "~"), value, match["unit"] or "", text)
