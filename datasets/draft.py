@@ -1,11 +1,13 @@
 """A table of tests while it is being read, completed or judged by each step, and its marked numbers (<0.05, 0.24*)."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import DataError
 from .columns import ColumnUse, Values
 from .derived.rules import Derived
 from .doubts import Doubt
@@ -148,28 +150,151 @@ def mark_column(role: str) -> str:
     return role + MARK
 
 
+# Cells of a column of run-outs
+_YES = frozenset("1 yes y true x ✓ ✔ + ja j wahr oui o vrai si sí s verdadero".split())
+_NO = frozenset(["", *"0 no n false - – — nein falsch non faux falso".split()])
+_RUN_OUT = re.compile(
+    r"(run[ -]?out|censored|cens|suspended|susp|stopped|survived|running|still running|alive|abgebrochen|abbruch|zensiert|"
+    r"durchläufer|unterbrochen|interrompu|arrêté|censuré|interrumpido|suspendido|censurado|c|r/o|ro)\b|"
+    r".*\b(no failure|not failed|not worn|not reached|no end of life|nicht erreicht|nicht ausgefallen|nicht verschlissen|"
+    r"non atteint|pas usé|no alcanzado|sin fallo|run[ -]?out)\b"
+)
+_ENDED = re.compile(
+    r"(failed|failure|fail|worn|worn out|ended|end|event|dead|broken|exact|end of life|reached|f|ausgefallen|verschlissen|"
+    r"standzeitende|ende|erreicht|usé|défaillant|atteint|fallo|falla|desgastado|alcanzado)\b"
+)
+_STATUS = re.compile(r"(status|state|outcome|result|event|zustand|ergebnis|statut|état|résultat|estado|resultado)\b", re.I)
+
+
+def mark_run_outs(draft: Draft) -> None:
+    """Mark the lives that a column of the file calls run-outs as greater than their time: 60 becomes ``>60``.
+
+    The column has the role ``censored`` or ``ended``, or holds words of stopped tests (run-out, abgebrochen ...).
+    """
+    if "T" not in draft.data:
+        return
+    given = _stated_run_outs(draft)
+    if given is None:
+        return
+    name, run_out = given
+    lives = np.asarray(draft.data["T"], dtype=float)
+    rows = np.flatnonzero(run_out & np.isfinite(lives))
+    if not rows.size:
+        return
+    texts = np.full(len(lives), "", dtype=object)
+    texts[rows] = [f">{lives[row]:.12g}" for row in rows]
+    draft.data["T"] = np.where(run_out, np.nan, lives)
+    draft.data[mark_column("T")] = texts
+    draft.assumed.append(
+        f"T: {len(rows)} of {int(np.isfinite(lives).sum())} lives are run-outs by column {name!r} "
+        f"({lines_of(draft.lines[rows])}): longer than their time in the file"
+    )
+
+
+def _stated_run_outs(draft: Draft) -> tuple[str, NDArray[np.bool_]] | None:
+    """Column that states the run-outs, and whether each row is one; None where there is no such column."""
+    for column, use in zip(draft.columns, draft.uses, strict=True):
+        if use.role in ("censored", "ended"):
+            return column.name, _by_role(column, use.role)
+    lives = np.asarray(draft.data["T"], dtype=float)
+    for column, use in zip(draft.columns, draft.uses, strict=True):
+        if use.role is not None:
+            continue
+        cells = [str(cell).strip().casefold() for cell in column.labels()]
+        if column.is_numeric:
+            if _STATUS.match(column.name) and set(cells) == {"0", "1"}:
+                return column.name, _by_codes(draft, column.name, np.array(cells, dtype=object), lives)
+        elif any(_RUN_OUT.match(cell) for cell in cells):
+            return column.name, np.array([bool(_RUN_OUT.match(cell)) for cell in cells], dtype=bool)
+    return None
+
+
+def _by_role(column: Column, role: str) -> NDArray[np.bool_]:
+    """Run-outs by a column that says yes or no, or in words, whether a life was cut off or ended."""
+    cells = [str(cell).strip().casefold() for cell in column.labels()]
+    out = []
+    for row, cell in enumerate(cells):
+        if cell in _YES or cell in _NO:
+            out.append((cell in _YES) == (role == "censored"))
+        elif _RUN_OUT.match(cell) or _ENDED.match(cell):
+            out.append(bool(_RUN_OUT.match(cell)))
+        else:
+            raise DataError(
+                f"column {column.name!r}, row {row + 1} of the data: {cell!r} does not say whether the life ended. Write "
+                f"yes or no, or give the column no role with --map {role}=none."
+            )
+    return np.array(out, dtype=bool)
+
+
+def _by_codes(draft: Draft, name: str, cells: NDArray[np.object_], lives: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Run-outs by codes 0 and 1: those of the longest lives if all are equal, otherwise 0, with a doubt."""
+    longest = np.isfinite(lives) & (lives >= np.nanmax(lives))
+    for code in ("0", "1"):
+        if np.array_equal(cells == code, longest) and longest.sum() > 1:
+            return np.asarray(longest, dtype=bool)
+    draft.doubts.append(
+        Doubt(
+            ("T",),
+            f"T: 1 in column {name!r} is taken as a life that ended and 0 as a run-out; if it is the reverse, give "
+            f'--map "censored={name}"',
+        )
+    )
+    return np.asarray(cells == "0", dtype=bool)
+
+
+def lines_of(lines: NDArray[np.intp]) -> str:
+    """Lines in words.
+
+    >>> lines_of(np.array([2, 3, 6]))
+    'lines 2-3, 6'
+    """
+    spans = line_spans(np.sort(lines).tolist())
+    shown = ", ".join(spans[:6]) + (", ..." if len(spans) > 6 else "")
+    return f"{'lines' if len(lines) > 1 else 'line'} {shown}"
+
+
 def keep_marks(draft: Draft) -> None:
     """Add a column of marks for each role with marked numbers, in the role's unit, and a doubt that names them.
 
-    The numbers themselves are nan: a plain fit leaves these rows out.
+    The numbers themselves are nan: a plain fit leaves these rows out. Bounds of tool lives are no doubt: their law uses
+    them.
     """
+    mark_run_outs(draft)
     for column, use in zip(draft.columns, draft.uses, strict=True):
         if not column.marks or use.role is None or ROLES[use.role].kind == "label" or use.role not in draft.data:
             continue
         role = use.role
-        texts = np.full(len(draft.lines), "", dtype=object)
+        texts = draft.data.get(mark_column(role), np.full(len(draft.lines), "", dtype=object))
         factor = _factor(column, np.asarray(draft.data[role], dtype=float))
-        for row, mark in column.marks:
+        stopped = role == "T" and any(note.lstrip().startswith("*") and _RUN_OUT.match(note.casefold().lstrip("* :="))
+                                      for note in draft.notes)  # fmt: skip
+        marks = [(row, replace(mark, sign=">") if stopped and mark.sign == "*" else mark) for row, mark in column.marks]
+        for row, mark in marks:
             texts[row] = _converted(mark, role, factor)
         draft.data[mark_column(role)] = texts
-        cells = [f"line {draft.lines[row]} {mark.text!r}" for row, mark in column.marks]
-        listed = ", ".join(cells[:4]) + (f" and {len(cells) - 4} more" if len(cells) > 4 else "")
-        kinds = ", ".join(dict.fromkeys(_WORDS[mark.sign] for _, mark in column.marks))
-        n = len(cells)
-        values = f"{n} marked value{'s' * (n > 1)} ({kinds}) {'are' if n > 1 else 'is'}"
-        draft.doubts.append(
-            Doubt((role,), f"{role}: {values} left out of the fit and kept as {mark_column(role)!r}: {listed}")
-        )
+        if role == "T":
+            _note_bounds(draft, marks)
+            marks = [(row, mark) for row, mark in marks if mark.sign not in "<>"]
+        if marks:
+            draft.doubts.append(Doubt((role,), _left_out(draft, role, marks)))
+
+
+def _note_bounds(draft: Draft, marks: Sequence[tuple[int, Mark]]) -> None:
+    for sign, words in ((">", "are run-outs, longer than their time"), ("<", "are shorter than their time")):
+        rows = np.array([row for row, mark in marks if mark.sign == sign], dtype=np.intp)
+        if rows.size:
+            n = len(draft.lines)
+            draft.assumed.append(f"T: {len(rows)} of {n} lives ({lines_of(draft.lines[rows])}) {words} in the file")
+
+
+def _left_out(draft: Draft, role: str, marks: Sequence[tuple[int, Mark]]) -> str:
+    """Sentence on marked numbers that no fit uses."""
+    cells = [f"line {draft.lines[row]} {mark.text!r}" for row, mark in marks]
+    listed = ", ".join(cells[:4]) + (f" and {len(cells) - 4} more" if len(cells) > 4 else "")
+    kinds = ", ".join(dict.fromkeys(_WORDS[mark.sign] for _, mark in marks))
+    n = len(cells)
+    values = f"{n} marked value{'s' * (n > 1)} ({kinds}) {'are' if n > 1 else 'is'}"
+    return f"{role}: {values} left out of the fit and kept as {mark_column(role)!r}: {listed}"
 
 
 def _factor(column: Column, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:

@@ -164,6 +164,14 @@ _TABLE = (
           "Werkstoff, Werkstück, Werkstückstoff", "matière, matériau, pièce", "pieza, material de la pieza"),
     _role("run", "run order", "", "label", "run no, run number, run #, standard order, std order",
           "Lauf, Laufnr, Lauf Nr, Reihenfolge", "ordre, ordre de passage", "corrida, orden"),
+    _role("censored", "run-out", "", "label",
+          "censoring, censor, cens, right censored, runout, suspended, suspension, survived, not failed, no failure",
+          "zensiert, abgebrochen, Abbruch, Durchläufer, nicht ausgefallen, Kriterium nicht erreicht",
+          "censuré, interrompu, critère non atteint", "censurado, interrumpido, suspendido, criterio no alcanzado"),
+    _role("ended", "end of life reached", "", "label",
+          "failed, failure event, event, event observed, worn out, life ended, end of life, criterion reached",
+          "ausgefallen, Ausfall, Standzeitende, Standzeitende erreicht, Kriterium erreicht, verschlissen",
+          "défaillance, usé, critère atteint", "falla, fallo, desgastado, criterio alcanzado"),
 )
 # fmt: on
 

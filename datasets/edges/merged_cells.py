@@ -22,7 +22,7 @@ def fill_down(draft: Draft) -> None:
     """Fill cells that are blank because only the first row of their block is filled, and say so."""
     for i, (column, use) in enumerate(zip(draft.columns, draft.uses, strict=True)):
         role = None if use.role is None else ROLES[use.role]
-        label = may_be_edge(use) if role is None else role.kind == "label" and role.symbol != "run"
+        label = may_be_edge(use) if role is None else role.symbol in ("edge", "tool", "work")
         if not label and (role is None or (role.kind != "condition" and role.symbol != "D")):
             continue
         values = column.values
