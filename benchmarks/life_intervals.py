@@ -93,7 +93,9 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
     print(f"nominal 95 %, {args.draws} draws each, seed {args.seed}; exponent of V: truth {TRUTH[1]}")
-    print("lives  distribution  ended  refused  exponents  plain ML  new life  below it  V: law  run-outs=lives  left out")
+    print(
+        "lives  distribution  ended  refused  exponents  plain ML  new life  below it  V: law  run-outs=lives  left out"
+    )
     with progress_bar(lines=False) as step:
         for n in (12, 24):
             for distribution in ("lognormal", "weibull"):

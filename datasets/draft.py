@@ -151,19 +151,27 @@ def mark_column(role: str) -> str:
 
 
 # Cells of a column of run-outs
-_YES = frozenset("1 yes y true x ✓ ✔ + ja j wahr oui o vrai si sí s verdadero".split())
-_NO = frozenset(["", *"0 no n false - – — nein falsch non faux falso".split()])
+_YES = frozenset(
+    ("1", "yes", "y", "true", "x", "✓", "✔", "+", "ja", "j", "wahr", "oui", "o", "vrai", "si", "sí", "s", "verdadero")
+)
+_NO = frozenset(("", "0", "no", "n", "false", "-", "–", "—", "nein", "falsch", "non", "faux", "falso"))
 _RUN_OUT = re.compile(
-    r"(run[ -]?out|censored|cens|suspended|susp|stopped|survived|running|still running|alive|abgebrochen|abbruch|zensiert|"
-    r"durchläufer|unterbrochen|interrompu|arrêté|censuré|interrumpido|suspendido|censurado|c|r/o|ro)\b|"
-    r".*\b(no failure|not failed|not worn|not reached|no end of life|nicht erreicht|nicht ausgefallen|nicht verschlissen|"
-    r"non atteint|pas usé|no alcanzado|sin fallo|run[ -]?out)\b"
+    r"(run[ -]?out|censored|cens|suspended|susp|stopped|survived|running|still running|alive|abgebrochen|abbruch|"
+    r"zensiert|durchläufer|unterbrochen|interrompu|arrêté|censuré|interrumpido|suspendido|censurado|c|r/o|ro)\b|"
+    r".*\b(no failure|not failed|not worn|not reached|no end of life|nicht erreicht|nicht ausgefallen|"
+    r"nicht verschlissen|non atteint|pas usé|no alcanzado|sin fallo|run[ -]?out)\b"
 )
+_FOOTNOTE = re.compile(
+    r"\s*\*.*\b(stopped|run[ -]?outs?|censored|suspended|not reached|no failure|abgebrochen|abbruch|nicht erreicht|"
+    r"zensiert|interrompu|non atteint|interrumpido|no alcanzado)\b", re.IGNORECASE
+)  # fmt: skip
 _ENDED = re.compile(
-    r"(failed|failure|fail|worn|worn out|ended|end|event|dead|broken|exact|end of life|reached|f|ausgefallen|verschlissen|"
-    r"standzeitende|ende|erreicht|usé|défaillant|atteint|fallo|falla|desgastado|alcanzado)\b"
+    r"(failed|failure|fail|worn|worn out|ended|end|event|dead|broken|exact|end of life|reached|f|ausgefallen|"
+    r"verschlissen|standzeitende|ende|erreicht|usé|défaillant|atteint|fallo|falla|desgastado|alcanzado)\b"
 )
-_STATUS = re.compile(r"(status|state|outcome|result|event|zustand|ergebnis|statut|état|résultat|estado|resultado)\b", re.I)
+_STATUS = re.compile(
+    r"(status|state|outcome|result|event|zustand|ergebnis|statut|état|résultat|estado|resultado)\b", re.I
+)
 
 
 def mark_run_outs(draft: Draft) -> None:
@@ -220,8 +228,8 @@ def _by_role(column: Column, role: str) -> NDArray[np.bool_]:
             out.append(bool(_RUN_OUT.match(cell)))
         else:
             raise DataError(
-                f"column {column.name!r}, row {row + 1} of the data: {cell!r} does not say whether the life ended. Write "
-                f"yes or no, or give the column no role with --map {role}=none."
+                f"column {column.name!r}, row {row + 1} of the data: {cell!r} does not say whether the life ended. "
+                f"Write yes or no, or give the column no role with --map {role}=none."
             )
     return np.array(out, dtype=bool)
 
@@ -266,8 +274,7 @@ def keep_marks(draft: Draft) -> None:
         role = use.role
         texts = draft.data.get(mark_column(role), np.full(len(draft.lines), "", dtype=object))
         factor = _factor(column, np.asarray(draft.data[role], dtype=float))
-        stopped = role == "T" and any(note.lstrip().startswith("*") and _RUN_OUT.match(note.casefold().lstrip("* :="))
-                                      for note in draft.notes)  # fmt: skip
+        stopped = role == "T" and any(map(_FOOTNOTE.match, draft.notes))
         marks = [(row, replace(mark, sign=">") if stopped and mark.sign == "*" else mark) for row, mark in column.marks]
         for row, mark in marks:
             texts[row] = _converted(mark, role, factor)

@@ -4,7 +4,8 @@ A test that was stopped before the edge failed is a run-out: its life is longer 
 squares can neither take that time as the life nor leave the row out, since the long lives are those that are cut off.
 The law is therefore fitted by maximum likelihood, with lognormal or Weibull lives. Intervals use Student's t with the
 lives that ended less the parameters as degrees of freedom, and the scale corrected by them: normal quantiles and the
-plain scale cover 80 % instead of 95 % in a table of 12 lives. Without run-outs a lognormal law is that of least squares.
+plain scale cover about 80 % instead of 95 % in simulated tables of 12 lives (benchmarks/life_intervals.py). Without
+run-outs a lognormal law is that of least squares.
 
 Sources: Taylor 1907, Trans. ASME 28, 31; Meeker & Escobar 1998, Statistical Methods for Reliability Data, chapter 17.
 """
@@ -34,6 +35,7 @@ from ..core.threads import one_thread
 from ..datasets import Runs
 from ..datasets.draft import mark_column
 from .available import NotAvailable
+from .checks.check import Check
 from .fitted_rows import FittedRows, LawSource
 from .lawfit import LawFit
 from .laws import LawForm
@@ -50,13 +52,13 @@ class Lives:
 
     Attributes
     ----------
-    values : ndarray, shape (n,)
+    times : ndarray, shape (n,)
         Life, or the time that bounds it, in the unit of the runs; NaN where missing.
     side : ndarray of int, shape (n,)
         0 the life ended, 1 it is longer (run-out), -1 it is shorter.
     """
 
-    values: Array
+    times: Array
     side: Side
 
 
@@ -67,8 +69,9 @@ def lives_of(runs: Runs, response: str = "T") -> Lives:
     --------
     >>> import pandas as pd
     >>> from fitmodels import datasets
-    >>> lives = lives_of(datasets.runs_from_frame(pd.DataFrame({"V": [90.0, 60], "T": [12.0, 60], "run-out": ["", "x"]})))
-    >>> lives.values.tolist(), lives.side.tolist()
+    >>> table = pd.DataFrame({"V": [90.0, 60], "T": [12.0, 60], "run-out": ["", "x"]})
+    >>> lives = lives_of(datasets.runs_from_frame(table))
+    >>> lives.times.tolist(), lives.side.tolist()
     ([12.0, 60.0], [0, 1])
     """
     values = runs.values(response).copy()
@@ -138,7 +141,7 @@ def _selected(
     runs: Runs, lives: Lives, response: str, factors: Sequence[str], edge: str | None, by: str | None
 ) -> tuple[Rows, Side]:
     """Rows with a life or a bound of it, and the side of each."""
-    data = runs.data.assign(**{response: lives.values, SIDE: lives.side + 2.0})
+    data = runs.data.assign(**{response: lives.times, SIDE: lives.side + 2.0})
     rows = select(replace(runs, data=data), response, [*factors, SIDE], by=by, edge=edge)
     return replace(rows, X=rows.X[:, :-1]), np.asarray(rows.X[:, -1] - 2, dtype=np.int8)
 
@@ -190,8 +193,8 @@ def _check_ended(law: LawForm, rows: Rows, side: Side, left_out: tuple[LeftOut, 
     n = int(ended.sum())
     if n <= p:
         raise FitError(
-            f"{law.response}: {n} of {len(side)} lives ended, and {p} parameters ({', '.join(law.names)}) need at least "
-            f"{p + 1}. Run tests to the end of the life, or leave a factor out (--map {law.factors[-1]}=none)."
+            f"{law.response}: {n} of {len(side)} lives ended, and {p} parameters ({', '.join(law.names)}) need at "
+            f"least {p + 1}. Run tests to the end of the life, or leave a factor out (--map {law.factors[-1]}=none)."
         )
     _, lacking = identifiable(law.factors, np.log(rows.X[ended]), rows.shifts[ended], logs=True)
     if lacking:
@@ -263,3 +266,143 @@ def _inference(rows: Rows) -> NotAvailable:
     return NotAvailable(
         f"the column of edges names {m} for {n} different lives: each life is taken as that of an edge of its own"
     )
+
+
+MOST_CENSORED, FEW_DF = 0.5, 3
+SURE = 3.0  # difference of log-likelihoods beyond which lives prefer a distribution
+MOVED = 2.0  # standard errors that one life may move an exponent by
+
+
+def run_outs(law: LawFit) -> Check:
+    """Check that enough lives ended for the law to be known.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from fitmodels import datasets
+    >>> table = pd.DataFrame({"V": [120, 120, 150, 150, 180, 180.0], "T": ["60+", "60+", "60+", "26", "17", "14"]})
+    >>> run_outs(life_law(datasets.runs_from_frame(table), ["V"])).level
+    'warning'
+    """
+    life = _life_of(law)
+    n, bounds = law.nobs, life.run_outs + life.earlier
+    share, df = bounds / n, law.df_resid
+    words = f"{life.ended} of {n} lives ended" + (f", {bounds} are known by a bound alone" if bounds else "")
+    concern = int(share > MOST_CENSORED or df < FEW_DF)
+    remedy = " Run more tests to the end of the life." if concern else ""
+    verdict = f"{words}; {df} degrees of freedom.{remedy}"
+    return Check(null="At least half of the lives end, with 3 degrees of freedom.", statistic=share,
+                 symbol="share of bounds", concern=concern, verdict=verdict)  # fmt: skip
+
+
+def edges_of_lives(law: LawFit) -> Check:
+    """Check that each life is of an edge of its own, which makes lives independent."""
+    n, m = law.nobs, law.n_edges
+    several = m is not None and m < n
+    verdict = (
+        f"The column of edges names {m} edges for {n} different lives: each is taken as that of an edge of its own. "
+        "If the names are those of inserts with several corners, this is right; otherwise correct the column."
+        if several
+        else f"Each of the {n} lives is of an edge of its own: lives are independent."
+    )
+    concern = int(several and isinstance(law.edges, NotAvailable))
+    return Check(null="Each life is of an edge of its own.", concern=concern, verdict=verdict)
+
+
+def longest_lives(law: LawFit) -> Check | None:
+    """Check that the longest lives are no run-outs written as lives: equal ones where the law expects others."""
+    if law.rows is None:
+        return None
+    side = law.rows.side
+    ended = np.ones(law.nobs, dtype=bool) if side is None else side == ENDED
+    longest = float(law.observed.max())
+    equal = ended & (law.observed >= longest * (1 - 1e-9))
+    expected = law.fitted[equal]
+    n = int(equal.sum())
+    suspicious = n >= 2 and float(expected.max() / expected.min()) > EQUAL_BY_CHANCE
+    unit = law.units[law.response]
+    verdict = (
+        f"{n} lives are exactly {longest:g} {unit}, the longest of all, where the law expects {expected.min():.3g} to "
+        f"{expected.max():.3g} {unit}: run-outs written as lives? Mark them (60+, or a column run-out)."
+        if suspicious
+        else "The longest lives are not equal."
+    )
+    return Check(null="The longest lives differ.", statistic=float(n), symbol="equal lives", concern=int(suspicious),
+                 verdict=verdict)  # fmt: skip
+
+
+EQUAL_BY_CHANCE = 1.15  # ratio of expected lives above which equal ones are no chance
+
+
+def extrapolated_lives(law: LawFit) -> Check:
+    """Check that the life at the middle of the tests was reached by tests."""
+    middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items()}
+    level = {law.by.column: law.by.reference} if law.by is not None else {}
+    typical, longest = float(law.predict({**middle, **level})[0]), float(law.observed.max())
+    unit = law.units[law.response]
+    beyond = typical > longest
+    verdict = f"Life at the middle of the tests {typical:.3g} {unit}; the longest test lasted {longest:.3g} {unit}" + (
+        ": extrapolated. Test longer, or at conditions of shorter life." if beyond else "."
+    )
+    return Check(null="The life at the middle of the tests was tested.", statistic=typical / longest,
+                 symbol="life over longest test", concern=int(beyond), verdict=verdict)  # fmt: skip
+
+
+def distribution_of_lives(law: LawFit) -> Check | NotAvailable:
+    """Comparison of lognormal and Weibull lives by their likelihood, which few lives seldom decide."""
+    life = _life_of(law)
+    if law.exact or law.rows is None:
+        return NotAvailable("the lives meet the law exactly")
+    side = np.zeros(law.nobs, dtype=np.int8) if law.rows.side is None else law.rows.side
+    name: Distribution = "weibull" if life.name == "lognormal" else "lognormal"
+    other = fit_censored(law.design, np.log(law.observed), side, name)
+    more = other.log_likelihood - life.log_likelihood
+    titles = {"weibull": "Weibull", "lognormal": "lognormal"}
+    verdict = f"{titles[life.name]} against {titles[name]} lives: log-likelihood {life.log_likelihood:.2f} and " + (
+        f"{other.log_likelihood:.2f}; the lives prefer {titles[name]}: life_law(..., distribution={name!r})."
+        if more > SURE
+        else f"{other.log_likelihood:.2f}: these lives do not contradict {titles[life.name]} ones."
+    )
+    return Check(null=f"Lives are {titles[life.name]} about the law.", statistic=more, symbol="ln likelihood ratio",
+                 concern=int(more > SURE), verdict=verdict[0].upper() + verdict[1:])  # fmt: skip
+
+
+def single_lives(law: LawFit) -> Check | NotAvailable | None:
+    """Largest change of an exponent when one life is left out, in standard errors; None for least squares."""
+    life = _life_of(law)
+    if life.least_squares or law.rows is None or law.rows.side is None:
+        return None  # the check of influence of every law does it
+    if law.nobs > MOST_LEFT_OUT:
+        return NotAvailable(f"{law.nobs} lives: only up to {MOST_LEFT_OUT} are left out one by one")
+    se = np.sqrt(np.diag(law.covariance()))
+    worst, where = (0.0, 1), 0
+    for row in range(law.nobs):
+        keep = np.arange(law.nobs) != row
+        try:
+            part = fit_censored(law.design[keep], np.log(law.observed[keep]), law.rows.side[keep], life.name)
+        except (FitError, np.linalg.LinAlgError):
+            return _sole_life(law, row)
+        moved = np.abs(part.beta[1:] - law.theta[1:]) / se[1:]
+        found = (float(moved.max()), 1 + int(moved.argmax()))
+        if found > worst:
+            worst, where = found, row
+    size, j = worst
+    verdict = f"Without the life of line {law.lines[where]} the exponent of {law.names[j]} changes by {size:.2g} SE" + (
+        ": measure there again." if size > MOVED else "; no single life decides the law."
+    )
+    return Check(null="No single life decides an exponent.", statistic=size, symbol="max. change (SE)",
+                 concern=int(size > MOVED), verdict=verdict)  # fmt: skip
+
+
+MOST_LEFT_OUT = 200
+
+
+def _sole_life(law: LawFit, row: int) -> Check:
+    verdict = f"Without the life of line {law.lines[row]} the law cannot be fitted: measure at its conditions again."
+    return Check(null="No single life decides an exponent.", concern=1, verdict=verdict)
+
+
+def _life_of(law: LawFit) -> LifeDistribution:
+    if law.life is None:
+        raise FitError(f"the law of {law.response} is not one of tool lives: fit it with life_law.")
+    return law.life

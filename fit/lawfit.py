@@ -183,6 +183,14 @@ class LawFit(RowAccess, Plottable):
         return f"no interval: {self.nobs} observations fix {len(self.theta)} parameters exactly"
 
     @property
+    def not_least_squares(self) -> str:
+        """Why the law is not that of least squares of its rows, so that these do not check it; empty where it is."""
+        if self.life is None or self.life.least_squares:
+            return ""
+        known = f"{self.life.run_outs + self.life.earlier} of {self.nobs} lives are known by a bound alone"
+        return known if self.life.censored else "the lives are Weibull and not lognormal"
+
+    @property
     def params(self) -> "pd.Series[float]":
         """Coefficients, indexed by ``names``."""
         return pd.Series(self.formula.coefficients(self.theta), index=list(self.names), name=self.response)

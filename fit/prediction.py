@@ -76,6 +76,8 @@ class Fitted(Protocol):
     @property
     def no_interval(self) -> str | None: ...  # noqa: D102
     @property
+    def not_least_squares(self) -> str: ...  # noqa: D102
+    @property
     def design(self) -> Array: ...  # noqa: D102
     @property
     def residuals(self) -> Array: ...  # noqa: D102
@@ -179,6 +181,8 @@ def smearing(law: Fitted, of: str) -> float:
 
     ``of`` is "independent rows", "new" or "same", as in ``PredictiveScale``.
     """
+    if law.not_least_squares:
+        raise FitError(f"{law.formula.response}: {law.not_least_squares}, so residuals give no smeared mean.")
     r = law.residuals
     if of == "independent rows":
         return float(np.exp(r).mean())

@@ -283,7 +283,7 @@ def other_structure(law: LawFit) -> LawFit | None:
     A line has none; rows that are not above zero have no logarithm; least squares on the original scale may fail to
     converge; and a law of a stream keeps no rows.
     """
-    if law.rows is None or not law.formula.logarithmic or not (law.observed > 0).all():
+    if law.rows is None or not law.formula.logarithmic or not (law.observed > 0).all() or law.not_least_squares:
         return None
     try:
         return refitted(law, "additive" if law.error == "multiplicative" else "multiplicative")

@@ -96,6 +96,8 @@ def ols_results(law: Fitted) -> Any:  # noqa: ANN401  statsmodels has no types
     >>> results.cov_type, bool(abs(results.params["np.log(V)"] - law.params["V"]) < 1e-9)
     ('cluster-crv3', True)
     """
+    if law.not_least_squares:
+        raise FitError(f"{law.formula.response}: {law.not_least_squares}; statsmodels' OLS does not fit such lives.")
     import statsmodels.formula.api as smf  # type: ignore[import-untyped]
 
     formula, table, _ = _formula(law)

@@ -174,7 +174,8 @@ def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factor
             asked.kind, median, variance, spread.df, spread.scatter, level=asked.level, coverage=asked.coverage,
             centre=centre, smearing=smearing, multiplies=multiplies,
         )  # fmt: skip
-    of = interval_label(asked.kind, asked.level, asked.coverage, spread.words)
+    row = "row" if law.life is None else "life"
+    of = interval_label(asked.kind, asked.level, asked.coverage, spread.words, row)
     return Band(value, low, high, of, spread.edge, centre)
 
 
@@ -198,7 +199,8 @@ def _spread(law: LawFields, covariance: Covariance, asked: IntervalOptions, *, p
         if law.residual_se is None and (asked.kind != "mean" or asked.centre != "median"):
             words = f"no {asked.kind} interval" if asked.kind != "mean" else f"no {asked.centre} of its own"
             raise ParameterError(f"the law of {law.response} has no residual standard error: {words}.")
-        return _Spread("independent rows", one_component(law.residual_se or 0.0, df), df, None)
+        lives = "lognormal" if law.life is None else law.life.distribution
+        return _Spread("independent rows", one_component(law.residual_se or 0.0, df, lives), df, None)
     if asked.edge == "same":
         (within,) = _held(law, e, "df_within", of="an interval for the same edge")
         return _Spread("same", one_component(e.sd_within, within), within, KNOWN_LEVEL)

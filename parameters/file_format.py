@@ -218,7 +218,7 @@ def _to_version_6(data: dict[str, Any]) -> dict[str, Any]:
 
 def _of_first_order(law: dict[str, Any]) -> dict[str, Any]:
     other = {"alternative": _of_first_order(law["alternative"])} if law.get("alternative") else {}
-    return {**law, **other, "terms": [], "centres": {}, "fixed": {}}
+    return {**law, **other, "terms": [], "centres": {}, "fixed": {}, "life": None}
 
 
 # Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
@@ -231,7 +231,7 @@ def _of_first_order(law: dict[str, Any]) -> dict[str, Any]:
 # ``held_out_on`` and ``own_fit``: which samples and which model a fit is of; ``drive``; and settings of adaptive force
 # that are not stated.
 # Version 6 added ``terms``, ``centres`` and ``fixed`` of laws: second order, and exponents that were not estimated;
-# and ``responses`` of limits.
+# ``life`` of laws, the distribution of tool lives; and ``responses`` of limits.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,

@@ -31,22 +31,35 @@ _ONE_GROUP: dict[Decimal, re.Pattern[str]] = {
 }
 # The same cells are asked about for the delimiter and for the layout, and are alike from row to row.
 _SHORT = 24  # characters of a cell that is remembered
-_SIGNS = {"<": "<", "≤": "<", ">": ">", "≥": ">", "⩾": ">", "≧": ">", "~": "~", "≈": "~", "≃": "~", "*": "*", "†": "*", "‡": "*"}
-_AT_LEAST = ("at least", "more than", "over", "mindestens", "mind.", "mehr als", "über", "au moins", "plus de", "más de",
-             "al menos")  # fmt: skip
+_SIGNS = {
+    "<": "<",
+    "≤": "<",
+    ">": ">",
+    "≥": ">",
+    "⩾": ">",
+    "≧": ">",
+    "~": "~",
+    "≈": "~",
+    "≃": "~",
+    "*": "*",
+    "†": "*",
+    "‡": "*",
+}
+_AT_LEAST = tuple("at least|more than|over|mindestens|mind.|mehr als|über|au moins|plus de|más de|al menos".split("|"))
 _FIRST_LETTERS = ("ca", "ci", "ab", "ap", "en", "et", *sorted({words[:2] for words in _AT_LEAST}))  # ca., circa, about
 # Words of a test that was stopped before the tool failed, in the cell of its time: 60 (run-out), 60 abgebrochen
 _STOPPED = (
-    r"run[- ]?outs?|ro|censored|cens\.?|suspended|susp\.?|stopped|no failure|not failed|not reached|survived|abgebrochen|"
-    r"abgebr\.?|durchläufer|nicht erreicht|zensiert|interrompu|arrêté|non atteint|censuré|interrumpido|censurado|"
-    r"no alcanzado"
+    r"run[- ]?outs?|ro|censored|cens\.?|suspended|susp\.?|stopped|no failure|not failed|not reached|survived|"
+    r"abgebrochen|abgebr\.?|durchläufer|nicht erreicht|zensiert|interrompu|arrêté|non atteint|censuré|interrumpido|"
+    r"censurado|no alcanzado"
 )
 _MARKED = re.compile(
     r"(?P<before>[<>]=?|=?[<>]|[≤≥⩾≧~≈≃*†‡]|(?:ca|approx|env|circa|about|etwa)\b\.?|"
     rf"(?P<least>{'|'.join(map(re.escape, _AT_LEAST))}))?\s*"
     r"(?P<number>[+\-−]?[\d.,][\d.,'’ \u00a0\u2009\u202f]*(?:[eE][+-]?\d+)?)\s*"
     rf"(?:(?P<unit>(?!(?:{_STOPPED})\b)[^\W\d_][\w/·^]*)\s*)?"
-    rf"(?P<after>\*{{1,3}}|\(\*\)|[†‡]|(?P<longer>\(?(?:\+|[>↑→])\)?(?:\s*(?P<unit2>min|s|sec|h)\b)?(?:\s*\(?(?:{_STOPPED})\)?)?|\(?(?:{_STOPPED})\)?))?",
+    rf"(?P<after>\*{{1,3}}|\(\*\)|[†‡]|(?P<longer>\(?(?:\+|[>↑→])\)?(?:\s*(?P<unit2>min|s|sec|h)\b)?"
+    rf"(?:\s*\(?(?:{_STOPPED})\)?)?|\(?(?:{_STOPPED})\)?))?",
     re.IGNORECASE,
 )
 

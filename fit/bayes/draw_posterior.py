@@ -126,6 +126,8 @@ def _check(law: LawFit, draws: int, seed: int, errors: str, method: str | None) 
         raise UsageError(
             f"{draws} draws: at least {FEWEST} (fewer cannot pass the convergence checks) and at most {MOST}."
         )
+    if law.not_least_squares:
+        raise FitError(f"{law.response}: no posterior is drawn, since {law.not_least_squares}; see its intervals.")
     if law.no_interval:
         raise FitError(
             f"{law.response}: no posterior: {law.no_interval.removeprefix('no interval: ')}. Add observations."

@@ -59,6 +59,11 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "copies": "Duplicated rows and readings",
     "gauge error": "Error of the wear gauge",
     "agreement": "Agreement of estimates",
+    "run-outs": "Share of lives that ended",
+    "longest lives": "Run-outs written as lives",
+    "extrapolated lives": "Lives within the tests",
+    "distribution of lives": "Distribution of the lives",
+    "single lives": "Influence of single lives",
 })  # fmt: skip
 BY_EDGE = ("order within edges", "even scatter of edges", "normality of edges")  # not applicable to independent rows
 

@@ -16,6 +16,14 @@ from ...core.threads import one_thread
 from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ...datasets import Runs
 from ..available import NotAvailable, computed
+from ..censored_lives import (
+    distribution_of_lives,
+    edges_of_lives,
+    extrapolated_lives,
+    longest_lives,
+    run_outs,
+    single_lives,
+)
 from ..lawfit import LawFit
 from .agreement import compare_estimates
 from .autocorrelation import serial_correlation
@@ -210,7 +218,8 @@ def judge(
     """
     chosen = even_choice(law)
     given = CheckInput(law, chosen, runs, gauge_sd, alternative if chosen is law else None)
-    done = {name: computed(partial(check, given)) for name, check in CHECKS.items()}
+    asked = {**CHECKS, **CHECKS_OF_LIVES} if law.life is not None else CHECKS
+    done = {name: _done(name, check, given) for name, check in asked.items()}
     checks = {name: check for name, check in done.items() if check is not None}
     rows = 0 if chosen.rows is None else chosen.nobs
     found = Judgement(family_wise(checks, FAMILY_LEVEL / max(laws, 1)), not has_repeated_edges(chosen), rows)
@@ -218,6 +227,14 @@ def judge(
 
 
 OneCheck = Callable[[CheckInput], Found | None]
+
+
+def _done(name: str, check: OneCheck, given: CheckInput) -> Found | None:
+    """The result of a check; those of least squares are not available for a law that is not fitted by them."""
+    why = given.law.not_least_squares
+    if why and name in CHECKS and name not in OF_EVERY_LAW:
+        return NotAvailable(f"{why}: the check is of least squares") if name in USUAL else None
+    return computed(partial(check, given))
 
 
 def _deleted(check: Callable[[CheckInput, Deletion], Found]) -> OneCheck:
@@ -302,4 +319,14 @@ CHECKS: Mapping[str, OneCheck] = {
     "gauge error": _gauge,
     "agreement": _agreement,
     "reading": lambda given: doubts_of_reading(given.whole, given.runs),
+}
+USUAL = ("wrong rows", "missing conditions", "unused columns", "form", "curvature", "prediction", "normality")
+OF_EVERY_LAW = ("exponents", "possible values", "collinearity", "reading")  # no residuals needed
+CHECKS_OF_LIVES: Mapping[str, OneCheck] = {
+    "number of edges": lambda given: edges_of_lives(given.law),
+    "run-outs": lambda given: run_outs(given.law),
+    "longest lives": lambda given: longest_lives(given.law),
+    "extrapolated lives": lambda given: extrapolated_lives(given.law),
+    "distribution of lives": lambda given: distribution_of_lives(given.law),
+    "single lives": lambda given: single_lives(given.law),
 }

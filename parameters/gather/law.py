@@ -177,6 +177,7 @@ def _section(law: "LawFit") -> dict[str, Any]:
         "coefficients": {name: params[name] for name in law.formula.names},
         "factors": [_factor(law, symbol) for symbol in law.factors],
         **_second_order(law),
+        "life": _life(law),
         "by": _by(law, params),
         "uncertainty": _uncertainty(law),
         "residual_se": known(law.scale_se),
@@ -201,6 +202,21 @@ def _second_order(law: "LawFit") -> dict[str, Any]:
     powers = ({x: d for x, d in zip(formula.factors, term.degrees, strict=True) if d} for term in formula.terms)
     terms = [{"name": term.name, "powers": of} for term, of in zip(formula.terms, powers, strict=True)]
     return {"terms": terms, "centres": dict(zip(formula.factors, formula.centres, strict=False))}
+
+
+def _life(law: "LawFit") -> dict[str, Any] | None:
+    """Distribution of tool lives, None for other laws."""
+    if law.life is None:
+        return None
+    found = asdict(law.life)
+    with_scale = dict(zip(law.theta_names, found.pop("with_scale"), strict=True))
+    distribution = found.pop("name")
+    return {
+        **found,
+        "distribution": distribution,
+        "with_scale": with_scale,
+        "log_likelihood": known(law.life.log_likelihood),
+    }
 
 
 def _edges(law: "LawFit") -> dict[str, Any]:
@@ -231,7 +247,11 @@ def _edges(law: "LawFit") -> dict[str, Any]:
 def _smearing(law: "LawFit", of: str) -> float | None:
     from ...fit.prediction import smearing
 
-    return known(smearing(law, of)) if law.error == "multiplicative" and law.rows is not None else None
+    return (
+        known(smearing(law, of))
+        if law.error == "multiplicative" and law.rows is not None and not law.not_least_squares
+        else None
+    )
 
 
 def _by(law: "LawFit", params: Mapping[str, float]) -> dict[str, Any] | None:

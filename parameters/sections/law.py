@@ -49,6 +49,8 @@ class LawSection(Plottable, LawFields):
         Symbol, unit and domain of each.
     by : By or None
         Levels that share the exponents, and the shift of each from the reference.
+    life : LifeSection or None
+        Of a law of tool lives: their distribution and how many of them ended.
     uncertainty : Covariance or NoCovariance
         Covariance of ``ln c0`` (``ln a``), the exponents and the shifts; of A, B, k1 as they are.
     residual_se : float or None

@@ -27,6 +27,7 @@ from .law_parts import (
     LawWithoutSuspects,
     LeftOutFactor,
     LevelShifts,
+    LifeSection,
     Published,
     Region,
     Statistics,
@@ -60,6 +61,7 @@ class LawFields(Section):
     terms: tuple[TermSection, ...] = ()
     centres: dict[str, Number] = Field(default_factory=dict)
     fixed: dict[str, Number] = Field(default_factory=dict)
+    life: LifeSection | None = None
     by: LevelShifts | None = None
     uncertainty: Annotated[Covariance | NoCovariance, Field(discriminator="kind")]
     residual_se: NotNegative | None = None

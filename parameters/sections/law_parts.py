@@ -1,7 +1,7 @@
 """Parts of a law section."""
 
 from collections.abc import Mapping
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -157,6 +157,34 @@ class ToolLifeSection(Section):
     typical: NotNegative
     typical_at: dict[str, Number]
     verdict: VerdictSection | None = None
+
+
+class LifeSection(Section):
+    """Distribution of tool lives about their law, whose value is the median life.
+
+    ``scale`` is s of ``ln T``: the standard deviation of lognormal lives, the reciprocal shape of Weibull ones; it is
+    corrected for the parameters of the law. ``ended`` lives ended, ``run_outs`` are longer and ``earlier`` shorter than
+    their time in the data. ``with_scale`` holds the covariance of ln s with each parameter.
+
+    Examples
+    --------
+    >>> LifeSection(distribution="lognormal", scale=0.13, log_scale_sd=0.3, ended=9, run_outs=3).censored
+    True
+    """
+
+    distribution: Literal["lognormal", "weibull"]
+    scale: NotNegative
+    log_scale_sd: NotNegative
+    with_scale: dict[str, Number] = Field(default_factory=dict)
+    ended: Count
+    run_outs: Count = 0
+    earlier: Count = 0
+    log_likelihood: Number | None = None
+
+    @property
+    def censored(self) -> bool:
+        """Whether some life is known by a bound alone."""
+        return self.run_outs + self.earlier > 0
 
 
 class Edges(Section):

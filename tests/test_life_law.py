@@ -1,0 +1,262 @@
+"""The law of tool lives with run-outs: reading of lives, maximum likelihood against oracles, intervals, the file."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit, parameters
+from fitmodels.core.censored import EARLIER, fit_censored, standard_quantile
+from fitmodels.core.errors import DataError, FitError
+from fitmodels.fit.censored_lives import lives_of
+
+TABLE = [
+    (120, 0.15, 1, "60+"), (120, 0.3, 1, "60+"), (180, 0.15, 1, "44.5"), (180, 0.3, 1, "21.6"),
+    (120, 0.15, 2.5, "60+"), (120, 0.3, 2.5, "37.5"), (180, 0.15, 2.5, "24.9"), (180, 0.3, 2.5, "10.6"),
+    (147, 0.212, 1.58, "43"), (147, 0.212, 1.58, "36.4"), (147, 0.212, 1.58, "51.5"), (147, 0.212, 1.58, "50.4"),
+]  # fmt: skip
+# lifelines 0.30.3, WeibullAFTFitter and LogNormalAFTFitter, .fit(df, "T", "E") on ln V, ln f, ln d: params_,
+# standard_errors_, log_likelihood_; ln s is -rho_ or sigma_
+LIFELINES = {
+    "weibull": (
+        (19.6126530, -3.4712357, -1.2354767, -0.7803000), (1.4691324, 0.2838629, 0.1416261, 0.1072142),
+        (-2.4468405, 0.2688636), -23.545574076998601,
+    ),
+    "lognormal": (
+        (18.3137513, -3.2114925, -1.1776324, -0.7371045), (1.3230078, 0.2667046, 0.1378849, 0.1034634),
+        (-2.2984497, 0.2339679), -23.392068101440230,
+    ),
+}  # fmt: skip
+# survreg of R, Freireich's 42 remissions under 6-MP, as printed in its documentation: intercept, control, their
+# standard errors, ln s, log-likelihood
+SURVREG = {
+    "weibull": ((3.51569, -1.26733), (0.25178, 0.31064), -0.31171, -106.57949),
+    "lognormal": ((3.17197, -1.34685), (0.24398, 0.31650), -0.07919, -106.70462),
+}
+CONTROL = [1, 1, 2, 2, 3, 4, 4, 5, 5, 8, 8, 8, 8, 11, 11, 12, 12, 15, 17, 22, 23]
+TREATED = [6, 6, 6, 6, 7, 9, 10, 10, 11, 13, 16, 17, 19, 20, 22, 23, 25, 32, 32, 34, 35]
+CENSORED = [0, 0, 0, 1, 0, 1, 0, 1, 1, 0, 0, 1, 1, 1, 0, 0, 1, 1, 1, 1, 1]
+
+
+def tool_table(rows=TABLE):
+    frame = pd.DataFrame(rows, columns=["V", "f", "d", "T"])
+    marked = frame["T"].astype(str).str.contains("[^0-9.]").any()
+    return frame if marked else frame.astype({"T": float})
+
+
+def tool_runs(rows=TABLE):
+    return datasets.runs_from_frame(tool_table(rows), judge=False)
+
+
+def freireich():
+    x = np.repeat([1.0, 0.0], 21)
+    side = np.array([0] * 21 + CENSORED, dtype=np.int8)
+    return np.column_stack([np.ones(42), x]), np.log(np.array(CONTROL + TREATED, dtype=float)), side
+
+
+@pytest.mark.parametrize("distribution", ["weibull", "lognormal"])
+def test_the_tool_table_is_that_of_lifelines(distribution):
+    runs = tool_runs()
+    lives = lives_of(runs)
+    Z = np.column_stack([np.ones(12), np.log(runs.data[["V", "f", "d"]].to_numpy(dtype=float))])
+    found = fit_censored(Z, np.log(lives.times), lives.side, distribution)
+    beta, se, (ln_scale, ln_scale_se), log_likelihood = LIFELINES[distribution]
+    np.testing.assert_allclose(found.beta, beta, rtol=1e-6)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), [*se, ln_scale_se], rtol=1e-5)
+    assert np.log(found.scale) == pytest.approx(ln_scale, abs=1e-6)
+    assert found.log_likelihood == pytest.approx(log_likelihood, abs=1e-6)
+
+
+@pytest.mark.parametrize("distribution", ["weibull", "lognormal"])
+def test_freireichs_remissions_are_those_of_survreg(distribution):
+    found = fit_censored(*freireich(), distribution)
+    beta, se, ln_scale, log_likelihood = SURVREG[distribution]
+    np.testing.assert_allclose(found.beta, beta, atol=6e-6)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance))[:2], se, atol=6e-6)
+    assert np.log(found.scale) == pytest.approx(ln_scale, abs=6e-6)
+    assert found.log_likelihood == pytest.approx(log_likelihood, abs=6e-6)
+
+
+@pytest.mark.parametrize("distribution", ["weibull", "lognormal"])
+def test_lives_over_at_the_first_look_have_the_likelihood_of_shorter_ones(distribution):
+    """The maximum, and the information, against differences of the log-likelihood written out with scipy.stats."""
+    from scipy import stats
+
+    Z, y, side = freireich()
+    side[:4] = EARLIER
+    found = fit_censored(Z, y, side, distribution)
+    W = stats.norm if distribution == "lognormal" else stats.gumbel_l
+
+    def log_likelihood(x):
+        s = np.exp(x[2])
+        z = (y - Z @ x[:2]) / s
+        parts = [W.logpdf(z) - x[2] - y, W.logsf(z), W.logcdf(z)]
+        return float(sum(part[side == which].sum() for part, which in zip(parts, (0, 1, -1), strict=True)))
+
+    best = np.array([*found.beta, np.log(found.scale)])
+    assert log_likelihood(best) == pytest.approx(found.log_likelihood, abs=1e-9)
+    h = 1e-4
+    steps = h * np.eye(3)
+    slope = [(log_likelihood(best + e) - log_likelihood(best - e)) / (2 * h) for e in steps]
+    np.testing.assert_allclose(slope, 0, atol=1e-5)
+
+    def second(a, b):
+        return sum(i * j * log_likelihood(best + i * a + j * b) for i in (1, -1) for j in (1, -1)) / (4 * h * h)
+
+    H = [[second(a, b) for a in steps] for b in steps]
+    np.testing.assert_allclose(found.covariance, np.linalg.inv(-np.array(H)), rtol=1e-4, atol=1e-7)
+
+
+def test_intervals_have_the_degrees_of_freedom_of_the_lives_that_ended():
+    law = fit.life_law(tool_runs())
+    assert (law.nobs, law.life.ended, law.life.run_outs, law.df) == (12, 9, 3, 5)
+    _, se, (ln_scale, _), _ = LIFELINES["lognormal"]
+    wider = np.sqrt(9 / 5)
+    np.testing.assert_allclose(np.sqrt(np.diag(law.covariance())), np.array(se) * wider, rtol=1e-5)
+    assert law.scale_se == pytest.approx(np.exp(ln_scale) * wider, rel=1e-6)
+    band = law.conf_int().loc["V"]
+    assert (band["high"] - band["low"]) / 2 == pytest.approx(2.570582 * se[1] * wider, rel=1e-5)
+
+
+def test_without_run_outs_lognormal_lives_are_least_squares():
+    ended = [row for row in TABLE if not row[3].endswith("+")]
+    law, plain = fit.life_law(tool_runs(ended)), fit.power_law(tool_runs(ended), "T", ["V", "f", "d"])
+    np.testing.assert_allclose(law.theta, plain.theta, rtol=1e-12)
+    np.testing.assert_allclose(law.covariance(), plain.covariance(), rtol=1e-12)
+    assert law.life.least_squares
+    by_likelihood = fit_censored(law.design, np.log(law.observed), np.zeros(9, dtype=np.int8), "lognormal")
+    np.testing.assert_allclose(by_likelihood.beta, law.theta, rtol=1e-7)
+    assert by_likelihood.log_likelihood == pytest.approx(law.life.log_likelihood, abs=1e-9)
+
+
+def test_the_law_of_weibull_lives_is_that_of_their_median():
+    law = fit.life_law(tool_runs(), distribution="weibull")
+    (location, *exponents), _, (ln_scale, _), _ = LIFELINES["weibull"]
+    np.testing.assert_allclose(law.theta[1:], exponents, rtol=1e-6)
+    assert law.theta[0] == pytest.approx(location + np.exp(ln_scale) * np.log(np.log(2)), rel=1e-6)
+    at = {"V": 147.0, "f": 0.212, "d": 1.58}
+    one = law.predict(at, "prediction").iloc[0]
+    below, above = np.log(one["value"] / one["low"]), np.log(one["high"] / one["value"])
+    median = standard_quantile("weibull", 0.5)
+    assert below / above > 1.3
+    assert below > law.life.scale * (median - standard_quantile("weibull", 0.025))
+    assert above > law.life.scale * (standard_quantile("weibull", 0.975) - median)
+
+
+WAYS = {
+    "marks": (tool_table(), {}),
+    "bounds": (tool_table([(*r[:3], ">= " + r[3][:-1] if r[3].endswith("+") else r[3]) for r in TABLE]), {}),
+    "words": (tool_table([(*r[:3], r[3].replace("+", " (run-out)")) for r in TABLE]), {}),
+}
+
+
+def with_column(name, stopped, ended):
+    frame = tool_table([(*row[:3], float(row[3].rstrip("+"))) for row in TABLE])
+    return frame.assign(**{name: [stopped if row[3].endswith("+") else ended for row in TABLE]})
+
+
+WAYS |= {
+    f"{name}={stopped!r}": (with_column(name, stopped, ended), {})
+    for name, stopped, ended in (
+        ("run-out", "x", ""), ("censored", "yes", "no"), ("censored", 1, 0), ("failed", "no", "yes"), ("event", 0, 1),
+        ("status", "suspended", "failed"), ("Bemerkung", "abgebrochen", ""), ("remark", "not reached", "chipping"),
+        ("Status", 0, 1), ("Status", 1, 0), ("Abbruch", "ja", "nein"), ("interrompu", "oui", "non"),
+    )
+}  # fmt: skip
+WAYS["mapped"] = (with_column("how it went", "C", "F"), {"map": {"censored": "how it went"}})
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_run_outs_are_read_however_they_are_written(way):
+    frame, options = WAYS[way]
+    runs = datasets.runs_from_frame(frame, **options)
+    lives = lives_of(runs)
+    assert np.flatnonzero(lives.side).tolist() == [0, 1, 4]
+    assert lives.times[[0, 1, 4]].tolist() == [60, 60, 60]
+    assert any("3 of 12 lives" in note for note in runs.assumed)
+    assert not [doubt for doubt in runs.doubts if "T" in doubt.columns]
+
+
+def test_codes_that_may_mean_both_are_a_doubt_with_its_correction():
+    lives = [float(row[3].rstrip("+")) + 2 * i * row[3].endswith("+") for i, row in enumerate(TABLE)]
+    frame = tool_table().assign(T=lives)
+    frame["status"] = [int(not row[3].endswith("+")) for row in TABLE]
+    runs = datasets.runs_from_frame(frame)
+    assert np.flatnonzero(lives_of(runs).side).tolist() == [0, 1, 4]
+    assert any('--map "censored=status"' in doubt.sentence for doubt in runs.doubts)
+    other = datasets.runs_from_frame(frame, map={"censored": "status"})
+    assert (lives_of(other).side == 1).sum() == 9
+
+
+def test_a_column_of_run_outs_that_says_something_else_is_refused():
+    with pytest.raises(DataError, match=r"'maybe' does not say whether the life ended. Write yes or no"):
+        datasets.runs_from_frame(with_column("censored", "maybe", "no"))
+
+
+def test_lives_in_another_unit_keep_their_bounds(tmp_path):
+    (tmp_path / "t.csv").write_text("V [m/min],T [h],run-out\n100,1,x\n120,0.5,\n140,0.25,\n160,0.2,\n")
+    lives = lives_of(datasets.read_runs(tmp_path / "t.csv"))
+    assert lives.times.tolist() == [60, 30, 15, 12]
+    (tmp_path / "u.csv").write_text("V [m/min],T [s]\n100,3600+\n120,1800\n140,900\n160,720\n")
+    assert lives_of(datasets.read_runs(tmp_path / "u.csv")).times.tolist() == [60, 30, 15, 12]
+
+
+def test_a_footnote_that_says_stopped_marks_run_outs(tmp_path):
+    (tmp_path / "t.csv").write_text("# * test stopped\nV,T\n100,60*\n120,30\n140,15\n160,12\n")
+    assert lives_of(datasets.read_runs(tmp_path / "t.csv")).side.tolist() == [1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ([(V, 0.2, 1, T) for V, T in ((100, "60+"), (100, "60+"), (150, "20"), (150, "25"), (150, "22"), (150, "24"))],
+         r"among the 4 lives that ended V is constant \(150 in all 4 rows\); run-outs bound its exponent on one side"),
+        ([(V, 0.2, 1, T) for V, T in ((100, "60+"), (110, "60+"), (120, "60+"), (150, "20"), (160, "18"))],
+         "2 of 5 lives ended, and 2 parameters"),
+    ],
+)  # fmt: skip
+def test_lives_that_do_not_identify_the_law_are_refused(rows, says):
+    with pytest.raises(FitError, match=says):
+        fit.life_law(tool_runs(rows), ["V"])
+
+
+def test_a_life_written_in_every_row_of_its_edge_counts_once():
+    frame = tool_table()
+    frame["edge"] = [f"E{i}" for i in range(12)]
+    thrice = frame.loc[frame.index.repeat([3, 1, 2, *[4] * 9])].reset_index(drop=True)
+    runs = datasets.runs_from_frame(thrice, judge=False)
+    law, single = fit.life_law(runs), fit.life_law(tool_runs())
+    assert law.nobs == 12
+    np.testing.assert_allclose(law.theta, single.theta, rtol=1e-9)
+    assert any("counts once" in note for note in law.notes)
+
+
+def test_the_checks_of_least_squares_are_not_made_of_run_outs():
+    found = fit.judge(fit.life_law(tool_runs()), runs=tool_runs())
+    assert not found.checks["form"]
+    assert "3 of 12 lives are known by a bound alone" in str(found.checks["form"])
+    assert found.checks["exponents"].level == found.checks["run-outs"].level == "passed"
+    assert found.verdict.level == 0
+    with pytest.raises(FitError, match="no posterior is drawn"):
+        fit.posterior(fit.life_law(tool_runs()))
+
+
+def test_run_outs_written_as_lives_are_seen():
+    rows = [(*row[:3], row[3].rstrip("+")) for row in TABLE]
+    found = fit.judge(fit.life_law(tool_runs(rows)))
+    assert "3 lives are exactly 60 min" in found.checks["longest lives"].verdict
+    assert found.verdict.level == 1
+
+
+@pytest.mark.parametrize("distribution", ["weibull", "lognormal"])
+def test_the_file_predicts_lives_as_the_fit_does(distribution, tmp_path):
+    law = fit.life_law(tool_runs(), distribution=distribution)
+    pf = parameters.collect(laws=[law])
+    again = parameters.read(parameters.write(pf, tmp_path / "params.json")).laws["T"]
+    assert (again.life.distribution, again.life.ended, again.life.run_outs) == (distribution, 9, 3)
+    at = {"V": 150.0, "f": 0.2, "d": 1.5}
+    for kind in ("mean", "prediction", "tolerance"):
+        for centre in ("median", "mean"):
+            one = law.predict(at, kind, centre=centre).iloc[0]
+            band = again.get_prediction(kind, centre=centre, **at)
+            expected = one[["value", "low", "high"]].to_numpy(dtype=float)
+            np.testing.assert_allclose([band.value, band.low, band.high], expected, rtol=1e-9)
+    assert "for one life" in again.get_prediction(**at).words
