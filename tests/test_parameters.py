@@ -730,6 +730,8 @@ def stand_in(**changes):
         "left_out": (SimpleNamespace(factor="d", reason="the same in every row"),),
         "dropped": (SimpleNamespace(reason="AW is empty", count=np.int64(2), lines=(3, 7)),),
         "notes": ("a note",),
+        "life": None,
+        "not_least_squares": "",
         "alternative": None,
     }
     law = SimpleNamespace(**{**attributes, **changes})

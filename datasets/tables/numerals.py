@@ -45,7 +45,10 @@ _SIGNS = {
     "†": "*",
     "‡": "*",
 }
-_AT_LEAST = tuple("at least|more than|over|mindestens|mind.|mehr als|über|au moins|plus de|más de|al menos".split("|"))
+_AT_LEAST = (
+    *("at least", "more than", "over", "mindestens", "mind.", "mehr als", "über"),
+    *("au moins", "plus de", "más de", "al menos"),
+)
 _FIRST_LETTERS = ("ca", "ci", "ab", "ap", "en", "et", *sorted({words[:2] for words in _AT_LEAST}))  # ca., circa, about
 # Words of a test that was stopped before the tool failed, in the cell of its time: 60 (run-out), 60 abgebrochen
 _STOPPED = (
