@@ -17,6 +17,7 @@ from ..core.errors import UsageError
 from ..datasets import Runs
 from ..datasets.options import Process
 from .available import computed
+from .censored_lives import life_law
 from .law_requests import LawRequest, named_role, parse_laws, symbol_of
 from .lawfit import LawFit
 from .laws import Error
@@ -258,6 +259,8 @@ def fit_asked(runs: Runs, asked: Asked, *, error: Error = "multiplicative", by: 
         return load_law(runs, feed=asked.factors[0], wear=asked.factors[1])
     if asked.form == "exponential":
         return exponential_law(runs, asked.response, asked.factors[0], error=error, by=by)
+    if asked.response == "T" and error == "multiplicative":
+        return life_law(runs, asked.factors, by=by)
     return power_law(runs, asked.response, asked.factors, error=error, by=by)
 
 
