@@ -16,6 +16,7 @@ from .output import print_json, print_lines
 
 if TYPE_CHECKING:
     from ..parameters import LawSection, ParameterFile
+    from ..parameters.budget import UncertaintyBudget
     from ..parameters.evaluation import IntervalOptions
     from ..parameters.prediction import Prediction
     from ..parameters.sections.law_parts import Factor
@@ -58,6 +59,12 @@ def parser() -> Parser:
     p.add_argument("--level", type=float, default=0.95, help="confidence of the interval (default: 0.95)")
     p.add_argument("--coverage", type=float, default=0.95, help="share of rows in a tolerance interval (default: 0.95)")
     p.add_argument("--by", metavar="LEVEL", help="level of the category that shifts the laws")
+    p.add_argument("--budget", action="store_true", help="print the uncertainty budget of each prediction (GUM)")
+    p.add_argument(
+        "--u", action="append", metavar="V=1.5",
+        help="standard uncertainty of a setting, for the budget: 1.5, 1.5m/min, 1%%, or a tolerance +-3",
+    )  # fmt: skip
+    p.add_argument("--gauge", action="append", metavar="AW=0.003", help="standard uncertainty of a gauge's calibration")
     p.add_argument("--json", action="store_true", help="print the same facts as JSON")
     return p
 
@@ -71,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     for option in ("level", "coverage"):
         if not 0 < getattr(args, option) < 1:
             raise UsageError(f"--{option} {getattr(args, option):g}: give a number between 0 and 1, for instance 0.95.")
+    _budget_asked(args)
     pf = parameters.read(args.file)
     laws, given = _chosen(pf, args.law), _given(args.at)
     _all_known(pf, given, args.by)
@@ -87,11 +95,21 @@ def run(args: argparse.Namespace) -> int:
     reasons = {name: str(reason) for name, reason in failed.items()}
     wears = [given.symbol for one in predictions for given in one.given if given.source is not None]
     verdicts = cautions(pf, *(one.response for one in predictions), *wears)
+    budgets: list[UncertaintyBudget] = []
+    for one in predictions if args.budget else ():
+        try:
+            budgets.append(_budget(pf, one, args))
+        except ParameterError as error:
+            reasons[f"the uncertainty budget of {one.response}"] = str(error)
     if args.json:
-        print_json("prediction", {**_report(pf, args.file, predictions, reasons), "verdicts": verdicts}, version=2)
+        more = {"budgets": [budget.facts() for budget in budgets]} if args.budget else {}
+        report = {**_report(pf, args.file, predictions, reasons), **more, "verdicts": verdicts}
+        print_json("prediction", report, version=2)
         return 0
     lines = [prediction.words for prediction in predictions]
-    lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items()]
+    lines += [line for budget in budgets for line in _budget_lines(budget)]
+    lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items() if name in failed]
+    lines += [f"{name} is not given: {reason}" for name, reason in reasons.items() if name not in failed]
     simulated = ["Not measured: the laws were fitted to a simulation."] if pf.identity.simulated else []
     doubts = [] if pf.reading is None else [f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts]
     print_lines(verdicts + lines + simulated + doubts)
@@ -109,6 +127,70 @@ def _report(
         "predictions": [prediction.facts() for prediction in predictions],
         "not_predicted": [{"response": name, "reason": reason} for name, reason in reasons.items()],
     }
+
+
+def _budget_asked(args: argparse.Namespace) -> None:
+    """Refuse options of a budget without it, and a budget of a tolerance interval."""
+    if not args.budget and (args.u or args.gauge):
+        raise UsageError("--u and --gauge belong to an uncertainty budget: add --budget.")
+    if args.budget and args.interval == "tolerance":
+        raise UsageError("--budget: a budget is of --interval mean or prediction; a tolerance interval has none.")
+
+
+def _budget(pf: "ParameterFile", found: "Prediction", args: argparse.Namespace) -> "UncertaintyBudget":
+    """The budget of a prediction; a factor from its own law comes with the budget of that."""
+    from ..parameters.budget import uncertainty_budget
+
+    law = pf.laws[found.response]
+    sources = {given.symbol: _budget(pf, given.source, args) for given in found.given if given.source is not None}
+    values = {given.symbol: float(given.value) for given in found.given}
+    known = {**{f.symbol: f for name in sources for f in pf.laws[name].factors}, **{f.symbol: f for f in law.factors}}
+    asked = pairs(args.u, "--u", "V=1.5")
+    used = {f.symbol for one in pf.laws.values() for f in one.factors}
+    for name in asked:
+        if name not in used:
+            raise UsageError(f"--u {name}: no law of the file has this factor; they have {', '.join(sorted(used))}.")
+    reached = {**values, **{s: v for source in sources.values() for s, v in source.at.items()}}
+    u = {
+        name: _standard_uncertainty(text, known[name], reached[name])
+        for name, text in asked.items()
+        if name in known and name not in sources
+    }
+    gauges = pairs(args.gauge, "--gauge", "AW=0.003")
+    for name in gauges:
+        if name not in pf.laws:
+            raise UsageError(f"--gauge {name}: the file has laws of {', '.join(pf.laws)}.")
+    gauge = _of_unit(gauges[law.response], law.response, law.unit, "--gauge") if law.response in gauges else 0.0
+    by = None if law.by is None else args.by
+    kind = "mean" if args.interval == "mean" else "prediction"
+    return uncertainty_budget(law, values, kind=kind, level=args.level, by=by, u=u, gauge=gauge, sources=sources)
+
+
+def _budget_lines(budget: "UncertaintyBudget") -> list[str]:
+    return ["", f"Uncertainty budget of {budget.response}", budget.table().text(), budget.words, *budget.notes]
+
+
+def _standard_uncertainty(text: str, factor: "Factor", value: float) -> float:
+    """Standard uncertainty of a setting: as given, of its value in per cent, or of a tolerance (rectangular)."""
+    plain = text.removeprefix("±").removeprefix("+-")
+    if plain.rstrip().endswith("%"):
+        size = _of_unit(plain.rstrip()[:-1], factor.symbol, "", "--u") * value / 100
+    else:
+        size = _of_unit(plain, factor.symbol, factor.unit, "--u")
+    return size / float(np.sqrt(3)) if plain != text else size
+
+
+def _of_unit(text: str, name: str, unit: str, option: str) -> float:
+    """A number of the command line in a unit."""
+    from ..parameters.sections.law_parts import Factor
+
+    found = NUMBER.fullmatch(text.strip())
+    if found is None or found[2].startswith(",") or float(found[1]) < 0:
+        raise UsageError(
+            f"{option} {name}={text}: give a number of zero or more, and a unit if it differs from {unit}."
+        )
+    value = _Value(float(found[1]), found[2], f"{option} {name}={text}")
+    return _in_unit(value, Factor(symbol=name, quantity="", unit=unit, low=0.0, high=0.0))
 
 
 def _chosen(pf: "ParameterFile", name: str | None) -> "list[LawSection]":

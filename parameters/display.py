@@ -4,6 +4,7 @@ import numpy as np
 
 from ..core.display import Display, TextTable, display_of, estimates, facts_of, with_unit
 from ..core.rounding import format_plain
+from .budget import UncertaintyBudget
 from .checks.report import CheckReport
 from .draws import Draws
 from .file import ParameterFile
@@ -76,6 +77,12 @@ def of_check_report(report: CheckReport) -> Display:
     failed = [finding.words for finding in report.failed]
     verdict = f"{len(failed)} failed: {failed[0]}" if failed else "no check failed"
     return Display(f"{len(report.findings)} findings, {verdict}", (), TextTable(("", "", ""), rows) if rows else None)
+
+
+@display_of.register
+def of_budget(budget: UncertaintyBudget) -> Display:
+    """The result as the GUM states it; the contributions; what is not included."""
+    return Display(budget.words, (), budget.table(), budget.notes)
 
 
 @display_of.register

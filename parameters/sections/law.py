@@ -1,12 +1,13 @@
 """The law section: one fitted equation with its domain, its uncertainty and its statistics, and its predictions."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
 from ...core.display import Plottable
 from ...core.intervals import Centre, Edge, Kind
+from ..budget import UncertaintyBudget, uncertainty_budget
 from ..evaluation import IntervalOptions, as_given, interval_band, point_values, region_contains
 from ..prediction import Prediction, predict_with_interval
 from .law_fields import LawFields
@@ -211,6 +212,51 @@ class LawSection(Plottable, LawFields):
         AW 0.100 mm at V 100 m/min; 95 % prediction interval for one row 0.071 to 0.140 mm; inside the tested region.
         """
         return predict_with_interval(self, IntervalOptions(kind, level, edge, coverage, centre), by, factors)
+
+    def budget(
+        self,
+        at: Mapping[str, float],
+        kind: Literal["mean", "prediction"] = "prediction",
+        level: float = 0.95,
+        by: str | None = None,
+        *,
+        u: Mapping[str, float] | None = None,
+        gauge: float = 0.0,
+        sources: Mapping[str, UncertaintyBudget] | None = None,
+    ) -> UncertaintyBudget:
+        """Uncertainty budget of a prediction according to the GUM: contributions, u, effective df, k and U.
+
+        Parameters
+        ----------
+        at : mapping of float
+            Value of each factor, in the unit of the law.
+        kind : {"mean", "prediction"}
+            Of the law, or of one new row.
+        level : float
+            Of confidence, between 0 and 1.
+        by : str, optional
+            Level of the ``by`` column; needed where the law has one.
+        u : mapping of float, optional
+            Standard uncertainty of each setting, in the unit of its factor; of a tolerance ``+-a`` it is a/sqrt(3).
+        gauge : float
+            Standard uncertainty of the calibration of the gauge, in the unit of the response. The repeatability of
+            the gauge is part of the scatter of rows and must not be given again.
+        sources : mapping of UncertaintyBudget, optional
+            Budgets of factors that were predicted, such as the wear in a law of power.
+
+        Raises
+        ------
+        ParameterError
+            As in `interval`; or an uncertainty is negative.
+
+        Examples
+        --------
+        >>> law = LawSection.model_validate(EXAMPLE)
+        >>> found = law.budget({"V": 100.0}, u={"V": 2.0})
+        >>> print(f"u {found.u:.4f} mm, k {found.k:.2f}, U {found.U:.4f} mm")
+        u 0.0138 mm, k 2.45, U 0.0337 mm
+        """
+        return uncertainty_budget(self, at, kind=kind, level=level, by=by, u=u, gauge=gauge, sources=sources)
 
     def inside(self, by: str | None = None, **factors: ArrayLike) -> Any:  # noqa: ANN401
         """Whether the points lie in the tested region; the law is not supported by data outside it.
