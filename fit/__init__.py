@@ -6,6 +6,7 @@
     many/        laws of thousands of pairs at once, and pooling over families of pairs
     region, prediction, confirmation, next_tests, life: what follows from a law
     checks/      tests of one law; bayes/: posteriors of its parameters
+    surface/     response surfaces of second order: tests of terms, selection of terms, canonical analysis
 
 ``PowerLawRegressor`` needs scikit-learn and is imported on first use; it is not in ``__all__``.
 """

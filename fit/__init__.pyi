@@ -23,6 +23,7 @@ from .regression import exponential_law as exponential_law
 from .regression import load_law as load_law
 from .regression import power_law as power_law
 from .streaming import streamed_power_law as streamed_power_law
+from .surface.surfaces import response_surface as response_surface
 
 __all__ = [
     "LawFit",
@@ -47,6 +48,7 @@ __all__ = [
     "posterior",
     "posterior_of_form",
     "power_law",
+    "response_surface",
     "robust",
     "streamed_power_law",
     "tool_life",

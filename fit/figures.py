@@ -19,12 +19,14 @@ from .checks.time_exponent import CommonExponent
 from .composite_law import Composite
 from .confirmation import Confirmation
 from .edges import EdgeInference
-from .law_figures import observed_against_predicted
+from .law_figures import contours_inside, observed_against_predicted
 from .lawfit import LawFit
 from .least_squares import LinearFit
 from .life import ToolLife
 from .published import PublishedComparison
 from .region import DesignRegion
+from .surface.canonical import CanonicalAnalysis
+from .surface.surfaces import ResponseSurface
 
 TWO = 2.0  # standard errors to each side, without a better interval
 
@@ -188,3 +190,32 @@ def refit_figure(found: RobustFit | GaugeFit, ax: Axes | None = None) -> Axes:
 def bootstrap_figure(found: EdgeBootstrap, ax: Axes | None = None) -> Axes:
     """Mean and 95 % interval of each parameter over the refits."""
     return intervals(found.interval().assign(mean=found.draws.mean(axis=0)), "mean", ax)
+
+
+@plot.register
+def surface_figure(found: ResponseSurface, ax: Axes | None = None, over: tuple[str, str] | None = None) -> Axes:
+    """Contours over two factors inside the tested region, the others at the middle of their ranges.
+
+    ``over`` names the two; by default the first two of the canonical analysis, else of the law.
+    """
+    canonical = found.canonical()
+    own = canonical.factors if isinstance(canonical, CanonicalAnalysis) and len(canonical.factors) > 1 else ()
+    pair = over or (own or found.law.factors)[:2]
+    if len(pair) < 2:
+        return law_figure(found.law, ax)
+    return contours_inside(found.law, (pair[0], pair[1]), ax)
+
+
+@plot.register
+def canonical_figure(found: CanonicalAnalysis, ax: Axes | None = None) -> Axes:
+    """Ridge paths: lowest and highest response at each coded distance, points outside the tests hollow."""
+    ax = new_axes(ax)
+    for side, color in (("lowest", BLUE), ("highest", ORANGE)):
+        path = found.paths[found.paths["side"] == side]
+        inside = path["inside"].to_numpy(dtype=bool)
+        ax.plot(path["radius"], path[found.response], color=color, lw=1.2, label=side)
+        ax.plot(path["radius"][inside], path[found.response][inside], "o", ms=4, color=color)
+        ax.plot(path["radius"][~inside], path[found.response][~inside], "o", ms=4, mfc="none", color=color)
+    ax.set(xlabel="coded distance from the middle of the ranges", ylabel=f"{found.response} [{found.unit}]")
+    ax.legend(frameon=False, fontsize=8)
+    return ax

@@ -170,6 +170,35 @@ def _contours(law: LawFit, ax: Axes) -> Axes:
     return ax
 
 
+def contours_inside(law: LawFit, pair: tuple[str, str], ax: Axes | None = None) -> Axes:
+    """Contours over two factors inside the tested region alone, the others at the middle of their ranges."""
+    ax, logs = new_axes(ax), dict(zip(law.factors, law.formula.logs, strict=True))
+    gx, gy = np.meshgrid(*((np.geomspace if logs[name] else np.linspace)(*law.domain[name], 60) for name in pair))
+    held = {name: middle(law.domain[name], logs[name]) for name in law.factors if name not in pair}
+    at: dict[str, object] = {pair[0]: gx.ravel(), pair[1]: gy.ravel(), **_category(law, gx.size), **held}
+    inside = law.region.inside(at).reshape(gx.shape)
+    z = np.ma.masked_array(np.asarray(law.predict(at)).reshape(gx.shape), ~inside)
+    if inside.any() and len(levels := _levels(z.compressed())):
+        ax.contourf(gx, gy, z, levels, cmap="Blues", alpha=0.6, extend="both")
+        ax.clabel(ax.contour(gx, gy, z, levels, colors="black", linewidths=0.7), fontsize=7, fmt=lambda v: f"{v:.4g}")
+    settings = _settings(law.X[:, [law.factors.index(name) for name in pair]])
+    ax.plot(settings[:, 0], settings[:, 1], "o", ms=4, color=ORANGE, mec="white", mew=0.5, clip_on=False)
+    _axes_of_factors(law, pair, ax)
+    words = ", ".join(f"{name} {value:.3g} {law.units.get(name, '')}".rstrip() for name, value in held.items())
+    ax.set_title(f"{label(law, law.response)}, inside the tested region" + (f"\n{words}" if words else ""), fontsize=9)
+    return ax
+
+
+def _axes_of_factors(law: LawFit, pair: tuple[str, str], ax: Axes) -> None:
+    """Labels of two factors as axes, logarithmic where the law takes their logarithms."""
+    logs = dict(zip(law.factors, law.formula.logs, strict=True))
+    for name, which in zip(pair, "xy", strict=True):
+        if logs[name]:
+            getattr(ax, f"set_{which}scale")("log")
+            _plain_ticks(ax, which, list(law.domain[name]), list(law.domain[name]))
+    ax.set(xlabel=label(law, pair[0]), ylabel=label(law, pair[1]))
+
+
 def _without_contours(law: LawFit, z: NDArray[np.float64], ax: Axes) -> None:
     ends = f"{z.min():.5g}" if np.isfinite(z).all() else "not finite"
     why = f"no contours: {law.response} is {ends} over the whole surface"

@@ -1,0 +1,268 @@
+"""Display of response surfaces and canonical analyses: tables, verdicts and reservations."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...core.display import Display, TextTable, display_of, joined_facts, with_error, with_unit
+from ...core.rounding import format_plain
+from ..available import NotAvailable
+from ..checks.check import SIGNIFICANT, format_p
+from ..checks.model_checks import LackOfFit
+from ..checks.physics import usual_exponents
+from ..edges import EdgeInference
+from .canonical import SIDES, CanonicalAnalysis, Side
+from .split_plot import EDGES, WITHIN, EdgeModel, TermTest, error_mean_square
+from .surfaces import ResponseSurface
+from .term_selection import TermSelection
+
+FEW_DF = 5.0  # degrees of freedom of an error term below which a test finds large effects alone
+
+
+@display_of.register
+def of_surface(surface: ResponseSurface) -> Display:
+    """Terms with their tests; error terms, lack of fit, slopes; verdict, reservations and the canonical analysis."""
+    law, full = surface.law, surface.full
+    rows = f"{law.nobs} rows" + ("" if law.n_edges is None else f" of {law.n_edges} edges")
+    kept = (
+        f"{len(law.formula.terms)} terms"
+        if law is full
+        else f"{len(law.formula.terms)} of {len(full.formula.terms)} terms"
+    )
+    scale = "ln " if law.formula.logarithmic else ""
+    head = f"{scale}{law.response} of second order in {', '.join(full.factors)}, {kept}, R2 {law.rsquared:.3f}, {rows}"
+    canonical = surface.canonical()
+    sentences = [
+        verdict_of(surface), *reservations(surface), *_selection_words(surface.selection),
+        *([] if isinstance(canonical, NotAvailable) else [canonical.verdict]),
+        *(f"Left out: {item.factor}, {item.reason}." for item in full.left_out),
+        *law.notes,
+    ]  # fmt: skip
+    table = None if isinstance(surface.model, NotAvailable) else _table(surface)
+    return Display(head, tuple(_facts(surface)), table, tuple(sentences))
+
+
+@display_of.register
+def of_canonical(found: CanonicalAnalysis) -> Display:
+    """Verdict; curvatures with their intervals and directions; lowest and highest response in the tested region."""
+    names = tuple(f"{name} (coded)" for name in found.factors)
+    rows = tuple(
+        (f"curvature {j + 1}", *(format_plain(float(v), 3) for v in (value, low, high)),
+         *(f"{q:+.2f}" for q in found.directions[:, j]))
+        for j, (value, low, high) in enumerate(zip(found.eigenvalues, found.low, found.high, strict=True))
+    )  # fmt: skip
+    facts = [(f"{side} in the tests", _point(found, side)) for side in SIDES]
+    if found.held:
+        facts.append(("held", joined_facts((name, format_plain(value, 3)) for name, value in found.held.items())))
+    table = TextTable(("", "estimate", "95 % low", "high", *names), rows)
+    return Display(found.verdict, tuple(facts), table)
+
+
+def _point(found: CanonicalAnalysis, side: Side) -> str:
+    best = found.best(side)
+    at = joined_facts((name, format_plain(float(best[name]), 3)) for name in found.factors)
+    value = f"{format_plain(float(best[found.response]), 3)} {found.unit}".rstrip()
+    return f"{found.response} {value} at {at}"
+
+
+def verdict_of(surface: ResponseSurface) -> str:
+    """Whether squares and products are needed, all of them counted together (Holm 1979)."""
+    if isinstance(surface.model, NotAvailable):
+        return f"The terms are not tested: {surface.model}."
+    second = second_order_tests(surface)
+    if not second:
+        return "The surface has no squares or products."
+    holding, (smallest, corrected) = _holm(second)
+    n = f"{len(second)} squares and products" if len(second) > 1 else "one term of second order"
+    if not holding:
+        return (
+            f"Second order is not needed: of {n}, counted together, none holds (smallest p of {smallest.name}, "
+            f"{format_p(smallest.pvalue)}, Holm-corrected {format_p(corrected)})."
+        )
+    named = ", ".join(
+        f"{one.name} (F({one.df:g}, {format_plain(one.df_error, 3)}) = {format_plain(one.fvalue, 3)}, "
+        f"{format_p(one.pvalue)})"
+        for one in holding
+    )
+    return f"Second order is needed: of {n}, counted together, {named} hold{'s' if len(holding) == 1 else ''}."
+
+
+def second_order_tests(surface: ResponseSurface) -> list[TermTest]:
+    """Tests of the squares and products of the full surface."""
+    second = {term.name for term in surface.full.formula.terms if term.order == 2}
+    return [test for test in surface.tests() if test.name in second]
+
+
+def _holm(tests: Sequence[TermTest]) -> tuple[list[TermTest], tuple[TermTest, float]]:
+    """Tests that hold when all are counted together, and the smallest p with its correction."""
+    ordered = sorted(tests, key=lambda test: test.pvalue)
+    holding = []
+    for at, test in enumerate(ordered):
+        if test.pvalue * (len(tests) - at) >= SIGNIFICANT:
+            break
+        holding.append(test)
+    return holding, (ordered[0], min(1.0, ordered[0].pvalue * len(tests)))
+
+
+def reservations(surface: ResponseSurface) -> list[str]:
+    """What speaks against using the surface: few degrees of freedom, tests that disagree, slopes, impossible values."""
+    signs = {name: one.sign for name, one in usual_exponents(surface.law.response, surface.law.factors).items()}
+    slopes = surface.local_exponents()
+    found = [text for name in slopes.index if (text := _slope_words(surface, str(name), signs.get(str(name), 0)))]
+    return [*_few_edges(surface), *_disagreement(surface), *found, *_not_positive(surface), *_lack_words(surface)]
+
+
+def _few_edges(surface: ResponseSurface) -> list[str]:
+    model = surface.model
+    if isinstance(model, NotAvailable) or not model.n_edges or model.df_between >= FEW_DF:
+        return []
+    return [
+        f"{model.n_edges} edges leave {model.df_between} degrees of freedom between edges: the tests of what changes "
+        "between edges find very large effects only; cut more edges before dropping or trusting such a term."
+    ]
+
+
+def _disagreement(surface: ResponseSurface) -> list[str]:
+    """Terms within edges that hold against rows and not by edge: edges that differ in their course over time."""
+    law, model = surface.full, surface.model
+    if isinstance(model, NotAvailable) or not isinstance(law.edges, EdgeInference):
+        return []
+    table = surface.anova()
+    inner = table[(table["error"] == WITHIN) & (table["p"] < SIGNIFICANT) & (table["p by edge"] >= SIGNIFICANT)]
+    if inner.empty:
+        return []
+    named = ", ".join(
+        f"{name} ({format_p(row['p'])}, by edge {format_p(row['p by edge'])})" for name, row in inner.iterrows()
+    )
+    return [
+        f"{named}: significant against rows within edges but not by edge, as where edges differ in their course over "
+        "time; take the p by edge."
+    ]
+
+
+def _slope_words(surface: ResponseSurface, name: str, sign: int) -> str:
+    """A slope that changes its sign, or has the wrong one, over the tests."""
+    low, high = surface.local_exponents().loc[[name]].to_numpy(dtype=float)[0]
+    law = surface.law
+    wrong = sign and (sign * low < 0 or sign * high < 0)
+    if not wrong and not low < 0 < high:
+        return ""
+    kind = (
+        "exponent"
+        if law.formula.logarithmic
+        else f"slope [{law.units.get(law.response, '')}/({law.units.get(name, '')})]"
+    )
+    text = f"Over the tests the {kind} of {name} runs from {format_plain(low, 2)} to {format_plain(high, 2)}"
+    if not wrong:
+        return f"{text}: {law.response} rises with {name} at some of them and falls at others."
+    must = "rise" if sign > 0 else "fall"
+    return (
+        f"{text}, though {law.response} must {must} with {name} in cutting: there the surface follows scatter; use the "
+        "power law, or fewer terms."
+    )
+
+
+def _not_positive(surface: ResponseSurface) -> list[str]:
+    law, canonical = surface.law, surface.canonical()
+    if law.formula.logarithmic or not (law.observed > 0).all():
+        return []
+    lowest = float(law.fitted.min())
+    if isinstance(canonical, CanonicalAnalysis):
+        lowest = min(lowest, float(canonical.best("lowest")[law.response]))
+    if lowest > 0:
+        return []
+    value = f"{format_plain(lowest, 3)} {law.units.get(law.response, '')}".rstrip()
+    return [
+        f"The surface predicts {law.response} down to {value} inside the tested region, though all measured values are "
+        "above zero: use scale='log'."
+    ]
+
+
+def _lack_words(surface: ResponseSurface) -> list[str]:
+    found = surface.lack_of_fit
+    return [found.verdict] if isinstance(found, LackOfFit) and found.concern else []
+
+
+def _selection_words(found: TermSelection | None) -> list[str]:
+    if found is None:
+        return []
+    near = (
+        f"; {found.close} other set{'s' if found.close != 1 else ''} of terms within 2 of it" if found.weights else ""
+    )
+    return [
+        f"AICc {format_plain(found.aicc, 5)}, of all terms {format_plain(found.aicc_full, 5)}{near}. AICc keeps terms "
+        "that improve predictions, which need not be significant."
+    ]
+
+
+def _facts(surface: ResponseSurface) -> list[tuple[str, str]]:
+    model, law = surface.model, surface.law
+    facts = [
+        (
+            "lack of fit",
+            surface.lack_of_fit.result
+            if isinstance(surface.lack_of_fit, LackOfFit)
+            else "not testable: " + str(surface.lack_of_fit),
+        )
+    ]
+    if isinstance(model, EdgeModel) and model.n_edges:
+        facts = [
+            ("error between edges", _error_text(model, EDGES)),
+            ("error within edges", _error_text(model, WITHIN)),
+            *facts,
+        ]
+    unit = "exponent" if law.formula.logarithmic else "slope"
+    slopes = surface.local_exponents()
+    facts += [
+        (
+            f"{unit} of {name} over the tests",
+            f"{format_plain(float(row['low']), 2)} to {format_plain(float(row['high']), 2)}",
+        )
+        for name, row in slopes.iterrows()
+    ]
+    return facts
+
+
+def _error_text(model: EdgeModel, error: str) -> str:
+    df = model.df_between if error == EDGES else model.df_within
+    return f"mean square {format_plain(error_mean_square(model, error), 3)}, {df} degrees of freedom"
+
+
+def _table(surface: ResponseSurface) -> TextTable:
+    """Coefficient, change from the centre to the end of the range, error term, F and p of each term."""
+    law, table, chosen = surface.full, surface.anova(), surface.selection
+    unit = "%" if law.formula.logarithmic else law.units.get(law.response, "")
+    header = ["term", "coefficient", with_unit("effect", unit), "tested against", "df", "F", "p"]
+    columns = [
+        [str(name) for name in table.index],
+        [with_error(b, se) if np.isfinite(se) else "" for b, se in table[["estimate", "se"]].to_numpy(dtype=float)],
+        [_effect(surface, str(name)) for name in table.index],
+        [str(error) for error in table["error"]],
+        [f"{df:g}, {format_plain(of_error, 3)}" for df, of_error in table[["df", "df_error"]].to_numpy(dtype=float)],
+        [format_plain(float(F), 3) for F in table["F"]],
+        [_p_cell(float(p)) for p in table["p"]],
+    ]
+    if "p by edge" in table:
+        header, columns = [*header, "p by edge"], [*columns, [_p_cell(float(p)) for p in table["p by edge"]]]
+    if chosen is not None:
+        own = {term.name for term in law.formula.terms}
+        kept = [("kept" if name in chosen.kept else "out") if name in own else "" for name in table.index]
+        header, columns = [*header, "AICc"], [*columns, kept]
+    return TextTable(tuple(header), tuple(zip(*columns, strict=True)))
+
+
+def _p_cell(p: float) -> str:
+    """A p-value without its letter; empty where there is none."""
+    return format_p(p).removeprefix("p ").removeprefix("= ") if np.isfinite(p) else ""
+
+
+def _effect(surface: ResponseSurface, name: str) -> str:
+    """Change by a term alone from the centre to the far ends of the ranges: per cent, or the unit of the response."""
+    law = surface.full
+    term = next((one for one in law.formula.terms if one.name == name), None)
+    if term is None:
+        return ""
+    U = law.formula.transformed(law.X)
+    reach = float(np.prod(np.abs(U).max(axis=0) ** np.array(term.degrees)))
+    change = float(law.params[name]) * reach
+    return f"{100 * np.expm1(change):+.3g}" if law.formula.logarithmic else f"{change:+.3g}"

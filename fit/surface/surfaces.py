@@ -1,0 +1,365 @@
+"""Response surface: a law of second order with its term-wise tests, selection of terms and canonical analysis.
+
+    response_surface(runs, "AW", ["V", "f", "d", "t"])  ->  ResponseSurface
+        .law          the law that is kept: predicts, goes into the parameter file
+        .anova()      each term against its own error term; .anova_lm() is the plain analysis of rows, for comparison
+        .canonical()  stationary point, curvatures, ridge paths
+        .ols(), .mixedlm(), .influence()   results of statsmodels, from a formula in centred factors
+
+statsmodels is imported by these last functions alone.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+import pandas as pd
+
+from ...core.arrays import Array
+from ...core.display import Plottable
+from ...core.errors import FitError, UsageError
+from ...core.formula import Term, first_order_terms, second_order_terms
+from ...datasets import Runs
+from ...datasets.vocabulary import ROLES
+from ..available import NotAvailable
+from ..checks.model_checks import LackOfFit, lack_of_fit
+from ..checks.strata import split
+from ..edges import EdgeInference
+from ..lawfit import LawFit
+from ..laws import Error
+from ..regression import fit_form
+from ..rows import LeftOut
+from .canonical import CanonicalAnalysis, analyse_surface
+from .split_plot import (
+    EdgeModel,
+    TermTest,
+    Type,
+    edge_model,
+    frame_of_tests,
+    means_regression,
+    term_tests,
+)
+from .term_selection import TermSelection, columns_of, containing_terms, selected_terms, term_groups
+
+CLOCKS = ("time", "wear")  # kinds of factors that are not set: held in a canonical analysis
+Model = Literal["full", "reduced", "factorial", "first"]
+Scale = Literal["log", "original"]
+
+# form of second order and of first order, and error structure
+FORM_OF: Mapping[str, tuple[str, str, Error]] = {
+    "log": ("second_order", "power", "multiplicative"),
+    "original": ("second_order_original", "linear", "additive"),
+}
+TERMS_OF: Mapping[str, Callable[[Sequence[str]], tuple[Term, ...]]] = {
+    "full": second_order_terms,
+    "reduced": second_order_terms,
+    "factorial": lambda names: tuple(term for term in second_order_terms(names) if max(term.degrees) == 1),
+    "first": first_order_terms,
+}
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ResponseSurface(Plottable):
+    """A response surface of second order.
+
+    Attributes
+    ----------
+    law : LawFit
+        The law that is kept: all terms asked for, or those chosen by AICc.
+    full : LawFit
+        The law with all terms asked for, of which the tests are; the same as ``law`` without a selection.
+    model : EdgeModel or NotAvailable
+        Rows and edges of ``full`` as the tests take them, or why there are no tests.
+    selection : TermSelection or None
+    lack_of_fit : LackOfFit or NotAvailable
+        Of ``full`` against replicated edges, or replicated rows where rows are independent.
+    blocks : str or None
+        Category of the blocks.
+    """
+
+    law: LawFit
+    full: LawFit
+    model: EdgeModel | NotAvailable
+    selection: TermSelection | None
+    lack_of_fit: LackOfFit | NotAvailable
+    blocks: str | None
+
+    @property
+    def terms(self) -> dict[str, list[int]]:
+        """Columns of each term of ``full``, blocks last."""
+        return columns_of(self.full)
+
+    def tests(self, typ: Type = 3) -> tuple[TermTest, ...]:
+        """Test of each term, then of all squares and of all products of each error term.
+
+        Raises
+        ------
+        FitError
+            These rows do not allow tests.
+        """
+        if isinstance(self.model, NotAvailable):
+            raise FitError(f"{self.full.response}: no tests of terms: {self.model}.")
+        return term_tests(
+            self.model,
+            self.terms,
+            typ=typ,
+            containing=containing_terms(self.full),
+            groups=term_groups(self.full, self.model),
+        )
+
+    def anova(self, typ: Type = 3) -> pd.DataFrame:
+        """Tests as a frame, with the p of inference by edge (CR3) as ``p by edge`` where there is one.
+
+        Parameters
+        ----------
+        typ : {2, 3}
+            Type III adjusts a term for all others, type II for those that do not contain it.
+        """
+        table = frame_of_tests(self.tests(typ))
+        if isinstance(self.full.edges, EdgeInference) and typ == 3:
+            p = self.full.pvalues
+            table["p by edge"] = [float(p[name]) if name in p.index else np.nan for name in table.index]
+        return table
+
+    def canonical(self, at: Mapping[str, float] | None = None) -> CanonicalAnalysis | NotAvailable:
+        """Canonical analysis of the kept law over the factors that are set; time and wear are held.
+
+        Parameters
+        ----------
+        at : mapping of str to float
+            Factors that are held, with their values; by default times and wear at the middle of their ranges.
+
+        Raises
+        ------
+        UsageError
+            ``at`` names no factor of the law.
+        """
+        law = self.law
+        return analyse_surface(law, self.model if law is self.full else surface_of(law).model, _held(law, at))
+
+    def local_exponents(self) -> pd.DataFrame:
+        """Lowest and highest slope of each factor over the rows, columns ``low`` and ``high``.
+
+        In logarithms a slope is the exponent that a power law has there; in original units it is the slope itself.
+        """
+        slopes = _slopes(self.law)
+        return pd.DataFrame({"low": slopes.min(axis=0), "high": slopes.max(axis=0)}, index=list(self.law.factors))
+
+    @property
+    def formula(self) -> str:
+        """Formula of ``full`` for statsmodels, in the columns of ``frame``."""
+        names = [_safe(name) for name in self.full.factors]
+        words = [_word(term, names) for term in self.full.formula.terms]
+        return " + ".join([f"y ~ {words[0]}", *words[1:], *(["C(block, Sum)"] if self.blocks else [])])
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """Rows for statsmodels: ``y`` on the scale of the fit, centred factors, ``block`` and ``edge``."""
+        law = self.full
+        U = law.formula.transformed(law.X)
+        table = pd.DataFrame(U, columns=[_safe(name) for name in law.factors])
+        table.insert(0, "y", _scaled(law))
+        if law.by is not None:
+            level = (law.shifts @ np.arange(1, 1 + law.shifts.shape[1])).astype(int)
+            table["block"] = np.array([law.by.reference, *law.by.levels])[level]
+        if law.edge is not None:
+            table["edge"] = law.edge
+        return table
+
+    def ols(self) -> Any:  # noqa: ANN401  statsmodels has no types
+        """All terms by ``smf.ols``, rows taken as independent: a statsmodels result."""
+        import statsmodels.formula.api as smf  # type: ignore[import-untyped]
+
+        return smf.ols(self.formula, self.frame).fit()
+
+    def anova_lm(self, typ: Type = 2) -> pd.DataFrame:
+        """The plain analysis of variance of rows by ``statsmodels.stats.anova.anova_lm``.
+
+        It takes rows as independent: with several rows of each edge its F of V, f and d are too large.
+        """
+        from statsmodels.stats.anova import anova_lm  # type: ignore[import-untyped]
+
+        table: pd.DataFrame = anova_lm(self.ols(), typ=typ)
+        return table
+
+    def mixedlm(self) -> Any:  # noqa: ANN401
+        """All terms and a random level of each edge by ``smf.mixedlm``, restricted maximum likelihood.
+
+        Raises
+        ------
+        FitError
+            The file names no edges with several rows.
+        """
+        import statsmodels.formula.api as smf
+
+        if isinstance(self.model, NotAvailable) or not self.model.n_edges:
+            raise FitError(f"{self.full.response}: no edges with several rows, so there is no random level of edges.")
+        return smf.mixedlm(self.formula, self.frame, groups="edge").fit(reml=True)
+
+    def influence(self) -> pd.DataFrame:
+        """Leverage, studentized residual and Cook's distance of each edge, or row, by statsmodels' ``OLSInfluence``.
+
+        Of edges it is the regression of their levels on the terms that change between edges.
+        """
+        import statsmodels.api as sm  # type: ignore[import-untyped]
+
+        if isinstance(self.model, NotAvailable):
+            raise FitError(f"{self.full.response}: no influence of edges: {self.model}.")
+        rows = means_regression(self.model)
+        found = sm.OLS(rows[:, -1], rows[:, :-1]).fit().get_influence()
+        labels = np.unique(np.asarray(self.full.edge, dtype=str)) if self.model.n_edges else self.full.lines
+        columns = {
+            "leverage": found.hat_matrix_diag,
+            "studentized": found.resid_studentized_external,
+            "cooks_distance": found.cooks_distance[0],
+        }
+        return pd.DataFrame(columns, index=pd.Index(labels, name="edge" if self.model.n_edges else "line"))
+
+
+def response_surface(
+    runs: Runs,
+    response: str,
+    factors: Sequence[str],
+    *,
+    model: Model = "full",
+    scale: Scale = "log",
+    blocks: str | None = None,
+    edge: str | None = "edge",
+) -> ResponseSurface:
+    """Fit a response surface of second order.
+
+    Parameters
+    ----------
+    runs : Runs
+    response : str
+    factors : sequence of str
+        Most important first. Terms that the rows do not identify are left out by name.
+    model : {"full", "reduced", "factorial", "first"}
+        Factors, squares and products; of these the terms chosen by AICc with strong heredity; factors and products;
+        factors alone.
+    scale : {"log", "original"}
+        ln R as a polynomial in ln X (each coefficient of a factor is its exponent at the centre), or R in X.
+    blocks : str, optional
+        Category of blocks (days, machines, charges), each with a level of its own.
+    edge : str or None
+        Column with the edge of each row; None: rows are taken as independent.
+
+    Returns
+    -------
+    ResponseSurface
+
+    Raises
+    ------
+    FitError
+        Too few rows, or no factor that changes.
+    UsageError
+        A model or scale that does not exist.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> surface = fit.response_surface(runs, "AW", ["V", "f", "d", "t"])
+    >>> surface.anova().loc[["V^2", "V*t"], ["error", "p"]].round(3).to_numpy().tolist()
+    [['edges', 0.011], ['rows within edges', 0.243]]
+    """
+    if model not in get_args(Model):
+        raise UsageError(f"model={model!r}: it is {', '.join(map(repr, get_args(Model)))}.")
+    if scale not in FORM_OF:
+        raise UsageError(f"scale={scale!r}: it is 'log' or 'original'.")
+    form, first_order, error = FORM_OF[scale]
+    options: dict[str, Any] = {"error": error, "edge": edge, "by": blocks}
+    plane = fit_form(runs, first_order, response, factors, **options)  # leaves out factors that are not identified
+
+    def fitted(terms: Sequence[Term], left_out: tuple[LeftOut, ...]) -> LawFit:
+        law = fit_form(runs, form, response, _factors_in(terms, plane.factors), terms=_own(terms), **options)
+        return replace(law, left_out=(*left_out, *law.left_out))
+
+    full = fitted(TERMS_OF[model](plane.factors), plane.left_out)
+    surface = surface_of(full)
+    if model != "reduced":
+        return surface
+    chosen = selected_terms(full, surface.model)
+    if chosen is None:
+        note = f"no selection of terms: {surface.model}"
+        return replace(surface, law=replace(full, notes=(*full.notes, note)))
+    law = fitted([term for term in full.formula.terms if term.name in chosen.kept], full.left_out)
+    note = (
+        f"{len(chosen.kept)} of {len(full.formula.terms)} terms kept by AICc with strong heredity; intervals of this "
+        "law take them as given in advance and are somewhat too narrow"
+    )
+    return replace(surface, law=replace(law, notes=(*law.notes, note)), selection=chosen)
+
+
+def surface_of(law: LawFit) -> ResponseSurface:
+    """The response surface of a law of second order that was fitted to rows in memory.
+
+    Raises
+    ------
+    UsageError
+        The law is of another form.
+    """
+    if law.formula.first_order:
+        raise UsageError(
+            f"the law of {law.response} is of the form {law.form}: a response surface has the form second_order or "
+            "second_order_original."
+        )
+    edge = None if law.edge is None else pd.factorize(law.edge, sort=True)[0].astype(np.intp)
+    model = NotAvailable("the law meets every row exactly") if law.exact else edge_model(law.design, _scaled(law), edge)
+    by = None if law.by is None else law.by.column
+    return ResponseSurface(law, law, model, None, lack_of_fit(law, split(law)), by)
+
+
+def _scaled(law: LawFit) -> Array:
+    """Response on the scale of the fit, shape (n,)."""
+    return np.log(law.observed) if law.formula.logarithmic else law.observed
+
+
+def _factors_in(terms: Sequence[Term], factors: Sequence[str]) -> list[str]:
+    """Factors that some term holds."""
+    return [name for j, name in enumerate(factors) if any(term.degrees[j] for term in terms)]
+
+
+def _own(terms: Sequence[Term]) -> list[Term]:
+    """Terms with powers of the factors that some term holds, and no others."""
+    held = np.any([term.degrees for term in terms], axis=0)
+    return [Term(term.name, tuple(int(d) for d in np.array(term.degrees)[held])) for term in terms]
+
+
+def _slopes(law: LawFit) -> Array:
+    """Derivative of the polynomial by each centred factor, at the rows; shape (n, k)."""
+    U = law.formula.transformed(law.X)
+    slopes = np.zeros_like(U)
+    for term, b in zip(law.formula.terms, law.theta[1:], strict=False):
+        for j, power in enumerate(term.degrees):
+            if power:
+                rest = np.array(term.degrees) - np.eye(U.shape[1], dtype=int)[j]
+                slopes[:, j] += b * power * np.prod(U**rest, axis=1)
+    return slopes
+
+
+def _held(law: LawFit, at: Mapping[str, float] | None) -> dict[str, float]:
+    """Factors that are held, with their values: those given, else times and wear at the middle of their ranges."""
+    if at is not None:
+        unknown = [name for name in at if name not in law.factors]
+        if unknown:
+            raise UsageError(f"at={unknown[0]!r}: the factors of {law.response} are {', '.join(law.factors)}.")
+        return {name: float(value) for name, value in at.items()}
+    clocks = [j for j, name in enumerate(law.factors) if name in ROLES and ROLES[name].kind in CLOCKS]
+    ends = [law.domain[law.factors[j]] for j in clocks]
+    middles = [
+        (low * high) ** 0.5 if law.formula.logs[j] else (low + high) / 2
+        for j, (low, high) in zip(clocks, ends, strict=True)
+    ]
+    return dict(zip((law.factors[j] for j in clocks), middles, strict=True))
+
+
+def _safe(name: str) -> str:
+    """A factor as a name in a formula: patsy has C, I and Q for itself."""
+    return f"x_{name}" if name in ("C", "I", "Q", "y", "edge", "block") or not name.isidentifier() else name
+
+
+def _word(term: Term, names: Sequence[str]) -> str:
+    powers = [(name, power) for name, power in zip(names, term.degrees, strict=True) if power]
+    return ":".join(name for name, _ in powers) if max(p for _, p in powers) == 1 else f"I({powers[0][0]} ** 2)"
