@@ -29,7 +29,7 @@ def parser() -> Parser:
     p.add_argument("--citation", action="store_true", help="write CITATION.cff too")
     p.add_argument("--zenodo", action="store_true", help="write .zenodo.json too")
     p.add_argument("--force", action="store_true", help="replace existing files with other content")
-    p.add_argument("--json", action="store_true", help="print card.json (fitmodels.card/4), and write nothing")
+    p.add_argument("--json", action="store_true", help="print card.json (fitmodels.card/5), and write nothing")
     return p
 
 

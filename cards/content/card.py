@@ -78,7 +78,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
     failed = {name: f"Not composed: {why}." for name, why in made.items() if isinstance(why, NotAvailable)}
     parts |= {name: part for name, part in made.items() if name not in failed}
     end = f"End of card {parts['slug']}, {identity.content_sha256[:12]}"
-    return Card(schema="fitmodels.card/4", **parts, empty=_empty(pf, parts) | failed, end=end)
+    return Card(schema="fitmodels.card/5", **parts, empty=_empty(pf, parts) | failed, end=end)
 
 
 def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:

@@ -223,6 +223,18 @@ class ToolLifePart(Part):
     words: tuple[str, ...]
 
 
+class BudgetLinePart(Part):
+    """A contribution to the uncertainty of a prediction."""
+
+    name: str  # ``exponent of V``, ``between edges``, ``rows of one edge`` ...
+    evaluation: str  # type A or B of the GUM
+    standard: NumberPart  # standard uncertainty of the source; empty of correlations
+    sensitivity: NumberPart  # change of the response by the source
+    contribution: NumberPart  # in the unit of the response; negative where correlations lower the sum
+    share: NumberPart  # of the combined variance, per cent
+    df: NumberPart
+
+
 class UncertaintyPart(Part):
     """One statement according to the GUM: value, u, expanded uncertainty U = k u, coverage factor and level.
 
@@ -242,6 +254,8 @@ class UncertaintyPart(Part):
     low: NumberPart
     high: NumberPart
     words: str  # the whole statement
+    budget: tuple[BudgetLinePart, ...] = ()  # of one new observation; the shares add up to 100 %
+    budget_words: str = ""  # effective degrees of freedom and k, and what the budget does not contain
 
 
 class DynamicsPart(Part):
@@ -355,12 +369,12 @@ class ProfilerPart(Part):
 
 
 class Card(Part):
-    """A model card of a tool/work pair, schema ``fitmodels.card/4``.
+    """A model card of a tool/work pair, schema ``fitmodels.card/5``.
 
     ``empty``: name of each empty field -> the reason in a sentence.
     """
 
-    schema_: str = Field(default="fitmodels.card/4", alias="schema")
+    schema_: str = Field(default="fitmodels.card/5", alias="schema")
     slug: str
     title: str
     verdict: str  # the worst of all results, in words; empty where the card has none that is judged

@@ -4,7 +4,16 @@ from collections.abc import Mapping, Sequence
 
 from ...core.display import TextTable
 from .numbers import between, quantity
-from .parts import CheckPart, CoefficientPart, FactorRangePart, FactPart, LawPart, PosteriorPart, UncertaintyPart
+from .parts import (
+    BudgetLinePart,
+    CheckPart,
+    CoefficientPart,
+    FactorRangePart,
+    FactPart,
+    LawPart,
+    PosteriorPart,
+    UncertaintyPart,
+)
 
 
 def coefficient_table(lines: Sequence[CoefficientPart], law: LawPart | None = None) -> TextTable:
@@ -58,6 +67,20 @@ def uncertainty_table(statements: Sequence[UncertaintyPart]) -> TextTable:
         "df": [s.df.text for s in statements],
         "level": [quantity(s.level) for s in statements],
         "interval": [between(s.low, s.high) for s in statements],
+    })  # fmt: skip
+
+
+def budget_table(lines: Sequence[BudgetLinePart]) -> TextTable:
+    """Contributions to the uncertainty of one prediction."""
+    unit = next((line.contribution.unit for line in lines if line.contribution.unit), "")
+    return _table({
+        "source": [line.name for line in lines],
+        "type": [line.evaluation for line in lines],
+        "u": [quantity(line.standard) for line in lines],
+        "sensitivity": [line.sensitivity.text for line in lines],
+        f"contribution, {unit}".rstrip(", "): [line.contribution.text for line in lines],
+        "share": [quantity(line.share) for line in lines],
+        "df": [line.df.text for line in lines],
     })  # fmt: skip
 
 

@@ -5,6 +5,7 @@ Source: JCGM 100:2008 (GUM), 5.1.2 (first order), 6.2 and 6.3.3 (U = k u, k of t
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,8 +19,8 @@ from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_parts import ToolLifeSection
 from .design import at_words, middle, reference
 from .laws import degrees
-from .numbers import LEVEL, count, percent, t_quantile
-from .parts import NumberPart, UncertaintyPart
+from .numbers import INFINITE, LEVEL, count, figure, percent, places, t_quantile
+from .parts import BudgetLinePart, NumberPart, UncertaintyPart
 from .profiler import ON_NEW_EDGE, ROW
 
 UNBOUNDED = 20.0  # half width of ln T above which the interval of a tool life says nothing: a factor of 5e8
@@ -67,8 +68,36 @@ def of_law(law: LawSection) -> tuple[UncertaintyPart, ...]:
     for p in kinds:
         found = _from_ends(float(p.value), float(p.low), float(p.high), df, multiplies=law.error == "multiplicative")
         of = OF["mean"] if p.kind == "mean" else OF.get(p.edge, p.edge)
-        out.append(_statement(law.quantity, law.response, law.unit, where, of, found, outside))
+        statement = _statement(law.quantity, law.response, law.unit, where, of, found, outside)
+        out.append(_with_budget(statement, law, at, by) if p.kind == "prediction" else statement)
     return tuple(out)
+
+
+def _with_budget(
+    statement: UncertaintyPart, law: LawSection, at: Mapping[str, float], by: str | None
+) -> UncertaintyPart:
+    """The statement of one new observation with its contributions; as it is where the law has no budget."""
+    try:
+        found = law.budget(at, "prediction", LEVEL, by)
+    except ParameterError:
+        return statement
+    lines = tuple(
+        BudgetLinePart(
+            name=line.name,
+            evaluation=line.evaluation,
+            standard=figure(line.u, 3, line.unit),
+            sensitivity=figure(line.sensitivity, 3),
+            contribution=figure(line.contribution, 3, law.unit),
+            share=places(100 * line.share, 1, "%"),
+            df=INFINITE if math.isinf(line.df) else figure(line.df, 3),
+        )
+        for line in found.lines
+    )
+    words = (
+        f"The budget of {law.response} has {found.df:.3g} effective degrees of freedom (Welch-Satterthwaite), which "
+        f"give k = {found.k:.2f}; the statement above takes {statement.df.text}."
+    )
+    return statement.model_copy(update={"budget": lines, "budget_words": " ".join([words, *found.notes])})
 
 
 def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyPart, ...]:

@@ -11,6 +11,7 @@ from ...core.display import TextTable
 from ..content.numbers import fact_line, fact_text, quantity
 from ..content.parts import Card, DoubtPart, FactorRangePart, LawPart, SuspectPart, VerdictPart
 from ..content.tables import (
+    budget_table,
     check_table,
     coefficient_table,
     fact_table,
@@ -212,4 +213,5 @@ def _template() -> "Template":
         posterior=tabulated(posterior_table),
         factors=tabulated(factor_table),
         statements=tabulated(uncertainty_table),
+        budget=tabulated(budget_table),
     ).get_template("card.md")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 # schema -> its package, its file in it, and the module of its classes
 SCHEMAS = {
     "parameters": ("parameters", "schema/parameters-6.json", "fitmodels.parameters"),
-    "card": ("cards", "schema/card-4.json", "fitmodels.cards.content.parts"),
+    "card": ("cards", "schema/card-5.json", "fitmodels.cards.content.parts"),
 }
 WHOLES = {"parameters": "ParameterFile", "card": "Card"}
 LIMITS = {"minimum": "≥", "maximum": "≤", "exclusiveMinimum": ">", "exclusiveMaximum": "<"}

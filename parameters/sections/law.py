@@ -254,7 +254,7 @@ class LawSection(Plottable, LawFields):
         >>> law = LawSection.model_validate(EXAMPLE)
         >>> found = law.budget({"V": 100.0}, u={"V": 2.0})
         >>> print(f"u {found.u:.4f} mm, k {found.k:.2f}, U {found.U:.4f} mm")
-        u 0.0138 mm, k 2.45, U 0.0337 mm
+        u 0.0138 mm, k 2.44, U 0.0337 mm
         """
         return uncertainty_budget(self, at, kind=kind, level=level, by=by, u=u, gauge=gauge, sources=sources)
 
