@@ -14,7 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from ..fit import LawFit, NotAvailable
 from ..fit.available import computed
 from ..fit.bayes.posterior import Posterior
-from ..fit.law_figures import normal_quantiles, observed_against_predicted, residuals, response_surface
+from ..fit.form_comparison import FormComparison
+from ..fit.law_figures import form_curves, normal_quantiles, observed_against_predicted, residuals, response_surface
 
 if TYPE_CHECKING:
     from ..ident.identification import Identification
@@ -37,6 +38,22 @@ def draw_figures(laws: Sequence[LawFit], folder: Path, banner: str = "") -> tupl
     for name, panels in rows.items():
         _save(_compose(laws, panels, banner), folder / name)
     return NAMES
+
+
+def form_panels(comparisons: Sequence[FormComparison]) -> Figure:
+    """Forms of each law over each of its factors: a row of panels for each law."""
+    across = max(len(found.preferred.law.factors) for found in comparisons)
+    figure = Figure(figsize=(4.6 * across, 3.9 * len(comparisons)), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(len(comparisons), across, squeeze=False)
+    for found, row in zip(comparisons, axes, strict=True):
+        names = found.preferred.law.factors
+        for j, ax in enumerate(row):
+            if j < len(names):
+                form_curves(found, names[j], ax)
+            else:
+                ax.set_axis_off()
+    return figure
 
 
 def draw_posteriors(posteriors: Sequence[Posterior], folder: Path, banner: str = "") -> None:

@@ -1,6 +1,6 @@
 """Terminal output of the main job and of an identification, from the same parts as the card."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,8 @@ from ..core.display import TextTable
 from ..core.verdict import USABLE, Verdict
 from ..datasets import Runs
 from ..fit.defaults import Refused
+from ..fit.display import forms_table, predictions_table
+from ..fit.form_comparison import FormComparison
 from ..fit.statsmodels_ols import TOLERANCE
 from ..parameters import ParameterFile
 from ..parameters.gather.description import unused_conditions
@@ -103,6 +105,39 @@ def comparison_block(comparisons: "Sequence[StatsmodelsComparison]") -> Renderab
     head.append(f"   largest relative difference {largest:.1e}, limit {TOLERANCE:.0e}" if rows else "", "not bold")
     table = [_table(TextTable(("law", "compared", "relative difference"), rows))] if rows else []
     return _block(head, *table, *_texts(missing))
+
+
+def forms_block(found: FormComparison) -> RenderableType:
+    """Which form of a law is preferred; each form with its errors and weight; what forms predict at tested settings."""
+    head = Text(f"{found.response} of {', '.join(found.factors)}", style="bold")
+    edges = f" of {found.units} edges" if found.left_out == "edge" else ", no edges"
+    head.append(f"   {found.rows} rows{edges}", style="not bold")
+    style = STYLES[0] if found.preferred.name == found.default else STYLES[1]
+    missing = tuple(f"{name} cannot be fitted: {sentence(why.reason)}" for name, why in found.not_fitted.items())
+    unit = f", {found.unit}" if found.unit else ""
+    return _block(
+        head, Text(found.verdict.removeprefix(f"{found.response}: "), style=style), _table(forms_table(found)),
+        Text(f"error: of left-out {found.left_out}s, root mean square; weight: from AICc; middle: prediction there",
+             style="dim"), *_texts(found.remarks),
+        Text(f"Predictions at the middle of the ranges and at tested settings where the forms differ most{unit}:"),
+        _table(_folded(predictions_table(found))), *_texts(missing),
+    )  # fmt: skip
+
+
+def _folded(table: TextTable) -> TextTable:
+    """The table with the words of a heading below each other."""
+    return TextTable(tuple(head.replace("-", "-\n") for head in table.header), table.rows)
+
+
+def keep_block(preferred: Mapping[str, str], command: Command) -> RenderableType:
+    """The command that keeps the preferred forms, or any other."""
+    if preferred:
+        chosen = " ".join(f"--form {name}={form}" for name, form in preferred.items())
+        words = "Keep the preferred form" + ("s:" if len(preferred) > 1 else ":")
+    else:
+        words = "The command without --form keeps the usual forms. To keep another, of all laws or of one (Ra=FORM):"
+        chosen = "--form FORM"
+    return Group(Text(words), Text(f"  {command(chosen)}", no_wrap=True, overflow="ignore"), Text())
 
 
 def nothing_fitted(runs: Runs, refused: Sequence[Refused]) -> str:

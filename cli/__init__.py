@@ -15,7 +15,21 @@ from ..core.version import __version__
 
 # Each command is a module of this package with ``parser()`` and ``run(args) -> exit code``.
 COMMANDS = (
-    *("batch", "card", "check", "confirm", "excite", "export", "ident", "limits", "look", "next", "plan", "predict"),
+    *(
+        "batch",
+        "card",
+        "check",
+        "compare",
+        "confirm",
+        "excite",
+        "export",
+        "ident",
+        "limits",
+        "look",
+        "next",
+        "plan",
+        "predict",
+    ),
     *("publish", "reduce", "replay", "settings", "simulate", "tune"),
 )
 DEFECT = 70

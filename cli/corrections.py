@@ -10,7 +10,7 @@ from .arguments import typed
 if TYPE_CHECKING:
     from ..datasets import Runs
 
-BY_ROLE = ("--map", "--unit", "--range", "--value")  # given once for each role
+BY_ROLE = ("--map", "--unit", "--range", "--value", "--form")  # given once for each role
 OF_ROWS = ("--correct", "--leave-out")  # given once for each target
 SINGLE = ("--tool", "--work", "--edge", "--process", "--decimal", "--delimiter", "--sheet")
 OPTION = re.compile(

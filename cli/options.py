@@ -38,10 +38,7 @@ def reading_options(parser: Parser) -> None:
 def fitting_options(parser: Parser) -> None:
     """Add the options of fitting laws and drawing posteriors."""
     group = parser.add_argument_group("fitting")
-    group.add_argument(
-        "--law", action="append", dest="laws", metavar='"Ra ~ V, f, d"',
-        help='law in place of the default one of this response; "Ra ~ + VB" and "Ra ~ - t" change its factors',
-    )  # fmt: skip
+    law_option(group)
     group.add_argument(
         "--error", choices=["multiplicative", "additive"], default="multiplicative",
         help="multiplicative error (log scale; default), or additive error (original scale)",
@@ -55,6 +52,29 @@ def fitting_options(parser: Parser) -> None:
         "--priors", metavar="FILE", default="weak", help='TOML file, or "reference": flat (default: weak, proper)'
     )
     group.add_argument("--student", action="store_true", help="Student-t errors, for outlying rows or edges")
+
+
+def law_option(group: argparse._ArgumentGroup) -> None:
+    """Add the option of laws in place of the default ones."""
+    words = 'law in place of the default one of this response; "Ra ~ + VB" and "Ra ~ - t" change its factors'
+    group.add_argument("--law", action="append", dest="laws", metavar='"Ra ~ V, f, d"', help=words)
+
+
+def form_option(parser: Parser) -> None:
+    """Add the option of the forms that laws are kept in."""
+    words = 'form of the laws, or of one law ("Ra=linear"): power, exponential, linear, second-order, ...; see compare'
+    parser.add_argument("--form", action="append", metavar="FORM", help=words)
+
+
+def forms(words: list[str] | None) -> str | dict[str, str]:
+    """``["linear", "Ra=power"]`` as the option ``form`` of an analysis.
+
+    >>> forms(["linear"]), forms(["linear", "Ra=power"]), forms(None)
+    ('linear', {'*': 'linear', 'Ra': 'power'}, '')
+    """
+    named = [word if "=" in word else f"*={word}" for word in words or []]
+    found = pairs(named, "--form", "Ra=linear")
+    return found["*"] if list(found) == ["*"] else found or ""
 
 
 def read_keywords(args: argparse.Namespace) -> dict[str, Any]:
@@ -83,7 +103,8 @@ def fit_options(args: argparse.Namespace, *more: str) -> "FitOptions":
 
     laws = tuple(args.laws or ())
     names = ("error", "criterion", "gauge_sd", "seed", "draws", "priors", "student", *more)
-    return FitOptions(**read_keywords(args), laws=laws, **{name: getattr(args, name) for name in names})
+    given = {name: getattr(args, name) for name in names}
+    return FitOptions(**read_keywords(args), laws=laws, form=forms(getattr(args, "form", None)), **given)
 
 
 def read(file: str | Path, args: argparse.Namespace) -> "Runs":

@@ -10,7 +10,7 @@ from ..core.version import __version__
 from .arguments import ONE_TABLE, Parser, typed
 from .corrections import corrected
 from .look import facts
-from .options import fit_options, fitting_options, reading_options
+from .options import fit_options, fitting_options, form_option, reading_options
 from .output import Printer, complain, print_json
 from .standard_input import MARK, opened, stem
 
@@ -33,8 +33,8 @@ def parser() -> Parser:
         "fitmodels data.csv",
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
         "pair with params.json, a model card (README.md) and figures.\n"
-        "Other commands, each with -h: look, reduce; predict, plan, next, confirm, simulate; ident, excite, tune;\n"
-        "limits, settings, replay, check, export; card, publish; batch",
+        "Other commands, each with -h: look, reduce, compare; predict, plan, next, confirm, simulate; ident, excite,\n"
+        "tune; limits, settings, replay, check, export; card, publish; batch",
         ONE_TABLE,
     )
     kinds = "CSV, TXT, TSV, .xlsx, .xls, .xlsb or .ods"
@@ -46,6 +46,7 @@ def parser() -> Parser:
     p.add_argument("--json", action="store_true", help="print the report as JSON; writes nothing unless --out")
     reading_options(p)
     fitting_options(p)
+    form_option(p)
     p.add_argument("--by", metavar="COLUMN", help="a category whose levels shift the laws, fitted together")
     verify = "compare laws with statsmodels, and posteriors with chains of another sampler (a few seconds per law)"
     p.add_argument("--verify", action="store_true", help=verify)

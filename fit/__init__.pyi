@@ -12,8 +12,10 @@ from .checks.robust_fit import robust as robust
 from .composite_law import composite as composite
 from .confirmation import confirm as confirm
 from .defaults import default_laws as default_laws
+from .defaults import fit_law as fit_law
 from .lawfit import LawFit as LawFit
 from .least_squares import linear as linear
+from .left_out_edges import compare_laws as compare_laws
 from .life import tool_life as tool_life
 from .many.batched import many_power_laws as many_power_laws
 from .many.pooling import pooled_exponents as pooled_exponents
@@ -30,11 +32,13 @@ __all__ = [
     "NotAvailable",
     "Priors",
     "compare_forms",
+    "compare_laws",
     "composite",
     "confirm",
     "default_laws",
     "edge_bootstrap",
     "exponential_law",
+    "fit_law",
     "gauge_corrected",
     "interval",
     "judge",

@@ -6,8 +6,8 @@ Forms that papers give: the load line of current on feed and wear (Tai, Tsai & L
 changed (eq. 5 of the constant-roughness paper).
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -18,6 +18,7 @@ from ..datasets import Runs
 from ..datasets.options import Process
 from .available import computed
 from .censored_lives import life_law
+from .form_choice import ALL, fit_in_form, form_named
 from .law_requests import LawRequest, named_role, parse_laws, symbol_of
 from .lawfit import LawFit
 from .laws import Error
@@ -244,8 +245,15 @@ def _usual_form(response: str, factors: tuple[str, ...]) -> str:
     return "exponential" if response in SURFACES and factors == ("F",) else "power"
 
 
-def fit_asked(runs: Runs, asked: Asked, *, error: Error = "multiplicative", by: str | None = None) -> LawFit:
-    """Fit a law that was asked for.
+def fit_asked(
+    runs: Runs,
+    asked: Asked,
+    *,
+    error: Error = "multiplicative",
+    by: str | None = None,
+    forms: Mapping[str, str] | None = None,
+) -> LawFit:
+    """Fit a law that was asked for, in its own form or in the one that ``forms`` names for its response.
 
     Raises
     ------
@@ -255,6 +263,14 @@ def fit_asked(runs: Runs, asked: Asked, *, error: Error = "multiplicative", by: 
         A column of the law is not there.
     """
     _check_columns(runs, asked)
+    forms = forms or {}
+    form = forms.get(asked.response, forms.get(ALL))
+    if form is not None:
+        reason = form_named(form).unsuited(asked.response, asked.factors)
+        if not reason or asked.response in forms:
+            return fit_in_form(runs, form, asked.response, asked.factors, error=error, by=by)
+        law = fit_asked(runs, asked, error=error, by=by)
+        return replace(law, notes=(*law.notes, f"not in the form {form}, but in its usual one: {reason}"))
     if asked.form == "load_line":
         return load_law(runs, feed=asked.factors[0], wear=asked.factors[1])
     if asked.form == "exponential":
@@ -284,7 +300,12 @@ def _check_columns(runs: Runs, asked: Asked) -> None:
 
 
 def default_laws(
-    runs: Runs, *, error: Error = "multiplicative", by: str | None = None, laws: Sequence[str] = ()
+    runs: Runs,
+    *,
+    error: Error = "multiplicative",
+    by: str | None = None,
+    laws: Sequence[str] = (),
+    forms: Mapping[str, str] | None = None,
 ) -> tuple[tuple[LawFit, ...], tuple[Refused, ...]]:
     """Every law that the columns of the runs ask for (`asked_laws`), and those that could not be fitted.
 
@@ -296,6 +317,8 @@ def default_laws(
     laws : sequence of str
         Laws in place of the default ones: ``"Ra ~ V, f, d"``; ``"Ra ~ + VB"`` and ``"Ra ~ - t"`` change the factors of
         the default law of this response.
+    forms : mapping of str to str, optional
+        Form of the law of a response, or of all others under ``*``: ``{"Ra": "linear"}`` (`form_choice.CHOICES`).
 
     Raises
     ------
@@ -318,9 +341,48 @@ def default_laws(
     for asked in requested_laws(held, laws):
         if asked.request:
             _check_columns(runs, asked)
-        law = computed(partial(fit_asked, runs, asked, error=error, by=by), (OSError, UsageError))
+        law = computed(partial(fit_asked, runs, asked, error=error, by=by, forms=forms), (OSError, UsageError))
         if isinstance(law, LawFit):
             found.append(law)
         else:
             refused.append(Refused(asked.response, f"{law.reason}."))
+    known = {ALL, *(law.response for law in found), *(item.response for item in refused)}
+    refused += [
+        Refused(name, f"these columns ask for no law of it, so that none is kept in the form {form}.")
+        for name, form in (forms or {}).items()
+        if name not in known
+    ]
     return tuple(found), (*refused, *_empty_responses(runs))
+
+
+def fit_law(
+    runs: Runs, law: str, *, form: str | None = None, error: Error = "multiplicative", by: str | None = None
+) -> LawFit:
+    """Fit one law as it is written, in its usual form or in another.
+
+    Parameters
+    ----------
+    runs : Runs
+    law : str
+        ``"Ra ~ V, f, d"``, or a change of the default law of a response, ``"Ra ~ + VB"``.
+    form : str, optional
+        Name of a form, e.g. ``second-order`` (`form_choice.CHOICES`).
+    error, by
+        As of `power_law`.
+
+    Raises
+    ------
+    UsageError
+        The text is no law, names a column that the runs do not have, or there is no such form.
+    FitError
+        It is no form of this response on these factors, or the rows do not allow it.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> fit.fit_law(runs, "Fxz ~ V, f, d, AW", form="linear").form
+    'linear'
+    """
+    asked = next(one for one in requested_laws(Held.of_runs(runs), [law]) if one.request)
+    return fit_asked(runs, asked, error=error, by=by, forms=None if form is None else {asked.response: form})

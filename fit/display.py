@@ -7,6 +7,7 @@ import pandas as pd
 
 from ..core.display import Display, TextTable, display_of, estimates, joined_facts, with_error, with_unit
 from ..core.rounding import decimals, format_plain, p_value
+from .available import NotAvailable
 from .bootstrap import EdgeBootstrap
 from .checks.check import LEVELS, TITLES, Check, format_p
 from .checks.competing_models import CompetingModels
@@ -16,12 +17,16 @@ from .checks.robust_fit import RobustFit
 from .composite_law import Composite
 from .confirmation import Confirmation
 from .edges import EdgeInference
+from .form_comparison import FormComparison
 from .lawfit import LawFit
 from .least_squares import LinearFit
 from .life import ToolLife
 from .published import PublishedComparison
 from .region import DesignRegion
 
+LARGE = 1e7  # from here on a number is shown with its power of ten
+SHORT = ("usable", "reservations", "do not use")
+FORMS_SHOWN, POINTS_SHOWN = 4, 8  # forms and settings in the table of predictions
 ERRORS = {"multiplicative": "multiplicative errors (log scale)", "additive": "additive errors (original scale)"}
 
 
@@ -172,10 +177,10 @@ def of_confirmation(found: Confirmation) -> Display:
 @display_of.register
 def of_domain(domain: DesignRegion) -> Display:
     """The range of each factor."""
-    centre, half = np.array(domain.centre), np.array(domain.half_range)
-    low, high, middle = centre - half, centre + half, centre
-    if domain.logs:
-        low, high, middle = np.exp(low), np.exp(high), np.exp(middle)
+    logs, centre, half = np.array(domain.logs), np.array(domain.centre), np.array(domain.half_range)
+    low, middle, high = (
+        np.where(logs, np.exp(np.where(logs, x, 0.0)), x) for x in (centre - half, centre, centre + half)
+    )
     shown = [
         (format_plain(float(a), 4), format_plain(float(m), 4), format_plain(float(b), 4))
         for a, m, b in zip(low, middle, high, strict=True)
@@ -208,6 +213,59 @@ def of_forms(found: CompetingModels) -> Display:
     return Display(
         found.verdict, (), TextTable(("", f"leave-one-{found.unit}-out RMS error", "difference", "se"), rows), words
     )
+
+
+@display_of.register
+def of_form_comparison(found: FormComparison) -> Display:
+    """Which form is preferred; each form with its errors, weight and verdict; remarks."""
+    return Display(found.verdict, (), forms_table(found), found.remarks)
+
+
+def forms_table(found: FormComparison) -> TextTable:
+    """Each form: coefficients, errors of left-out units, weight, prediction at the middle, result of its checks."""
+    unit = f", {found.unit}" if found.unit else ""
+    header = ("form", "coefficients", "error, %", f"error{unit}", "weight", f"middle{unit}", "checks")
+    rows = []
+    for form in found.forms:
+        percent = (
+            format_plain(form.percent, 3)
+            if np.isfinite(form.percent)
+            else "predicts <= 0"
+            if form.not_positive
+            else "-"
+        )
+        verdict = "not judged" if isinstance(form.verdict, NotAvailable) else SHORT[form.verdict.level]
+        weight = f"{form.weight:.2f}" if isinstance(form.aicc, float) else "-"
+        at = _plain(float(found.points[form.name].iloc[0]))
+        rows.append((form.name, str(form.parameters), percent, _plain(form.error_in_unit), weight, at, verdict))
+    return TextTable(header, tuple(rows))
+
+
+def predictions_table(found: FormComparison) -> TextTable:
+    """The middle of the ranges, then tested settings: what was measured and what forms predict there.
+
+    Of many settings those where the forms differ most; of many forms the preferred one and those of lowest error. The
+    last column is the interval of the preferred form.
+    """
+    names = list(dict.fromkeys((found.preferred.name, found.default, *(form.name for form in found.forms))))
+    names = [form.name for form in found.forms if form.name in names[:FORMS_SHOWN]]
+    values = found.points[names]
+    spread = (values.max(axis=1) - values.min(axis=1)) / values.abs().min(axis=1)
+    shown = sorted(spread.iloc[1:].nlargest(POINTS_SHOWN).index)
+    rows = []
+    for i in (0, *shown):
+        place = found.points.loc[i]
+        at = [_plain(float(place[name]), 4) for name in found.factors]
+        ends = [_plain(float(place[end])) for end in ("low", "high") if np.isfinite(place[end])]
+        measured = _plain(float(place["measured"])) if place["rows"] else ""
+        rows.append((*at, measured, *(_plain(float(place[name])) for name in names), " to ".join(ends)))
+    return TextTable((*found.factors, "measured", *names, f"95 % of {found.preferred.name}"), tuple(rows))
+
+
+def _plain(value: float, digits: int = 3) -> str:
+    """A number to so many digits, large ones without a power of ten."""
+    text = format_plain(value, digits)
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < LARGE else text
 
 
 def of_frame(frame: "pd.DataFrame", most: int = 12) -> TextTable:

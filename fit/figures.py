@@ -19,7 +19,8 @@ from .checks.time_exponent import CommonExponent
 from .composite_law import Composite
 from .confirmation import Confirmation
 from .edges import EdgeInference
-from .law_figures import contours_inside, observed_against_predicted
+from .form_comparison import FormComparison
+from .law_figures import contours_inside, form_curves, observed_against_predicted
 from .lawfit import LawFit
 from .least_squares import LinearFit
 from .life import ToolLife
@@ -125,14 +126,23 @@ def competing_models_figure(found: CompetingModels, ax: Axes | None = None) -> A
 
 
 @plot.register
+def form_comparison_figure(found: FormComparison, ax: Axes | None = None, *, factor: str | None = None) -> Axes:
+    """Prediction of each form over a factor, the others at the middle, inside and somewhat beyond the tested range."""
+    return form_curves(found, factor, ax)
+
+
+@plot.register
 def domain_figure(domain: DesignRegion, ax: Axes | None = None) -> Axes:
-    """Tested range of each factor, as multiples of its middle for a law in logs."""
+    """Tested range of each factor, as multiples of its middle."""
     rows = {}
-    for name, unit, centre, half in zip(domain.factors, domain.units, domain.centre, domain.half_range, strict=True):
-        ends = np.exp([0.0, -half, half]) if domain.logs else np.array([centre, centre - half, centre + half])
-        middle = np.exp(centre) if domain.logs else centre
-        rows[f"{name}, {middle:.3g} {unit}"] = (float(ends[0]), float(ends[1]), float(ends[2]))
-    label = "times the middle of the tests" if domain.logs else "tested range"
+    logs = np.broadcast_to(domain.logs, len(domain.factors))
+    for name, unit, centre, half, log in zip(
+        domain.factors, domain.units, domain.centre, domain.half_range, logs, strict=True
+    ):
+        middle = float(np.exp(centre)) if log else centre
+        ends = np.exp([-half, half]) if log else 1 + np.array([-half, half]) / (centre or 1.0)
+        rows[f"{name}, {middle:.3g} {unit}"] = (1.0, float(ends[0]), float(ends[1]))
+    label = "times the middle of the tests"
     return whiskers(rows, ax, label=label, title=domain.response)
 
 

@@ -1,6 +1,8 @@
 """Panels of one law on given axes; the figures of other results are in ``figures`` and ``bayes/figures``."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -8,7 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from ..core.errors import FitError
 from ..core.plotting import new_axes
+from .available import NotAvailable, computed
+from .form_comparison import FormComparison
 from .lawfit import LawFit
 
 # Steps within a decade, coarse to fine
@@ -21,6 +26,7 @@ STEPS = (
 )
 BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
 ROUNDING = 1e-24  # of the sum of squares: residuals of 1e-12, what is left of an exact law in double precision
+BEYOND = 0.3  # of the tested range, by which curves of forms go beyond it
 CONSTANT = 1e-9  # relative spread of a surface below which there are no contours
 MOST = 4000  # points in one panel: more are slow to draw and overlap
 
@@ -144,10 +150,11 @@ def _line(law: LawFit, ax: Axes) -> Axes:
 def _contours(law: LawFit, ax: Axes) -> Axes:
     x, y, *others = law.factors
     (x0, x1), (y0, y1) = law.domain[x], law.domain[y]
-    logs = law.form == "power"
+    logs = law.formula.log_factors
     space = np.geomspace if logs else np.linspace
     gx, gy = np.meshgrid(space(x0, x1, 50), space(y0, y1, 50))
-    at_middle = {name: middle(law.domain[name], logs) for name in others}
+    logged = dict(zip(law.factors, law.formula.logs, strict=True))
+    at_middle = {name: middle(law.domain[name], logged[name]) for name in others}
     at = {x: gx.ravel(), y: gy.ravel(), **{name: np.full(gx.size, v) for name, v in at_middle.items()}}
     z = np.asarray(law.predict({**at, **_category(law, gx.size)})).reshape(gx.shape)
     if len(levels := _levels(z)):
@@ -249,3 +256,92 @@ def round_numbers(low: float, high: float, fewest: int = 3, most: int = 9) -> li
         if fewest <= len(ticks) <= most:
             return ticks
     return ticks if 2 <= len(ticks) <= most else [float(f"{v:.2g}") for v in np.geomspace(low, high, 4)]
+
+
+def form_curves(found: FormComparison, factor: str | None = None, ax: Axes | None = None) -> Axes:
+    """Prediction of each form over a factor, the others at the middle, inside and somewhat beyond the tested range.
+
+    ``factor`` is by default the one over which the forms differ most. Dots are the rows, moved to the middle of the
+    other factors along the preferred form.
+    """
+    ax = new_axes(ax, 5.6, 4.2)
+    drawn = predictions_over(found, factor)
+    low, high = drawn.tested
+    ax.axvspan(low, high, color="0.94", lw=0, zorder=0)
+    ax.plot(drawn.rows_x, drawn.rows_y, "o", ms=3.5, color=GREY, mfc="none", label="measured, moved to the middle")
+    for i, (name, values) in enumerate(drawn.predicted.items()):
+        first = name == found.preferred.name
+        ax.plot(drawn.x, values, color=ORANGE if first else None, lw=2.2 if first else 1.2,
+                ls="-" if first else ("--", "-.", ":")[i % 3], label=name, zorder=3 if first else 2)  # fmt: skip
+    seen = np.concatenate([drawn.rows_y, *drawn.predicted.values()])
+    limit = 2.5 * float(np.nanmax(drawn.rows_y)) if len(drawn.rows_y) else np.inf
+    ax.set_ylim(min(0.0, float(np.nanmin(seen))), min(1.05 * float(np.nanmax(seen)), limit))
+    ax.set(xlabel=drawn.label, ylabel=f"{found.response} [{found.unit}]" if found.unit else found.response)
+    ax.set_title(f"{drawn.others}\nshaded: tested range", fontsize=8)
+    ax.legend(frameon=False, fontsize=7)
+    return ax
+
+
+@dataclass(frozen=True, slots=True)
+class FormCurves:
+    """Predictions of forms over one factor, the others at the middle.
+
+    Attributes
+    ----------
+    label, others : str
+        The factor with its unit; the values of the others.
+    tested : tuple of float
+        Range of the factor among the rows.
+    x : ndarray, shape (m,)
+    predicted : mapping of str to ndarray, shape (m,)
+        By form; NaN where it has no value.
+    rows_x, rows_y : ndarray, shape (n,)
+        Rows moved to the middle of the other factors along the preferred form.
+    """
+
+    label: str
+    others: str
+    tested: tuple[float, float]
+    x: NDArray[np.float64]
+    predicted: Mapping[str, NDArray[np.float64]]
+    rows_x: NDArray[np.float64]
+    rows_y: NDArray[np.float64]
+
+
+def predictions_over(found: FormComparison, factor: str | None = None) -> FormCurves:
+    """Predictions of the compared forms over a factor, by default the one over which they differ most.
+
+    Raises
+    ------
+    FitError
+        The factor is none of the preferred form.
+    """
+    law = found.preferred.law
+    if factor is None:
+        drawn = [predictions_over(found, name) for name in law.factors]
+        return max(drawn, key=_spread)
+    if factor not in law.factors:
+        raise FitError(f"{factor}: it is no factor of {law.response}; its factors are {', '.join(law.factors)}.")
+    low, high = law.domain[factor]
+    x = np.linspace(max(low - BEYOND * (high - low), low / 2 if low > 0 else 0.0), high + BEYOND * (high - low), 121)
+    middle_of = {name: float(found.points[name].iloc[0]) for name in found.factors}
+    at = {**{name: np.full(len(x), v) for name, v in middle_of.items()}, factor: x, **_category(law, len(x))}
+    values = {}
+    for form in found.forms:
+        made = computed(partial(form.law.predict, at))
+        values[form.name] = np.full(len(x), np.nan) if isinstance(made, NotAvailable) else made
+    others = {**dict(zip(law.factors, law.X.T, strict=True)), **_category(law, law.nobs)}
+    here = {**others, **{name: np.full(law.nobs, v) for name, v in middle_of.items() if name in law.factors}}
+    there = law.predict({**here, factor: others[factor]})
+    moved = law.observed * there / law.fitted if law.formula.logarithmic else law.observed + there - law.fitted
+    unit = law.units.get(factor, "")
+    said = (f"{k} {v:.3g} {law.units.get(k, '')}".rstrip() for k, v in middle_of.items() if k != factor)
+    label = f"{factor} [{unit}]" if unit else factor
+    return FormCurves(label, ", ".join(said), (low, high), x, values, law.X[:, law.factors.index(factor)], moved)
+
+
+def _spread(drawn: FormCurves) -> float:
+    """Largest difference of the forms inside the tested range, relative to the least prediction."""
+    inside = (drawn.x >= drawn.tested[0]) & (drawn.x <= drawn.tested[1])
+    values = np.array([v[inside] for v in drawn.predicted.values()])
+    return float(np.nanmax((np.nanmax(values, axis=0) - np.nanmin(values, axis=0)) / np.nanmedian(np.abs(values))))

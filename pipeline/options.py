@@ -24,7 +24,7 @@ OF_READING = (
 RECORDED = (
     *("map", "unit", "range", "value", "law", "tool", "work", "by", "error", "criterion", "gauge_sd", "seed", "draws"),
     *("priors", "student", "verify", "posterior_figures", "decimal", "delimiter", "sheet", "edge", "process", "hidden"),
-    *("correct", "leave_out"),
+    *("correct", "leave_out", "form"),
 )
 
 
@@ -42,6 +42,9 @@ class FitOptions(ReadOptions):
         A category whose levels shift the laws, fitted together.
     error : {"multiplicative", "additive"}
         Multiplicative errors (log scale) or additive errors (original scale).
+    form : str or mapping of str to str
+        Form that laws are kept in (`fit.form_choice.CHOICES`): of all laws, or by response with ``*`` for all others;
+        empty for the usual ones.
     criterion : float or None
         Wear at the end of tool life, mm; 0.3 mm where None.
     gauge_sd : float or None
@@ -70,6 +73,7 @@ checks) to 1000000.
     laws: tuple[str, ...] = ()
     by: str | None = None
     error: Error = "multiplicative"
+    form: str | Mapping[str, str] = ""
     criterion: float | None = None
     gauge_sd: float | None = None
     seed: int = 1
@@ -106,7 +110,29 @@ checks) to 1000000.
             )
         for name in ("student", "verify", "posterior_figures"):
             check_choice(name, getattr(self, name), (True, False))
+        self.forms  # noqa: B018  a form that does not exist is refused here
         self.prior_tables()  # a file of priors that cannot be read is refused here
+
+    @property
+    def forms(self) -> dict[str, str]:
+        """Form of the laws of each response, under ``*`` of all others; empty for the usual ones.
+
+        Examples
+        --------
+        >>> FitOptions(form="second_order").forms, FitOptions(form={"Ra": "linear"}).forms
+        ({'*': 'second-order'}, {'Ra': 'linear'})
+        """
+        from ..datasets.vocabulary import ROLES
+        from ..fit.form_choice import ALL, form_named
+
+        if isinstance(self.form, str):
+            return {ALL: form_named(self.form).name} if self.form else {}
+        if not isinstance(self.form, Mapping):
+            raise UsageError(f"form {self.form!r}: give the name of a form, or one for each response.")
+        for name in self.form:
+            if name != ALL and name not in ROLES:
+                raise UsageError(f"form of {name}: there is no such response. {did_you_mean(name, list(ROLES))}")
+        return {name: form_named(form).name for name, form in self.form.items()}
 
     def prior_tables(self) -> str | Mapping[str, object]:
         """The priors as `fit.posterior` takes them, read where they are a file."""
@@ -134,6 +160,8 @@ checks) to 1000000.
             value = getattr(self, name)
             if name == "error" or value != usual[name]:
                 given[name] = _plain(value)
+        if isinstance(self.form, Mapping) and self.form:
+            given["form"] = _equations(self.forms)
         if isinstance(given.get("priors"), str) and given["priors"] not in NAMED_PRIORS:
             given["priors_sha256"] = sha256(Path(given["priors"]).read_bytes()).hexdigest()
         return given

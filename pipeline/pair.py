@@ -140,7 +140,7 @@ def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: 
     >>> [law.response for law in fitted.laws], fitted.life, fitted.not_converged
     (['AW', 'Fxz', 'P'], None, '')
     """
-    laws, refused = fit.default_laws(runs, error=options.error, by=options.by, laws=options.laws)
+    laws, refused = fit.default_laws(runs, error=options.error, by=options.by, laws=options.laws, forms=options.forms)
     life, no_life = _life(laws, options.criterion)
     if no_life and needs_life and options.criterion is not None:
         raise FitError(no_life)

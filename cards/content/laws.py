@@ -77,7 +77,7 @@ def law_part(pf: ParameterFile, law: LawSection) -> LawPart:
 def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[CoefficientPart, ...]:
     """A line for each coefficient, the constant first and the shifts of a category last.
 
-    The constant of a power or exponential law has no t: it is positive by its form, and its value only depends on
+    The constant of a law that is linear for ln R has no t: it is positive by its form, and its value only depends on
     the units.
     """
     printed = law.published.coefficients if law.published is not None and not _lacking(law) else {}
@@ -87,7 +87,7 @@ def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient
     lines = []
     for name, value in _values(law).items():
         se = law.standard_errors.get(name)
-        scale = law.form in ("power", "exponential") and name == next(iter(law.coefficients))
+        scale = law.logarithmic and name == next(iter(law.coefficients))
         t = value / se if se and not scale else None
         low, high = _ends(value, half.get(name), se, scale)
         lines.append(
@@ -164,8 +164,9 @@ def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
 
 
 def _structure(law: LawSection) -> str:
-    if law.form in ("load_line", "feed_line"):
-        return "straight line, least squares"
+    if not law.logarithmic:
+        shape = "polynomial in the original units" if law.form == "second_order_original" else "straight line"
+        return f"{shape}, least squares"
     method = f"least squares of ln {law.response}" if law.error == "multiplicative" else (
         f"nonlinear least squares of {law.response}"
     )  # fmt: skip
@@ -269,7 +270,7 @@ def _cautions(law: LawSection) -> list[str]:
     out = []
     if not isinstance(law.uncertainty, Covariance):
         out.append(f"{law.uncertainty.reason}: there are no residual degrees of freedom to assess the law.")
-    if law.form in ("power", "exponential") and law.alternative is None:
+    if law.logarithmic and law.alternative is None:
         out.append(
             "No fit with the other error structure: it needs positive responses in all rows and a nonlinear least "
             "squares fit that converges."

@@ -145,7 +145,7 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
         unit, codes = "row", np.arange(law.nobs)
     icc = law.edges.icc if unit == "edge" and isinstance(law.edges, EdgeInference) else 0.0
     form = power_form(law)
-    base = _prediction_errors(form, codes)
+    base = prediction_errors(form, codes)
     if isinstance(base, NotAvailable):
         return NotAvailable(f"the power law without one {unit} cannot be fitted: {base}")
     zero = None if runs is None else with_zero_wear(law, runs)
@@ -206,7 +206,7 @@ def _alternative(
     fitted = computed(partial(form.fitted, rows))
     if isinstance(fitted, NotAvailable):
         return fitted
-    errors = _prediction_errors(fitted, codes)
+    errors = prediction_errors(fitted, codes)
     if isinstance(errors, NotAvailable):
         return errors
     return replace(_compared(fitted, errors, base, codes, icc), zero_wear=_at_zero(form, zero))
@@ -220,7 +220,7 @@ def _at_zero(form: Form, rows: FormRows | NotAvailable | None) -> ZeroWear | Non
     if isinstance(fitted, NotAvailable):
         return None
     codes = np.arange(len(rows.y)) if rows.edge is None else np.unique(rows.edge, return_inverse=True)[1]
-    errors = _prediction_errors(fitted, codes if codes.max() else np.arange(len(rows.y)))
+    errors = prediction_errors(fitted, codes if codes.max() else np.arange(len(rows.y)))
     if isinstance(errors, NotAvailable):
         return None
     return ZeroWear(int(rows.zero.sum()), float(np.sqrt(np.mean(errors[rows.zero] ** 2))), fitted.coefficients)
@@ -254,7 +254,7 @@ def not_comparable(law: LawFit) -> str | None:
     return no_scatter(law)
 
 
-def _prediction_errors(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
+def prediction_errors(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
     """Prediction error of each row when its unit is left out, shape (n,), in ln R.
 
     With Q = columns L orthonormal, leaving unit g out moves theta by ``-L (I - Q_g'Q_g)^-1 Q_g' rest_g``.
@@ -291,16 +291,30 @@ def _whitened(errors: Array, codes: Codes, icc: float) -> Array:
 
 
 def _compared(fit: FittedForm, missed: Array, base: Array, codes: Codes, icc: float) -> CompetingModel:
-    """Error as root mean square; the standard error of the difference from its scatter over the units."""
+    """Error as root mean square, and its difference from that of the power law."""
+    error = float(np.sqrt(np.mean(missed**2)))
+    return CompetingModel(fit.name, fit.formula, fit.coefficients, error, *paired_difference(missed, base, codes, icc))
+
+
+def paired_difference(missed: Array, base: Array, codes: Codes, icc: float) -> tuple[float, float, float]:
+    """Root mean square of whitened errors less that of others, its standard error over units, and one-sided p.
+
+    Parameters
+    ----------
+    missed, base : ndarray, shape (n,)
+        Prediction errors of the same rows.
+    codes : ndarray of int, shape (n,)
+        Number of the unit of each row.
+    icc : float
+        Intraclass correlation by which both are whitened.
+    """
     from scipy.special import stdtr
 
     n, G = len(codes), int(codes.max()) + 1
-    error = float(np.sqrt(np.mean(missed**2)))
     missed, base = _whitened(missed, codes, icc), _whitened(base, codes, icc)
     own, power = float(np.sqrt(np.mean(missed**2))), float(np.sqrt(np.mean(base**2)))
     by_unit = np.bincount(codes, weights=missed**2 - base**2)
     about = by_unit - np.bincount(codes) * by_unit.sum() / n
     scatter = float(np.sqrt(G / (G - 1) * np.sum(about**2))) / n
     t = float(by_unit.sum()) / (n * scatter) if scatter > 0 else 0.0
-    p = float(stdtr(G - 1, t))
-    return CompetingModel(fit.name, fit.formula, fit.coefficients, error, own - power, scatter / (own + power), p)
+    return own - power, scatter / (own + power), float(stdtr(G - 1, t))

@@ -1,0 +1,211 @@
+"""``fitmodels compare``: forms of each law beside each other, and the one that is to be kept written out."""
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .arguments import ONE_TABLE, Parser
+from .corrections import corrected
+from .options import forms, law_option, read_keywords, reading_options
+from .output import Printer, complain, print_json
+from .standard_input import MARK, opened
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ..datasets import Runs
+    from ..fit.form_comparison import FormComparison
+
+    Compared = tuple[Runs, list[FormComparison], list[str]]  # a pair, its laws, and why others are not compared
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels compare``."""
+    p = Parser(
+        "fitmodels compare",
+        "fitmodels compare data.csv",
+        "Compare forms of each law (power, exponential, linear, second order, ...) on the same rows: error of edges\n"
+        "that the fit has not seen, weights, and predictions at the middle and at the corners of the tests. Nothing\n"
+        "is written without --write, which fits the file with the chosen forms: parameter file, card and figures.",
+        ONE_TABLE,
+    )
+    p.add_argument("file", metavar="FILE", help="table of tests, as of fitmodels FILE; - reads standard input")
+    chosen = 'write the result with this form of all laws, or of one ("Ra=linear")'
+    p.add_argument("--write", action="append", metavar="FORM", help=chosen)
+    p.add_argument("--out", metavar="DIR", help="where --write writes (default: ./<file>-fit)")
+    p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
+    p.add_argument("--figure", metavar="FILE", help="draw each form over each factor: .png, .pdf or .svg")
+    p.add_argument("--json", action="store_true", help="print the comparison as JSON (fitmodels.compare/1)")
+    reading_options(p)
+    group = p.add_argument_group("fitting")
+    law_option(group)
+    errors = "errors of laws that are linear for the logarithm of the response (default: multiplicative)"
+    group.add_argument("--error", choices=["multiplicative", "additive"], default="multiplicative", help=errors)
+    group.add_argument("--by", metavar="COLUMN", help="a category whose levels shift the laws, fitted together")
+    return p
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the comparison, draw and write what was asked for, and return the exit code."""
+    from ..core.errors import UsageError
+    from ..pipeline import FitOptions
+    from ..pipeline.reading import read_tests
+
+    if args.write and args.file == MARK:
+        raise UsageError("--write: standard input is read once only; give the name of the file.")
+    if args.out and not args.write:
+        raise UsageError("--out: only --write writes a result; name the form, for instance --write second-order.")
+    laws = tuple(args.laws or ())
+    options = FitOptions(**read_keywords(args), laws=laws, error=args.error, by=args.by, form=forms(args.write))
+    figure = None if args.figure is None else _figure_path(args)
+    with opened(args.file) as path:
+        runs = read_tests(path, options)
+    pairs = [runs] if args.by else list(runs.pairs())
+    compared = [(pair, *_comparisons(pair, args)) for pair in pairs]
+    if args.json:
+        print_json("compare", {"pairs": [_facts(*one) for one in compared]})
+    else:
+        _show(runs, compared, args)
+    if figure is not None:
+        _draw([found for _, comparisons, _ in compared for found in comparisons], figure)
+    if args.write:
+        return _write(args)
+    return 0 if any(comparisons for _, comparisons, _ in compared) else 4
+
+
+def _comparisons(runs: "Runs", args: argparse.Namespace) -> "tuple[list[FormComparison], list[str]]":
+    """Comparison of each law of a pair, and why others have none."""
+    from ..core.errors import UsageError
+    from ..core.progress import progress_bar
+    from ..fit.available import NotAvailable, computed
+    from ..fit.defaults import Held, fit_asked, requested_laws
+    from ..fit.left_out_edges import compare_laws
+
+    found, missing = [], []
+    with progress_bar(lines=False) as step:
+        for asked in requested_laws(Held.of_runs(runs), args.laws or ()):
+            step.say(f"comparing forms of {asked.response}")
+            fits = (OSError, UsageError)
+            law = computed(partial(fit_asked, runs, asked, error=args.error, by=args.by), fits)
+            one = (
+                law
+                if isinstance(law, NotAvailable)
+                else computed(partial(compare_laws, runs, law, factors=asked.factors), fits)
+            )
+            if isinstance(one, NotAvailable):
+                missing.append(f"{asked.response}: {one.reason.removeprefix(f'{asked.response}: ')}.")
+            else:
+                found.append(one)
+    return found, missing
+
+
+def _show(runs: "Runs", compared: "Sequence[Compared]", args: argparse.Namespace) -> None:
+    from ..cards import terminal
+    from ..cards.reading_terminal import reading_notes
+
+    out = Printer()
+    out.show(reading_notes(runs, partial(corrected, args.words)))
+    for pair, comparisons, missing in compared:
+        out.show(terminal.pair_head(pair))
+        for found in comparisons:
+            out.show(terminal.forms_block(found))
+        for words in missing:
+            complain(f"not compared: {words}")
+        if not comparisons and not missing:
+            complain(terminal.nothing_fitted(pair, ()))
+    rivals = {found.response: found.preferred.name for _, each, _ in compared for found in each
+              if found.preferred.name != found.default}  # fmt: skip
+    if not args.write and any(comparisons for _, comparisons, _ in compared):
+        out.show(terminal.keep_block(rivals, partial(_main_command, args.words)))
+
+
+def _main_command(words: list[str], options: str) -> str:
+    """The main command that reads the file in the same way, with more options."""
+    return corrected(_kept(words), options)
+
+
+def _kept(words: list[str]) -> list[str]:
+    """The words of the command as typed that the main command takes as well."""
+    kept, rest = [], list(words[1:] if words[:1] == ["compare"] else words)
+    while rest:
+        word = rest.pop(0)
+        name, equals, _ = word.partition("=")
+        if name in ("--write", "--figure"):
+            if not equals and rest:
+                rest.pop(0)
+        else:
+            kept.append(word)
+    return kept
+
+
+def _write(args: argparse.Namespace) -> int:
+    """Run the main job with the chosen forms."""
+    from . import wear
+
+    chosen = [word for form in args.write for word in ("--form", form)]
+    words = [*(word for word in _kept(args.words) if word != "--json"), *chosen]
+    options = wear.parser().parse_args(words)
+    options.words = words
+    return wear.run(options)
+
+
+def _facts(runs: "Runs", comparisons: "list[FormComparison]", missing: list[str]) -> dict[str, Any]:
+    """The comparison of a pair for programs."""
+    return {"tool": runs.tool, "work": runs.work, "laws": [_law_facts(one) for one in comparisons], "missing": missing}
+
+
+def _law_facts(found: "FormComparison") -> dict[str, Any]:
+    from ..fit.available import NotAvailable
+
+    forms = [
+        {
+            "form": form.name,
+            "coefficients": form.parameters,
+            "error_percent": _number(form.percent),
+            "error": form.error_in_unit,
+            "difference": _number(form.difference),
+            "standard_error": form.standard_error,
+            "p": form.pvalue,
+            "aicc": None if isinstance(form.aicc, NotAvailable) else form.aicc,
+            "weight": form.weight,
+            "verdict": None if isinstance(form.verdict, NotAvailable) else form.verdict.words,
+        }
+        for form in found.forms
+    ]
+    points = [{name: _number(float(value)) for name, value in row.items()} for row in found.points.to_dict("records")]
+    return {
+        "response": found.response, "unit": found.unit, "factors": list(found.factors), "default": found.default,
+        "preferred": found.preferred.name, "left_out": found.left_out, "units": found.units, "rows": found.rows,
+        "verdict": found.verdict, "remarks": list(found.remarks), "forms": forms, "points": points,
+        "not_fitted": {name: why.reason for name, why in found.not_fitted.items()},
+    }  # fmt: skip
+
+
+def _number(value: float) -> float | None:
+    """A number that JSON has."""
+    return value if abs(value) < float("inf") else None
+
+
+def _figure_path(args: argparse.Namespace) -> Path:
+    from ..core.errors import UsageError
+
+    path = Path(args.figure)
+    if path.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise UsageError(f"--figure {args.figure}: the picture is a file that ends in .png, .pdf or .svg.")
+    if not path.parent.is_dir() or (path.exists() and not args.force):
+        why = "exists; replace it with --force" if path.exists() else f"cannot be written: there is no {path.parent}"
+        raise UsageError(f"--figure {path} {why}.")
+    return path
+
+
+def _draw(comparisons: "list[FormComparison]", path: Path) -> None:
+    from io import BytesIO
+
+    from ..cards.figures import form_panels
+    from ..core.files import write_whole
+
+    held = BytesIO()
+    form_panels(comparisons).savefig(held, format=path.suffix.lower()[1:], dpi=110)
+    write_whole(path, held.getvalue())
+    Printer().show(f"Figure: {path}")

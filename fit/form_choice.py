@@ -1,0 +1,184 @@
+"""Forms of a law that a user can choose by name, and the fit of a law in one of them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.display import Displayable
+from ..core.errors import FitError, UsageError
+from ..core.suggestions import did_you_mean
+from ..datasets import Runs
+from ..datasets.vocabulary import ROLES
+from .censored_lives import life_law, lives_of
+from .lawfit import LawFit
+from .laws import Error
+from .regression import fit_form
+
+ALL = "*"  # stands for the responses that are not named
+LIFE = "T"
+WEAR_LAST = ("power_exponential", "additive_wear")  # forms in which the last factor enters as it is
+CHIP = ("f", "d")  # chip thickness and width of a specific cutting force, turning
+Unsuited = Callable[[str, tuple[str, ...]], str]  # reason why a form is none of a response on factors, or ""
+Fit = Callable[[Runs, str, tuple[str, ...], Error, str | None], LawFit]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class FormChoice(Displayable):
+    """A form that can be chosen.
+
+    Attributes
+    ----------
+    name : str
+        As the option ``--form`` takes it, e.g. ``second-order``.
+    equation : str
+        General equation of a response R on factors X, of which w is the wear.
+    form : str
+        Key of ``core.formula.FORMS`` of its laws.
+    unsuited : callable
+        Reason why it is no form of a response on factors; empty where it is one.
+    fitted : callable
+        Fits it.
+    """
+
+    name: str
+    equation: str
+    form: str
+    unsuited: Unsuited
+    fitted: Fit
+
+
+def wear_among(factors: tuple[str, ...]) -> str | None:
+    """The wear among factors.
+
+    >>> wear_among(("V", "f", "AW"))
+    'AW'
+    """
+    return next((name for name in factors if name in ROLES and ROLES[name].kind == "wear"), None)
+
+
+def _any(response: str, factors: tuple[str, ...]) -> str:
+    return ""
+
+
+def _of_wear(response: str, factors: tuple[str, ...]) -> str:
+    wear = wear_among(factors)
+    if wear is None:
+        return f"it is a form of a load on wear, and no wear is among the factors {', '.join(factors)}"
+    return "" if len(factors) > 1 else f"it needs a factor besides {wear}"
+
+
+def _of_chip(response: str, factors: tuple[str, ...]) -> str:
+    if not (response.startswith("F") and ROLES.get(response, ROLES["Fc"]).kind == "load"):
+        return f"it is a form of cutting forces, and {response} is none"
+    missing = [name for name in CHIP if name not in factors]
+    return f"it needs {' and '.join(missing)} among the factors" if missing else ""
+
+
+def _of_life(response: str, factors: tuple[str, ...]) -> str:
+    if response != LIFE:
+        return f"it is the form of tool lives T, and {response} is none"
+    return "" if "V" in factors else "it needs the cutting speed V among the factors"
+
+
+def _of(form: str) -> Fit:
+    """The fit of a form of the table of formulas; a wear that enters as it is stands last."""
+
+    def fitted(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by: str | None) -> LawFit:
+        if response == LIFE:
+            _refuse_bounds(runs, form)
+        wear = wear_among(factors) if form in WEAR_LAST else None
+        ordered = (*(name for name in factors if name != wear), *([wear] if wear else []))
+        return fit_form(runs, form, response, ordered, error=error, by=by)
+
+    return fitted
+
+
+def _power(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by: str | None) -> LawFit:
+    """A power law; of tool lives with their run-outs."""
+    if response == LIFE and error == "multiplicative":
+        return life_law(runs, factors, by=by)
+    return _of("power")(runs, response, factors, error, by)
+
+
+def _refuse_bounds(runs: Runs, form: str) -> None:
+    """Refuse lives of which some are known by a bound alone: only the power law of tool lives counts them."""
+    side = lives_of(runs).side
+    if np.any(side != 0):
+        raise FitError(
+            f"{LIFE}: {np.count_nonzero(side)} of {len(side)} lives are run-outs or bounds, which the form "
+            f"{form.replace('_', '-')} would count as lives. Keep the form power, or leave these rows out."
+        )
+
+
+CHOICES: Mapping[str, FormChoice] = {
+    one.name: one
+    for one in (
+        FormChoice("power", "R = c0 prod X^b", "power", _any, _power),
+        FormChoice("exponential", "R = a exp(sum b X)", "exponential", _any, _of("exponential")),
+        FormChoice("linear", "R = c0 + sum b X", "linear", _any, _of("linear")),
+        FormChoice(
+            "second-order", "ln R = polynomial of degree 2 in ln X", "second_order", _any, _of("second_order")
+        ),
+        FormChoice(
+            "second-order-original", "R = polynomial of degree 2 in X", "second_order_original", _any,
+            _of("second_order_original"),
+        ),
+        FormChoice(
+            "power-exponential", "R = c0 prod X^b exp(k w)", "power_exponential", _of_wear,
+            _of("power_exponential"),
+        ),
+        FormChoice("taylor", "T = C V^a prod X^b", "power", _of_life, _power),
+    )
+}  # fmt: skip
+
+
+def form_named(name: str) -> FormChoice:
+    """The form of a name, with - or _ between its words.
+
+    Raises
+    ------
+    UsageError
+        There is none; the message names the closest one.
+
+    Examples
+    --------
+    >>> form_named("second_order").form
+    'second_order'
+    """
+    known = CHOICES.get(str(name).strip().lower().replace("_", "-").replace(" ", "-"))
+    if known is None:
+        names = ", ".join(CHOICES)
+        raise UsageError(f"form {name!r}: there is no such form. {did_you_mean(name, list(CHOICES))} Forms: {names}.")
+    return known
+
+
+def fit_in_form(
+    runs: Runs,
+    form: str,
+    response: str,
+    factors: tuple[str, ...],
+    *,
+    error: Error = "multiplicative",
+    by: str | None = None,
+) -> LawFit:
+    """The law of a response on factors in a chosen form.
+
+    Raises
+    ------
+    UsageError
+        There is no such form.
+    FitError
+        It is no form of this response on these factors, or the rows do not allow it.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> fit_in_form(runs, "linear", "Fxz", ("V", "f", "d", "AW")).form
+    'linear'
+    """
+    chosen = form_named(form)
+    if reason := chosen.unsuited(response, tuple(factors)):
+        raise FitError(f"{response} in the form {chosen.name}: {reason}. Choose another form with --form.")
+    return chosen.fitted(runs, response, tuple(factors), error, by)

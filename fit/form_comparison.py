@@ -1,0 +1,234 @@
+"""Result of the comparison of forms of one law, and what it says in words."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from ..core.display import Displayable, Plottable
+from ..core.rounding import format_plain, p_value
+from ..core.verdict import Verdict
+from .available import NotAvailable
+from .checks.check import SIGNIFICANT
+from .checks.competing_models import LARGEST
+from .lawfit import LawFit
+
+HEAVY = 0.95  # weight of a form that is not preferred, from which it is named
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ComparedForm(Displayable):
+    """One form of a law.
+
+    Attributes
+    ----------
+    name : str
+        As the option ``--form`` takes it.
+    law : LawFit
+        Of all rows that the form can have.
+    parameters : int
+        Number of estimated coefficients.
+    error : float
+        Root mean squared prediction error of left-out units in ln R; infinite where the form predicts zero or less.
+    error_in_unit : float
+        Root mean squared prediction error of left-out units, in the unit of the response.
+    not_positive : int
+        Rows for which it predicts zero or less when their unit is left out.
+    difference, standard_error, pvalue : float
+        Error less that of the default form with its standard error over units, and the one-sided p of so low a
+        difference; whitened within edges, in ln R or, for additive errors, in the unit of the response.
+    aicc : float or NotAvailable
+        On the scale of the response.
+    weight : float
+        From AICc, 0 where there is none; sum 1 over all forms.
+    verdict : Verdict or NotAvailable
+        Of all checks of the law.
+    behind : tuple of float
+        Error less that of the form of lowest error, and the standard error of this difference.
+    more_rows : int
+        Rows that this form can have and another cannot, such as those at zero wear.
+    more_error : float or None
+        Root mean squared prediction error of these, in the unit of the response.
+    turns : tuple of str
+        Factors over which the law falls and rises again within their range, the others at the middle.
+    """
+
+    name: str
+    law: LawFit
+    parameters: int
+    error: float
+    error_in_unit: float
+    not_positive: int
+    difference: float
+    standard_error: float
+    pvalue: float
+    aicc: float | NotAvailable
+    verdict: Verdict | NotAvailable
+    behind: tuple[float, float] = (0.0, 0.0)
+    weight: float = 0.0
+    more_rows: int = 0
+    more_error: float | None = None
+    turns: tuple[str, ...] = ()
+
+    @property
+    def percent(self) -> float:
+        """Prediction error of left-out units in per cent of the response; infinite where it predicts zero or less."""
+        return float(100 * np.expm1(self.error)) if self.error < LARGEST else np.inf
+
+    @property
+    def as_good(self) -> bool:
+        """Whether its error is higher than the lowest by no more than the standard error of the difference."""
+        return self.behind[0] <= self.behind[1]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class FormComparison(Plottable):
+    """Forms of one law, compared.
+
+    Attributes
+    ----------
+    response, unit : str
+    factors : tuple of str
+    default : str
+        Name of the form that is fitted without an option.
+    forms : tuple of ComparedForm
+        The default and those compared with it, lowest error of left-out units first.
+    not_fitted : mapping of str to NotAvailable
+        Forms that these rows do not allow.
+    left_out : str
+        What was left out, ``edge`` or ``row``.
+    units, rows : int
+        Number of edges (or rows) and of the rows that all forms have.
+    logs : bool
+        Whether errors are compared in ln R, in per cent; otherwise in the unit of the response.
+    points : DataFrame
+        The middle of the ranges, then the tested settings furthest towards each of their corners: a column for each
+        factor, ``rows`` there, their mean ``measured`` (NaN without any), one column for each form, and ``low`` and
+        ``high``, the 95 % interval of the preferred law.
+    """
+
+    response: str
+    unit: str
+    factors: tuple[str, ...]
+    default: str
+    forms: tuple[ComparedForm, ...]
+    not_fitted: Mapping[str, NotAvailable]
+    left_out: str
+    units: int
+    rows: int
+    logs: bool
+    points: pd.DataFrame = field(compare=False)
+
+    def __getitem__(self, name: str) -> ComparedForm:
+        return next(form for form in self.forms if form.name == name)
+
+    @property
+    def best(self) -> ComparedForm:
+        """The form of lowest error."""
+        return self.forms[0]
+
+    @property
+    def preferred(self) -> ComparedForm:
+        """The default form; where others are better by more than chance, the simplest as good as the best of them.
+
+        As good: an error that is higher by no more than the standard error of the difference.
+        """
+        default = self[self.default]
+        others = len(self.forms) - 1
+        better = [form for form in self.forms if form is not default and form.pvalue * others < SIGNIFICANT]
+        close = [form for form in better if form.as_good] or better[:1]
+        return min(close, key=lambda form: form.parameters, default=default)
+
+    @property
+    def supported(self) -> tuple[ComparedForm, ...]:
+        """The preferred form, and those that predict as well as the best."""
+        return tuple(form for form in self.forms if form is self.preferred or form.as_good)
+
+    @property
+    def verdict(self) -> str:
+        """Which form is preferred and why, in a sentence."""
+        default, preferred, others = self[self.default], self.preferred, len(self.forms) - 1
+        if not others:
+            return f"{self.response}: no other form than {self.default} can be fitted to these rows."
+        left = f"error of left-out {self.left_out}s"
+        if preferred is not default:
+            best = (
+                "" if preferred is self.best else f" as good as the best ({self.best.name}) within chance and simpler,"
+            )
+            return (
+                f"{self.response}: {preferred.name} is preferred:{best} {left} {self.error_text(preferred)}, against "
+                f"{self.error_text(default)} of {default.name} (p {p_value(min(1.0, others * preferred.pvalue))}, "
+                f"corrected for {others} form{'s' if others > 1 else ''})."
+            )
+        best = next(form for form in self.forms if form is not default)
+        chance = " by more than chance" if best is self.best else ""
+        return (
+            f"{self.response}: {default.name} is kept: {left} {self.error_text(default)}; no other form is better"
+            f"{chance} (best: {best.name}, {self.error_text(best)})."
+        )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What else should be known before a form is chosen, one sentence each."""
+        return tuple(
+            filter(None, (self._weighty(), self._agreement(), *map(self._of_form, self.forms), self._without_weight()))
+        )
+
+    def error_text(self, form: ComparedForm) -> str:
+        """The error of a form on left-out units, in per cent where it has one."""
+        if not self.logs or not np.isfinite(form.percent):
+            return f"{format_plain(form.error_in_unit, 3)} {self.unit}".rstrip()
+        return f"{format_plain(form.percent, 3)} %"
+
+    def _weighty(self) -> str:
+        """That a form which is not preferred has nearly all of the weight, and no higher error."""
+        heavy = max(self.forms, key=lambda form: form.weight)
+        if heavy is self.preferred or heavy.weight < HEAVY or heavy.difference > 0:
+            return ""
+        return (
+            f"{heavy.name} has the weight {heavy.weight:.2f} and a lower error, though not by more than chance: see "
+            "its predictions below, and test more settings, or keep it if the process is curved in this way."
+        )
+
+    def _agreement(self) -> str:
+        """How far the supported forms differ at the tested settings, beside the scatter of one row."""
+        names = [form.name for form in self.supported]
+        if len(names) < 2:
+            return ""
+        values = self.points.iloc[1:][names]
+        spread = (values.max(axis=1) - values.min(axis=1)) / values.abs().min(axis=1)
+        worst = spread.idxmax()
+        place = self.points.loc[worst]
+        at = ", ".join(f"{name} {format_plain(float(place[name]), 3)}" for name in self.factors)
+        ends = " to ".join(format_plain(float(end), 3) for end in (values.loc[worst].min(), values.loc[worst].max()))
+        ends = f"{ends} {self.unit}".rstrip()
+        return (
+            f"{', '.join(names)}: their errors differ by no more than chance; at the tested settings below they differ "
+            f"by at most {format_plain(100 * float(spread[worst]), 2)} % ({at}: {ends}), beyond them by more."
+        )
+
+    def _of_form(self, form: ComparedForm) -> str:
+        """Predictions of a form that cutting contradicts, and rows that only it can have."""
+        said = []
+        if form.not_positive:
+            said.append(
+                f"predicts {self.response} of zero or less for {form.not_positive} of {self.rows} rows when their "
+                f"{self.left_out} is left out"
+            )
+        if form.turns:
+            said.append(
+                f"falls and rises again over {', '.join(form.turns)} within the tested range: does the process?"
+            )
+        if form.more_rows:
+            error = ""
+            if form.more_error is not None:
+                size = f"{format_plain(form.more_error, 3)} {self.unit}".rstrip()
+                error = f", and predicts them when left out with an error of {size}"
+            rows = "1 row" if form.more_rows == 1 else f"{form.more_rows} rows"
+            said.append(f"is also fitted to {rows} that another form cannot have (zero or less){error}")
+        return f"{form.name} {'; it '.join(said)}.".replace("?.", "?") if said else ""
+
+    def _without_weight(self) -> str:
+        none = [(form.name, form.aicc.reason) for form in self.forms if isinstance(form.aicc, NotAvailable)]
+        return f"No weight: {'; '.join(f'{name} ({why})' for name, why in none)}." if none else ""

@@ -1,0 +1,191 @@
+"""Forms of a law compared and chosen: known truths, published figures, statsmodels, and the command."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import statsmodels.api as sm
+from fitmodels import cli, datasets, fit
+from fitmodels.core.errors import FitError, UsageError
+from fitmodels.fit.form_choice import CHOICES, form_named
+from fitmodels.fit.left_out_edges import aicc, compare_laws, left_out_predictions, log_likelihood
+from fitmodels.fit.regression import fit_form, refitted
+from fitmodels.pipeline import FitOptions
+from statsmodels.tools import sm_exceptions
+
+SAME = 1e-6  # two optimisers of one likelihood
+ROUNDING = 1e-9
+
+
+def rows_of(form: str, edges: int = 18, seed: int = 5) -> pd.DataFrame:
+    """Rows of edges at V, f and times t, whose true law has this form; level of an edge 4 %, of a row 2 %."""
+    rng = np.random.default_rng(seed)
+    V, f = (np.resize(np.array(x), edges) for x in ([100, 140, 200], [0.1, 0.1, 0.1, 0.2, 0.2, 0.2, 0.4, 0.4, 0.4]))
+    rows = []
+    for edge in range(edges):
+        level = 0.04 * rng.standard_normal()
+        for t in (2.0, 5.0, 9.0, 14.0):
+            truth = {
+                "power": 0.02 * V[edge] ** 0.4 * f[edge] ** 0.3 * t**0.5,
+                "linear": 0.02 + 0.0004 * V[edge] + 0.2 * f[edge] + 0.03 * t,
+                "exponential": 0.05 * np.exp(0.004 * V[edge] + 1.5 * f[edge] + 0.08 * t),
+            }[form]
+            rows.append((f"E{edge}", V[edge], f[edge], t, truth * np.exp(level + 0.02 * rng.standard_normal())))
+    return pd.DataFrame(rows, columns=["edge", "V", "f", "t", "VB"])
+
+
+@pytest.mark.parametrize("form", ["power", "linear", "exponential"])
+def test_the_true_form_is_preferred(form):
+    runs = datasets.runs_from_frame(rows_of(form))
+    found = compare_laws(runs, fit.power_law(runs, "VB", ["V", "f", "t"]), forms=["linear", "exponential"])
+    assert found.preferred.name == form
+    assert found.best.name == form
+    assert found[form].weight > 0.99
+    assert (found.left_out, found.units, found.rows) == ("edge", 18, 72)
+    assert form in found.verdict
+
+
+def test_a_form_without_need_is_not_preferred_and_the_agreement_is_stated():
+    runs = datasets.runs_from_frame(rows_of("power"))
+    found = compare_laws(runs, fit.power_law(runs, "VB", ["V", "f", "t"]), forms=["second-order"])
+    assert found.preferred.name == found.default == "power"
+    assert "is kept" in found.verdict
+    assert sum(form.weight for form in found.forms) == pytest.approx(1)
+    assert any("at most" in words and "mm" in words for words in found.remarks) == (len(found.supported) > 1)
+
+
+@pytest.mark.parametrize("form", ["power", "linear", "second_order"])
+def test_left_out_predictions_are_those_of_refits(form):
+    runs = datasets.runs_from_frame(rows_of("power"))
+    law = fit_form(runs, form, "VB", ["V", "f", "t"])
+    codes = np.unique(law.edge, return_inverse=True)[1]
+    found = left_out_predictions(law, codes)
+    for g in (0, 7):
+        without = refitted(law, law.error, codes != g)
+        expected = law.formula.response_at(without.theta, law.design[codes == g])
+        assert found[codes == g] == pytest.approx(expected, rel=ROUNDING)
+
+
+def test_the_likelihood_with_a_level_of_each_edge_is_that_of_statsmodels():
+    runs = datasets.runs_from_frame(rows_of("power"))
+    law = fit.power_law(runs, "VB", ["V", "f", "t"])
+    codes = np.unique(law.edge, return_inverse=True)[1]
+    with pytest.warns(sm_exceptions.ConvergenceWarning, match="boundary"):  # it warns of any variance below .01
+        theirs = sm.MixedLM(np.log(law.observed), law.design, groups=law.edge).fit(reml=False)
+    assert log_likelihood(law.design, np.log(law.observed), codes) == pytest.approx(theirs.llf, rel=SAME)
+    assert log_likelihood(law.design, law.residuals, codes) == pytest.approx(theirs.llf, rel=SAME)
+
+
+def test_aicc_of_forms_on_one_scale(measurements):
+    """statsmodels 0.14 OLS with ``llf - sum(ln y)``: power law 332.333, second order in original units 343.616."""
+    runs = datasets.read_runs(measurements / "turning_forces" / "exp1_runs.csv")
+    power = fit_form(runs, "power", "Fx", ["V", "f", "d"], edge=None)
+    original = fit_form(runs, "second_order_original", "Fx", ["V", "f", "d"], edge=None)
+    assert aicc(power) == pytest.approx(332.333, abs=5e-4)
+    assert aicc(original) == pytest.approx(343.616, abs=5e-4)
+    llf = sm.OLS(np.log(power.observed), power.design).fit().llf - np.log(power.observed).sum()
+    assert aicc(power) == pytest.approx(-2 * llf + 10 + 60 / 48, rel=ROUNDING)
+
+
+def test_the_curved_force_is_seen(measurements):
+    """The lack of fit of the power law of this force is known: F(23, 27) 2.41, p .015."""
+    runs = datasets.read_runs(measurements / "turning_forces" / "exp1_runs.csv")
+    found = fit.compare_laws(runs, "Fx ~ V, f, d")
+    assert found.best.name == "second-order"
+    assert found["second-order"].weight > 0.99
+    assert any(words.startswith("second-order has the weight 1.00 and a lower error") for words in found.remarks)
+    assert fit.fit_law(runs, "Fx ~ V, f, d", form="second-order").theta == pytest.approx(found.best.law.theta)
+
+
+def test_points_are_tested_settings_with_what_was_measured():
+    runs = datasets.runs_from_frame(rows_of("power"))
+    found = compare_laws(runs, fit.power_law(runs, "VB", ["V", "f", "t"]), forms=["linear"])
+    corners = found.points.iloc[1:]
+    assert {tuple(row) for row in corners[["V", "f", "t"]].to_numpy()} == {
+        (V, f, t) for V in (100.0, 200.0) for f in (0.1, 0.4) for t in (2.0, 14.0)
+    }
+    data = runs.data
+    for _, place in corners.iterrows():
+        here = data[(data.V == place.V) & (data.f == place.f) & (data.t == place.t)]
+        assert place.measured == pytest.approx(here.VB.mean())
+        assert place.rows == len(here)
+    assert (found.points["low"] < found.points["power"]).all()
+
+
+def test_a_form_that_predicts_less_than_nothing_is_named():
+    rows = rows_of("exponential")
+    rows["VB"] = 0.001 * np.exp(8 * rows.f + 0.3 * rows.t)
+    rows["VB"] *= np.exp(0.05 * np.random.default_rng(1).standard_normal(len(rows)))
+    runs = datasets.runs_from_frame(rows)
+    found = compare_laws(runs, fit.power_law(runs, "VB", ["f", "t"]), forms=["linear", "exponential"])
+    assert found["linear"].not_positive > 0
+    assert np.isinf(found["linear"].percent)
+    assert found.preferred.name == "exponential"
+    assert any("linear predicts VB of zero or less" in words for words in found.remarks)
+
+
+def test_names_of_forms():
+    assert form_named("Second_Order").name == "second-order"
+    with pytest.raises(UsageError, match="Did you mean 'exponential'"):
+        form_named("exponentiell")
+    assert CHOICES["taylor"].unsuited("Ra", ("V", "f"))
+    assert CHOICES["power-exponential"].unsuited("Fc", ("V", "f"))
+    assert not CHOICES["power-exponential"].unsuited("Fc", ("V", "f", "VB"))
+    with pytest.raises(UsageError, match="no such response"):
+        FitOptions(form={"Rx": "linear"})
+    assert FitOptions(form={"Ra": "linear", "*": "power"}).recorded()["form"] == ["Ra=linear", "*=power"]
+
+
+@pytest.fixture
+def table(tmp_path):
+    path = tmp_path / "data.csv"
+    rows_of("linear").to_csv(path, index=False)
+    return path
+
+
+def test_the_command_prints_and_writes_the_form(table, tmp_path, capsys):
+    assert cli.main(["compare", str(table)]) == 0
+    said = capsys.readouterr().out
+    assert "linear is preferred" in said
+    assert f"fitmodels {table} --form VB=linear" in said
+    assert "error, %" in said
+    out = tmp_path / "out"
+    assert cli.main(["compare", str(table), "--write", "VB=linear", "--out", str(out)]) == 0
+    (params,) = out.rglob("params.json")
+    held = json.loads(params.read_text())
+    assert held["laws"]["VB"]["form"] == "linear"
+    assert held["provenance"]["options"]["form"] == ["VB=linear"]
+    assert "--form VB=linear" in held["provenance"]["command"]
+
+
+def test_the_comparison_as_json(table, capsys):
+    assert cli.main(["compare", str(table), "--json"]) == 0
+    held = json.loads(capsys.readouterr().out)
+    assert held["schema"] == "fitmodels.compare/1"
+    (law,) = held["pairs"][0]["laws"]
+    assert law["preferred"] == "linear"
+    assert {form["form"] for form in law["forms"]} >= {"power", "linear", "exponential"}
+
+
+def test_refusals_of_the_command(table, capsys):
+    assert cli.main(["compare", str(table), "--out", "x"]) == 2
+    assert "only --write writes" in capsys.readouterr().err
+    assert cli.main([str(table), "--form", "linaer", "--json"]) == 2
+    assert "Did you mean 'linear'" in capsys.readouterr().err
+    assert cli.main([str(table), "--form", "VB=taylor", "--json"]) == 4
+    assert "it is the form of tool lives T" in capsys.readouterr().err
+
+
+def test_lives_with_run_outs_are_lives_of_the_power_law_alone():
+    lives = [60, 60, 44.5, 21.6, 60, 37.5, 24.9, 10.6, 43.0, 36.4, 51.5, 50.4]
+    V = [120, 120, 180, 180, 120, 120, 180, 180, 147, 147, 147, 147]
+    f = [0.15, 0.3, 0.15, 0.3, 0.15, 0.3, 0.15, 0.3, 0.212, 0.212, 0.212, 0.212]
+    marks = [f">{life}" if life == 60 else f"{life}" for life in lives]
+    runs = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": f, "T": marks}))
+    taylor = fit.fit_law(runs, "T ~ V, f", form="taylor")
+    assert taylor.life.run_outs == 3
+    with pytest.raises(FitError, match="3 of 12 lives are run-outs or bounds"):
+        fit.fit_law(runs, "T ~ V, f", form="linear")
+    with pytest.raises(FitError, match="forms cannot be compared"):
+        fit.compare_laws(runs, "T ~ V, f")
