@@ -16,11 +16,14 @@ from numpy.typing import NDArray
 from ..core.arrays import Array
 from ..datasets.records.record import Record
 from .estimators.filters import filtered
-from .estimators.high_order_arx import LongArx, golden, input_lags, long_arx, spread
+from .estimators.high_order_arx import U_LAGS, LongArx, golden, input_lags, long_arx, spread
 
 SPIKE = 6.0  # robust standard deviations of the innovations
 SMALLEST = 0.02  # of the standard deviation of y: smaller spikes do no harm
+EARLY = (10.0, 0.1)  # the same two of the first samples of a segment, which respond to an unknown input before it
 PATCH = (1, 2, 3)  # samples of one spike
+MOST_NEAR = 3  # further spikes within the response of one
+DEPENDENT = 0.1  # share of a response that those beside it must leave
 LIKE_A_SPIKE = 0.95  # of the response as a load impulse, a change of the innovation
 MOST_SPIKES, ROUNDS = 0.05, 6  # share of the samples above which the noise has heavy tails; repetitions
 FALSE_ALARM = 1e-5  # probability that a record without lines has one
@@ -53,20 +56,49 @@ def columns_beside(rec: Record, lines: tuple[float, ...], drift: int) -> Array:
 
 
 def without_spikes(rec: Record, y_lags: int) -> tuple[Record, NDArray[np.intp], bool]:
-    """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes."""
+    """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes.
+
+    The first samples of a segment have no innovations; their spikes are found in the reversed record.
+    """
+    clean, bad = _cleaned(rec, y_lags, np.ones(len(rec), dtype=bool), (SPIKE, SMALLEST))
+    if bad.mean() <= MOST_SPIKES:
+        first = np.zeros(len(rec), dtype=bool)
+        for s in rec.stretches:
+            first[s.start : s.start + y_lags * len(U_LAGS)] = True
+        back, early = _cleaned(_reversed(clean), y_lags, first[::-1], EARLY)
+        clean, bad = replace(clean, y=back.y[::-1].copy()), bad | early[::-1]
+    if bad.mean() > MOST_SPIKES:
+        return rec, np.empty(0, dtype=np.intp), True
+    return clean, np.flatnonzero(bad), False
+
+
+def _cleaned(
+    rec: Record, y_lags: int, searched: NDArray[np.bool_], least: tuple[float, float]
+) -> tuple[Record, NDArray[np.bool_]]:
+    """The record with spikes among the ``searched`` samples replaced, and these; too many are not replaced.
+
+    ``least`` is the smallest spike, relative to the innovations and to the output.
+    """
     bad = np.zeros(len(rec), dtype=bool)
     clean, lags = rec, input_lags(spread(rec), y_lags)
     for _ in range(ROUNDS):
         fit = long_arx(spread(clean), y_lags, lags)
         e = innovations(clean, fit)
-        new = _spikes(e, fit.a, clean.stretches, SMALLEST * float(np.std(clean.y))) & ~bad
+        new = _spikes(e, fit.a, clean.stretches, (least[0], least[1] * float(np.std(clean.y)))) & ~bad & searched
         if not new.any():
             break
         bad |= new
         if bad.mean() > MOST_SPIKES:
-            return rec, np.empty(0, dtype=np.intp), True
+            return rec, bad
         clean = _filled(clean, e, fit.a, bad)
-    return clean, np.flatnonzero(bad), False
+    return clean, bad
+
+
+def _reversed(rec: Record) -> Record:
+    """The record in reverse order of time."""
+    starts = tuple(len(rec) - s.stop for s in reversed(rec.stretches))
+    offsets = np.asarray(rec.offsets)[::-1]
+    return replace(rec, u=rec.u[::-1], y=rec.y[::-1], starts=starts, offsets=offsets, reference=None)
 
 
 def innovations(rec: Record, fit: LongArx) -> Array:
@@ -80,8 +112,8 @@ def innovations(rec: Record, fit: LongArx) -> Array:
     return np.asarray(e)
 
 
-def _spikes(e: Array, a: Array, stretches: tuple[slice, ...], least: float) -> NDArray[np.bool_]:
-    """Samples of spikes of at least the size ``least``, in unit of y.
+def _spikes(e: Array, a: Array, stretches: tuple[slice, ...], least: tuple[float, float]) -> NDArray[np.bool_]:
+    """Samples of spikes of at least the size ``least``, in standard deviations of e and in the unit of y.
 
     A spike is the largest matched response within the length of a, and larger than that of a load impulse.
     """
@@ -89,19 +121,55 @@ def _spikes(e: Array, a: Array, stretches: tuple[slice, ...], least: float) -> N
     found = np.zeros(len(e), dtype=bool)
     if scale == 0.0:
         return found
+    limit = max(least[0] * scale, least[1] * float(np.linalg.norm(a)))
     for s in stretches:
         part, width = e[s], np.ones(s.stop - s.start, dtype=np.intp)
-        best = np.zeros(len(part))
+        best, ends = np.zeros(len(part)), len(part) - 1 - np.arange(len(part))
         for count in PATCH:
             shape = np.convolve(a, np.ones(count))
-            response = np.abs(_matched(part, shape)) / np.linalg.norm(shape)
+            length = np.sqrt(np.cumsum(shape**2))[
+                np.minimum(ends, len(shape) - 1)
+            ]  # the last samples see its beginning
+            response = np.abs(_matched(part, shape)) / length
             larger = response > best * (1.1 if count > 1 else 1.0)  # fewer samples where both explain it
             best, width = np.where(larger, response, best), np.where(larger, count, width)
-        for k in np.flatnonzero(best > max(SPIKE * scale, least * float(np.linalg.norm(a)))):
+        for k in np.flatnonzero(best > limit):
             near = slice(max(k - len(a), 0), k + len(a))
-            if best[k] == best[near].max() and best[k] >= LIKE_A_SPIKE * np.abs(part[near]).max():
+            if best[k] < best[near].max():
+                continue
+            if best[k] >= LIKE_A_SPIKE * np.abs(part[near]).max():
                 found[s.start + k : min(s.start + k + width[k], s.stop)] = True
+            else:
+                found[s.start + np.array(_overlapping(part, a, int(k), limit), dtype=np.intp)] = True
     return found
+
+
+def _overlapping(e: Array, a: Array, k: int, limit: float) -> list[int]:
+    """Samples of two or more spikes, k and those near it, that together explain more than as many load impulses.
+
+    The largest responses are taken one after the other, each beside those before it.
+    """
+    products = np.r_[np.correlate(a, a, "full")[len(a) - 1 :], 0.0]
+    c, at = _matched(e, a), [k]
+    last = len(e) - len(a)
+    if k > last:
+        return []
+    for _ in range(MOST_NEAR):
+        near = np.arange(max(min(at) - len(a), 0), min(max(at) + len(a), last))
+        lags = products[np.minimum(np.abs(near[:, None] - np.array(at)), len(a))]
+        inverse = np.linalg.inv(products[np.minimum(np.abs(np.subtract.outer(at, at)), len(a))])
+        left = c[near] - lags @ inverse @ c[at]
+        own = np.maximum(products[0] - np.einsum("ij,jk,ik->i", lags, inverse, lags), 0.0)
+        apart = np.abs(near[:, None] - np.array(at)).min(axis=1) >= len(PATCH)
+        further = np.where(apart, left**2 / np.maximum(own, DEPENDENT * products[0]), 0.0)
+        if not further.size or further.max() <= limit**2:
+            return []
+        at.append(int(near[np.argmax(further)]))
+        explained = c[at] @ np.linalg.solve(products[np.minimum(np.abs(np.subtract.outer(at, at)), len(a))], c[at])
+        around = e[max(min(at) - len(a), 0) : max(at) + len(a)]
+        if explained >= LIKE_A_SPIKE**2 * np.sort(around**2)[-len(at) :].sum():
+            return at
+    return []
 
 
 def _matched(e: Array, shape: Array) -> Array:

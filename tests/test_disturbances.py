@@ -58,6 +58,14 @@ def test_spikes_are_replaced_by_values_near_the_true_ones():
     np.testing.assert_array_equal(np.delete(found.record.u, at), np.delete(rec.u, at))
 
 
+@pytest.mark.parametrize("at", [(0,), (2,), (9,), (400, 404, 417), (30, 44), (748,)])
+@pytest.mark.parametrize("plant", [CLM, LAG, DRIVE])
+def test_spikes_at_the_ends_of_a_record_and_close_together_are_found(plant, at):
+    extra = np.zeros(750)
+    extra[list(at)] = [1.0, -0.8, 0.7][: len(at)]
+    assert disturbances(record(plant, extra=extra)).replaced.tolist() == list(at)
+
+
 def test_a_load_impulse_is_no_spike():
     """An innovation passes through the plant; only a wrong sample of the sensor is isolated."""
     from scipy.signal import lfilter
