@@ -19,6 +19,7 @@ from .left_out_edges import compare_laws as compare_laws
 from .life import tool_life as tool_life
 from .many.batched import many_power_laws as many_power_laws
 from .many.pooling import pooled_exponents as pooled_exponents
+from .mechanistic import end_mill_force as end_mill_force
 from .next_tests import next_runs as next_runs
 from .prediction import interval as interval
 from .regression import exponential_law as exponential_law
@@ -37,6 +38,7 @@ __all__ = [
     "confirm",
     "default_laws",
     "edge_bootstrap",
+    "end_mill_force",
     "exponential_law",
     "fit_law",
     "gauge_corrected",
