@@ -12,9 +12,13 @@ power_exponential      R = c0 prod X_j^b_j exp(b_k X_k)            1, ln X_1 ...
 linear                 R = c0 + sum b_j X_j                        1, X_1 ... X_k                     eta
 load_line              I = A + B fm + k1 VB  (14)                  1, fm, VB                          eta
 feed_line              fm = fm0 - k VB       (15)                  1, VB                              eta
+additive_wear          R = c0 prod X_j^b_j + k VB                  1, ln X_1 ... ln X_(k-1), VB       see below
 second_order           ln R = polynomial of degree 2 in ln(X/g)    1, u_j, u_j^2, u_i u_j             exp(eta)
 second_order_original  R = polynomial of degree 2 in X - g         1, u_j, u_j^2, u_i u_j             eta
 =====================  ==========================================  =================================  ========
+
+Additive wear is no link of a linear predictor: its response is exp(eta) of all columns but the last, plus the last
+column times its coefficient. A category multiplies the product, not the contribution of wear.
 
 Equations 14 and 15: Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587; power law: Alaskari & Oraby,
 doi 10.15242/IIE.E1216006; exponential law: eq. 5 of the constant-roughness paper (SURF); second order: Myers,
@@ -92,6 +96,8 @@ class Formula(Displayable):
         Of second order only; otherwise each factor is one term.
     centres : tuple of float, length k
         Of second order only: g of each factor, in its unit.
+    fixed : tuple of (str, float)
+        Factors whose coefficients are given, not estimated, with their values; of first order only.
 
     Examples
     --------
@@ -107,6 +113,7 @@ class Formula(Displayable):
     factors: tuple[str, ...]
     terms: tuple[Term, ...] = ()
     centres: tuple[float, ...] = ()
+    fixed: tuple[tuple[str, float], ...] = ()
 
     @property
     def form(self) -> "FormulaForm":
@@ -133,8 +140,19 @@ class Formula(Displayable):
 
     @property
     def logarithmic(self) -> bool:
-        """True where the law is linear for the logarithm of the response."""
+        """True where the constant is held as its logarithm and errors may multiply the response."""
         return self.form.log_response
+
+    @property
+    def linearisable(self) -> bool:
+        """True where the response, or its logarithm, is linear in the coefficients."""
+        return not self.form.last_added
+
+    @property
+    def estimated(self) -> tuple[bool, ...]:
+        """For each coefficient, constant first, whether it is estimated."""
+        given = {name for name, _ in self.fixed}
+        return (True, *(term.name not in given for term in self.all_terms))
 
     @property
     def logs(self) -> tuple[bool, ...]:
@@ -151,6 +169,11 @@ class Formula(Displayable):
     def fault(self) -> str:
         """What contradicts the form in factors, terms or centres, in words; empty where nothing does."""
         form, k = self.form, len(self.factors)
+        strange = [name for name, _ in self.fixed if name not in self.factors]
+        if strange or (self.fixed and not (form.log_response and self.first_order and self.linearisable)):
+            return (
+                f"fixed coefficients are those of factors of a power or exponential law ({self.name} of {self.factors})"
+            )
         if form.n_factors is not None and k != form.n_factors:
             return f"a {self.name} law has {form.n_factors} factors, not {k}"
         if not form.second_order:
@@ -197,6 +220,37 @@ class Formula(Displayable):
         others[:, place] = g * np.e if log else g + 1.0
         return (np.log(values / g) if log else values - g), self.columns(others)
 
+    def predictor(self, theta: ArrayLike, Z: Array) -> Array:
+        """Linear predictor Z theta, shape (...,), without the contribution that additive wear has."""
+        theta = np.asarray(theta, dtype=float)
+        if self.linearisable:
+            return np.asarray(Z @ theta)
+        product = theta.copy()
+        product[self._last] = 0.0
+        return np.asarray(Z @ product)
+
+    def response_of(self, theta: ArrayLike, Z: Array) -> Array:
+        """The response, shape (...,), for columns Z (..., p); infinite where it overflows."""
+        eta = self.predictor(theta, Z)
+        with np.errstate(over="ignore", under="ignore"):
+            value = np.exp(eta) if self.logarithmic else eta
+        return value if self.linearisable else value + Z[..., self._last] * np.asarray(theta)[self._last]
+
+    def derivative(self, theta: ArrayLike, Z: Array) -> Array:
+        """Derivative of the response by theta, shape (..., p)."""
+        if not self.logarithmic:
+            return Z
+        with np.errstate(over="ignore", under="ignore"):
+            G = np.exp(self.predictor(theta, Z))[..., None] * Z
+        if not self.linearisable:
+            G[..., self._last] = Z[..., self._last]
+        return np.asarray(G)
+
+    @property
+    def _last(self) -> int:
+        """Position of the coefficient of the last factor."""
+        return len(self.factors)
+
     def equation(self, coefficients: Sequence[str]) -> str:
         """Right-hand side of the equation with these coefficients, given as text."""
         return self.form.equation(self, coefficients)
@@ -214,6 +268,12 @@ def _exponential(formula: Formula, c: Sequence[str]) -> str:
 def _power_exponential(formula: Formula, c: Sequence[str]) -> str:
     *logged, last = formula.factors
     return " ".join([c[0], *(f"{x}^{b}" for x, b in zip(logged, c[1:-1], strict=True)), f"exp({c[-1]} {last})"])
+
+
+def _additive(formula: Formula, c: Sequence[str]) -> str:
+    *logged, last = formula.factors
+    product = [c[0], *(f"{x}^{b}" for x, b in zip(logged, c[1:-1], strict=True))]
+    return " ".join([*product, *_signed(c[-1:], [last])])
 
 
 def _sum(formula: Formula, c: Sequence[str]) -> str:
@@ -267,6 +327,8 @@ class FormulaForm:
         Number of factors where it is fixed.
     last_unlogged : bool
         Whether the last factor enters as it is, though the others enter by their logarithms.
+    last_added : bool
+        Whether the last factor times its coefficient is added to the product of the others.
     second_order : bool
         Whether there are squares and products of the factors, which are centred.
     """
@@ -277,6 +339,7 @@ class FormulaForm:
     equation: Callable[[Formula, Sequence[str]], str]
     n_factors: int | None = None
     last_unlogged: bool = False
+    last_added: bool = False
     second_order: bool = False
 
 
@@ -287,6 +350,7 @@ FORMS: dict[str, FormulaForm] = {
     "feed_line": FormulaForm(False, False, ("fm0", "slope"), _sum, n_factors=1),
     "linear": FormulaForm(False, False, None, _sum),
     "power_exponential": FormulaForm(True, True, None, _power_exponential, last_unlogged=True),
+    "additive_wear": FormulaForm(True, True, None, _additive, last_unlogged=True, last_added=True),
     "second_order": FormulaForm(True, True, None, _second_order, second_order=True),
     "second_order_original": FormulaForm(False, False, None, _second_order_original, second_order=True),
 }

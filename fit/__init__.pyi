@@ -13,6 +13,7 @@ from .composite_law import composite as composite
 from .confirmation import confirm as confirm
 from .defaults import default_laws as default_laws
 from .defaults import fit_law as fit_law
+from .kienzle import kienzle_law as kienzle_law
 from .lawfit import LawFit as LawFit
 from .least_squares import linear as linear
 from .left_out_edges import compare_laws as compare_laws
@@ -44,6 +45,7 @@ __all__ = [
     "gauge_corrected",
     "interval",
     "judge",
+    "kienzle_law",
     "latent_wear",
     "life_law",
     "linear",

@@ -9,7 +9,7 @@ Source: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006, eq. 4-11.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -250,3 +250,45 @@ def _vif(law: LawFit, at: int) -> float:
     Z = law.design
     fit = linear(np.delete(Z, at, axis=1), Z[:, at])
     return fit.tss / fit.rss if fit.rss > 0 else float("inf")
+
+
+def without_fixed(law: LawFit) -> LawFit:
+    """The law of the response over its fixed powers, such as Fc/d, of the other factors; the law itself without any.
+
+    Its estimates, residuals and inference are those of the law; checks and posteriors, which take every coefficient as
+    estimated, are of this one.
+    """
+    if not law.formula.fixed:
+        return law
+    given = dict(law.formula.fixed)
+    keep = [j for j, name in enumerate(law.factors) if name not in given]
+    formula = replace(law.formula, response=_quotient(law), factors=tuple(law.factors[j] for j in keep), fixed=())
+    facts = {**facts_of(law), "units": {name: law.units.get(name, "") for name in formula.factors}}
+    free = law.free
+    cov = None if law.cov_theta is None else law.cov_theta[np.ix_(free, free)]
+    if law.rows is None:
+        return LawFit(
+            formula=formula, error=law.error, theta=law.theta[free], cov_theta=cov, nobs=law.nobs, rss=law.rss,
+            tss=law.tss, domain={name: law.domain[name] for name in formula.factors}, n_edges=law.n_edges,
+            edges=law.edges, **facts,
+        )  # fmt: skip
+    over = np.exp(law.design[:, ~free] @ law.theta[~free])
+    rows = replace(law.rows, X=law.X[:, keep], observed=law.observed / over, fitted=law.fitted / over)
+    tss = float(np.sum((np.log(rows.observed) - np.log(rows.observed).mean()) ** 2))
+    return LawFit.of_rows(
+        rows,
+        formula,
+        error=law.error,
+        theta=law.theta[free],
+        cov_theta=cov,
+        rss=law.rss,
+        tss=tss,
+        edges=law.edges,
+        **facts,
+    )
+
+
+def _quotient(law: LawFit) -> str:
+    """``Fc/d``, or ``M/Dc^2``: the response over its fixed powers."""
+    powers = [name if b == 1 else f"{name}^{b:g}" for name, b in law.formula.fixed if b]
+    return f"{law.response}/{powers[0] if len(powers) == 1 else '(' + ' '.join(powers) + ')'}"

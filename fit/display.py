@@ -67,7 +67,7 @@ def inference(law: LawFit) -> str:
 def f_test(law: LawFit) -> str:
     """F of the factors: cluster-robust where inference is by edge, with that of independent rows."""
     if isinstance(law.edges, EdgeInference) and law.edges.fvalue is not None and law.edges.row_fvalue is not None:
-        between = [name for name, within in zip(law.names[1:], law.edges.within[1:], strict=True) if not within]
+        between = [name for name, within in zip(law.edges.names[1:], law.edges.within[1:], strict=True) if not within]
         return (
             f"cluster-robust F({law.edges.f_df}, {law.edges.df}) = {format_plain(law.edges.fvalue, 3)} of "
             f"{', '.join(between)}; assuming independent rows it would be {format_plain(law.edges.row_fvalue, 4)}"

@@ -124,7 +124,12 @@ class LawFit(RowAccess, Plottable):
 
     def gradient_at(self, Z: Array) -> Array:
         """Derivative by theta of the prediction on the scale of the errors, shape (m, p), for design Z."""
-        return Z if self.error == "multiplicative" else self.formula.gradient(self.theta, Z)
+        return self.formula.scaled(self.theta, Z, self.error)[1]
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which elements of ``theta`` were estimated, shape (p,); the others are fixed."""
+        return self.formula.free(len(self.theta) - len(self.formula.names))
 
     @property
     def exact(self) -> bool:
@@ -167,20 +172,20 @@ class LawFit(RowAccess, Plottable):
 
     @property
     def df_model(self) -> int:
-        """Number of parameters besides the constant."""
-        return len(self.theta) - 1
+        """Number of estimated parameters besides the constant."""
+        return int(self.free.sum()) - 1
 
     @property
     def df_resid(self) -> int:
-        """Observations less parameters, rows taken as independent; of tool lives, those that ended less parameters."""
-        return (self.nobs if self.life is None else self.life.ended) - len(self.theta)
+        """Observations, of tool lives those that ended, less estimated parameters; rows taken as independent."""
+        return (self.nobs if self.life is None else self.life.ended) - int(self.free.sum())
 
     @property
     def no_interval(self) -> str | None:
         """Reason why there is no interval, or None."""
         if self.df_resid > 0:
             return None
-        return f"no interval: {self.nobs} observations fix {len(self.theta)} parameters exactly"
+        return f"no interval: {self.nobs} observations fix {self.df_model + 1} parameters exactly"
 
     @property
     def not_least_squares(self) -> str:
@@ -222,9 +227,9 @@ class LawFit(RowAccess, Plottable):
     @property
     def tvalues(self) -> "pd.Series[float]":
         """``params / bse``; infinite where the fit is exact."""
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # fixed ones have no error: NaN below
             t = self.params.to_numpy() / self.bse.to_numpy()
-        return pd.Series(t, index=list(self.names), name="t")
+        return pd.Series(np.where(self.free, t, np.nan), index=list(self.names), name="t")
 
     @property
     def pvalues(self) -> "pd.Series[float]":
@@ -255,8 +260,8 @@ class LawFit(RowAccess, Plottable):
 
     @property
     def fvalue(self) -> float | None:
-        """F of the whole law, as the papers print it; None without residual or without factors."""
-        if self.df_resid <= 0 or self.df_model == 0 or self.rss <= 0:
+        """F of the whole law, as the papers print it; None without residual or factors, or with fixed exponents."""
+        if self.df_resid <= 0 or self.df_model == 0 or self.rss <= 0 or self.formula.fixed:
             return None
         return (self.tss - self.rss) / self.df_model / (self.rss / self.df_resid)
 
@@ -283,7 +288,7 @@ class LawFit(RowAccess, Plottable):
 
         The constant of a logarithmic law gets the interval of its logarithm, so its low end stays positive.
         """
-        half = self._quantile(level) * np.sqrt(np.diag(self.covariance()))
+        half = self.t_quantile(level) * np.sqrt(np.diag(self.covariance()))
         low = self.formula.coefficients(self.theta - half)
         high = self.formula.coefficients(self.theta + half)
         return pd.DataFrame({"low": low, "high": high}, index=list(self.names))
@@ -354,10 +359,15 @@ class LawFit(RowAccess, Plottable):
         """Covariance of ``theta`` behind standard errors and intervals, shape (p, p); NaN if there is none."""
         p = len(self.theta)
         if isinstance(self.edges, EdgeInference):
-            return self.edges.cov_theta
+            if not self.formula.fixed:
+                return self.edges.cov_theta
+            cov, free = np.zeros((p, p)), self.free
+            cov[np.ix_(free, free)] = self.edges.cov_theta
+            return cov
         return np.full((p, p), np.nan) if self.cov_theta is None else self.cov_theta
 
-    def _quantile(self, level: float) -> float:
+    def t_quantile(self, level: float) -> float:
+        """Quantile of t on ``df`` degrees of freedom for a two-sided interval at ``level``."""
         from scipy.special import stdtrit
 
         if not 0 < level < 1:

@@ -1,4 +1,4 @@
-"""Nonlinear least squares of a law on the original scale, on a condensed Jacobian.
+"""Nonlinear least squares of a law on the scale of its errors, on a condensed Jacobian.
 
 A step of least squares needs J'J, J'r and r'r alone. The triangle of a QR of ``[J r]`` holds all three in
 p + 1 rows, so that the singular values of a trust region are cheap whatever the number of rows; computed block
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.arrays import Array
 from ..core.errors import FitError
-from .laws import LawForm
+from .laws import Error, LawForm
 from .least_squares import linear
 
 # Tolerances of the solver: near machine precision, since certified sets ask for 8 to 11 digits.
@@ -31,9 +31,10 @@ class Condensed:
     Z : ndarray, shape (n, p)
         Columns of the linear form.
     y : ndarray, shape (n,)
-        Response.
+        Response on the scale of the errors.
     size : float
         What residuals and Jacobian are divided by.
+    error : {"additive", "multiplicative"}
 
     Examples
     --------
@@ -49,6 +50,7 @@ class Condensed:
     Z: Array
     y: Array
     size: float
+    error: Error = "additive"
     _at: Array | None = field(default=None, init=False)
     _triangle: Array = field(default_factory=lambda: np.empty((0, 0)), init=False)
 
@@ -71,8 +73,8 @@ class Condensed:
     def _block(self, theta: Array, rows: slice) -> Array:
         Z = self.Z[rows]
         with np.errstate(over="ignore", invalid="ignore"):  # a trial step that the solver rejects
-            r = self.law.response_at(theta, Z) - self.y[rows]
-            return _triangle(np.column_stack([self.law.gradient(theta, Z), r]) / self.size)
+            value, G = self.law.scaled(theta, Z, self.error)
+            return _triangle(np.column_stack([G, value - self.y[rows]]) / self.size)
 
 
 def _triangle(A: Array) -> Array:
@@ -81,8 +83,8 @@ def _triangle(A: Array) -> Array:
     return np.asarray(np.linalg.qr(A, mode="r"))
 
 
-def minimise(law: LawForm, Z: Array, y: Array, start: Array) -> tuple[Array, Array | None]:
-    """Parameters (p,) of least squares on the original scale, and their covariance (p, p), None without df.
+def minimise(law: LawForm, Z: Array, y: Array, start: Array, error: Error = "additive") -> tuple[Array, Array | None]:
+    """Parameters (p,) of least squares on the scale of the errors, and their covariance (p, p), None without df.
 
     Trust region with the analytic gradient, then one exact step. Centring the columns of Z makes the constant nearly
     independent of the exponents, which speeds up the solver.
@@ -91,10 +93,13 @@ def minimise(law: LawForm, Z: Array, y: Array, start: Array) -> tuple[Array, Arr
 
     centre = np.zeros(Z.shape[1])
     centre[1:] = Z[:, 1:].mean(axis=0)
+    if not law.linearisable:
+        centre[len(law.factors)] = 0.0  # it is added to the product, not within it
+    logs = error == "multiplicative"
     C = Z - centre
     back = np.eye(Z.shape[1])
     back[0, 1:] = -centre[1:]
-    condensed = Condensed(law, C, y, float(np.max(np.abs(y))))
+    condensed = Condensed(law, C, np.log(y) if logs else y, 1.0 if logs else float(np.max(np.abs(y))), error)
     begin: Array = np.asarray(np.linalg.solve(back, start), dtype=np.float64)
     if not np.isfinite(condensed.residuals(begin)).all():
         raise FitError(
@@ -106,13 +111,14 @@ def minimise(law: LawForm, Z: Array, y: Array, start: Array) -> tuple[Array, Arr
         ftol=TIGHT, xtol=TIGHT, gtol=TIGHT,
     )  # fmt: skip
     if not np.isfinite(found.x).all() or found.status == 0:
+        other = "another form" if logs else "with error='multiplicative'"
         raise FitError(
-            f"{law.response}: least squares on the original scale did not converge from the log-linear start. "
-            "Fit with error='multiplicative'."
+            f"{law.response}: least squares with {error} errors did not converge from the log-linear start. "
+            f"Fit {other}."
         )
     step = linear(condensed.jacobian(found.x), -condensed.residuals(found.x))
     theta = back @ (found.x + step.params)
-    r = y - law.response_at(theta, Z)
+    r = condensed.y - law.scaled(theta, Z, error)[0]
     df = len(y) - len(theta)
     scaled = r / condensed.size  # before squaring: 1e300 has no square
     variance = float(scaled @ scaled) / max(df, 1)  # the step is fitted in units of size

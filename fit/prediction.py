@@ -81,6 +81,8 @@ class Fitted(Protocol):
     def design(self) -> Array: ...  # noqa: D102
     @property
     def residuals(self) -> Array: ...  # noqa: D102
+    @property
+    def free(self) -> NDArray[np.bool_]: ...  # noqa: D102
     def covariance(self) -> Array: ...  # noqa: D102
     def gradient_at(self, Z: Array) -> Array: ...  # noqa: D102
     def design_of(self, new: pd.DataFrame) -> Array: ...  # noqa: D102
@@ -162,12 +164,13 @@ def same_edge(law: Fitted, Z: Array, table: pd.DataFrame) -> PredictiveScale:
     if "edge" not in table:
         return PredictiveScale("same", KNOWN_LEVEL, "scatter within edges alone", none, none, one_component(sd, df), df)
     at = _known(law, inference, table)
-    A, number = law.gradient_at(law.design), _edge_numbers(law)
+    free, number = law.free, _edge_numbers(law)
+    A = law.gradient_at(law.design)[:, free]
     size = np.bincount(number).astype(float)
     means = sums_by(number, np.column_stack([A, law.residuals]), len(size)) / size[:, None]
     weight = (inference.mixed.sd_between**2 / (inference.mixed.sd_between**2 + sd**2 / size))[at] if sd > 0 else none
     centre, M = means[at, :-1], linear(A, law.residuals).cov_unscaled
-    q = law.gradient_at(Z) - weight[:, None] * centre
+    q = law.gradient_at(Z)[:, free] - weight[:, None] * centre
     within = np.einsum("ij,jk,ik->i", q, M, q + 2 * weight[:, None] * centre) + weight**2 / size[at]
     sums = (q @ M @ means[:, :-1].T) * size  # of the weights, in each edge
     sums[np.arange(len(at)), at] += weight - 1

@@ -25,6 +25,7 @@ from .rows import By, Points, as_table, level_names
 
 Array = NDArray[np.float64]
 
+ONE_VALUE = 1e-6  # half range of a fixed factor that does not change
 MOST_ROWS = 20_000  # of more rows than this a choice draws the region
 
 
@@ -182,7 +183,9 @@ def design_region(
     """
     T = np.column_stack([np.log(x) if log else x for x, log in zip(X.T, formula.logs, strict=True)])
     low, high = T.min(axis=0), T.max(axis=0)
-    centre, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
+    free = np.array(formula.estimated)[1:] if formula.first_order else np.full(len(low), True)
+    # a fixed factor may be constant: then it was tested at that value alone
+    centre, half = (low + high) / 2, np.where(high > low, (high - low) / 2, np.where(free, 1.0, ONE_VALUE))
     keep = _selected_rows(T, edge)
     U, shifts = (T[keep] - centre) / half, shifts[keep]
     columns = np.hstack([np.ones((len(U), 1)), U, shifts])
@@ -197,7 +200,7 @@ def design_region(
         largest_radius=float(np.linalg.norm(U, axis=1).max()),
         by=None if by is None else by.column,
         levels=() if by is None else (by.reference, *by.levels),
-        spaces=_spaces(columns, level, None if edge is None else edge[keep]),
+        spaces=_spaces(columns, level, None if edge is None else edge[keep], np.append(True, free)),
     )
 
 
@@ -215,13 +218,18 @@ def _selected_rows(T: Array, edge: NDArray[np.object_] | None) -> NDArray[np.int
     return np.unique(np.concatenate([np.arange(0, n, -(-n // MOST_ROWS)), first, ends]).astype(np.intp))
 
 
-def _spaces(columns: Array, level: NDArray[np.intp], edge: NDArray[np.object_] | None) -> tuple[ColumnSpace, ...]:
-    """Edge settings where columns change between edges only, and rows where columns change within edges."""
-    every = np.arange(columns.shape[1])
+def _spaces(
+    columns: Array, level: NDArray[np.intp], edge: NDArray[np.object_] | None, free: NDArray[np.bool_]
+) -> tuple[ColumnSpace, ...]:
+    """Edge settings where columns change between edges only, and rows where columns change within edges.
+
+    Fixed factors have no leverage; ``free`` has the columns of the constant and of the factors.
+    """
+    every = np.flatnonzero(np.append(free, np.ones(columns.shape[1] - len(free), dtype=bool)))
     if edge is None:
         return (_space("rows", columns, every, level),)
     _, first, number = np.unique(edge, return_index=True, return_inverse=True)
-    between = every[~changes_within(columns, number)]
+    between = every[~changes_within(columns[:, every], number)]
     spaces = [_space("edge settings", columns[first], between, level[first])] if len(between) > 1 else []
     if len(between) < len(every):
         spaces.append(_space("rows", columns, every, level))

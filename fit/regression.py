@@ -7,7 +7,7 @@ the one that a law reports; ``LawFit.alternative`` gives the other.
 Load line: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587, eq. 14 and 15.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, get_args
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FitError, UsageError
-from ..core.formula import FORMS, Term, second_order_terms
+from ..core.formula import FORMS, Term
 from ..core.threads import one_thread
 from ..datasets import Runs
 from .available import NotAvailable
@@ -25,7 +25,17 @@ from .lawfit import LawFit
 from .laws import Error, LawForm
 from .least_squares import linear
 from .nonlinear import minimise
-from .rows import Dropped, LeftOut, Rows, check_constant, check_enough, identifiable, select
+from .rows import (
+    Dropped,
+    LeftOut,
+    Rows,
+    check_constant,
+    check_enough,
+    identifiable,
+    identified,
+    second_order_form,
+    select,
+)
 
 Array = NDArray[np.float64]
 # theta, its covariance (None without degrees of freedom), fitted response, residuals, total sum of squares
@@ -116,22 +126,25 @@ def fit_form(
     edge: str | None = "edge",
     by: str | None = None,
     terms: Sequence[Term] | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> LawFit:
     """Fit a law of any form of ``core.formula.FORMS``; arguments and errors as for :func:`power_law`.
 
     A form with named coefficients needs all its factors; others leave out those that are not identified. ``terms`` of
-    second order: by default factors, squares and products, less those that are not identified.
+    second order: by default factors, squares and products, less those that are not identified. ``fixed`` are exponents
+    that are given, not estimated; they need no change of their factor, and multiplicative errors.
     """
     if error not in get_args(Error):
         raise UsageError(f"error={error!r}: it is 'multiplicative' or 'additive'.")
     if form not in FORMS:
         raise UsageError(f"form {form!r}: it is one of {', '.join(FORMS)}.")
     shape = FORMS[form]
-    asked = LawForm(form, response, tuple(factors))
+    asked = LawForm(form, response, tuple(factors), fixed=tuple((fixed or {}).items()))
+    _check_fixed(asked, error)
     rows = select(runs, response, factors, by=by, edge=edge, positive=asked.positive(error))
     logs = asked.logs
     columns = np.column_stack([np.log(x) if log else x for x, log in zip(rows.X.T, logs, strict=True)])
-    keep, left_out = identifiable(factors, columns, rows.shifts, logs=logs)
+    keep, left_out = identified(asked, columns, rows)
     needed = shape.coefficients is not None or (shape.last_unlogged and len(factors) - 1 not in keep)
     if left_out and needed:
         out = left_out[-1] if shape.last_unlogged else left_out[0]
@@ -145,26 +158,14 @@ def fit_form(
     return fit_rows(runs, law, rows, left_out, error)
 
 
-def second_order_form(law: LawForm, rows: Rows, terms: Sequence[Term] | None) -> tuple[LawForm, tuple[LeftOut, ...]]:
-    """The formula with centres near the middle of the rows and the terms that they identify, and the others.
-
-    Centres are rounded to four digits: where they lie does not change the fit, and the equation has round numbers.
-    """
-    logs = FORMS[law.name].log_factors
-    middle = np.exp(np.log(rows.X).mean(axis=0)) if logs else rows.X.mean(axis=0)
-    whole = replace(
-        law,
-        terms=tuple(second_order_terms(law.factors) if terms is None else terms),
-        centres=tuple(float(f"{value:.4g}") for value in middle),
-    )
-    if whole.fault:
-        raise UsageError(f"{law.response}: {whole.fault}.")
-    names = [term.name for term in whole.terms]
-    keep, left_out = identifiable(names, whole.columns(rows.X)[:, 1:], rows.shifts, logs=False)
-    two = {f"{x}^2": x for j, x in enumerate(law.factors) if len(np.unique(rows.X[:, j])) == 2}
-    why = "has two levels only, which do not show a curvature"
-    stated = (LeftOut(o.factor, f"{two[o.factor]} {why}") if o.factor in two else o for o in left_out)
-    return replace(whole, terms=tuple(whole.terms[j] for j in keep)), tuple(stated)
+def _check_fixed(law: LawForm, error: Error) -> None:
+    """Refuse fixed exponents that are not of factors, or with additive errors."""
+    if not law.fixed:
+        return
+    if law.fault:
+        raise UsageError(f"{law.response}: {law.fault}.")
+    if error == "additive":
+        raise UsageError(f"{law.response}: a law with fixed exponents has multiplicative errors; leave error out.")
 
 
 def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "VB") -> LawFit:
@@ -212,7 +213,7 @@ def fit_rows(runs: Runs, law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...]
     check_enough(law, rows, left_out)
     Z = law.design(rows.X, rows.shifts)
     start = None
-    if error == "additive" and law.logarithmic:
+    if law.logarithmic and (error == "additive" or not law.linearisable):
         start = law.guess(Z, rows.y) if (rows.y > 0).all() else _start(law, Z, rows, left_out)
     stage = _stage(law, error, Z, rows.y, start)
     check_constant(law, stage[0], Z)
@@ -270,10 +271,12 @@ def edge_inference(law: LawFit) -> EdgeInference | NotAvailable:
         return NO_EDGES
     if law.cov_theta is None or law.exact:
         return EXACT_FIT
-    unscaled = law.cov_theta * (law.df_resid / law.rss)
+    free = law.free
+    row_cov = law.cov_theta[np.ix_(free, free)]
+    names = tuple(name for name, estimated in zip(law.theta_names, free, strict=True) if estimated)
     return infer_by_edge(
-        law.gradient, law.residuals, theta=law.theta, row_cov=law.cov_theta, cov_unscaled=unscaled,
-        names=law.theta_names, edge=law.edge, within_of=law.design,
+        law.gradient[:, free], law.residuals, theta=law.theta[free], row_cov=row_cov,
+        cov_unscaled=row_cov * (law.df_resid / law.rss), names=names, edge=law.edge, within_of=law.design[:, free],
     )  # fmt: skip
 
 
@@ -283,7 +286,8 @@ def other_structure(law: LawFit) -> LawFit | None:
     A line has none; rows that are not above zero have no logarithm; least squares on the original scale may fail to
     converge; and a law of a stream keeps no rows.
     """
-    if law.rows is None or not law.formula.logarithmic or not (law.observed > 0).all() or law.not_least_squares:
+    logarithmic = law.rows is not None and law.formula.logarithmic and bool((law.observed > 0).all())
+    if not logarithmic or law.formula.fixed or law.not_least_squares:
         return None
     try:
         return refitted(law, "additive" if law.error == "multiplicative" else "multiplicative")
@@ -321,12 +325,29 @@ def _stage(law: LawForm, error: Error, Z: Array, y: Array, start: Array | None) 
     """Linear least squares of the response or of its logarithm, or nonlinear least squares from ``start``."""
     if not law.logarithmic:
         return linear_stage(Z, y)
-    if error == "multiplicative" or start is None:
-        theta, cov, eta, residuals, tss = linear_stage(Z, np.log(y))
+    if law.linearisable and (error == "multiplicative" or start is None):
+        theta, cov, eta, residuals, tss = _with_fixed(law, Z, np.log(y))
         return theta, cov, np.exp(eta), residuals, tss
-    theta, cov = minimise(law, Z, y, start)
+    theta, cov = minimise(law, Z, y, law.guess(Z, y) if start is None else start, error)
     fitted = law.response_at(theta, Z)
-    return theta, cov, fitted, y - fitted, float(np.sum((y - y.mean()) ** 2))
+    target, value = (np.log(y), np.log(fitted)) if error == "multiplicative" else (y, fitted)
+    return theta, cov, fitted, target - value, float(np.sum((target - target.mean()) ** 2))
+
+
+def _with_fixed(law: LawForm, Z: Array, y: Array) -> Stage:
+    """Linear least squares of y less the fixed terms; the total sum of squares is that of y."""
+    if not law.fixed:
+        return linear_stage(Z, y)
+    shifts = Z.shape[1] - len(law.estimated)
+    theta, free = law.start(shifts), law.free(shifts)
+    offset = Z @ theta
+    part, cov_part, eta, residuals, _ = linear_stage(Z[:, free], y - offset)
+    theta[free] = part
+    cov = None
+    if cov_part is not None:
+        cov = np.zeros((len(theta),) * 2)
+        cov[np.ix_(free, free)] = cov_part
+    return theta, cov, eta + offset, residuals, float(np.sum((y - y.mean()) ** 2))
 
 
 def linear_stage(Z: Array, y: Array) -> Stage:

@@ -1,7 +1,7 @@
 """Selection of the rows and factors that a law is fitted to; what is left out is recorded with the reason."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
+from ..core.formula import FORMS, Term, second_order_terms
 from ..datasets import Runs
 from .laws import LARGEST_LOG, LawForm
 from .least_squares import linear
@@ -260,14 +261,46 @@ def _independent_in_part(column: Array, others: Array, shifts: Array) -> bool:
     return bool(fit.rss > EXACT * np.sum((column - column.mean()) ** 2))
 
 
+def identified(law: LawForm, columns: Array, rows: Rows) -> tuple[list[int], tuple[LeftOut, ...]]:
+    """Positions of the factors that are fixed or can be estimated, and the others with the reason."""
+    free = [j for j, name in enumerate(law.factors) if name not in dict(law.fixed)]
+    logs, names = law.logs, [law.factors[j] for j in free]
+    keep, left_out = identifiable(names, columns[:, free], rows.shifts, logs=[logs[j] for j in free])
+    kept = {free[i] for i in keep}
+    return [j for j in range(len(law.factors)) if j in kept or j not in free], left_out
+
+
+def second_order_form(law: LawForm, rows: Rows, terms: Sequence[Term] | None) -> tuple[LawForm, tuple[LeftOut, ...]]:
+    """The formula with centres near the middle of the rows and the terms that they identify, and the others.
+
+    Centres are rounded to four digits: where they lie does not change the fit, and the equation has round numbers.
+    """
+    logs = FORMS[law.name].log_factors
+    middle = np.exp(np.log(rows.X).mean(axis=0)) if logs else rows.X.mean(axis=0)
+    whole = replace(
+        law,
+        terms=tuple(second_order_terms(law.factors) if terms is None else terms),
+        centres=tuple(float(f"{value:.4g}") for value in middle),
+    )
+    if whole.fault:
+        raise UsageError(f"{law.response}: {whole.fault}.")
+    names = [term.name for term in whole.terms]
+    keep, left_out = identifiable(names, whole.columns(rows.X)[:, 1:], rows.shifts, logs=False)
+    two = {f"{x}^2": x for j, x in enumerate(law.factors) if len(np.unique(rows.X[:, j])) == 2}
+    why = "has two levels only, which do not show a curvature"
+    stated = (LeftOut(o.factor, f"{two[o.factor]} {why}") if o.factor in two else o for o in left_out)
+    return replace(whole, terms=tuple(whole.terms[j] for j in keep)), tuple(stated)
+
+
 def check_enough(law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
     """Refuse too few rows, a constant response, and a law without factors."""
     why = "".join(f"; {item.factor} is left out: {item.reason}" for item in left_out)
     gone = "".join(f"; {_gone(item)}" for item in rows.dropped)
     shifts = rows.shifts.shape[1]
-    p = len(law.names) + shifts
+    p = sum(law.estimated) + shifts
     if len(rows.y) < p:
-        names = ", ".join(law.names) + (f" and {shifts} shifts of {rows.by.column}" if rows.by else "")
+        estimated = (name for name, free in zip(law.names, law.estimated, strict=True) if free)
+        names = ", ".join(estimated) + (f" and {shifts} shifts of {rows.by.column}" if rows.by else "")
         mend = "Correct the rows left out, measure" if gone else "Measure"
         less = f", or leave a factor out (--map {law.factors[-1]}=none)" if law.factors else ""
         raise FitError(

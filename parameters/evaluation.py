@@ -87,7 +87,7 @@ class _Spread:
 def point_values(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> Array | float:
     """Values of the equation: medians of a multiplicative law, means of an additive one."""
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        return as_given(law, response(law, terms(law, level, given) @ law.theta))
+        return as_given(law, response(law, terms(law, level, given)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,8 +167,8 @@ def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factor
     smearing = _smearing(law, spread) if centre == "smeared" else 1.0
     with np.errstate(all="ignore"):  # `as_given` refuses what is not finite
         Z = terms(law, by, factors)
-        median = response(law, Z @ law.theta)
-        G = Z if multiplies or not law.logarithmic else Z * median[..., None]
+        median = response(law, Z)
+        G = _gradient(law, Z, median)
         variance = np.zeros(median.shape) if spread.edge == "same" else _quadratic(law, covariance, G)
         value, low, high = value_and_ends(
             asked.kind, median, variance, spread.df, spread.scatter, level=asked.level, coverage=asked.coverage,
@@ -295,10 +295,16 @@ def _level(law: LawFields, level: str | None) -> str | None:
     return str(level)
 
 
-def response(law: LawFields, eta: Array) -> Array:
-    """Response of the linear form: the inverse of the link."""
-    with np.errstate(over="ignore", under="ignore"):  # `as_given` refuses what overflows
-        return np.exp(eta) if law.logarithmic else eta
+def response(law: LawFields, Z: Array) -> Array:
+    """Response for the terms Z of the law, shape (...,); `as_given` refuses what overflows."""
+    return law.formula.response_of(law.theta, Z)
+
+
+def _gradient(law: LawFields, Z: Array, median: Array) -> Array:
+    """Derivative of the prediction by theta on the scale of the errors, shape (..., p)."""
+    if law.error == "additive":
+        return law.formula.derivative(law.theta, Z)
+    return Z if law.formula.linearisable else law.formula.derivative(law.theta, Z) / median[..., None]
 
 
 def as_given(law: LawFields, value: Array) -> Array | float:

@@ -176,7 +176,7 @@ def _section(law: "LawFit") -> dict[str, Any]:
         "error": law.error,
         "coefficients": {name: params[name] for name in law.formula.names},
         "factors": [_factor(law, symbol) for symbol in law.factors],
-        **_second_order(law),
+        **_formula_fields(law),
         "life": _life(law),
         "by": _by(law, params),
         "uncertainty": _uncertainty(law),
@@ -196,12 +196,13 @@ def _section(law: "LawFit") -> dict[str, Any]:
     }
 
 
-def _second_order(law: "LawFit") -> dict[str, Any]:
-    """Terms and centres of a law of second order."""
+def _formula_fields(law: "LawFit") -> dict[str, Any]:
+    """Terms and centres of a law of second order, and coefficients that are fixed."""
     formula = law.formula
     powers = ({x: d for x, d in zip(formula.factors, term.degrees, strict=True) if d} for term in formula.terms)
     terms = [{"name": term.name, "powers": of} for term, of in zip(formula.terms, powers, strict=True)]
-    return {"terms": terms, "centres": dict(zip(formula.factors, formula.centres, strict=False))}
+    centres = dict(zip(formula.factors, formula.centres, strict=False))
+    return {"terms": terms, "centres": centres, "fixed": dict(formula.fixed)}
 
 
 def _life(law: "LawFit") -> dict[str, Any] | None:
@@ -228,7 +229,7 @@ def _edges(law: "LawFit") -> dict[str, Any]:
         return {"reason": edges.reason}
     F = known(edges.fvalue)
     return {
-        "between": [name for name, within in zip(law.names[1:], edges.within[1:], strict=True) if not within],
+        "between": [name for name, within in zip(edges.names[1:], edges.within[1:], strict=True) if not within],
         "F": F,
         "F_df": None if F is None else (edges.f_df, edges.df),
         "F_p": known(edges.f_pvalue),
@@ -236,7 +237,7 @@ def _edges(law: "LawFit") -> dict[str, Any]:
         "sd_between": edges.mixed.sd_between,
         "sd_within": edges.mixed.sd_within,
         "icc": edges.icc,
-        "random_level": dict(zip(law.theta_names, edges.mixed.bse.tolist(), strict=True)),
+        "random_level": dict(zip(edges.names, edges.mixed.bse.tolist(), strict=True)),
         "rows_per_edge": edges.rows_per_edge,
         "df_between": edges.df_between,
         "df_within": edges.df_within,

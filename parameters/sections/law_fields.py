@@ -107,7 +107,7 @@ class LawFields(Section):
         symbols = tuple(factor.symbol for factor in self.factors)
         terms = tuple(Term(term.name, tuple(term.powers.get(symbol, 0) for symbol in symbols)) for term in self.terms)
         centres = tuple(self.centres[symbol] for symbol in symbols) if self.centres else ()
-        return Formula(self.form, self.response, symbols, terms, centres)
+        return Formula(self.form, self.response, symbols, terms, centres, tuple(self.fixed.items()))
 
     @property
     def coefficient_names(self) -> tuple[str, ...]:
