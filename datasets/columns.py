@@ -15,7 +15,8 @@ from .tables import Column, is_number
 from .units import canonical, convert, same_dimension, suggest
 from .vocabulary import ROLES, Role, role_of, role_of_mean, role_of_unit, role_within, suggest_role, understood_unit
 
-LARGEST_RADIUS = 50.0  # mm, of a nose; um and in are below it too
+# Least and greatest values of roles whose names have other meanings, in any unit: mm or in, and degrees
+SIZES = {"re": (1e-3, 50.0), "kappa": (5.0, 180.0), "lead": (-60.0, 90.0), "sigma": (60.0, 180.0)}
 LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
 _BOUND = re.compile(r"\s*[<>≤≥]")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[.-][A-Za-zäé]{3,4}\.?(?:[.-]\d{2,4})?")  # 2024-02-01, 1-Feb, 01.Feb
@@ -150,13 +151,13 @@ def _may_be(role: str, column: Column) -> bool:
     """Whether the cells allow a role whose names have other meanings: z a coordinate, Re a strength, nose a remark."""
     if role in ("VBC", "VBN"):
         return column.is_numeric or bool(column.bad)
-    if role not in ("z", "Dc", "lf", "lc", "re", "theta"):
+    if role not in ("z", "Dc", "lf", "lc", "theta", *SIZES):
         return True
     if not column.is_numeric or column.bad:
         return False
     values = np.asarray(column.values, dtype=float)
-    if role == "re":
-        return not np.any((values <= 0) | (values > LARGEST_RADIUS))
+    if role in SIZES:
+        return not np.any((values < SIZES[role][0]) | (values > SIZES[role][1]))
     return role != "z" or not np.any((values < 1) | (values % 1 > 0))
 
 

@@ -29,19 +29,16 @@ def with_means(columns: tuple[Column, ...], mapping: Mapping[str, str]) -> tuple
     >>> found[-1].name, found[-1].values.tolist(), said
     ('Ra [um]', [1.5, 3.0], ("Ra is the mean of the readings in columns 'Ra1 [um]' and 'Ra2 [um]' of each row",))
     """
-    heads = [parse_header(column.name) for column in columns]
-    units = [column.unit_cell or head.unit_text for column, head in zip(columns, heads, strict=True)]
-    families: dict[tuple[str, str], list[Column]] = {}
-    held = set(mapping)
-    for column, head, text in zip(columns, heads, units, strict=True):
+    held, families = set(mapping), dict[tuple[str, str], list[Column]]()
+    for column in columns:
+        header = parse_header(column.name)
+        text = column.unit_cell or header.unit_text
         unit = canonical(text) if text else None
-        role = role_of(head.name, unit) or role_of_mean(head.name, unit)
+        role = role_of(header.name, unit) or role_of_mean(header.name, unit)
         if role is not None:
             held.add(role)
-        elif (match := _NUMBERED.fullmatch(head.name)) and column.is_numeric and not column.bad:
-            named = role_of(match["stem"], unit)
-            if named is not None and ROLES[named].kind in KINDS:
-                families.setdefault((named, text), []).append(column)
+        elif reading := _reading(column, header.name, unit):
+            families.setdefault((reading, text), []).append(column)
     roles = [role for role, _ in families]
     found = {
         key: each for key, each in families.items()
@@ -49,6 +46,13 @@ def with_means(columns: tuple[Column, ...], mapping: Mapping[str, str]) -> tuple
     }  # fmt: skip
     means = tuple(_mean(key, each, len(columns) + i) for i, (key, each) in enumerate(found.items(), 1))
     return (*columns, *means), tuple(_said(role, each) for (role, _), each in found.items())
+
+
+def _reading(column: Column, name: str, unit: str | None) -> str:
+    """Symbol of the response of which a numbered column is a reading, empty where it is none."""
+    match = _NUMBERED.fullmatch(name)
+    role = role_of(match["stem"], unit) if match and column.is_numeric and not column.bad else None
+    return role if role is not None and ROLES[role].kind in KINDS else ""
 
 
 def _mean(key: tuple[str, str], each: list[Column], number: int) -> Column:

@@ -95,6 +95,12 @@ _TABLE = (
     _role("re", "nose radius", "mm", "other",
           "r_e, rε, r_eps, r_epsilon, r_n, tool nose radius, insert nose radius, corner radius, insert radius",
           "Eckenradius, Spitzenradius", "rayon de bec, rayon de pointe", "radio de punta, radio de nariz"),
+    _role("kappa", "entering angle", "deg", "other",
+          "κ, κr, kr, kappa r, kapr, tool cutting edge angle, major cutting edge angle",
+          "Einstellwinkel, Hauptschneidenwinkel", "angle de direction d'arête", "ángulo de posición"),
+    _role("lead", "lead angle", "deg", "other", "psir, side cutting edge angle"),
+    _role("sigma", "point angle", "deg", "other", "σ, drill point angle, tip angle", "Spitzenwinkel",
+          "angle de pointe", "ángulo de punta"),
     _role("z", "number of teeth", "1", "other",
           "Z, zn, zc, teeth, flutes, no of teeth, number of flutes, no of flutes",
           "Zähnezahl, Schneidenzahl, Zähne, Anzahl Zähne, Anzahl der Zähne",
@@ -283,7 +289,7 @@ def role_of(name: str, unit: str | None) -> str | None:
     electric = canonical(unit) in ("V", "mV", "A", "mA") and found[0] == "Dc"
     other_thing = (
         electric
-        or found[0] in ("z", "re", "theta")
+        or found[0] in ("z", "re", "theta", "kappa", "lead", "sigma")
         or (canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t"))
     )
     return None if other_thing or not ROLES[found[0]].unit else found[0]

@@ -172,15 +172,16 @@ def _of_columns(held: Held) -> tuple[Asked, ...]:
     conditions = _conditions(held)
     settings = tuple(name for name in conditions if name not in CLOCKS)
     wear = tuple(filter(held.has, (*WEAR, *LANDS)))
-    asked = [Asked(name, conditions) for name in wear if conditions and not _at_end_of_life(held)]
-    if held.has("T") and settings:
-        asked.append(Asked("T", settings))
     given = conditions + wear[:1]
-    asked += [Asked(name, given) for name in LOADS if held.has(name) and given]
-    asked += [_current(held, settings, wear)] if held.has("I") else []
-    asked += [_surface(held, name, conditions, wear[:1]) for name in SURFACES if held.has(name)]
-    asked += [Asked("theta", given)] if held.has("theta") and conditions else []
-    return tuple(one for one in asked if one.factors)
+    asked = [
+        *(Asked(name, () if _at_end_of_life(held) else conditions) for name in wear),
+        Asked("T", settings),
+        *(Asked(name, given) for name in LOADS),
+        _current(held, settings, wear),
+        *(_surface(held, name, conditions, wear[:1]) for name in SURFACES),
+        Asked("theta", given if conditions else ()),
+    ]
+    return tuple(one for one in asked if one.factors and held.has(one.response))
 
 
 def _at_end_of_life(held: Held) -> bool:

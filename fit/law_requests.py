@@ -63,14 +63,18 @@ def parse_law(text: str) -> LawRequest:
             "itself."
         )
     if right[0] in "+-":
-        signed = _SIGNED.findall(right)
-        rest = _SIGNED.sub("", right).strip(" ,;")
-        if not signed or rest:
-            raise UsageError(f"law {text!r}: {EXAMPLE}.")
-        added, removed = (tuple(name.strip() for mark, name in signed if mark == sign) for sign in "+-")
-        return _checked(LawRequest(text, response, (), added, removed))
+        return _changes(text, response, right)
     factors = tuple(name.strip() for name in re.split(r"[,;+]", right))
     return _checked(LawRequest(text, response, factors))
+
+
+def _changes(text: str, response: str, right: str) -> LawRequest:
+    """The request of a right-hand side that begins with a sign."""
+    signed = _SIGNED.findall(right)
+    if not signed or _SIGNED.sub("", right).strip(" ,;"):
+        raise UsageError(f"law {text!r}: {EXAMPLE}.")
+    added, removed = (tuple(name.strip() for mark, name in signed if mark == sign) for sign in "+-")
+    return _checked(LawRequest(text, response, (), added, removed))
 
 
 def _checked(request: LawRequest) -> LawRequest:

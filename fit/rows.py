@@ -26,6 +26,9 @@ EXACT = 1e-8
 SOME = 10_000
 # Relative spread below which a column is the same number written down n times.
 CONSTANT = 1e-9
+# Spread of a logarithm below which a factor was not varied: a speed computed from a rounded spindle speed, a depth
+# measured again. Its exponent would be that of its rounding.
+HARDLY = 0.01
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -215,14 +218,28 @@ def identifiable(
     for j, name in enumerate(names):
         column = terms[:, j]
         level = float(column[0]) if len(column) else 0.0
-        if len(column) > 1 and np.all(np.abs(column - level) <= CONSTANT * max(1.0, abs(level))):
-            value = np.exp(level) if each[j] else level
-            out.append(LeftOut(name, f"constant ({value:.6g} in all {len(column)} rows)"))
-        elif reason := _dependence(column, terms[:, keep], shifts, [names[i] for i in keep], all(each)):
+        reason = ""
+        if len(column) > 1:
+            reason = constant_reason(level, float(column.min()), float(column.max()), len(column), log=each[j])
+        reason = reason or _dependence(column, terms[:, keep], shifts, [names[i] for i in keep], all(each)) or ""
+        if reason:
             out.append(LeftOut(name, reason))
         else:
             keep.append(j)
     return keep, tuple(out)
+
+
+def constant_reason(first: float, low: float, high: float, n: int, *, log: bool) -> str:
+    """Why a factor counts as constant, by its first, least and greatest value in n rows; empty where it varies.
+
+    >>> constant_reason(np.log(80), np.log(79.98), np.log(80), 27, log=True)
+    'constant (79.98 to 80 in all 27 rows)'
+    """
+    same = max(high - first, first - low) <= CONSTANT * max(1.0, abs(first))
+    if not same and not (log and high - low <= HARDLY):
+        return ""
+    ends = dict.fromkeys(f"{np.exp(end) if log else end:.6g}" for end in ((first,) if same else (low, high)))
+    return f"constant ({' to '.join(ends)} in all {n} rows)"
 
 
 def _dependence(column: Array, others: Array, shifts: Array, names: list[str], logs: bool) -> str | None:

@@ -17,7 +17,7 @@ from .fitted_rows import LawSource
 from .lawfit import LawFit
 from .laws import LawForm
 from .least_squares import LinearFit
-from .rows import CONSTANT, By, LeftOut, Rows, check_constant, check_enough, identifiable
+from .rows import By, LeftOut, Rows, check_constant, check_enough, constant_reason, identifiable
 from .triangle import Summary, Triangle, equivalent_columns, least_squares, merged, summary, triangle_of
 
 
@@ -191,16 +191,17 @@ def _levels(found: _Pass, by: str | None) -> tuple[Index, By | None]:
 def _identifiable(found: _Pass, factors: tuple[str, ...], rows: Summary) -> tuple[list[int], tuple[LeftOut, ...]]:
     """Positions of the factors that can be fitted and the others with the reason, as `identifiable` does for rows."""
     low, high, first = np.log(found.low[1:]), np.log(found.high[1:]), np.log(found.first[1:])
-    still = np.maximum(high - first, first - low) <= CONSTANT * np.maximum(1.0, np.abs(first))
-    still &= found.n > 1
-    moving = [j for j in range(len(factors)) if not still[j]]
+    still = {
+        j: reason
+        for j in range(len(factors))
+        if found.n > 1 and (reason := constant_reason(first[j], low[j], high[j], found.n, log=True))
+    }
+    moving = [j for j in range(len(factors)) if j not in still]
     few = equivalent_columns(rows.of(moving))
     k = len(moving)
     keep, others = identifiable([factors[j] for j in moving], few[:, :k], few[:, k:-1], logs=True)
     why = {item.factor: item for item in others}
-    for j in np.flatnonzero(still):
-        reason = f"constant ({np.exp(first[j]):.6g} in all {found.n} rows)"
-        why[factors[j]] = LeftOut(factors[j], reason)
+    why |= {factors[j]: LeftOut(factors[j], reason) for j, reason in still.items()}
     return [moving[i] for i in keep], tuple(why[name] for name in factors if name in why)
 
 

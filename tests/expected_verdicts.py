@@ -33,7 +33,7 @@ BUNDLED = (
     Expected("clm2023_end_milling", "fm", (RESERVATIONS,), ("edge",)),
     # five rows, one of which alone determines the slope: left out, the others do not predict it
     Expected("clm2023_slot_milling", "fm", (DO_NOT_USE,), ("predicted",)),
-    Expected("surf_table1", "F", (RESERVATIONS,), ("edge",)),
+    Expected("surf_table1", "F", (USABLE,), ()),
     Expected("surf_table1", "Ra", (RESERVATIONS,), ("edge",)),
 )
 

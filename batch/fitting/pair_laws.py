@@ -181,7 +181,7 @@ def laws_of_pairs(of: NumberedRows, options: BatchOptions) -> pd.DataFrame:
                 why = f"law {asked.request!r}: there is no column {missing[0]!r}."
                 unit = unit_of(of.rows.units, asked.response)
                 found.append(law_table((i, row_without(asked, unit, why)) for i in pairs.tolist()))
-            elif asked.form == "power" and options.error == "multiplicative":
+            elif asked.form == "power" and asked.response != "T" and options.error == "multiplicative":
                 found += _stack(of, asked, pairs, "edge" if by_edge else None)
             else:
                 found.append(_one_by_one(of, asked, pairs, options))

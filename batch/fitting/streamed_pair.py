@@ -134,8 +134,8 @@ def _law(
             read = chunks if seen is None else seen.over(chunks)
             return streamed_power_law(read, asked.response, asked.factors, source=_source(block, plan))
 
-    if asked.form != "power" or options.error == "additive":
-        kind = "additive errors" if asked.form == "power" else f"a law of {asked.response}"
+    if asked.form != "power" or asked.response == "T" or options.error == "additive":
+        kind = "additive errors" if asked.form == "power" and asked.response != "T" else f"a law of {asked.response}"
         why = f"{asked.response}: {kind} need all rows in memory, and these are streamed; fit a sample of them."
         return row_without(asked, unit, why), None
     made = attempt(fitted)

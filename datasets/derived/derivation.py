@@ -23,6 +23,7 @@ EQUAL = 1e-9
 
 def derive(draft: Draft, options: ReadOptions) -> None:
     """Add the quantities that the columns of a draft allow, and compare those that are both measured and computed."""
+    _life_as_time(draft)
     known = known_of(draft.data, draft.notes, options)
     _no_constant_twice(draft, options, known)
     compare(draft, known)
@@ -41,6 +42,28 @@ def derive(draft: Draft, options: ReadOptions) -> None:
                 draft.assumed.append(f"{given}: the same in all tests, so that laws hold at this {role} only")
             else:
                 draft.warnings.append(f"{given} is not used: no quantity that is not measured follows from it")
+
+
+def _life_as_time(draft: Draft) -> None:
+    """Take a column T as the cutting time where it and the wear rise along the edges: a tool has one life only."""
+    wear = next((role for role in draft.data if role in ROLES and ROLES[role].kind == "wear"), None)
+    if wear is None or "T" not in draft.data or "t" in draft.data:
+        return
+    if not _both_rise(draft, "T", wear):
+        return
+    header = _header(draft, "T")
+    draft.data["t"] = draft.data.pop("T")
+    draft.units["t"] = draft.units.pop("T")
+    draft.uses = tuple(replace(use, role="t") if use.role == "T" else use for use in draft.uses)
+    draft.assumed.append(f"{header} rises with {wear} along the edges: it is the cutting time t, not a tool life T")
+
+
+def _both_rise(draft: Draft, *roles: str) -> bool:
+    """Whether quantities rise in most steps along the edges, of which most rows are a step."""
+    edge = pd.Series(_edges(draft))
+    steps = [pd.Series(np.asarray(draft.data[role], dtype=float)).groupby(edge).diff() for role in roles]
+    inside = steps[0].notna()
+    return bool(inside.sum() >= len(inside) / 2 and all((one[inside] > 0).mean() >= MOST for one in steps))
 
 
 def _no_constant_twice(draft: Draft, options: ReadOptions, known: Known) -> None:
@@ -79,10 +102,27 @@ def _substitutes(draft: Draft, known: Known) -> None:
                 "if the diameter was constant; --value D=80 (the diameter in mm) or a column D gives V",
             )
         )
-    if not {"t", "T"} & data.keys() and "t" not in known.unwanted and {"lf", "lc"} & data.keys():
+    length = next((role for role in ("lc", "lf") if role in data), None)
+    if length is not None and not {"t", "T"} & data.keys():
+        _length_as_clock(draft, known, length)
+
+
+def _length_as_clock(draft: Draft, known: Known, role: str) -> None:
+    """Say that a length of cut stands for the time of the laws; lengths of single passes are summed over the edge."""
+    if "t" not in known.unwanted:
         draft.assumed.append(
-            "the time in cut does not follow from the cut length: neither feed rate nor diameter is known; "
-            "--value D=80 (the diameter in mm) gives t"
+            f"the laws are on {role}, {ROLES[role].quantity}, in place of the time in cut, which does not follow: "
+            "neither feed rate nor diameter is known; --value D=80 (the diameter in mm) gives t"
+        )
+    if "edge" not in draft.data or not any(ROLES[one].kind == "wear" for one in draft.data if one in ROLES):
+        return
+    values = np.asarray(draft.data[role], dtype=np.float64)
+    edge = pd.Series(_edges(draft))
+    steps = pd.Series(values).groupby(edge).diff().dropna()
+    if len(steps) and float((steps > 0).mean()) <= FEW:
+        draft.data[role] = np.asarray(pd.Series(values).groupby(edge).cumsum(), dtype=float)
+        draft.assumed.append(
+            f"{role} ({_header(draft, role)}) does not rise: each row is one pass, and the passes of an edge are summed"
         )
 
 

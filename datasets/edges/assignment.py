@@ -22,6 +22,7 @@ from .times import duration
 SAMPLE = 20_000  # rows by which the content of columns is decided
 FEW_EDGES = 4  # an insert has no more edges of its own than a type of tools, which is tested on more
 NEARLY = 0.8  # share of the rows with a number of their own in a column that numbers rows
+FEWEST_LIVES = 4  # tools of one row each
 SURE = 6  # values from which labels that are no numbering can be edges too
 
 GENERAL = ("tool", "cutting tool", "werkzeug", "outil", "outil de coupe", "herramienta")  # of types too
@@ -174,7 +175,7 @@ def _chosen(labels: list[_Labels], tests: Tests, work: Codes | None) -> tuple[_L
             if first is not second and small and inserts and holds_edges(_crossed([first, second]), tests):
                 return (first, second)
     if tests.time is None and not named:
-        return tuple(one for one in rest if one.use.role == "tool" and _many_inserts(one))[:1]
+        return tuple(one for one in (*rest, *labels) if one.use.role == "tool" and _many_inserts(one))[:1]
     return ()
 
 
@@ -218,7 +219,9 @@ def _numbers_inserts(one: _Labels) -> bool:
 
 
 def _many_inserts(one: _Labels) -> bool:
-    return len(one.names) >= SURE and is_numbering(one.names)
+    """Whether a column numbers inserts: many of several rows, or one for each row, as in a table of tool lives."""
+    least = SURE if one.several else max(FEWEST_LIVES, NEARLY * len(one.codes))
+    return len(one.names) >= least and is_numbering(one.names)
 
 
 def _edges_are(draft: Draft, chosen: tuple[_Labels, ...], by_name: _Labels | None) -> None:

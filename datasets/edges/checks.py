@@ -71,7 +71,9 @@ def check_edges(draft: Draft) -> None:
 
 
 def _of_no_time(draft: Draft, edges: EdgeRows, numbers: dict[str, Array]) -> Iterator[Doubt]:
-    """Wear that rises along the edges while no column is the time."""
+    """Wear that rises along the edges while no column is the time or the length of cut."""
+    if any(role in numbers and np.ptp(numbers[role]) > 0 for role in ("lf", "lc")):
+        return
     wear = next((role for role in numbers if ROLES[role].kind == "wear"), None)
     if wear is None or len(edges.order) < 3 * len(edges.first):
         return

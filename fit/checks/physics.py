@@ -2,16 +2,11 @@
 
 The 95 % interval of an exponent is compared with the range, never the estimate alone: an interval that reaches the
 range is no evidence against the law. Ranges are wide, since work, tool and wear criterion move the exponents.
-
-Sources. Wear: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006 (V .577, f .168, d .248, t .245), and the milling data
-of NASA Ames (f .32, d .63, t .79); life: Taylor 1907, with n of high-speed steel .08 to .20, carbide .20 to .30 (coated
-to .5) and ceramic .40 to .60. Main force and power: Kienzle 1952, exponent of f equal to 1 - mc with mc .20 to .27,
-Tabellenbuch Zerspantechnik 2022; feed force 1 - mf .2 to .5, passive force 1 - mp .4 to .6. Roughness: f^2 / (8 r) of
-the geometry is the exponent 2. Limits beyond the usual are judgement.
+A law
+of another form is judged by its exponents at the middle of the rows. Ranges and their sources: ``exponent_ranges``.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -25,121 +20,18 @@ from ...datasets.plausibility.ranges import Plausible, plausible
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from ..life import ANY_TOOL, usual_taylor_n
 from .check import Check
+from .exponent_ranges import SAME, Exponent, Range, local_exponents, usual_exponents
 from .missing_factors import WEAR
 from .strata import NO_ROWS
 
-Range = tuple[float, float]
 Found = tuple[int, str]  # contribution to the verdict, and the sentence
 
 
-@dataclass(frozen=True, slots=True)
-class Exponent:
-    """Usual range of an exponent, limits beyond which it is doubted, and the sign that it must have (0: either)."""
-
-    usual: Range
-    limits: Range
-    sign: int = 0
-
-
-_NO_TREND = Exponent((-0.1, 0.3), (-0.5, 0.8))  # of time in a law that may contain wear
-_WEAR = {
-    "V": Exponent((0.3, 3), (0.25, 5), 1),
-    "f": Exponent((0, 1), (0, 1.5)),
-    "d": Exponent((0, 1), (0, 1.5)),
-    "ae": Exponent((0, 1), (0, 1.5)),
-    "t": Exponent((0.2, 1.2), (0.05, 2), 1),
-}
-_LIFE = {
-    "V": Exponent((-8, -1.5), (-15, -0.8), -1),
-    "f": Exponent((-2, -0.5), (-4, 0)),
-    "d": Exponent((-1, -0.1), (-3, 0)),
-}
-_MAIN = {
-    "V": Exponent((-0.3, 0.1), (-0.6, 0.4)),
-    "f": Exponent((0.6, 1), (0.4, 1.2), 1),
-    "d": Exponent((0.85, 1.1), (0.5, 1.4), 1),
-    "ae": Exponent((0.3, 1.1), (0, 1.5), 1),
-    "t": _NO_TREND,
-    "wear": Exponent((0, 1), (0, 1.5)),
-}
-_POWER = _MAIN | {  # of the drive, which also runs idle, exponents are smaller than of the cut
-    "V": Exponent((0.7, 1.1), (0.2, 1.5), 1),
-    "f": Exponent((0.6, 1), (0.2, 1.2), 1),
-    "d": Exponent((0.8, 1.1), (0.2, 1.4), 1),
-    "wear": Exponent((0, 0.6), (0, 1.2)),
-}
-_COMPONENT = _MAIN | {  # of a direction that the symbol does not name: main, feed or passive force
-    "V": Exponent((-0.5, 0.1), (-1, 0.5)),
-    "f": Exponent((0.2, 1), (0, 1.3), 1),
-    "d": Exponent((0.3, 1.3), (0, 2), 1),
-    "wear": Exponent((0, 1), (0, 2)),
-}
-_FEED = _COMPONENT | {"f": Exponent((0.2, 0.5), (0, 0.9), 1), "d": Exponent((0.8, 1.3), (0.3, 2), 1)}
-_PASSIVE = _COMPONENT | {"f": Exponent((0.4, 0.6), (0.1, 1), 1), "d": Exponent((0.2, 1), (-0.3, 1.4))}
-_ROUGHNESS = {
-    "V": Exponent((-0.6, 0.2), (-1.5, 1)),
-    "f": Exponent((0.5, 2), (0, 3)),
-    "d": Exponent((-0.2, 0.5), (-1, 1)),
-}
-_TABLE: Mapping[str, Mapping[str, Exponent]] = {
-    **dict.fromkeys(WEAR, _WEAR),
-    "T": _LIFE,
-    "Fc": _MAIN,
-    "M": _MAIN | {"V": Exponent((-0.3, 0.1), (-0.6, 0.6))},
-    "Ff": _FEED,
-    "Fp": _PASSIVE,
-    **dict.fromkeys(("F", "Fx", "Fy", "Fz", "Fxz"), _COMPONENT),
-    "P": _POWER,
-    **dict.fromkeys(("Ra", "Rz"), _ROUGHNESS),
-}
-_SAME = {"n": "V", "fz": "f", "fm": "f", **dict.fromkeys(WEAR, "wear")}  # factors with the range of another
-
-
-def usual_exponents(
-    response: str, factors: tuple[str, ...], process: Process | None = None, tool: str = ""
-) -> dict[str, Exponent]:
-    """Ranges of the exponents of a response by factor, for those factors that have one.
-
-    That of the speed in wear and life follows Taylor's n, where the name of the tool states its material. Beside a
-    feed rate the exponent of the speed is that at a constant feed rate, which has no usual range; the depth in
-    drilling is that of the hole.
-
-    Examples
-    --------
-    >>> usual_exponents("Fc", ("f", "D"))["f"].usual, usual_exponents("P", ("V", "d"), "drilling").keys()
-    ((0.6, 1), dict_keys(['V']))
-    >>> usual_exponents("T", ("V",), tool="HSS")["V"].usual
-    (-12.5, -5.0)
-    """
-    ranges = {**_TABLE.get(response, {}), **_of_tool(response, tool)}
-    if process == "grinding":
-        ranges = {name: one for name, one in ranges.items() if name == "t"}
-    without = {"d"} if process == "drilling" else set()
-    if "fm" in factors:
-        without |= {"V", "n"}
-    named = {name: _SAME.get(name, name) for name in factors if name not in without}
-    return {name: ranges[same] for name, same in named.items() if same in ranges}
-
-
-def _of_tool(response: str, tool: str) -> dict[str, Exponent]:
-    """Exponent of the speed by the material of the tool: -1/n in life, k/n in wear on t^k."""
-    n = usual_taylor_n(tool)
-    if n.material == ANY_TOOL or response not in (*WEAR, "T"):
-        return {}
-    if response == "T":
-        return {"V": Exponent(_negative_inverse(n.usual), _negative_inverse(n.limits), -1)}
-    low, high = (_WEAR["t"].usual[0] / n.usual[1], _WEAR["t"].usual[1] / n.usual[0])
-    return {"V": Exponent((round(low, 2), round(high, 1)), (low / 2, 1.5 * high), 1)}
-
-
-def _negative_inverse(ends: Range) -> Range:
-    return -1 / ends[0], -1 / ends[1]
-
-
 def exponents(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable | None:
-    """Signs and ranges of the exponents of a power law, the slope of a feed line or an exponential; None for others.
+    """Signs and ranges of the exponents of a law, at the middle of its rows where it is no power law.
+
+    Of a feed line, and of roughness as an exponential of the force, the sign of the slope.
 
     Examples
     --------
@@ -148,11 +40,11 @@ def exponents(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable | N
     >>> exponents(law).concern
     0
     """
-    if law.form not in ("power", *SLOPES):
-        return None
     if law.no_interval:
         return NotAvailable(law.no_interval)
-    return _exponents(law, runs) if law.form == "power" else _slope(law)
+    if law.form in SLOPES and len(law.factors) == 1 and law.factors[0] not in SAME:
+        return _slope(law)
+    return _slope(law) if law.form == "feed_line" else _exponents(law, runs)
 
 
 def _exponents(law: LawFit, runs: Runs | None) -> Check | NotAvailable:
@@ -161,12 +53,22 @@ def _exponents(law: LawFit, runs: Runs | None) -> Check | NotAvailable:
     ranges = usual_exponents(law.response, law.factors, process, tool)
     if not ranges:
         return NotAvailable(f"no usual exponents of {law.response} in {where} are listed")
-    ends = law.conf_int()
-    intervals = {name: (float(law.params[name]), float(ends.low[name]), float(ends.high[name])) for name in ranges}
-    said = [_judged(law.response, name, one, intervals[name]) for name, one in ranges.items()]
+    intervals = _intervals(law)
+    if isinstance(intervals, NotAvailable):
+        return intervals
+    ranges = {name: one for name, one in ranges.items() if name in intervals}
+    said = [_judged(law, name, one, intervals[name]) for name, one in ranges.items()]
     null = f"the interval of each exponent reaches the range usual in {where}"
     found = list(filter(None, [*said, _feed_above_speed(law, ranges)]))
     return _check(null, found, _passed(ranges, intervals, where))
+
+
+def _intervals(law: LawFit) -> dict[str, tuple[float, float, float]] | NotAvailable:
+    """Exponent of each factor and the ends of its interval."""
+    if law.form == "power":
+        ends = law.conf_int()
+        return {name: (float(law.params[name]), float(ends.low[name]), float(ends.high[name])) for name in law.factors}
+    return NotAvailable(NO_ROWS) if law.rows is None else local_exponents(law)
 
 
 def _passed(ranges: Mapping[str, Exponent], intervals: Mapping[str, tuple[float, float, float]], where: str) -> str:
@@ -192,19 +94,20 @@ def _check(null: str, found: list[Found], passed: str) -> Check:
     )
 
 
-def _judged(response: str, name: str, one: Exponent, interval: tuple[float, float, float]) -> Found | None:
+def _judged(law: LawFit, name: str, one: Exponent, interval: tuple[float, float, float]) -> Found | None:
     """What an exponent with its interval (estimate, low, high) says against the law."""
-    b, low, high = interval
+    response, (b, low, high) = law.response, interval
+    where = "" if law.form == "power" else " at the middle of the tests"
     numbers = f"{b:.2g}, 95 % interval {low:.2g} to {high:.2g}"
     if one.sign and (high < 0 if one.sign > 0 else low > 0):
         moves, should = ("falls", "rise") if one.sign > 0 else ("rises", "fall")
-        why = _WRONG_SIGN.get((response in WEAR, _SAME.get(name, name)), "the columns, their units and signs")
-        return 2, f"{response} {moves} with {name} (exponent {numbers}) where it must {should}: check {why}."
+        why = _WRONG_SIGN.get((response in WEAR, SAME.get(name, name)), "the columns, their units and signs")
+        return 2, f"{response} {moves} with {name}{where} (exponent {numbers}) where it must {should}: check {why}."
     if one.limits[0] <= high and low <= one.limits[1]:
         return None
     return 1, (
-        f"The exponent of {name} in {response} is unusual ({numbers}; usual {_range(one.usual)}): check the columns "
-        "and units, and whether other conditions varied together with it."
+        f"The exponent of {name} in {response}{where} is unusual ({numbers}; usual {_range(one.usual)}): check the "
+        "columns and units, and whether other conditions varied together with it."
     )
 
 
@@ -224,7 +127,7 @@ def _feed_above_speed(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | No
 
     speed = next(filter(ranges.__contains__, ("V", "n")), None)
     feed = next(filter(ranges.__contains__, ("f", "fz")), None)
-    if law.response not in (*WEAR, "T") or speed is None or feed is None:
+    if law.form != "power" or law.response not in (*WEAR, "T") or speed is None or feed is None:
         return None
     sign = -1 if law.response == "T" else 1
     at = [law.names.index(name) for name in (speed, feed)]

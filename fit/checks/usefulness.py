@@ -6,10 +6,12 @@ from ...core.arrays import Array
 from ...core.rounding import format_decimal
 from ...datasets import Runs
 from ...datasets.doubts import Doubt
+from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from .check import Check
+from .missing_factors import WEAR
 from .strata import has_repeated_edges, no_scatter
 
 LEAST_R2, LOW_R2 = 0.1, 0.3  # below which a law is not used, or used with reservations
@@ -132,6 +134,12 @@ def _scatter(law: LawFit) -> tuple[float, str]:
     )
 
 
+CLOCKS = ("t", "lf", "lc")
+SET = ("condition", "other")  # kinds of quantities that are set, not measured
+# Least share of different settings among rows that are runs of their own; wear repeats a setting along its edge.
+SETTINGS_OF_RUNS, SETTINGS_OF_WEAR = 0.5, 1.0
+
+
 def number_of_edges(law: LawFit, runs: Runs | None = None) -> Check:
     """Whether the edges of a law are named, and enough of them for inference by edge.
 
@@ -141,14 +149,27 @@ def number_of_edges(law: LawFit, runs: Runs | None = None) -> Check:
     >>> number_of_edges(fit.power_law(datasets.read_runs(datasets.bundled("surf_table1")), "F", ["f"])).verdict[:36]
     'No edge is named: rows of an edge ar'
     """
+    null = f"rows are of at least {FEW_EDGES} named edges, or each is a run of its own"
+    if each_row_a_run(law, runs):
+        words = "Each row is taken as an independent run: the file has no time in cut, and names no edges."
+        return Check(null=null, statistic=0.0, symbol="edges", verdict=words)
     few = _few_edges(law, runs)
     return Check(
-        null=f"rows are of at least {FEW_EDGES} named edges",
+        null=null,
         statistic=float(law.n_edges or 0),
         symbol="edges",
         concern=int(bool(few)),
         verdict=few or f"The rows are of {law.n_edges} named edges.",
     )
+
+
+def each_row_a_run(law: LawFit, runs: Runs | None) -> bool:
+    """Whether rows without edges are runs of their own: no time or length of cut, and settings that hardly repeat."""
+    if runs is None or law.rows is None or law.n_edges is not None or any(map(runs.has, CLOCKS)):
+        return False
+    were_set = [j for j, name in enumerate(law.factors) if name not in ROLES or ROLES[name].kind in SET]
+    settings = len(np.unique(law.X[:, were_set], axis=0)) if were_set else 0
+    return settings >= (SETTINGS_OF_WEAR if law.response in WEAR else SETTINGS_OF_RUNS) * law.nobs
 
 
 def _few_edges(law: LawFit, runs: Runs | None) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...core.errors import UsageError
 from ...datasets.runs import UNNAMED
 from ..edges import SAME
-from ..rows import CONSTANT, FEWEST
+from ..rows import CONSTANT, FEWEST, HARDLY
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -197,7 +197,8 @@ def screen(rows: PairRows) -> Screening:
     level = rows.logs[:k, first].T
     share = reach[:k].T / np.maximum(1.0, np.abs(level))
     constant = share <= CONSTANT
-    close = ((share > CONSTANT / MARGIN) & (share < CONSTANT * MARGIN)).any(axis=1)
+    hardly = ~constant & (reach[:k].T < MARGIN * HARDLY)
+    close = (((share > CONSTANT / MARGIN) & (share < CONSTANT * MARGIN)) | hardly).any(axis=1)
     copied = (np.add.reduceat(~about.any(axis=0), starts) > 1) & (counts >= 2 * FEWEST)
     p = 1 + k - constant.sum(axis=1)
     found.plain[here] = (counts > p) & (p > 1) & (reach[k] > 0) & ~close & ~copied

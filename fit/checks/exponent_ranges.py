@@ -1,0 +1,217 @@
+"""Usual ranges of the exponents of cutting laws, by response, factor, process and tool.
+
+Sources. Wear: Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006 (V .577, f .168, d .248, t .245), and the milling data
+of NASA Ames (f .32, d .63, t .79; current f .40, d .51, VB .31); life: Taylor 1907, with n of high-speed steel .08 to
+.20, carbide .20 to .30 (coated to .5) and ceramic .40 to .60. Main force and power: Kienzle 1952, exponent of f equal
+to 1 - mc with mc .20 to .27, Tabellenbuch Zerspantechnik 2022; feed force 1 - mf .2 to .5, passive force 1 - mp .4 to
+.6. Drilling: torque as D^1.9 f^.8 and thrust as D f^.7 (Shaw & Oxford 1957). Roughness: f^2 / (8 r) of the geometry
+is the exponent 2 of f and -1 of the nose radius. Temperature: .5 of V and .3 of f by dimensional analysis (Shaw, Metal
+Cutting Principles, ch. 12), less where heat is lost. Limits beyond the usual, and what has no source, are judgement.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...datasets.options import Process
+from ..lawfit import LawFit
+from ..life import ANY_TOOL, usual_taylor_n
+from .missing_factors import WEAR
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Exponent:
+    """Usual range of an exponent, limits beyond which it is doubted, and the sign that it must have (0: either)."""
+
+    usual: Range
+    limits: Range
+    sign: int = 0
+
+
+_NO_TREND = Exponent((-0.1, 0.3), (-0.5, 0.8))  # of time in a law that may contain wear
+_WEAR = {
+    "V": Exponent((0.3, 3), (0.25, 5), 1),
+    "f": Exponent((0, 1), (0, 1.5)),
+    "d": Exponent((0, 1), (0, 1.5)),
+    "ae": Exponent((0, 1), (0, 1.5)),
+    "t": Exponent((0.2, 1.2), (0.05, 2), 1),
+}
+_LIFE = {
+    "V": Exponent((-8, -1.5), (-15, -0.8), -1),
+    "f": Exponent((-2, -0.5), (-4, 0)),
+    "d": Exponent((-1, -0.1), (-3, 0)),
+    "ae": Exponent((-1, 0), (-3, 0.3)),
+}
+_MAIN = {
+    "V": Exponent((-0.3, 0.1), (-0.6, 0.4)),
+    "f": Exponent((0.6, 1), (0.4, 1.2), 1),
+    "d": Exponent((0.85, 1.1), (0.5, 1.4), 1),
+    "ae": Exponent((0.3, 1.1), (0, 1.5), 1),
+    "t": _NO_TREND,
+    "wear": Exponent((0, 1), (0, 1.5)),
+}
+_POWER = _MAIN | {  # of the drive, which also runs idle, exponents are smaller than of the cut
+    "V": Exponent((0.7, 1.1), (0.2, 1.5), 1),
+    "f": Exponent((0.6, 1), (0.2, 1.2), 1),
+    "d": Exponent((0.8, 1.1), (0.2, 1.4), 1),
+    "wear": Exponent((0, 0.6), (0, 1.2)),
+}
+_COMPONENT = _MAIN | {  # of a direction that the symbol does not name: main, feed or passive force
+    "V": Exponent((-0.5, 0.1), (-1, 0.5)),
+    "f": Exponent((0.2, 1), (0, 1.3), 1),
+    "d": Exponent((0.3, 1.3), (0, 2), 1),
+    "wear": Exponent((0, 1), (0, 2)),
+}
+_FEED = _COMPONENT | {"f": Exponent((0.2, 0.5), (0, 0.9), 1), "d": Exponent((0.8, 1.3), (0.3, 2), 1)}
+_PASSIVE = _COMPONENT | {"f": Exponent((0.4, 0.6), (0.1, 1), 1), "d": Exponent((0.2, 1), (-0.3, 1.4))}
+_ROUGHNESS = {
+    "V": Exponent((-0.6, 0.2), (-1.5, 1)),
+    "f": Exponent((0.5, 2), (0, 3)),
+    "d": Exponent((-0.2, 0.5), (-1, 1)),
+    "re": Exponent((-1.2, 0), (-2, 0.6)),
+}
+_TEMPERATURE = {
+    "V": Exponent((0.1, 0.6), (0, 1), 1),
+    "f": Exponent((0.05, 0.4), (-0.2, 0.8)),
+    "d": Exponent((0, 0.2), (-0.3, 0.6)),
+    "t": Exponent((0, 0.3), (-0.3, 0.8)),
+    "wear": Exponent((0, 0.4), (-0.2, 1)),
+}
+_CURRENT = {  # of a drive, which also runs idle; below its rated speed it follows the torque, above it the power
+    "V": Exponent((0, 1), (-0.5, 1.5)),
+    "f": Exponent((0.2, 1), (0, 1.2), 1),
+    "d": Exponent((0.2, 1.1), (0, 1.4), 1),
+    "ae": Exponent((0.2, 1.1), (0, 1.5), 1),
+    "wear": Exponent((0, 0.6), (0, 1.2)),
+}
+_THRUST = {"f": Exponent((0.5, 0.9), (0.2, 1.3), 1), "D": Exponent((0.8, 1.2), (0.3, 2), 1)}
+_DRILLING: Mapping[str, Mapping[str, Exponent]] = {
+    "M": {"f": Exponent((0.6, 1), (0.3, 1.3), 1), "D": Exponent((1.6, 2.1), (1, 2.8), 1)},
+    "P": {"D": Exponent((0.6, 1.2), (0, 2), 1)},
+    **dict.fromkeys(("F", "Fz", "Fxz", "Ff"), _THRUST),
+}
+_TABLE: Mapping[str, Mapping[str, Exponent]] = {
+    **dict.fromkeys(WEAR, _WEAR),
+    "T": _LIFE,
+    "Fc": _MAIN,
+    "M": _MAIN | {"V": Exponent((-0.3, 0.1), (-0.6, 0.6))},
+    "Ff": _FEED,
+    "Fp": _PASSIVE,
+    **dict.fromkeys(("F", "Fx", "Fy", "Fz", "Fxz"), _COMPONENT),
+    "P": _POWER,
+    **dict.fromkeys(("Ra", "Rz"), _ROUGHNESS),
+    "theta": _TEMPERATURE,
+    "I": _CURRENT,
+}
+_LENGTHS = {"lf": "t", "lc": "t"}
+SAME = {
+    "n": "V",
+    "fz": "f",
+    "fm": "f",
+    "Dc": "D",
+    **_LENGTHS,
+    **dict.fromkeys(WEAR, "wear"),
+}  # factors with the range of another
+
+
+def usual_exponents(
+    response: str, factors: tuple[str, ...], process: Process | None = None, tool: str = ""
+) -> dict[str, Exponent]:
+    """Ranges of the exponents of a response by factor, for those factors that have one.
+
+    That of the speed in wear and life follows Taylor's n, where the name of the tool states its material. Beside a
+    feed rate the exponent of the speed is that at a constant feed rate, which has no usual range, nor have speed and
+    feed in wear after a length of cut; the depth in drilling is that of the hole.
+
+    Examples
+    --------
+    >>> usual_exponents("Fc", ("f", "D"))["f"].usual, usual_exponents("P", ("V", "d"), "drilling").keys()
+    ((0.6, 1), dict_keys(['V']))
+    >>> usual_exponents("T", ("V",), tool="HSS")["V"].usual
+    (-12.5, -5.0)
+    """
+    drilled = process == "drilling" or (process is None and "d" not in factors and {"D", "Dc"} & set(factors))
+    of_drilling = _DRILLING.get(response, {}) if drilled else {}
+    ranges = {**_TABLE.get(response, {}), **_of_tool(response, tool), **of_drilling}
+    if process == "grinding":
+        ranges = {name: one for name, one in ranges.items() if name == "t"}
+    without = _without_range(response, factors, process)
+    named = {name: SAME.get(name, name) for name in factors if name not in without}
+    return {name: ranges[same] for name, same in named.items() if same in ranges}
+
+
+def _without_range(response: str, factors: tuple[str, ...], process: Process | None) -> set[str]:
+    """Factors that mean something else in these tests than in those of the usual ranges."""
+    without = {"d"} if process == "drilling" else set[str]()
+    if "fm" in factors:
+        without |= {"V", "n"}
+    if response in WEAR and not _LENGTHS.keys().isdisjoint(factors):
+        without |= {"V", "n", "f", "fz", "fm"}
+    return without
+
+
+def _of_tool(response: str, tool: str) -> dict[str, Exponent]:
+    """Exponent of the speed by the material of the tool: -1/n in life, k/n in wear on t^k."""
+    n = usual_taylor_n(tool)
+    if n.material == ANY_TOOL or response not in (*WEAR, "T"):
+        return {}
+    if response == "T":
+        return {"V": Exponent(_negative_inverse(n.usual), _negative_inverse(n.limits), -1)}
+    low, high = (_WEAR["t"].usual[0] / n.usual[1], _WEAR["t"].usual[1] / n.usual[0])
+    return {"V": Exponent((round(low, 2), round(high, 1)), (low / 2, 1.5 * high), 1)}
+
+
+def _negative_inverse(ends: Range) -> Range:
+    return -1 / ends[0], -1 / ends[1]
+
+
+STEP = 1e-4  # of the logarithm of a factor, and of a coefficient relative to its standard error
+
+
+def local_exponents(law: LawFit, level: float = 0.95) -> dict[str, tuple[float, float, float]]:
+    """Exponent d ln R/d ln X of each factor at the middle of the rows, with the ends of its interval (delta method).
+
+    Those of a power law are its coefficients. Factors whose middle is zero, and laws that are not above zero there,
+    have none.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
+    >>> [round(b, 3) for b, _, _ in local_exponents(law).values()] == law.params.round(3).tolist()[1:]
+    True
+    """
+    from scipy.special import stdtrit
+
+    form, theta = law.formula, law.theta
+    X = law.X
+    middle = np.array([np.exp(np.log(x).mean()) if log else x.mean() for x, log in zip(X.T, form.logs, strict=True)])
+    cov = law.covariance()
+    se = np.sqrt(np.diag(cov))
+
+    def slopes(at: Array) -> Array:
+        """Exponents of the k factors for coefficients ``at``, shape (k,)."""
+        up, down = (middle * np.exp(np.diag(np.full(len(middle), sign * STEP))) for sign in (1, -1))
+        ends = [form.response_at(at, _without_shifts(law, form.design(points))) for points in (up, down)]
+        with np.errstate(all="ignore"):
+            return np.asarray((np.log(ends[0]) - np.log(ends[1])) / (2 * STEP), dtype=np.float64)
+
+    b = slopes(theta)
+    steps = np.where(se > 0, se, 0.0) * STEP
+    J = np.column_stack(
+        [(slopes(theta + h * e) - slopes(theta - h * e)) / (2 * h) if h else np.zeros(len(b))
+         for h, e in zip(steps, np.eye(len(theta)), strict=True)]
+    )  # fmt: skip
+    half = stdtrit(max(law.df, 1), (1 + level) / 2) * np.sqrt(np.einsum("ij,jk,ik->i", J, cov, J))
+    found = zip(law.factors, b, half, middle, strict=True)
+    return {name: (float(e), float(e - w), float(e + w)) for name, e, w, x in found if x > 0 and np.isfinite(e + w)}
+
+
+def _without_shifts(law: LawFit, Z: Array) -> Array:
+    """A design at the level of reference of the category, with as many columns as the law has coefficients."""
+    return np.hstack([Z, np.zeros((len(Z), len(law.theta) - Z.shape[1]))])
