@@ -1,6 +1,7 @@
 """Terminal output of the main job and of an identification, from the same parts as the card."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,9 +10,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from ..core.display import TextTable
+from ..core.display import TextTable, display_of
 from ..core.verdict import USABLE, Verdict
 from ..datasets import Runs
+from ..fit import LawFit
+from ..fit.available import computed
 from ..fit.defaults import Refused
 from ..fit.display import forms_table, predictions_table
 from ..fit.form_comparison import FormComparison
@@ -105,6 +108,24 @@ def comparison_block(comparisons: "Sequence[StatsmodelsComparison]") -> Renderab
     head.append(f"   largest relative difference {largest:.1e}, limit {TOLERANCE:.0e}" if rows else "", "not bold")
     table = [_table(TextTable(("law", "compared", "relative difference"), rows))] if rows else []
     return _block(head, *table, *_texts(missing))
+
+
+def surface_blocks(laws: Sequence[LawFit]) -> list[RenderableType]:
+    """Terms of each law of second order with their own error terms and tests, and its canonical analysis."""
+    from ..fit.surface import display, surfaces  # noqa: F401  registers the display
+
+    blocks = []
+    for law in laws:
+        if law.formula.first_order or law.rows is None:
+            continue
+        found = computed(partial(surfaces.surface_of, law))
+        if isinstance(found, surfaces.ResponseSurface):
+            shown = display_of(found)
+            table = [] if shown.table is None else [_table(shown.table)]
+            facts = [Text(f"{name}: {value}", style="dim") for name, value in shown.facts]
+            said = [words for words in shown.sentences if words not in law.notes]
+            blocks.append(_block(Text(f"{law.response}  tests of its terms", "bold"), *table, *facts, *_texts(said)))
+    return blocks
 
 
 def forms_block(found: FormComparison) -> RenderableType:

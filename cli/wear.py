@@ -179,6 +179,8 @@ def _show(pair: "PairAnalysis", folder: "Folder | None", args: argparse.Namespac
     elif not args.json:
         for block in terminal.pair_blocks(pair.runs, pair.parameters, pair.refused, partial(corrected, args.words)):
             out.show(block)
+        for block in terminal.surface_blocks(pair.laws):
+            out.show(block)
         if pair.no_life:
             out.show(pair.no_life)
     if pair.comparisons and not args.json:

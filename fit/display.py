@@ -33,7 +33,7 @@ ERRORS = {"multiplicative": "multiplicative errors (log scale)", "additive": "ad
 def equation(law: "LawFit") -> str:
     """The law with its coefficients, each rounded by its standard error."""
     params, bse = law.params, law.bse
-    c = [_rounded(float(v), float(s)) for v, s in zip(params, bse, strict=True)][: 1 + len(law.factors)]
+    c = [_rounded(float(v), float(s)) for v, s in zip(params, bse, strict=True)][: len(law.formula.names)]
     left = with_unit(law.response, law.units.get(law.response, ""))
     return f"{left} = {law.formula.equation(c)}"
 

@@ -1,22 +1,28 @@
-"""Forms of a law that a user can choose by name, and the fit of a law in one of them."""
+"""Forms of a law that a user can choose by name, the fit of a law in one of them, and its AICc on one scale."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.arrays import Array
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..core.suggestions import did_you_mean
 from ..datasets import Runs
 from ..datasets.vocabulary import ROLES
+from .available import NotAvailable
 from .censored_lives import life_law, lives_of
+from .checks.strata import Codes, units_of
+from .edges import changes_within
 from .lawfit import LawFit
 from .laws import Error
 from .regression import fit_form
 
+ICCS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49)])  # shares of the variance between edges
 ALL = "*"  # stands for the responses that are not named
 LIFE = "T"
+REDUCED = "second-order-reduced"
 WEAR_LAST = ("power_exponential", "additive_wear")  # forms in which the last factor enters as it is
 CHIP = ("f", "d")  # chip thickness and width of a specific cutting force, turning
 Unsuited = Callable[[str, tuple[str, ...]], str]  # reason why a form is none of a response on factors, or ""
@@ -101,6 +107,17 @@ def _power(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by
     return _of("power")(runs, response, factors, error, by)
 
 
+def _reduced(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by: str | None) -> LawFit:
+    """Second order in logarithms with the terms that AICc chooses."""
+    from .surface.surfaces import response_surface
+
+    if response == LIFE:
+        _refuse_bounds(runs, "second_order")
+    if error != "multiplicative":
+        raise FitError(f"{response}: terms are selected with multiplicative errors. Leave --error out.")
+    return response_surface(runs, response, factors, model="reduced", blocks=by).law
+
+
 def _refuse_bounds(runs: Runs, form: str) -> None:
     """Refuse lives of which some are known by a bound alone: only the power law of tool lives counts them."""
     side = lives_of(runs).side
@@ -120,6 +137,7 @@ CHOICES: Mapping[str, FormChoice] = {
         FormChoice(
             "second-order", "ln R = polynomial of degree 2 in ln X", "second_order", _any, _of("second_order")
         ),
+        FormChoice(REDUCED, "second order with the terms that AICc chooses", "second_order", _any, _reduced),
         FormChoice(
             "second-order-original", "R = polynomial of degree 2 in X", "second_order_original", _any,
             _of("second_order_original"),
@@ -182,3 +200,69 @@ def fit_in_form(
     if reason := chosen.unsuited(response, tuple(factors)):
         raise FitError(f"{response} in the form {chosen.name}: {reason}. Choose another form with --form.")
     return chosen.fitted(runs, response, tuple(factors), error, by)
+
+
+def aicc(law: LawFit) -> float | NotAvailable:
+    """AICc of a law on the scale of its response, with a random level of each edge and a correction for each stratum.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("ac2017_table1"))
+    >>> round(aicc(fit.power_law(runs, "AW", ["V", "f"])), 2)
+    -433.06
+    """
+    Z, p = law.gradient, n_estimated(law)
+    codes = units_of(law)[1]
+    G, n = int(codes.max()) + 1, law.nobs
+    strata = [(n, p)]
+    if 1 < G < n:
+        within = int(changes_within(law.design, codes).sum())
+        strata = [(G, p - within), (n - G, within)]
+    else:
+        codes = np.arange(n)
+    penalty = 0.0
+    for m, coefficients in strata:
+        k = coefficients + 1
+        if m - k - 1 <= 0:
+            what = "edges" if len(strata) > 1 and m == G else "rows"
+            return NotAvailable(f"{m} {what} are too few for AICc of {coefficients} coefficients")
+        penalty += 2 * k + 2 * k * (k + 1) / (m - k - 1)
+    jacobian = float(np.log(law.observed).sum()) if law.error == "multiplicative" else 0.0
+    return float(penalty - 2 * (log_likelihood(Z, law.residuals, codes) - jacobian))
+
+
+def n_estimated(law: LawFit) -> int:
+    """Number of coefficients that were estimated, and not fixed by the form."""
+    return len(law.theta) - len(getattr(law.formula, "fixed", ()))
+
+
+def log_likelihood(Z: Array, y: Array, codes: Codes) -> float:
+    """Largest log-likelihood of ``y = Z b + u_unit + e`` with a normal random level u of each unit.
+
+    Parameters
+    ----------
+    Z : ndarray, shape (n, p)
+    y : ndarray, shape (n,)
+    codes : ndarray of int, shape (n,)
+        Number of the unit of each row; with one row each the level is left out.
+    """
+    from scipy.optimize import minimize_scalar
+
+    n, m = len(y), np.bincount(codes)
+    both = np.column_stack([Z / np.maximum(np.linalg.norm(Z, axis=0), 1e-300), y])
+    means = np.column_stack([np.bincount(codes, weights=column) / m for column in both.T])[codes]
+
+    def negative(icc: float) -> float:
+        ratio = icc / (1 - icc)
+        turned = both - (1 - 1 / np.sqrt(1 + m * ratio))[codes, None] * means
+        left = abs(np.asarray(np.linalg.qr(turned, mode="r"))[-1, -1])
+        return float(n * (np.log(left) + np.log(2 * np.pi / n) / 2 + 0.5) + np.log1p(m * ratio).sum() / 2)
+
+    if len(m) == n:
+        return -negative(0.0)
+    values = [negative(float(icc)) for icc in ICCS]
+    i = int(np.argmin(values))
+    ends = float(ICCS[max(i - 1, 0)]), float(ICCS[min(i + 1, len(ICCS) - 1)])
+    found = minimize_scalar(negative, bounds=ends, method="bounded", options={"xatol": 1e-6})
+    return -min(float(found.fun), values[i])

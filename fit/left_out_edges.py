@@ -33,16 +33,17 @@ from .checks.competing_models import paired_difference, prediction_errors
 from .checks.judgement import judge
 from .checks.strata import Codes, even_choice, units_of
 from .defaults import fit_law
-from .edges import EdgeInference, changes_within
-from .form_choice import CHOICES, fit_in_form
+from .edges import EdgeInference
+from .form_choice import CHOICES, REDUCED, aicc, fit_in_form, n_estimated
 from .form_comparison import ComparedForm, FormComparison
 from .lawfit import LawFit
+from .least_squares import linear
 from .regression import refitted
 
 MOST_REFITS = 60  # edges of which each is left out by a new fit; of more, along the gradient
 MOST_FACTORS = 5  # whose corners are all looked at: at most 32 settings
 SAME = 1e-6  # relative difference of settings that are the same
-ICCS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49)])
+SELECTED = NotAvailable("its terms were selected by AICc, so that its own is too low")
 GRID = 15  # values of a factor between the ends of its range
 TURN = 0.02  # share of the response by which it falls and rises again over a factor
 
@@ -164,6 +165,9 @@ def _compared(
     logs = law.error == "multiplicative" and bool((base.observed > 0).all())
     shared = Shared(left_out, codes, icc, base.observed, logs)
     predicted = {name: _left_out(one, codes) for name, one in common.items()}
+    full = common.get("second-order")
+    if isinstance(predicted.get(REDUCED), np.ndarray) and isinstance(full, LawFit):
+        predicted[REDUCED] = _with_selection(full, codes)
     known = {name: found for name, found in predicted.items() if not isinstance(found, NotAvailable)}
     missing |= {name: found for name, found in predicted.items() if isinstance(found, NotAvailable)}
     if default not in known:
@@ -198,6 +202,28 @@ def _left_out(law: LawFit | NotAvailable, codes: Codes) -> Array | NotAvailable:
     return left_out_predictions(law, codes)
 
 
+def _with_selection(full: LawFit, codes: Codes) -> Array | NotAvailable:
+    """Predictions of left-out units where the terms of second order are selected anew without each unit.
+
+    Terms that were selected with the unit would make its prediction look better than that of a new edge.
+    """
+    from .surface.surfaces import surface_of
+    from .surface.term_selection import selected_terms
+
+    out = np.empty(full.nobs)
+    for g in range(int(codes.max()) + 1):
+        part = computed(partial(refitted, full, full.error, codes != g))
+        if isinstance(part, NotAvailable):
+            return part
+        chosen = selected_terms(part, surface_of(part).model)
+        terms = full.formula.terms
+        kept = [k for k, term in enumerate(terms, 1) if chosen is None or term.name in chosen.kept]
+        columns = [0, *kept, *range(1 + len(terms), len(full.theta))]
+        theta = linear(part.design[:, columns], np.log(part.observed)).params
+        out[codes == g] = np.exp(full.design[codes == g][:, columns] @ theta)
+    return out
+
+
 def _form(
     name: str, law: LawFit, common: LawFit | NotAvailable, predicted: Array, base: Array, shared: Shared
 ) -> ComparedForm:
@@ -215,7 +241,7 @@ def _form(
         difference=difference,
         standard_error=se,
         pvalue=p,
-        aicc=common if isinstance(common, NotAvailable) else aicc(common),
+        aicc=SELECTED if name == REDUCED else common if isinstance(common, NotAvailable) else aicc(common),
         verdict=_verdict(law),
     )
 
@@ -292,72 +318,6 @@ def left_out_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
     if law.error == "multiplicative":
         return np.asarray(law.observed * np.exp(-np.clip(missed, -700, 700)))
     return np.asarray(law.observed - missed)
-
-
-def aicc(law: LawFit) -> float | NotAvailable:
-    """AICc of a law on the scale of its response, with a random level of each edge and a correction for each stratum.
-
-    Examples
-    --------
-    >>> from fitmodels import datasets, fit
-    >>> runs = datasets.read_runs(datasets.bundled("ac2017_table1"))
-    >>> round(aicc(fit.power_law(runs, "AW", ["V", "f"])), 2)
-    -433.06
-    """
-    Z, p = law.gradient, n_estimated(law)
-    codes = units_of(law)[1]
-    G, n = int(codes.max()) + 1, law.nobs
-    strata = [(n, p)]
-    if 1 < G < n:
-        within = int(changes_within(law.design, codes).sum())
-        strata = [(G, p - within), (n - G, within)]
-    else:
-        codes = np.arange(n)
-    penalty = 0.0
-    for m, coefficients in strata:
-        k = coefficients + 1
-        if m - k - 1 <= 0:
-            what = "edges" if len(strata) > 1 and m == G else "rows"
-            return NotAvailable(f"{m} {what} are too few for AICc of {coefficients} coefficients")
-        penalty += 2 * k + 2 * k * (k + 1) / (m - k - 1)
-    jacobian = float(np.log(law.observed).sum()) if law.error == "multiplicative" else 0.0
-    return float(penalty - 2 * (log_likelihood(Z, law.residuals, codes) - jacobian))
-
-
-def n_estimated(law: LawFit) -> int:
-    """Number of coefficients that were estimated, and not fixed by the form."""
-    return len(law.theta) - len(getattr(law.formula, "fixed", ()))
-
-
-def log_likelihood(Z: Array, y: Array, codes: Codes) -> float:
-    """Largest log-likelihood of ``y = Z b + u_unit + e`` with a normal random level u of each unit.
-
-    Parameters
-    ----------
-    Z : ndarray, shape (n, p)
-    y : ndarray, shape (n,)
-    codes : ndarray of int, shape (n,)
-        Number of the unit of each row; with one row each the level is left out.
-    """
-    from scipy.optimize import minimize_scalar
-
-    n, m = len(y), np.bincount(codes)
-    both = np.column_stack([Z / np.maximum(np.linalg.norm(Z, axis=0), 1e-300), y])
-    means = np.column_stack([np.bincount(codes, weights=column) / m for column in both.T])[codes]
-
-    def negative(icc: float) -> float:
-        ratio = icc / (1 - icc)
-        turned = both - (1 - 1 / np.sqrt(1 + m * ratio))[codes, None] * means
-        left = abs(np.asarray(np.linalg.qr(turned, mode="r"))[-1, -1])
-        return float(n * (np.log(left) + np.log(2 * np.pi / n) / 2 + 0.5) + np.log1p(m * ratio).sum() / 2)
-
-    if len(m) == n:
-        return -negative(0.0)
-    values = [negative(float(icc)) for icc in ICCS]
-    i = int(np.argmin(values))
-    ends = float(ICCS[max(i - 1, 0)]), float(ICCS[min(i + 1, len(ICCS) - 1)])
-    found = minimize_scalar(negative, bounds=ends, method="bounded", options={"xatol": 1e-6})
-    return -min(float(found.fun), values[i])
 
 
 def turning_factors(law: LawFit) -> tuple[str, ...]:

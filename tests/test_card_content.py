@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards.content.card import compose
@@ -16,7 +17,9 @@ from fitmodels.cards.content.profiler import inside, profile, profile_all, profi
 from fitmodels.cards.content.uncertainty import of_law, statements
 from fitmodels.cards.content.windows import ENGAGEMENT
 from fitmodels.cards.folder import markdown
+from fitmodels.core.formula import FORMS
 from fitmodels.core.rounding import decimals
+from fitmodels.fit.regression import fit_form
 from fitmodels.ident.model import Model
 from fitmodels.parameters import collect, read, write
 from fitmodels.parameters.file import sealed
@@ -324,7 +327,11 @@ def test_the_settings_of_constant_load(files):
     assert facts["reference load I"].text == "0.24"
     assert facts["lower feed limit"].value == line.lower.value
     assert facts["lower feed limit, low end"].value == line.lower.interval.low
-    assert "feed line" in card.empty["profiler"]
+    (feed_line,) = card.profiler.laws
+    assert not feed_line.logarithmic
+    value, low, high = profile(feed_line, {"VB": 0.1})
+    assert value == pytest.approx(files["load line"].laws[feed_line.response].predict(VB=0.1), rel=EXACT)
+    assert low < value < high
 
 
 def test_engagement_and_monitoring_are_shown_with_their_units(files):
@@ -399,7 +406,8 @@ def test_every_picture_has_words_whatever_the_form_of_the_law(files, tmp_path):
         (tmp_path / "figures" / f"{name}.png").write_bytes(b"")
     told = {f.name: f for name in ("load line", "drive") for f in compose(files[name], folder=tmp_path).figures}
     load = compose(files["load line"], folder=tmp_path)
-    assert next(f for f in load.figures if f.name == "response_surfaces").alternative == load.laws[0].equation
+    said = next(f for f in load.figures if f.name == "response_surfaces").alternative
+    assert said.startswith("fm decreases from 996 mm/min (885 to 1110) at VB 0 mm to 574 mm/min")
     assert "overshoots by 4.3 %" in told["pi"].alternative
 
 
@@ -518,6 +526,33 @@ def test_the_profiler_computes_what_the_law_predicts(files, name, data):
         assert value == pytest.approx(law.predict(by, **at), rel=EXACT)
         assert (low, high) == pytest.approx(law.interval(0.95, "prediction", by, **at), rel=EXACT, abs=1e-12)
         assert inside(profiled(law, pf), at) == law.inside(by, **at)
+
+
+@pytest.mark.parametrize("error", ["multiplicative", "additive"])
+@pytest.mark.parametrize("form", list(FORMS))
+def test_a_law_of_every_form_is_profiled(form, error):
+    rng = np.random.default_rng(3)
+    V, f, VB = (rng.uniform(low, high, 60) for low, high in ((80, 250), (0.1, 0.4), (0.02, 0.3)))
+    force = (900 * f**0.7 * (V / 100) ** -0.1 + 800 * VB) * np.exp(0.05 * rng.standard_normal(60))
+    edges = [f"E{i // 3}" for i in range(60)]
+    runs = datasets.runs_from_frame(pd.DataFrame({"edge": edges, "V": V, "f": f, "VB": VB, "Fc": force}))
+    factors = {1: ["VB"], 2: ["f", "VB"], None: ["V", "f", "VB"]}[FORMS[form].n_factors]
+    law = fit_form(runs, form, "Fc", factors, error=error)
+    pf = parameters.collect(design=runs, laws=[law])
+    part = profiled(pf.laws["Fc"], pf)
+    for at in (
+        {"V": 100.0, "f": 0.2, "VB": 0.1},
+        {"V": 240.0, "f": 0.12, "VB": 0.29},
+        {"V": 300.0, "f": 0.05, "VB": 0.5},
+    ):
+        here = {name: at[name] for name in law.factors}
+        assert profile(part, here)[0] == pytest.approx(law.predict(here)[0], rel=EXACT)
+        ends = law.predict(here, "prediction")
+        assert profile(part, here)[1:] == pytest.approx((ends.low[0], ends.high[0]), rel=1e-7)
+        assert inside(part, here) == pf.laws["Fc"].inside(None, **here)
+    card = compose(pf)
+    assert card.profiler.laws[0].form == form
+    assert any(figure.name == "responses" for figure in card.figures)
 
 
 def test_an_exponential_law_is_profiled_too():

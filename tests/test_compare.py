@@ -8,8 +8,8 @@ import pytest
 import statsmodels.api as sm
 from fitmodels import cli, datasets, fit
 from fitmodels.core.errors import FitError, UsageError
-from fitmodels.fit.form_choice import CHOICES, form_named
-from fitmodels.fit.left_out_edges import aicc, compare_laws, left_out_predictions, log_likelihood
+from fitmodels.fit.form_choice import CHOICES, aicc, form_named, log_likelihood
+from fitmodels.fit.left_out_edges import compare_laws, left_out_predictions
 from fitmodels.fit.regression import fit_form, refitted
 from fitmodels.pipeline import FitOptions
 from statsmodels.tools import sm_exceptions
@@ -123,6 +123,18 @@ def test_a_form_that_predicts_less_than_nothing_is_named():
     assert np.isinf(found["linear"].percent)
     assert found.preferred.name == "exponential"
     assert any("linear predicts VB of zero or less" in words for words in found.remarks)
+
+
+def test_terms_are_selected_anew_without_each_edge():
+    """Of a true power law the terms selected with all edges look better than they predict a new one."""
+    runs = datasets.runs_from_frame(rows_of("power", seed=11))
+    found = compare_laws(runs, "VB ~ V, f, t", forms=["second-order", "second-order-reduced"])
+    reduced = found["second-order-reduced"]
+    codes = np.unique(reduced.law.edge, return_inverse=True)[1]
+    given = left_out_predictions(reduced.law, codes)
+    assert reduced.error > np.sqrt(np.mean(np.log(reduced.law.observed / given) ** 2))
+    assert reduced.weight == 0
+    assert any("terms were selected by AICc" in words for words in found.remarks)
 
 
 def test_names_of_forms():

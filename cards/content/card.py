@@ -85,7 +85,6 @@ def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
     """Field of the card -> the reason in a sentence, for each that is empty."""
     tune = "fitmodels tune params.json." if pf.dynamics else "identify dynamics first: fitmodels ident run.csv."
     laws = "" if pf.laws else " and no laws"
-    forms = ", ".join(sorted({law.form.replace("_", " ") for law in pf.laws.values() if not law.logarithmic}))
     reasons = {
         "design": "The file does not describe its tests: it was written by hand or by an earlier version; fit the data "
         "again." if pf.laws else "There are no cutting tests behind this file.",
@@ -96,9 +95,8 @@ def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
         "gains": f"No gains were tuned; {tune}",
         "windows": f"The file holds no limits of power, force or wear{laws}, so there is no operating window; add "
         "them with fitmodels limits params.json.",
-        "figures": "There are no figures: the file holds no power or exponential law and no dynamics.",
-        "profiler": f"The profiler supports power and exponential laws; this file holds a {forms}." if pf.laws
-        else NO_LAWS,
+        "figures": "There are no figures: the file holds no law and no dynamics.",
+        "profiler": NO_LAWS,
     }  # fmt: skip
     found = {name: words for name, words in reasons.items() if not parts.get(name)}
     if pf.laws and pf.reading is None:

@@ -121,7 +121,7 @@ def middle(law: LawSection) -> dict[str, float]:
     >>> middle(LawSection.model_validate(EXAMPLE))
     {'V': 100.0}
     """
-    return {f.symbol: middle_of(f.low, f.high, logs=law.form == "power") for f in law.factors}
+    return {f.symbol: middle_of(f.low, f.high, logs=log) for f, log in zip(law.factors, law.formula.logs, strict=True)}
 
 
 def middle_of(low: float, high: float, *, logs: bool) -> float:

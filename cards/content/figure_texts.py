@@ -58,7 +58,7 @@ def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
     tables = {law.response: _exponents(law) for law in powers}
     if any(tables.values()):
         yield FigurePart(name="exponents", caption=EXPONENTS, alternative=_of_exponents(tables))
-    moved = [law for law in pf.laws.values() if law.logarithmic and law.factors]
+    moved = [law for law in pf.laws.values() if law.factors]
     if moved:
         yield FigurePart(
             name="responses",
@@ -148,7 +148,7 @@ def _of_picture(pf: ParameterFile, stem: str) -> str:
                   if law.residual_se is not None]  # fmt: skip
         return f"Residuals scatter about zero; their standard error: {', '.join(spread) or 'not known'}."
     if stem == "response_surfaces" and pf.laws:
-        return " ".join(response_text(pf, law) if law.logarithmic else law.equation for law in laws)
+        return " ".join(response_text(pf, law) if law.factors else law.equation for law in laws)
     if stem == "pi" and pf.pi is not None and pf.pi.figures is not None:
         return _of_loop(pf.pi)
     if stem == "bode" and pf.dynamics is not None:

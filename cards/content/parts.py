@@ -319,11 +319,12 @@ class LeverageSpacePart(Part):
 class ProfiledRegionPart(Part):
     """The tested region; the profiler greys points outside.
 
-    coded_i = (x_i - centre_i) / half_range_i, x_i = ln factor where ``logs``. Inside is |coded_i| <= 1 + rounding of
-    every factor, sum coded_i^2 <= radius^2 (1 + slack), and z' M z <= largest (1 + slack) in every space.
+    coded_i = (x_i - centre_i) / half_range_i, x_i = ln factor where its ``logs`` is true. Inside is
+    |coded_i| <= 1 + rounding of every factor, sum coded_i^2 <= radius^2 (1 + slack), and z' M z <= largest (1 + slack)
+    in every space.
     """
 
-    logs: bool
+    logs: tuple[bool, ...]  # of each factor
     centre: tuple[float, ...]
     half_range: tuple[float, ...]
     radius: float
@@ -335,17 +336,25 @@ class ProfiledRegionPart(Part):
 class ProfiledLawPart(Part):
     """All that the profiler needs to compute a response and its band.
 
-    eta = sum(theta_i z_i), z = (1, ln factor ...) of a power law, (1, factor) of an exponential one; the response is
-    R = exp(eta). Its band for one new observation on a new edge is exp(eta +- t sqrt(z' C z + scatter^2)) for
-    multiplicative errors, and R +- t sqrt(R^2 z' C z + scatter^2) for additive ones.
+    A factor enters as u = ln(factor / centre) where its ``logs`` is true, as u = factor - centre otherwise; z is 1 and
+    a product of powers of u for each of the ``terms``. eta = sum(theta_i z_i), and the response is R = exp(eta) where
+    ``logarithmic``, else R = eta; where ``added``, the last product is left out of eta and added to R.
+
+    With the gradient g of R by theta (z times exp(eta), or z), the band for one new observation on a new edge is
+    R exp(+- t sqrt(g' C g / R^2 + scatter^2)) for multiplicative errors, R +- t sqrt(g' C g + scatter^2) for additive.
     """
 
     response: str
     quantity: str
     unit: str
     form: str
+    logarithmic: bool
+    added: bool = False
     multiplies: bool
     factors: tuple[str, ...]
+    logs: tuple[bool, ...]  # of each factor
+    centres: tuple[float, ...]  # of each factor: 1 or 0 where the law has none
+    terms: tuple[tuple[int, ...], ...]  # power of each factor, for each coefficient after the constant
     low: tuple[float, ...]  # tested range of each factor
     high: tuple[float, ...]
     region: ProfiledRegionPart | None = None  # None: the ranges alone

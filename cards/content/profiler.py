@@ -19,8 +19,8 @@ Value = tuple[float, float | None, float | None]
 
 
 def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
-    """Sliders and laws; None without a power or exponential law."""
-    laws = tuple(profiled(law, pf) for law in pf.laws.values() if law.logarithmic)
+    """Sliders and laws; None without a law."""
+    laws = tuple(profiled(law, pf) for law in pf.laws.values())
     if not laws:
         return None
     sliders = _sliders(pf, laws)
@@ -36,7 +36,7 @@ def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
 
 def band_of(pf: ParameterFile) -> str:
     """Kind of the prediction bands of the profiled laws."""
-    split = [_split(law) for law in pf.laws.values() if law.logarithmic]
+    split = [_split(law) for law in pf.laws.values()]
     if all(split):
         return ON_NEW_EDGE
     return f"{ROW}, on a new edge where edges are known" if any(split) else ROW
@@ -45,19 +45,25 @@ def band_of(pf: ParameterFile) -> str:
 def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLawPart:
     """A law with all that the profiler needs; of levels the reference."""
     covariance, scatter, t = _band(law)
+    formula = law.formula
     wear = next((f.symbol for f in law.factors if f.symbol in WEARS and _driven(pf, f.symbol)), "")
     return ProfiledLawPart(
         response=law.response,
         quantity=law.quantity,
         unit=law.unit,
         form=law.form,
+        logarithmic=law.logarithmic,
+        added=getattr(formula.form, "last_added", False),
         multiplies=law.error == "multiplicative",
-        factors=tuple(f.symbol for f in law.factors),
+        factors=formula.factors,
+        logs=formula.logs,
+        centres=formula.centres or tuple(1.0 if log else 0.0 for log in formula.logs),
+        terms=tuple(term.degrees for term in formula.all_terms),
         low=tuple(f.low for f in law.factors),
         high=tuple(f.high for f in law.factors),
         region=_region(law),
         by="" if law.by is None else f"{law.by.column} {law.by.reference}",
-        theta=tuple(law.theta.tolist()[: 1 + len(law.factors)]),
+        theta=tuple(law.theta.tolist()[: 1 + len(formula.all_terms)]),
         covariance=covariance,
         scatter=scatter,
         t=t,
@@ -72,26 +78,44 @@ def profile(law: ProfiledLawPart, at: Mapping[str, float]) -> Value:
     ----------
     law : ProfiledLawPart
     at : mapping
-        A number above zero for each of its factors, the wear among them.
+        A number for each of its factors, the wear among them; above zero where it enters by its logarithm.
 
     Examples
     --------
-    >>> law = ProfiledLawPart(response="AW", quantity="wear", unit="mm", form="power", multiplies=True, factors=("V",),
-    ...                   low=(50.0,), high=(200.0,), theta=(-4.6, 0.5))
+    >>> law = ProfiledLawPart(response="AW", quantity="wear", unit="mm", form="power", logarithmic=True, logs=(True,),
+    ...                       multiplies=True, factors=("V",), centres=(1.0,), terms=((1,),), low=(50.0,),
+    ...                       high=(200.0,), theta=(-4.6, 0.5))
     >>> value, low, high = profile(law, {"V": 100.0})
     >>> round(value, 4), low
     (0.1005, None)
     """
-    z = [1.0, *(math.log(at[name]) if law.form == "power" else at[name] for name in law.factors)]
-    value = math.exp(sum(b * x for b, x in zip(law.theta, z, strict=True)))
+    z = _columns(law, at)
+    last = z.pop() if law.added else 0.0
+    eta = sum(b * x for b, x in zip(law.theta, z, strict=not law.added))
+    product = math.exp(eta) if law.logarithmic else 1.0
+    value = (product if law.logarithmic else eta) + (law.theta[-1] * last if law.added else 0.0)
     if not law.covariance or law.scatter is None or law.t is None:
         return value, None, None
-    variance = sum(a * c * b for a, row in zip(z, law.covariance, strict=True) for b, c in zip(z, row, strict=True))
-    if law.multiplies:
-        half = law.t * math.sqrt(max(variance, 0.0) + law.scatter**2)
-        return value, value * math.exp(-half), value * math.exp(half)
-    half = law.t * math.sqrt(max(variance, 0.0) * value**2 + law.scatter**2)
-    return value, value - half, value + half
+    g = [product * x for x in z] + ([last] if law.added else [])
+    variance = max(
+        sum(a * c * b for a, row in zip(g, law.covariance, strict=True) for b, c in zip(g, row, strict=True)), 0
+    )
+    if not law.multiplies:
+        half = law.t * math.sqrt(variance + law.scatter**2)
+        return value, value - half, value + half
+    if value <= 0:
+        return value, None, None
+    half = law.t * math.sqrt(variance / value**2 + law.scatter**2)
+    return value, value * math.exp(-half), value * math.exp(half)
+
+
+def _columns(law: ProfiledLawPart, at: Mapping[str, float]) -> list[float]:
+    """1, then the product of powers of the centred factors of each term."""
+    u = [
+        math.log(at[name] / g) if log else at[name] - g
+        for name, log, g in zip(law.factors, law.logs, law.centres, strict=True)
+    ]
+    return [1.0, *(math.prod(x**d for x, d in zip(u, degrees, strict=True)) for degrees in law.terms)]
 
 
 def inside(law: ProfiledLawPart, at: Mapping[str, float]) -> bool:
@@ -100,7 +124,9 @@ def inside(law: ProfiledLawPart, at: Mapping[str, float]) -> bool:
     region = law.region
     if region is None:
         return all(low <= x <= high for x, low, high in zip(points, law.low, law.high, strict=True))
-    terms = [math.log(x) if region.logs else x for x in points]
+    if any(log and x <= 0 for x, log in zip(points, region.logs, strict=True)):
+        return False
+    terms = [math.log(x) if log else x for x, log in zip(points, region.logs, strict=True)]
     coded = [(x - c) / h for x, c, h in zip(terms, region.centre, region.half_range, strict=True)]
     if any(abs(u) > 1 + region.rounding for u in coded):
         return False
@@ -124,7 +150,7 @@ def profile_all(profiler: ProfilerPart, at: Mapping[str, float]) -> dict[str, Va
 def _driven(pf: ParameterFile, wear: str) -> bool:
     """Whether a wear can be substituted by its own law, which itself has no wear as a factor."""
     law = pf.laws.get(wear)
-    return law is not None and law.logarithmic and not any(f.symbol in pf.laws for f in law.factors)
+    return law is not None and not any(f.symbol in pf.laws for f in law.factors)
 
 
 def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None, float | None]:
@@ -132,7 +158,7 @@ def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None,
     scatter = math.hypot(e.sd_between, e.sd_within) if _split(law) else law.residual_se  # type: ignore[union-attr, arg-type]
     if not isinstance(held, Covariance) or scatter is None:
         return (), None, None
-    order = [held.of.index(name) for name in law.parameter_names[: 1 + len(law.factors)]]
+    order = [held.of.index(name) for name in law.parameter_names[: 1 + len(law.formula.all_terms)]]
     matrix = tuple(tuple(held.matrix[i][j] for j in order) for i in order)
     return matrix, scatter, t_quantile(held.df)
 
@@ -155,7 +181,7 @@ def _region(law: LawSection) -> ProfiledRegionPart | None:
         columns = tuple(space.columns[i] for i in kept)
         spaces.append(LeverageSpacePart(columns=columns, matrix=matrix, largest=space.largest[0]))
     return ProfiledRegionPart(
-        logs=r.logs,
+        logs=(r.logs,) * len(r.centre) if isinstance(r.logs, bool) else r.logs,
         centre=r.centre,
         half_range=r.half_range,
         radius=r.largest_radius,
@@ -175,8 +201,6 @@ def _sliders(pf: ParameterFile, laws: tuple[ProfiledLawPart, ...]) -> tuple[Fact
     put_in = {law.wear for law in laws}
     found: dict[str, FactorRangePart] = {}
     for law in pf.laws.values():
-        if not law.logarithmic:
-            continue
         for new in factor_ranges(law.factors, pf.design):
             old = found.get(new.symbol)
             if new.symbol not in put_in:

@@ -136,7 +136,7 @@ def _line(panel: PanelCanvas, row: float) -> float:
 
 def responses(card: Card, pf: ParameterFile) -> Iterator[PanelDrawing]:
     """Each law over its first factor, the others at the middle of their ranges, with the tested range marked."""
-    laws = [law for law in pf.laws.values() if law.logarithmic and law.factors]
+    laws = [law for law in pf.laws.values() if law.factors]
     levels = {law.response: law.domain[0].levels for law in card.laws if law.domain}
     for law in laws:
         at_low, at_high = law.factors[0].low, law.factors[0].high

@@ -138,20 +138,23 @@ def _law(law: LawPart, pf: ParameterFile) -> LawEntry:
 
 
 def _exponents(law: LawPart, pf: ParameterFile) -> Iterator[ExponentEntry]:
-    """Of a power law one a factor; of an exponential law its rate; a line has none."""
+    """One for each factor of a law that is linear for ln R: its exponent, or its rate where it enters as it is."""
     section = pf.laws[law.response]
     if not section.logarithmic:
         return
+    formula = section.formula
+    logs = dict(zip(formula.factors, formula.logs, strict=True))
     symbols = {f.symbol: f for f in law.domain}
-    rate = next(iter(symbols), "") if section.form == "exponential" else ""
+    named = dict(zip(formula.names[1:], (term.name for term in formula.all_terms), strict=True))
     for c in law.coefficients:
-        factor = rate if rate and c.name == "b" else c.name
+        factor = named.get(c.name, "")
         if factor not in symbols or c.estimate.value is None:
             continue
+        rate = not logs[factor] and symbols[factor].unit
         known = c.low.value is not None and c.high.value is not None and bool(c.se.value)
         yield ExponentEntry(
             factor=factor,
-            unit=f"1/({symbols[factor].unit})" if rate and symbols[factor].unit else "",
+            unit=f"1/({symbols[factor].unit})" if rate else "",
             estimate=c.estimate,
             low=c.low,
             high=c.high,

@@ -54,13 +54,24 @@
 
   const form = (z, M) => z.reduce((sum, a, i) => sum + a * z.reduce((s, b, j) => s + M[i][j] * b, 0), 0);
 
-  // value, low, high: R, and exp(eta +- t sqrt(z'Cz + s^2)), or R +- t sqrt(R^2 z'Cz + s^2)
+  // 1, then the product of powers of the centred factors of each term
+  const columns = (law, point) => {
+    const u = law.factors.map((name, i) => (law.logs[i] ? Math.log(point[name] / law.centres[i]) : point[name] - law.centres[i]));
+    return [1, ...law.terms.map((degrees) => degrees.reduce((product, d, i) => product * u[i] ** d, 1))];
+  };
+
+  // value, low, high: R, and R exp(+- t sqrt(g'Cg/R^2 + s^2)), or R +- t sqrt(g'Cg + s^2)
   const predict = (law, point) => {
-    const z = [1, ...law.factors.map((name) => (law.form === "power" ? Math.log(point[name]) : point[name]))];
-    const R = Math.exp(z.reduce((sum, x, i) => sum + x * law.theta[i], 0));
-    if (!law.covariance.length || law.scatter === null || law.t === null) return [R, null, null];
-    const v = Math.max(form(z, law.covariance), 0);
-    const half = law.t * Math.sqrt((law.multiplies ? v : v * R * R) + law.scatter ** 2);
+    const z = columns(law, point);
+    const last = law.added ? z.pop() : 0;
+    const eta = z.reduce((sum, x, i) => sum + x * law.theta[i], 0);
+    const product = law.logarithmic ? Math.exp(eta) : 1;
+    const R = (law.logarithmic ? product : eta) + (law.added ? law.theta[law.theta.length - 1] * last : 0);
+    if (!law.covariance.length || law.scatter === null || law.t === null || (law.multiplies && R <= 0)) return [R, null, null];
+    const g = z.map((x) => product * x);
+    if (law.added) g.push(last);
+    const v = Math.max(form(g, law.covariance), 0);
+    const half = law.t * Math.sqrt((law.multiplies ? v / R ** 2 : v) + law.scatter ** 2);
     return law.multiplies ? [R, R * Math.exp(-half), R * Math.exp(half)] : [R, R - half, R + half];
   };
 
@@ -68,7 +79,8 @@
     const x = law.factors.map((name) => point[name]);
     const r = law.region;
     if (!r) return x.every((value, i) => law.low[i] <= value && value <= law.high[i]);
-    const u = x.map((value, i) => ((r.logs ? Math.log(value) : value) - r.centre[i]) / r.half_range[i]);
+    if (x.some((value, i) => r.logs[i] && value <= 0)) return false;
+    const u = x.map((value, i) => ((r.logs[i] ? Math.log(value) : value) - r.centre[i]) / r.half_range[i]);
     if (u.some((c) => Math.abs(c) > 1 + r.rounding)) return false;
     if (u.reduce((sum, c) => sum + c * c, 0) > r.radius ** 2 * (1 + r.slack)) return false;
     return r.spaces.every((s) => {
@@ -80,7 +92,7 @@
   // a slider: its steps in the law's own scale, the ends of the tests on a step
   const sliders = P.factors.map((f, i) => {
     const [low, high] = [f.low.value, f.high.value];
-    const logs = low > 0 && P.laws.some((law) => law.form === "power" && law.factors.includes(f.symbol));
+    const logs = low > 0 && P.laws.some((law) => law.logs[law.factors.indexOf(f.symbol)]);
     const [a, b] = logs ? [Math.log(low), Math.log(high)] : [low, high];
     const reach = logs ? Math.log(REACH) : (REACH - 1) * (high - low || Math.abs(high) || 1);
     const step = (b - a + 2 * reach) / STEPS;
