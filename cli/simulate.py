@@ -1,11 +1,14 @@
 """``fitmodels simulate``: a data set as a laboratory would write it, from the laws of a parameter file."""
 
 import argparse
+from collections.abc import Mapping
 from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import UsageError
+import numpy as np
+
+from ..core.errors import DataError, UsageError
 from ..core.version import __version__
 from .arguments import Parser, seed
 from .plan import target
@@ -13,8 +16,12 @@ from .plan import target
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..datasets import SimulatedLaw
-    from ..parameters import ParameterFile
+    from ..core.arrays import Array
+    from ..datasets.simulation import SimulatedResponse
+    from ..parameters import LawSection, ParameterFile
+
+WEARS = ("AW", "VB")
+ICC = 0.5  # where the file does not separate the scatter of edges from that of rows
 
 
 def parser() -> Parser:
@@ -22,17 +29,18 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels simulate",
         "fitmodels simulate data-fit/GC435_709M40/params.json --out simulated.csv",
-        "Simulate wear tests from the power laws of a parameter file: every edge of the plan is cut in\n"
-        "sub-tests to the wear criterion or the longest time. Without --plan: a central composite design\n"
-        "over the laws' ranges.",
+        "Simulate wear tests from the laws of a parameter file, of whatever form: every edge of the plan is cut in\n"
+        "sub-tests to the wear criterion or the longest time; one row an edge where no law is on time. Without\n"
+        "--plan: a central composite design over the laws' ranges. What was assumed is in the notes of the data.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
     p.add_argument("--plan", metavar="FILE", help="plan of edges, as `fitmodels plan` writes it")
     p.add_argument("--interval", type=float, default=2.0, metavar="MIN", help="length of a sub-test (default: 2)")
     p.add_argument("--t-max", type=float, default=20.0, metavar="MIN", help="longest time on an edge (default: 20)")
     p.add_argument("--criterion", type=float, default=0.3, metavar="MM", help="wear that ends an edge (default: 0.3)")
-    icc = "intraclass correlation: share of the variance between edges (default: 0.5)"
-    p.add_argument("--icc", type=float, default=0.5, help=icc)
+    icc = "intraclass correlation: share of the variance between edges (default: as in the file, 0.5 where it has none)"
+    p.add_argument("--icc", type=float, help=icc)
+    p.add_argument("--by", metavar="LEVEL", help="level of the laws that have levels (default: the reference)")
     p.add_argument("--seed", type=seed, default=1, help="seed of everything drawn (default: 1)")
     p.add_argument("--out", metavar="FILE", help="file to write; without it the data are printed")
     p.add_argument("--force", action="store_true", help="replace an existing file")
@@ -44,55 +52,176 @@ def run(args: argparse.Namespace) -> int:
     from .. import parameters
     from ..datasets import simulate, write_csv
 
-    if not 0 <= args.icc <= 1:
+    if args.icc is not None and not 0 <= args.icc <= 1:
         raise UsageError(f"--icc {args.icc:g}: a share is between 0 and 1.")
     pf = parameters.read(args.file)
-    laws = _laws(pf, args.icc)
-    wear = next((law.response for law in laws if law.response in ("AW", "VB")), None)
+    chosen, notes = _chosen(pf)
+    laws = [_simulated(law, args, notes) for law in chosen]
+    timed = any("t" in law.factors for law in laws)
+    wear = next((law for law in laws if law.response in WEARS and timed), None)
     frame = simulate(
-        _design(pf, laws, args), laws, interval=args.interval, t_max=args.t_max,
-        criterion=args.criterion if wear is not None else None, wear=wear or "AW", seed=args.seed,
+        _design(pf, chosen, args), laws, interval=args.interval if timed else 1.0, t_max=args.t_max if timed else 1.0,
+        criterion=None if wear is None else _criterion(args.criterion, wear.unit),
+        wear="AW" if wear is None else wear.response, seed=args.seed,
     )  # fmt: skip
+    units = {f.symbol: f.unit for law in chosen for f in law.factors if f.unit}
+    frame.attrs["units"] = {**frame.attrs["units"], **units, **{law.response: law.unit for law in chosen}}
+    if not timed:
+        frame = frame.drop(columns="t")
+        notes.append("no law is on the cutting time: one row an edge")
+    notes += [*_not_positive(frame, chosen), *_extrapolated(frame, chosen, args.by)]
     source = "/".join(Path(args.file).parts[-2:])  # not the whole path: the file may be passed on
-    notes = [
-        f"simulated: no real measurement; drawn by fitmodels {__version__} from the laws of {source}",
-        f"simulated: seed {args.seed}, intraclass correlation of the edges {args.icc:g} (assumed)",
-        f"tool: {pf.identity.tool}",
-        f"work: {pf.identity.work}",
+    head = [
+        f"no real measurement; drawn by fitmodels {__version__} from the laws of {source}",
+        f"seed {args.seed}",
+        *notes,
     ]
-    write_csv(frame, target(args.out, args.force), notes)
+    who = [f"tool: {pf.identity.tool}", f"work: {pf.identity.work}"]
+    write_csv(frame, target(args.out, args.force), [*(f"simulated: {line}" for line in head), *who])
     return 0
 
 
-def _laws(pf: "ParameterFile", icc: float) -> "list[SimulatedLaw]":
-    """The power laws of the file, wear first, since force and power depend on it."""
-    from ..datasets import SimulatedLaw
+def _chosen(pf: "ParameterFile") -> "tuple[list[LawSection], list[str]]":
+    """Laws in the order in which they depend on each other, and notes on what is left out."""
+    if not pf.laws:
+        raise UsageError("the parameter file has no law to simulate from.")
+    laws, notes = dict(pf.laws), list[str]()
+    if "T" in laws and any(f.symbol == "t" for law in laws.values() for f in law.factors):
+        del laws["T"]
+        notes.append("T is left out: it is one life of an edge, and the other laws give a row for each sub-test")
+    ordered: list[LawSection] = []
+    while laws:
+        free = [name for name, law in laws.items() if not _on(law) & (set(laws) - {name})]
+        if not free:
+            raise UsageError(
+                f"the laws of {', '.join(laws)} depend on each other, so none of them can be simulated first; fit one "
+                "of them without the other's response among its factors."
+            )
+        first = next((name for name in free if name in WEARS), free[0])
+        ordered.append(laws.pop(first))
+    return ordered, notes
 
-    chosen = [law for law in pf.laws.values() if law.form == "power" and law.by is None]
-    either = [fit for law in chosen for fit in (law, law.alternative)]
-    powers = [law for law in either if law is not None and law.error == "multiplicative"]
-    if not powers:
-        raise UsageError("the parameter file has no power law with multiplicative errors to simulate from.")
-    powers.sort(key=lambda law: law.response not in ("AW", "VB"))
-    out = []
-    for law in powers:
-        exponents = {name: value for name, value in law.coefficients.items() if name != "c0"}
-        sd = law.residual_se or 0.0
-        errors = (sd * sqrt(icc), sd * sqrt(1 - icc))
-        out.append(SimulatedLaw(law.response, law.unit, law.coefficients["c0"], exponents, *errors, digits=4))
-    return out
+
+def _on(law: "LawSection") -> set[str]:
+    return {factor.symbol for factor in law.factors}
 
 
-def _design(pf: "ParameterFile", laws: "list[SimulatedLaw]", args: argparse.Namespace) -> "pd.DataFrame":
+def _simulated(law: "LawSection", args: argparse.Namespace, notes: list[str]) -> "SimulatedResponse":
+    """A law of the file with the deviations that it states."""
+    from ..datasets.simulation import SimulatedResponse
+    from ..parameters.evaluation import equation_of
+
+    level = _level(law, args.by, notes)
+    equation, symbols = equation_of(law, level), tuple(f.symbol for f in law.factors)
+
+    def response(known: Mapping[str, "Array"]) -> "Array":
+        X = np.stack(np.broadcast_arrays(*(known[name] for name in symbols)), axis=-1)
+        values = equation.values(X)
+        if not np.isfinite(values).all():
+            bad = X[~np.isfinite(values)][0]
+            at = ", ".join(f"{f.symbol} {x:.4g} {f.unit}".rstrip() for f, x in zip(law.factors, bad, strict=True))
+            raise DataError(f"the {law.form.replace('_', ' ')} law of {law.response} has no value at {at}.")
+        return values
+
+    between, within = _deviations(law, args.icc, notes)
+    return SimulatedResponse(
+        law.response, law.unit, symbols, response, between, within, adds=law.error == "additive", digits=4
+    )
+
+
+def _level(law: "LawSection", given: str | None, notes: list[str]) -> str | None:
+    if law.by is None:
+        return None
+    known = (law.by.reference, *law.by.shifts)
+    if given is not None and given not in known:
+        raise UsageError(
+            f"--by {given}: the law of {law.response} has no such {law.by.column}; it has {', '.join(known)}."
+        )
+    level = law.by.reference if given is None else given
+    notes.append(
+        f"{law.response} is that of {law.by.column} {level}{'' if given else ', the reference level (assumed)'}"
+    )
+    return level
+
+
+def _deviations(law: "LawSection", icc: float | None, notes: list[str]) -> tuple[float, float]:
+    """Standard deviations between and within edges, in logarithms or in the unit of the response."""
+    held, unit = law.edges, "ln" if law.error == "multiplicative" else law.unit
+    if held is not None and held.sd_between is not None and held.sd_within is not None and icc is None:
+        return held.sd_between, held.sd_within
+    if law.residual_se is None:
+        notes.append(f"{law.response} is without scatter: the file has no residual standard error")
+        return 0.0, 0.0
+    share, why = (ICC, " (assumed)") if icc is None else (icc, "")
+    notes.append(
+        f"{law.response} scatters by {law.residual_se:.3g} {unit}, intraclass correlation of the edges {share:g}{why}"
+    )
+    return law.residual_se * sqrt(share), law.residual_se * sqrt(1 - share)
+
+
+def _criterion(given: float, unit: str) -> float:
+    """The wear criterion, mm, in the unit of the wear law."""
+    from ..datasets.units import convert, same_dimension
+
+    return float(convert(np.array([given]), "mm", unit)[0]) if same_dimension("mm", unit) else given
+
+
+def _not_positive(frame: "pd.DataFrame", laws: "list[LawSection]") -> list[str]:
+    """A note on each response whose added errors take it to zero or below."""
+    counts = {law.response: int((frame[law.response] <= 0).sum()) for law in laws}
+    return [f"{name} is zero or negative in {n} of {len(frame)} rows: errors are added to its law"
+            for name, n in counts.items() if n]  # fmt: skip
+
+
+def _extrapolated(frame: "pd.DataFrame", laws: "list[LawSection]", by: str | None) -> list[str]:
+    """A note on each law that was used outside its tested region."""
+    notes = []
+    for law in laws:
+        given = {f.symbol: frame[f.symbol].to_numpy(dtype=np.float64) for f in law.factors}
+        usable = np.logical_and.reduce([
+            values > 0 if log else np.isfinite(values)
+            for values, log in zip(given.values(), law.formula.logs, strict=True)
+        ])  # fmt: skip
+        inside = law.inside(by if law.by else None, **{name: values[usable] for name, values in given.items()})
+        outside = len(frame) - int(np.count_nonzero(inside))
+        if outside:
+            notes.append(f"{law.response} is extrapolated in {outside} of {len(frame)} rows, outside its tests")
+    return notes
+
+
+def _design(pf: "ParameterFile", laws: "list[LawSection]", args: argparse.Namespace) -> "pd.DataFrame":
     import pandas as pd
 
-    from ..datasets import central_composite, read_runs
+    from ..datasets import read_runs
 
     made = {law.response for law in laws} | {"t"}
-    ranges = {f.symbol: (f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol not in made}
+    ranges: dict[str, tuple[float, float]] = {}
+    for law in laws:
+        for f in law.factors:
+            if f.symbol not in made:
+                low, high = ranges.get(f.symbol, (f.low, f.high))
+                both = max(low, f.low), min(high, f.high)  # where every law was tested, if there is such a range
+                ranges[f.symbol] = both if both[0] <= both[1] else (min(low, f.low), max(high, f.high))
     if args.plan is None:
-        return central_composite(ranges, seed=args.seed)
+        return _composite(ranges, args.seed)
     runs = read_runs(args.plan)
-    columns = {name: runs.values(name) for name in ranges if runs.has(name)}
+    if lacking := [name for name in ranges if not runs.has(name)]:
+        raise UsageError(f"{args.plan} has no column {', '.join(lacking)}, which the laws of {pf.identity.tool} need.")
+    columns = {name: runs.values(name) for name in ranges}
     edges = runs.labels("edge") if runs.has("edge") else [f"E{i + 1:02d}" for i in range(len(runs))]
     return pd.DataFrame({"edge": edges, **columns})
+
+
+def _composite(ranges: Mapping[str, tuple[float, float]], seed: int) -> "pd.DataFrame":
+    """A central composite design; a factor from zero on has evenly spaced levels, one of a single value stays."""
+    from ..datasets import central_composite
+
+    varied = {name: ends for name, ends in ranges.items() if ends[0] < ends[1]}
+    if not varied:
+        raise UsageError("no factor of the laws varies in the tests; give --plan with the settings to simulate.")
+    logged = {name: ends if ends[0] > 0 else (1.0, float(np.e)) for name, ends in varied.items()}
+    plan = central_composite(logged, seed=seed)
+    for name, (low, high) in varied.items():
+        if low <= 0:
+            plan[name] = low + (high - low) * np.log(plan[name])
+    return plan.assign(**{name: low for name, (low, high) in ranges.items() if low == high})

@@ -1,6 +1,6 @@
 """Simulated wear tests: the rows that a laboratory would record if the given laws held."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -21,8 +21,77 @@ USUAL_UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 Floats = NDArray[np.float64]
 
 
+class Deviations:
+    """Deviations of a simulated response, between edges and between the rows of an edge."""
+
+    __slots__ = ()
+    response: str
+    sd_edge: float
+    sd_row: float
+    digits: int
+
+    def _check_deviations(self, unit: str) -> None:
+        for name, sd in (("sd_edge", self.sd_edge), ("sd_row", self.sd_row)):
+            if not (np.isfinite(sd) and sd >= 0):
+                raise UsageError(f"law of {self.response}: {name} {sd:g}; give 0 or more, in {unit}.")
+        if self.digits < 1:
+            raise UsageError(f"law of {self.response}: digits {self.digits}; give 1 or more.")
+
+
 @dataclass(frozen=True, slots=True, repr=False)
-class SimulatedLaw(Displayable):
+class SimulatedResponse(Deviations, Displayable):
+    """A response by any function of the factors, with normal deviations that multiply it or are added to it.
+
+    Parameters
+    ----------
+    response, unit : str
+        such as "Ra" and "um"
+    factors : tuple of str
+        columns of the design, "t", or responses of earlier laws
+    function : callable
+        from a mapping of arrays by factor, which broadcast, to the response in `unit`
+    sd_edge, sd_row : float
+        standard deviations between edges and between the rows of an edge: of ln R, or of R where they add
+    adds : bool
+        whether deviations are added
+    digits : int
+        significant digits recorded
+
+    Raises
+    ------
+    UsageError
+        for a negative deviation
+
+    Examples
+    --------
+    >>> line = SimulatedResponse("I", "A", ("VB",), lambda x: 0.1 + 0.5 * x["VB"], 0.0, 0.01, adds=True)
+    >>> float(line.recorded({"VB": np.array(0.2)}, 0.0, 1.0))
+    0.21
+
+    """
+
+    response: str
+    unit: str
+    factors: tuple[str, ...]
+    function: Callable[[Mapping[str, Floats]], Floats]
+    sd_edge: float
+    sd_row: float
+    adds: bool = False
+    digits: int = 4
+
+    def __post_init__(self) -> None:
+        """Check the numbers once."""
+        self._check_deviations(self.unit if self.adds else "natural logs")
+
+    def recorded(self, known: Mapping[str, Floats], edge: ArrayLike, row: ArrayLike) -> Floats:
+        """Values as recorded, for standard normal deviations of edges and rows; arrays broadcast."""
+        off = self.sd_edge * np.asarray(edge) + self.sd_row * np.asarray(row)
+        value = self.function(known)
+        return round_significant(value + off if self.adds else value * np.exp(off), self.digits)
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class SimulatedLaw(Deviations, Displayable):
     """A power law with two lognormal deviations: R = c0 * prod X_j^b_j * exp(edge) * exp(row).
 
     Parameters
@@ -63,14 +132,20 @@ class SimulatedLaw(Displayable):
         """Check the numbers once."""
         if not is_positive(self.c0):
             raise UsageError(f"law of {self.response}: c0 {self.c0:g}; a power law needs a positive constant.")
-        for name, sd in (("sd_edge", self.sd_edge), ("sd_row", self.sd_row)):
-            if not (np.isfinite(sd) and sd >= 0):
-                raise UsageError(f"law of {self.response}: {name} {sd:g}; give 0 or more, in natural logs.")
+        self._check_deviations("natural logs")
         for factor, exponent in self.exponents.items():
             if not np.isfinite(exponent):
                 raise UsageError(f"law of {self.response}: exponent {exponent:g} of {factor}; give a finite one.")
-        if self.digits < 1:
-            raise UsageError(f"law of {self.response}: digits {self.digits}; give 1 or more.")
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Factors of the law."""
+        return tuple(self.exponents)
+
+    def recorded(self, known: Mapping[str, Floats], edge: ArrayLike, row: ArrayLike) -> Floats:
+        """Values as recorded, for standard normal deviations of edges and rows; arrays broadcast."""
+        off = self.sd_edge * np.asarray(edge) + self.sd_row * np.asarray(row)
+        return round_significant(self.median(known) * np.exp(off), self.digits)
 
     def median(self, factors: Mapping[str, ArrayLike]) -> Floats:
         """Value without deviations, c0 * prod X_j^b_j; broadcasts over arrays, in `unit`.
@@ -86,7 +161,7 @@ class SimulatedLaw(Displayable):
 
 def simulate(
     design: pd.DataFrame,
-    laws: Sequence[SimulatedLaw],
+    laws: Sequence[SimulatedLaw | SimulatedResponse],
     *,
     interval: float = 2.0,
     t_max: float = 20.0,
@@ -103,7 +178,7 @@ def simulate(
     ----------
     design : DataFrame
         one row an edge, with an `edge` column and positive factors, as `central_composite` gives it
-    laws : sequence of SimulatedLaw
+    laws : sequence of SimulatedLaw or SimulatedResponse
         in the order in which they depend on each other
     interval, t_max : float
         length of a sub-test and longest time on an edge, min
@@ -135,7 +210,8 @@ def simulate(
     """
     carried = [c for c in design.columns if c not in ("run", "edge") and not str(c).endswith("_coded")]
     factors = [c for c in carried if pd.api.types.is_numeric_dtype(design[c])]
-    _check_design(design, factors)
+    powers = [law for law in laws if isinstance(law, SimulatedLaw)]
+    _check_design(design, [factor for factor in factors if any(factor in law.factors for law in powers)])
     _check_times(interval, t_max, criterion, len(design))
     _check_laws(laws, factors, wear if criterion is not None else None)
     t = _times(interval, t_max)
@@ -200,7 +276,7 @@ def _times(interval: float, t_max: float) -> Floats:
 
 
 def _responses(
-    laws: Sequence[SimulatedLaw], factors: Mapping[str, Floats], shape: tuple[int, int], seed: int
+    laws: Sequence[SimulatedLaw | SimulatedResponse], factors: Mapping[str, Floats], shape: tuple[int, int], seed: int
 ) -> dict[str, Floats]:
     """Responses as recorded, each of shape (edges, times), every edge to the end."""
     known, written = dict(factors), {}
@@ -208,8 +284,7 @@ def _responses(
         rng = np.random.default_rng(stream)
         of_edge = rng.standard_normal(shape[0])[:, None]
         of_row = rng.standard_normal((shape[1], shape[0])).T  # drawn time by time: more times only add draws
-        values = law.median(known) * np.exp(law.sd_edge * of_edge + law.sd_row * of_row)
-        known[law.response] = written[law.response] = round_significant(values, law.digits)
+        known[law.response] = written[law.response] = law.recorded(known, of_edge, of_row)
     return written
 
 
@@ -233,12 +308,12 @@ def _check_times(interval: float, t_max: float, criterion: float | None, edges: 
         raise UsageError(f"criterion {criterion:g}: wear is positive; give a positive limit, or None for no limit.")
 
 
-def _check_laws(laws: Sequence[SimulatedLaw], factors: Sequence[str], wear: str | None) -> None:
+def _check_laws(laws: Sequence[SimulatedLaw | SimulatedResponse], factors: Sequence[str], wear: str | None) -> None:
     known = [*factors, "t"]
     for law in laws:
         if law.response in known:
             raise UsageError(f"law of {law.response}: that name is taken by a factor or an earlier law; rename it.")
-        for factor in law.exponents:
+        for factor in law.factors:
             if factor not in known:
                 raise UsageError(
                     f"law of {law.response}: factor {factor!r} is none of {', '.join(known)}; "

@@ -20,7 +20,7 @@ Cost = Callable[[Array], Array]
 AXES = (("V", "m/min"), ("f", "mm/rev"))
 CELLS = 160  # along each axis
 MOST = 40  # starts for the corners of two limits
-STARTS = 6  # of the search, beside the corners
+STARTS = 3  # of the search: the best of corners and grid
 ZOOMS, FINE = 14, 21  # rounds and points along each axis of a refined minimum
 STEP = 1e-6  # of a logarithm, central differences: good to 1e-10 of it
 APART = 1e-7  # of a logarithm: two vertices are one
@@ -60,10 +60,26 @@ def vertices(limits: Sequence[Limit], low: Array, high: Array) -> Array:
     return _clockwise(found if len(found) else start[None])
 
 
+def least_costs(
+    cost: Cost, limits: Sequence[Limit], box: tuple[Array, Array], best: Array, losses: Sequence[float]
+) -> list[Array]:
+    """The feasible pair of least cost for each loss of removal rate against the best pair, as a share of it."""
+    x = grid(*box).reshape(-1, 2)
+    feasible = x[worst(limits, x) <= 0]
+    rates, starts, out = feasible.sum(axis=-1), [best], []
+    for loss in losses:
+        most = float(best.sum() + np.log1p(-loss))
+        enough = HalfPlane("MRR", "mm3/min", "least", 0.0, (-1.0, -1.0), -most)
+        found = minimum(cost, (*limits, enough), box, starts, feasible[rates >= most])
+        starts = [best, found]
+        out.append(found)
+    return out
+
+
 def minimum(
     cost: Cost, limits: Sequence[Limit], box: tuple[Array, Array], starts: Sequence[Array], feasible: Array
 ) -> Array:
-    """The feasible point of least cost, shape (2,): the best of SLSQP from several starts.
+    """The feasible point of least cost, shape (2,): the best of SLSQP from the best of the candidates.
 
     Parameters
     ----------
@@ -73,18 +89,22 @@ def minimum(
     box : two arrays, shape (2,)
         Smallest and largest ln V and ln f.
     starts : sequence of arrays, shape (2,)
-        Candidates themselves, where they keep the limits.
+        Candidates.
     feasible : ndarray, shape (n, 2)
-        Points of a grid that keep the limits; the search begins at the best of them too.
+        Points of a grid that keep the limits; the best of them are candidates too.
     """
-    inner = feasible[np.argsort(cost(feasible), kind="stable")[:: max(1, len(feasible) // 400)][:STARTS]]
-    found = [np.asarray(each) for each in (*starts, *inner)]
-    found += [each for at in tuple(found) if (each := _searched(cost, limits, box, at)) is not None]
-    points = np.array(found)
-    kept = points[worst(limits, points) <= SAME]
-    if not len(kept):
-        return points[int(np.argmin(worst(limits, points)))]
-    return np.asarray(kept[int(np.argmin(cost(kept)))])
+    inner = (
+        feasible[np.argsort(cost(feasible), kind="stable")[[0, *range(1, len(feasible), len(feasible) // 8 + 1)]]]
+        if len(feasible)
+        else feasible
+    )
+    candidates = np.concatenate([np.array(starts).reshape(-1, 2), inner[:STARTS]])
+    order = np.argsort(cost(candidates), kind="stable")
+    found = [each for at in candidates[order[:STARTS]] if (each := _searched(cost, limits, box, at)) is not None]
+    points = np.concatenate([np.array(found).reshape(-1, 2), candidates])
+    over = worst(limits, points)
+    kept = points[over <= SAME]
+    return np.asarray(kept[int(np.argmin(cost(kept)))] if len(kept) else points[int(np.argmin(over))])
 
 
 def _searched(cost: Cost, limits: Sequence[Limit], box: tuple[Array, Array], start: Array) -> Array | None:
@@ -94,25 +114,32 @@ def _searched(cost: Cost, limits: Sequence[Limit], box: tuple[Array, Array], sta
     curves = [each for each in limits if not isinstance(each, HalfPlane)]
     planes = [each for each in limits if isinstance(each, HalfPlane)]
 
-    def inside(x: Array) -> Array:
-        parts = [-each.parts(x).ravel() for each in curves]
-        return np.concatenate([*parts, [-float(each.beyond(x)) for each in planes]])
+    def excess(x: Array) -> Array:
+        flat = [each.beyond(x)[..., None] for each in planes]
+        return np.concatenate([*(each.parts(x) for each in curves), *flat], axis=-1)
 
     low, high = box
     with np.errstate(all="ignore"):
         found = minimize(
-            lambda x: float(cost(x)), np.clip(start, low, high), method="SLSQP",
+            lambda x: float(cost(x)), np.clip(start, low, high), jac=lambda x: _slope(cost, x), method="SLSQP",
             bounds=[(float(low[i]), float(high[i])) for i in (0, 1)],
-            constraints=[{"type": "ineq", "fun": inside}], options={"ftol": 1e-14, "maxiter": 200},
+            constraints=[{"type": "ineq", "fun": lambda x: -excess(x), "jac": lambda x: -_slope(excess, x)}],
+            options={"ftol": 1e-13, "maxiter": 100},
         )  # fmt: skip
     end = np.clip(np.asarray(found.x, dtype=np.float64), low, high)
     if not np.isfinite(end).all():
         return None
-    for share in (0.0, *np.geomspace(1e-12, 1e-3, 19)):  # towards the start, which keeps the limits
-        at = end + share * (start - end)
-        if float(worst(limits, at)) <= SAME:
-            return at
-    return None
+    shares = np.array([0.0, *np.geomspace(1e-12, 1e-3, 19)])[:, None]  # towards the start, which keeps the limits
+    points = end + shares * (start - end)
+    kept = np.flatnonzero(worst(limits, points) <= SAME)
+    return points[kept[0]] if len(kept) else None
+
+
+def _slope(of: Cost, x: Array) -> Array:
+    """Derivative at one point (2,), shape (2,) of a number or (m, 2) of m numbers, by central differences."""
+    steps = STEP * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    found = of(x + steps)
+    return np.asarray(((found[:2] - found[2:]) / (2 * STEP)).T)
 
 
 def _least(of: Cost, x: Array, values: Array) -> Array:

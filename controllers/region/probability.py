@@ -97,7 +97,7 @@ def feasibility(
     at: Mapping[str, float] | None = None,
     kind: Kind = "prediction",
     grid: tuple[int, int] = (60, 60),
-    most: int = 2000,
+    most: int | None = None,
     seed: int = 1,
 ) -> Feasibility:
     """Compute the probability that each pair of V and f keeps the limits.
@@ -113,8 +113,8 @@ def feasibility(
         Of one row of a new edge, with its scatter, or of the laws themselves.
     grid : tuple of int
         Points along V and f.
-    most : int
-        Largest number of draws used.
+    most : int, optional
+        Largest number of draws used; by default 2000, where a law is no power law 1000.
     seed : int
         Of the pairing of draws, and of the scatter.
 
@@ -132,10 +132,10 @@ def feasibility(
     """
     if kind not in get_args(Kind):
         raise UsageError(f"kind={kind!r}: give 'prediction', of a new edge, or 'mean', of the laws themselves.")
-    if min(grid) < 2 or most < 1:
+    if min(grid) < 2 or (most is not None and most < 1):
         raise UsageError(f"grid {grid} with {most} draws: give at least 2 points along V and f, and one draw.")
     region = visible_region(pf, limits=limits, d=d, t=t, by=by, at=at)
-    drawn = sampling(region, draws or {}, kind, most, seed)
+    drawn = sampling(region, draws or {}, kind, most or (MOST[1] if region.curved else MOST[0]), seed)
     low, high = np.exp(region.box.low), np.exp(region.box.high)
     V, f = (np.linspace(low[i], high[i], grid[i]) for i in (0, 1))
     x = np.log(np.stack(np.meshgrid(V, f), axis=-1).reshape(-1, 2))
@@ -150,6 +150,7 @@ def feasibility(
     )
 
 
+MOST = (2000, 1000)  # draws: of planes, and of laws that are evaluated at every point
 ROUNDS = (
     (161, 41),
     (41, 9),

@@ -16,7 +16,7 @@ import numpy as np
 from ...core.arrays import Array, is_positive
 from ...core.display import Plottable, as_columns
 from ...core.errors import DataError, UsageError
-from .curved import Limit, curved_conflict, grid, minimum, vertices, worst
+from .curved import Limit, curved_conflict, least_costs, vertices
 from .half_planes import SAME, TOUCH, HalfPlane, clip, conflict_sentence, intersect, rectangle
 from .limits import (
     MachineRange,
@@ -163,17 +163,21 @@ class VisibleRegion(Plottable):
         if not 0 <= loss < 1:
             raise UsageError(f"loss = {loss:g} of the greatest MRR: give a share from 0 to below 1, such as 0.05.")
         most = self.polygon[self._best()].sum() + np.log1p(-loss)
-        enough = HalfPlane("MRR", "mm3/min", "least", 0.0, (-1.0, -1.0), -float(most))
         wear = self.planes[self.wear]
         if self.curved or not isinstance(wear, LogPlane):
-            limits, x = (*self.limits, enough), grid(self.box.low, self.box.high).reshape(-1, 2)
-            feasible = x[worst(limits, x) <= 0]
-            starts = [self.polygon[self._best()]]
-            return self._at(minimum(wear.value, limits, (self.box.low, self.box.high), starts, feasible))
-        left = clip(self.polygon, enough)
+            return self.least_wears([loss])[0]
+        left = clip(self.polygon, HalfPlane("MRR", "mm3/min", "least", 0.0, (-1.0, -1.0), -float(most)))
         worn = left @ wear.slopes
         least = np.flatnonzero(worn <= worn.min() + TOUCH)
         return self._at(left[least[np.argmax(left[least].sum(axis=1))]])
+
+    def least_wears(self, losses: Sequence[float]) -> tuple[OperatingPoint, ...]:
+        """The pair of least wear for each loss of MRR; errors as for `least_wear`."""
+        wear = self.planes.get(self.wear or "")
+        if wear is None or not (self.curved or not isinstance(wear, LogPlane)):
+            return tuple(self.least_wear(loss) for loss in losses)
+        best, box = self.polygon[self._best()], (self.box.low, self.box.high)
+        return tuple(self._at(x) for x in least_costs(wear.value, self.limits, box, best, losses))
 
     def _best(self) -> int:
         if self.empty:
@@ -318,7 +322,7 @@ class WearFront(Plottable):
         return as_columns(self, "loss", "V", "f", "MRR", "wear")
 
 
-def wear_front(region: VisibleRegion, losses: Sequence[float] = LOSSES) -> WearFront:
+def wear_front(region: VisibleRegion, losses: Sequence[float] | None = None) -> WearFront:
     """The least wear for each loss of MRR, as a share of the greatest, exact at every point.
 
     Parameters
@@ -326,7 +330,7 @@ def wear_front(region: VisibleRegion, losses: Sequence[float] = LOSSES) -> WearF
     region : VisibleRegion
         Of a file with a law of wear.
     losses : sequence of float
-        From 0 to below 1.
+        From 0 to below 1; by default 101 of them to 0.5, within curves 21.
 
     Raises
     ------
@@ -341,7 +345,8 @@ def wear_front(region: VisibleRegion, losses: Sequence[float] = LOSSES) -> WearF
     >>> front.V.round(1).tolist(), front.wear.round(4).tolist()
     ([147.9, 136.5], [0.27, 0.2591])
     """
-    points = tuple(region.least_wear(float(loss)) for loss in losses)
+    losses = (LOSSES[::5] if region.curved else LOSSES) if losses is None else losses
+    points = region.least_wears([float(loss) for loss in losses])
     symbol = region.wear or ""
 
     def column(name: str) -> Array:

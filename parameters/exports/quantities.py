@@ -144,11 +144,37 @@ def _of_pi(pf: ParameterFile) -> Found:
 def _of_laws(pf: ParameterFile) -> Found:
     for symbol, law in pf.laws.items():
         units = (law.unit, *(_unit_of_slope(law, term) for term in law.formula.all_terms))
-        for name, unit in zip(law.coefficient_names, units, strict=True):
-            yield f"law_{symbol}_{name}", law.coefficients[name], unit, f"{law.form} law of {symbol}, {name}"
+        of_term = (f"{law.form} law of {symbol}, coefficient of {_term_words(law, t)}" for t in law.formula.terms)
+        words = (f"{law.form} law of {symbol}, {law.coefficient_names[0]}", *of_term)
+        for k, (name, unit) in enumerate(zip(law.coefficient_names, units, strict=True)):
+            text = words[k] if law.terms else f"{law.form} law of {symbol}, {name}"
+            yield f"law_{symbol}_{_plain_term(name)}", law.coefficients[name], unit, text
+        for factor in law.factors:
+            if factor.symbol in law.centres:
+                words_of = f"{symbol} law, centre of {factor.symbol} in its terms"
+                yield f"law_{symbol}_{factor.symbol}_centre", law.centres[factor.symbol], factor.unit, words_of
         for factor in law.factors:
             yield f"law_{symbol}_{factor.symbol}_low", factor.low, factor.unit, f"{symbol} was tested from here"
             yield f"law_{symbol}_{factor.symbol}_high", factor.high, factor.unit, f"{symbol} was tested to here"
+
+
+def _plain_term(name: str) -> str:
+    """Name of a coefficient without signs: ``V_squared``, ``V_times_f``.
+
+    >>> _plain_term("V^2"), _plain_term("V*f")
+    ('V_squared', 'V_times_f')
+    """
+    return name.replace("^2", "_squared").replace("*", "_times_")
+
+
+def _term_words(law: LawFields, term: Term) -> str:
+    """A term of second order in words, as a program computes it: ``ln(V/120) times ln(f/0.2)``."""
+    of_each = zip(law.factors, law.formula.logs, term.degrees, strict=True)
+    shown = []
+    for factor, log, degree in of_each:
+        centre = f"{factor.symbol} centre"
+        shown += [f"ln of {factor.symbol} over {centre}" if log else f"{factor.symbol} less {centre}"] * degree
+    return " times ".join(shown)
 
 
 def _unit_of_slope(law: LawFields, term: Term) -> str:
