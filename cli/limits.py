@@ -83,26 +83,29 @@ def _limit(symbol: str, text: str, pf: "ParameterFile") -> tuple[str, dict[str, 
     if found is None or not shaped:
         shape = "low:high with a unit, V=50:200m/min" if symbol in RANGES else "one number with a unit, P=7kW"
         raise UsageError(f"limit {symbol}={text}: give {shape}.")
+    ends = tuple(float(end) for end in (found[1], found[2]) if end)
+    positive = ends[0] >= 0 if symbol in RANGES else ends[0] > 0
+    if not positive:
+        raise UsageError(
+            f"limit {symbol}={text}: {'an end is not below' if symbol in RANGES else 'a limit is above'} zero."
+        )
+    if len(ends) == 2 and not ends[0] < ends[1]:
+        raise UsageError(f"limit {symbol}={text}: low must be below high.")
     unit = _unit(symbol, found[3], usual)
     if symbol in RANGES:
-        low, high = float(found[1]), float(found[2])
-        if not 0 <= low < high:
-            raise UsageError(f"limit {symbol}={text}: low must be below high, and neither below zero.")
-        return kind, {"low": low, "high": high, "unit": unit}
+        return kind, {"low": ends[0], "high": ends[1], "unit": unit}
     if symbol not in pf.laws:
         laws = ", ".join(pf.laws) or "nothing"
         raise UsageError(f"limit {symbol}: the file has laws of {laws}, so the limit would have no effect.")
-    ends = [float(found[1]), *([float(found[2])] if found[2] else [])]
-    if not all(value > 0 for value in ends):
-        raise UsageError(f"limit {symbol}={text}: a limit is above zero.")
-    if kind != "responses":
-        return kind, {"value": ends[0], "unit": unit, "of": symbol}
-    if len(ends) == 2:
-        if not ends[0] < ends[1]:
-            raise UsageError(f"limit {symbol}={text}: low must be below high.")
-        return kind, {"low": ends[0], "high": ends[1], "unit": unit}
-    lower = symbol in LOWER  # more of it is better
-    return kind, {"low": ends[0] if lower else None, "high": None if lower else ends[0], "unit": unit}
+    return kind, _response_limit(symbol, ends, unit) if kind == "responses" else {
+        "value": ends[0], "unit": unit, "of": symbol,
+    }  # fmt: skip
+
+
+def _response_limit(symbol: str, ends: tuple[float, ...], unit: str) -> dict[str, Any]:
+    """Section of a limit of a response other than power, force and wear; one number of a life is its lower end."""
+    low, high = (*ends, None)[:2] if symbol in LOWER or len(ends) == 2 else (None, ends[0])
+    return {"low": low, "high": high, "unit": unit}
 
 
 def _bounded(symbol: str) -> str | None:

@@ -203,7 +203,7 @@ def surface_of(law: "LawSection", setting: CutSetting, wear: Surface | None = No
     return made
 
 
-def surfaces(
+def law_surfaces(
     pf: "ParameterFile", responses: tuple[str, ...], setting: CutSetting, wear: "LawSection | None"
 ) -> dict[str, Surface]:
     """The requested responses, and the wear, over V and f alone."""

@@ -31,7 +31,7 @@ from .limits import (
 )
 from .log_planes import CutSetting, LogPlane, outside_tested_ranges, ratio, within_tested_ranges
 from .operating_point import Corner, OperatingPoint, best_corner, label_corners, ln, plain, sensitivities, start_at_best
-from .surfaces import Surface, limits_on, surfaces, tested_limits
+from .surfaces import Surface, law_surfaces, limits_on, tested_limits
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -259,7 +259,7 @@ def visible_region(
     bounds, machine = limited(pf, asked), box(pf, asked)
     worn = None if asked.wear is None else asked.wear.of
     wear = required_wear_law(pf, setting, worn)
-    over = surfaces(pf, (*(b.symbol for b in bounds), *unlimited_responses(pf, setting, wear)), setting, wear)
+    over = law_surfaces(pf, (*(b.symbol for b in bounds), *unlimited_responses(pf, setting, wear)), setting, wear)
     spindle, notes = of_spindle(asked, setting)
     tested = tested_limits(bounds, over)
     machine = within_tests(machine, tested)

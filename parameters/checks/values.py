@@ -174,13 +174,7 @@ def _of_law(law: LawSection, where: str) -> Iterator[Stated]:
 
 
 def _of_sections(pf: ParameterFile) -> Iterator[Stated]:
-    if pf.limits is not None:
-        for name, unit in KINDS.items():
-            if (bound := getattr(pf.limits, name)) is not None:
-                yield Stated(f"limits.{name}", bound.unit, unit)
-        for symbol, ends in pf.limits.responses.items():
-            known = ROLES[symbol].unit if symbol in ROLES else getattr(pf.laws.get(symbol), "unit", None)
-            yield Stated(f"limits.responses.{short_name(symbol)}", ends.unit, known or None)
+    yield from _of_limits(pf)
     for name, units in SECTION_UNITS.items():
         if (section := getattr(pf, name)) is not None:
             for field, (quantity, kind) in units.items():
@@ -190,6 +184,17 @@ def _of_sections(pf: ParameterFile) -> Iterator[Stated]:
         yield Stated("load_line (load)", line.unit_load, ROLES[line.load].unit if line.load in ROLES else None)
     for sensor in pf.identity.sensors:
         yield Stated(f"identity.sensors ({short_name(sensor.symbol)})", sensor.unit, None)
+
+
+def _of_limits(pf: ParameterFile) -> Iterator[Stated]:
+    if pf.limits is None:
+        return
+    for name, unit in KINDS.items():
+        if (bound := getattr(pf.limits, name)) is not None:
+            yield Stated(f"limits.{name}", bound.unit, unit)
+    for symbol, ends in pf.limits.responses.items():
+        known = ROLES[symbol].unit if symbol in ROLES else getattr(pf.laws.get(symbol), "unit", None)
+        yield Stated(f"limits.responses.{short_name(symbol)}", ends.unit, known or None)
 
 
 def _problem(item: Stated) -> str:
