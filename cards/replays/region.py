@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ...controllers.region.defaults import DefaultSetting, default_setting
 from ...controllers.region.operating_point import OperatingPoint, four, three
 from ...controllers.region.probability import Feasibility
+from ...controllers.region.surfaces import RegionLimit
 from ...controllers.region.visible import VisibleRegion, WearFront, wear_front
 from ...core.errors import DataError, UsageError
 from . import Replayed
@@ -121,7 +122,7 @@ def _printed(region: VisibleRegion, marks: Mapping[str, OperatingPoint], chance:
     """Points that AC-2016 reads off its charts, with their loads and probabilities."""
     out = []
     for (name, point), words in zip(marks.items(), WORDS.values(), strict=False):
-        limits = [each for each in region.limits if each.symbol in point.values]
+        limits = [e for e in region.limits if not isinstance(e, RegionLimit) and e.symbol in point.values]
         risks = {} if chance is None else chance.risks(*point.xy)
         loads = [
             f"{each.symbol} {three(point.values[each.symbol])} {point.units[each.symbol]} for {each.value:g}"

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from ...core.arrays import Array
-from .half_planes import SAME, HalfPlane
+from .half_planes import SAME, Bools, HalfPlane
 from .surfaces import CurvedLimit, RegionLimit
 
 Limit = HalfPlane | CurvedLimit | RegionLimit
@@ -109,7 +109,7 @@ def minimum(
 
 def _searched(cost: Cost, limits: Sequence[Limit], box: tuple[Array, Array], start: Array) -> Array | None:
     """End of one search, moved inside by less than a part in 10^9 where rounding left it outside."""
-    from scipy.optimize import minimize
+    from scipy.optimize import Bounds, minimize
 
     curves = [each for each in limits if not isinstance(each, HalfPlane)]
     planes = [each for each in limits if isinstance(each, HalfPlane)]
@@ -122,8 +122,8 @@ def _searched(cost: Cost, limits: Sequence[Limit], box: tuple[Array, Array], sta
     with np.errstate(all="ignore"):
         found = minimize(
             lambda x: float(cost(x)), np.clip(start, low, high), jac=lambda x: _slope(cost, x), method="SLSQP",
-            bounds=[(float(low[i]), float(high[i])) for i in (0, 1)],
-            constraints=[{"type": "ineq", "fun": lambda x: -excess(x), "jac": lambda x: -_slope(excess, x)}],
+            bounds=Bounds(low, high),
+            constraints={"type": "ineq", "fun": lambda x: -excess(x), "jac": lambda x: -_slope(excess, x)},
             options={"ftol": 1e-13, "maxiter": 100},
         )  # fmt: skip
     end = np.clip(np.asarray(found.x, dtype=np.float64), low, high)
@@ -173,13 +173,13 @@ def _corners(limits: Sequence[Limit], x: Array, over: Array) -> list[Array]:
     return list(points[worst(limits, points) <= SAME]) if len(points) else []
 
 
-def _changes(over: Array) -> Array:
+def _changes(over: Array) -> Bools:
     """Cells in which a limit changes sign, with their neighbours, shape (rows - 1, columns - 1)."""
     corners = np.stack([over[:-1, :-1], over[1:, :-1], over[:-1, 1:], over[1:, 1:]])
     found = (corners.min(axis=0) <= SAME) & (corners.max(axis=0) >= -SAME)
     wide = np.pad(found, 1)
     rows, columns = found.shape
-    return np.logical_or.reduce([wide[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
+    return np.asarray(np.logical_or.reduce([wide[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]))
 
 
 def _solved(first: Limit, second: Limit, starts: Array) -> list[Array]:

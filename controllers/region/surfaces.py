@@ -188,9 +188,9 @@ def surface_of(law: "LawSection", setting: CutSetting, wear: Surface | None = No
         The law is on another speed or feed than V and f, or the value of a factor is unknown.
     """
     of_wear = wear is not None and wear.response not in setting.at and _has(law, wear.response)
-    if law.form == "power" and not (of_wear and isinstance(wear, LawSurface)):
-        if not of_wear or wear is None:
-            return plane(law, setting)
+    if law.form == "power" and not of_wear:
+        return plane(law, setting)
+    if law.form == "power" and isinstance(wear, LogPlane):
         return with_wear(plane(law, setting, wear), wear)
     need_speed_and_feed(law)
     held = law.by
