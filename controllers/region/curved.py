@@ -120,7 +120,7 @@ def _searched(cost: Cost, limits: Sequence[Limit], box: tuple[Array, Array], sta
 
     low, high = box
     with np.errstate(all="ignore"):
-        found = minimize(
+        found = minimize(  # type: ignore[call-overload]  # stubs want a constraint of their own class
             lambda x: float(cost(x)), np.clip(start, low, high), jac=lambda x: _slope(cost, x), method="SLSQP",
             bounds=Bounds(low, high),
             constraints={"type": "ineq", "fun": lambda x: -excess(x), "jac": lambda x: -_slope(excess, x)},
