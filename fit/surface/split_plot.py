@@ -166,12 +166,15 @@ class EdgeModel:
             F = float(b @ np.linalg.solve(L @ phi @ L.T, b)) / q
             return F, float(fdtrc(q, exact, F)), float(exact)
         F = float(b @ np.linalg.solve(L @ adjusted @ L.T, b)) / q
+        if not np.isfinite(F) or F < 0:  # with a variance far below zero the adjusted covariance may be indefinite
+            F = float(b @ np.linalg.solve(L @ phi @ L.T, b)) / q
         theta = L.T @ np.linalg.solve(L @ phi @ L.T, L)
         M = [theta @ phi @ part @ phi for part in A]
         pairs = [(i, j) for i in range(2) for j in range(2)]
         a1 = sum(W[i, j] * np.trace(M[i]) * np.trace(M[j]) for i, j in pairs)
         a2 = sum(W[i, j] * np.sum(M[i] * M[j].T) for i, j in pairs)
         df, scale = _kenward_roger(q, float(a1), float(a2))
+        df = float(np.clip(df, 1.0, self.df_between + self.df_within))
         return F * scale, float(fdtrc(q, df, F * scale)), df
 
     def _exact_df(self, L: Array) -> int | None:
@@ -184,7 +187,9 @@ class EdgeModel:
     def estimate(self, c: Array) -> tuple[float, float, float]:
         """Estimate of ``c' beta``, its standard error and degrees of freedom, c of shape (p,)."""
         _, _, df = self.tested(c[None, :])
-        return float(c @ self.beta), float(np.sqrt(c @ self._covariances[1] @ c)), df
+        phi, adjusted, *_ = self._covariances
+        variance = float(c @ adjusted @ c)
+        return float(c @ self.beta), float(np.sqrt(variance if variance > 0 else c @ phi @ c)), df
 
     def of_smaller(self, keep: Sequence[int], tested: Sequence[int]) -> Array:
         """Rows L, shape (q, p), of the coefficients of columns ``tested`` in the model of columns ``keep`` alone."""
