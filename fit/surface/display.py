@@ -22,24 +22,21 @@ FEW_DF = 5.0  # degrees of freedom of an error term below which a test finds lar
 @display_of.register
 def of_surface(surface: ResponseSurface) -> Display:
     """Terms with their tests; error terms, lack of fit, slopes; verdict, reservations and the canonical analysis."""
-    law, full = surface.law, surface.full
+    law, full, chosen = surface.law, surface.full, surface.selection
     rows = f"{law.nobs} rows" + ("" if law.n_edges is None else f" of {law.n_edges} edges")
-    kept = (
-        f"{len(law.formula.terms)} terms"
-        if law is full
-        else f"{len(law.formula.terms)} of {len(full.formula.terms)} terms"
-    )
+    terms = f"{len(law.formula.terms)} terms" + ("" if chosen is None else " kept")
     scale = "ln " if law.formula.logarithmic else ""
-    head = f"{scale}{law.response} of second order in {', '.join(full.factors)}, {kept}, R2 {law.rsquared:.3f}, {rows}"
+    head = f"{scale}{law.response} of second order in {', '.join(full.factors)}, {terms}, R2 {law.rsquared:.3f}, {rows}"
     canonical = surface.canonical()
+    shown = isinstance(surface.model, EdgeModel)
     sentences = [
-        verdict_of(surface), *reservations(surface), *_selection_words(surface.selection),
-        *([] if isinstance(canonical, NotAvailable) else [canonical.verdict]),
-        *(f"Left out: {item.factor}, {item.reason}." for item in full.left_out),
+        verdict_of(surface), *reservations(surface), *_selection_words(chosen),
+        *([f"No canonical analysis: {canonical}."] if isinstance(canonical, NotAvailable) else [canonical.verdict]),
+        *(f"Left out: {item.factor}, {item.reason}." for item in law.left_out),
+        *(f"{item.count} row{'s' if item.count > 1 else ''} left out: {item.reason}." for item in law.dropped),
         *law.notes,
     ]  # fmt: skip
-    table = None if isinstance(surface.model, NotAvailable) else _table(surface)
-    return Display(head, tuple(_facts(surface)), table, tuple(sentences))
+    return Display(head, tuple(_facts(surface)), _table(surface) if shown else None, tuple(sentences))
 
 
 @display_of.register
@@ -73,18 +70,20 @@ def verdict_of(surface: ResponseSurface) -> str:
     if not second:
         return "The surface has no squares or products."
     holding, (smallest, corrected) = _holm(second)
-    n = f"{len(second)} squares and products" if len(second) > 1 else "one term of second order"
+    n = f"of {len(second)} squares and products, counted together," if len(second) > 1 else ""
+    if not holding and len(second) == 1:
+        return f"Second order is not needed: {smallest.name} does not hold ({format_p(smallest.pvalue)})."
     if not holding:
         return (
-            f"Second order is not needed: of {n}, counted together, none holds (smallest p of {smallest.name}, "
-            f"{format_p(smallest.pvalue)}, Holm-corrected {format_p(corrected)})."
+            f"Second order is not needed: {n} none holds (smallest p of {smallest.name}, {format_p(smallest.pvalue)}, "
+            f"Holm-corrected {format_p(corrected)})."
         )
     named = ", ".join(
         f"{one.name} (F({one.df:g}, {format_plain(one.df_error, 3)}) = {format_plain(one.fvalue, 3)}, "
         f"{format_p(one.pvalue)})"
         for one in holding
     )
-    return f"Second order is needed: of {n}, counted together, {named} hold{'s' if len(holding) == 1 else ''}."
+    return " ".join(["Second order is needed:", *filter(None, [n]), f"{named} hold{'s' if len(holding) == 1 else ''}."])
 
 
 def second_order_tests(surface: ResponseSurface) -> list[TermTest]:
@@ -109,7 +108,32 @@ def reservations(surface: ResponseSurface) -> list[str]:
     signs = {name: one.sign for name, one in usual_exponents(surface.law.response, surface.law.factors).items()}
     slopes = surface.local_exponents()
     found = [text for name in slopes.index if (text := _slope_words(surface, str(name), signs.get(str(name), 0)))]
-    return [*_few_edges(surface), *_disagreement(surface), *found, *_not_positive(surface), *_lack_words(surface)]
+    return [
+        *_independent(surface), *_few_edges(surface), *_confounded_squares(surface), *_disagreement(surface), *found,
+        *_not_positive(surface), *_lack_words(surface),
+    ]  # fmt: skip
+
+
+def _independent(surface: ResponseSurface) -> list[str]:
+    """Rows that are taken as independent because no edge is known."""
+    law = surface.full
+    return [f"Rows are taken as independent: {law.edges}."] if law.edge is None and not law.edges else []
+
+
+def _confounded_squares(surface: ResponseSurface) -> list[str]:
+    """A square that stands for those of other factors, as in two levels with a centre point."""
+    law = surface.full
+    kept = [term.name for term in law.formula.terms if max(term.degrees) == 2]
+    gone = [out for out in law.left_out if out.factor.endswith("^2")]
+    found = []
+    for name in kept:
+        others = [out.factor for out in gone if f" {name}" in out.reason.replace("(", "( ")]
+        if others:
+            found.append(
+                f"{name} stands for {', '.join([name, *others])} together: these tests show a curvature but not of "
+                "which factor; add tests at the ends of each range with the others at their middle."
+            )
+    return found
 
 
 def _few_edges(surface: ResponseSurface) -> list[str]:
@@ -180,7 +204,9 @@ def _not_positive(surface: ResponseSurface) -> list[str]:
 
 def _lack_words(surface: ResponseSurface) -> list[str]:
     found = surface.lack_of_fit
-    return [found.verdict] if isinstance(found, LackOfFit) and found.concern else []
+    if isinstance(found, NotAvailable):
+        return [f"Lack of fit is not tested: {found}."]
+    return [found.verdict] if found.concern else []
 
 
 def _selection_words(found: TermSelection | None) -> list[str]:
@@ -189,37 +215,26 @@ def _selection_words(found: TermSelection | None) -> list[str]:
     near = (
         f"; {found.close} other set{'s' if found.close != 1 else ''} of terms within 2 of it" if found.weights else ""
     )
+    full = format_plain(found.aicc_full, 5) if np.isfinite(found.aicc_full) else "none, as they leave too few tests"
     return [
-        f"AICc {format_plain(found.aicc, 5)}, of all terms {format_plain(found.aicc_full, 5)}{near}. AICc keeps terms "
+        f"AICc {format_plain(found.aicc, 5)}, of all terms {full}{near}. AICc keeps terms "
         "that improve predictions, which need not be significant."
     ]
 
 
 def _facts(surface: ResponseSurface) -> list[tuple[str, str]]:
-    model, law = surface.model, surface.law
-    facts = [
-        (
-            "lack of fit",
-            surface.lack_of_fit.result
-            if isinstance(surface.lack_of_fit, LackOfFit)
-            else "not testable: " + str(surface.lack_of_fit),
-        )
-    ]
+    model, law, lack = surface.model, surface.law, surface.lack_of_fit
+    facts = []
     if isinstance(model, EdgeModel) and model.n_edges:
-        facts = [
+        facts += [
             ("error between edges", _error_text(model, EDGES)),
             ("error within edges", _error_text(model, WITHIN)),
-            *facts,
         ]
+    facts += [("lack of fit", lack.result)] if isinstance(lack, LackOfFit) else []
     unit = "exponent" if law.formula.logarithmic else "slope"
-    slopes = surface.local_exponents()
-    facts += [
-        (
-            f"{unit} of {name} over the tests",
-            f"{format_plain(float(row['low']), 2)} to {format_plain(float(row['high']), 2)}",
-        )
-        for name, row in slopes.iterrows()
-    ]
+    for name, ends in surface.local_exponents().iterrows():
+        low, high = (format_plain(float(end), 2) for end in ends)
+        facts.append((f"{unit} of {name} over the tests", low if low == high else f"{low} to {high}"))
     return facts
 
 

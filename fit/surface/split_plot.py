@@ -211,7 +211,7 @@ def _kenward_roger(q: int, a1: float, a2: float) -> tuple[float, float]:
     return df, df * mean / (df - 2) if abs(df - 2) > 100 * NEARLY_ZERO else 1.0
 
 
-def edge_model(X: Array, y: Array, edge: Codes | None = None) -> EdgeModel | NotAvailable:
+def edge_model(X: Array, y: Array, edge: Codes | None = None, *, saturated: bool = False) -> EdgeModel | NotAvailable:
     """The model of rows with columns X, the constant among them, or why these rows do not allow its tests.
 
     Parameters
@@ -220,6 +220,8 @@ def edge_model(X: Array, y: Array, edge: Codes | None = None) -> EdgeModel | Not
     y : ndarray, shape (n,)
     edge : ndarray of int, shape (n,), or None
         Edges numbered 0 to G - 1. None, or edges of one row each: rows are independent.
+    saturated : bool
+        True: for a selection of terms alone, also where terms leave no degrees of freedom for tests.
 
     Examples
     --------
@@ -244,6 +246,8 @@ def edge_model(X: Array, y: Array, edge: Codes | None = None) -> EdgeModel | Not
     stacked = np.vstack([inside, np.sqrt(rows)[:, None] * means])
     size = np.concatenate([np.zeros(len(inside)), rows])
     model = EdgeModel(stacked, size, n, len(rows), within, 0.0)
+    if saturated and min(model.df_within, model.df_between) < 1:
+        return replace(model, ratio=1.0)
     if model.df_within < 1:
         return NotAvailable(
             f"{n} rows of {len(rows)} edges for {int(within.sum())} terms that change within edges: no degrees of "
@@ -252,7 +256,7 @@ def edge_model(X: Array, y: Array, edge: Codes | None = None) -> EdgeModel | Not
     if model.df_between < 1:
         return NotAvailable(
             f"{len(rows)} edges for {len(rows) - model.df_between} coefficients that change between edges: no degrees "
-            f"of freedom are left to test them against; cut {2 - model.df_between} more edges or fit fewer terms"
+            f"of freedom are left to test them against; cut at least {1 - model.df_between} more or fit fewer terms"
         )
     ratio = _ratio_of_strata(model) if model.orthogonal else _variance_ratio(stacked, size, n)
     return replace(model, ratio=ratio)

@@ -9,7 +9,7 @@
 statsmodels is imported by these last functions alone.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
@@ -136,6 +136,8 @@ class ResponseSurface(Plottable):
             ``at`` names no factor of the law.
         """
         law = self.law
+        if missing := _not_separated(self.full, _held(law, at)):
+            return NotAvailable(missing)
         return analyse_surface(law, self.model if law is self.full else surface_of(law).model, _held(law, at))
 
     def local_exponents(self) -> pd.DataFrame:
@@ -174,10 +176,7 @@ class ResponseSurface(Plottable):
         return smf.ols(self.formula, self.frame).fit()
 
     def anova_lm(self, typ: Type = 2) -> pd.DataFrame:
-        """The plain analysis of variance of rows by ``statsmodels.stats.anova.anova_lm``.
-
-        It takes rows as independent: with several rows of each edge its F of V, f and d are too large.
-        """
+        """The plain analysis of variance of rows by statsmodels, to compare: its F are too large where edges repeat."""
         from statsmodels.stats.anova import anova_lm  # type: ignore[import-untyped]
 
         table: pd.DataFrame = anova_lm(self.ols(), typ=typ)
@@ -276,20 +275,47 @@ def response_surface(
         law = fit_form(runs, form, response, _factors_in(terms, plane.factors), terms=_own(terms), **options)
         return replace(law, left_out=(*left_out, *law.left_out))
 
-    full = fitted(TERMS_OF[model](plane.factors), plane.left_out)
-    surface = surface_of(full)
-    if model != "reduced":
-        return surface
-    chosen = selected_terms(full, surface.model)
-    if chosen is None:
-        note = f"no selection of terms: {surface.model}"
-        return replace(surface, law=replace(full, notes=(*full.notes, note)))
+    terms = TERMS_OF[model](plane.factors)
+    _check_rows(plane, terms)
+    surface = surface_of(fitted(terms, plane.left_out))
+    return _reduced(surface, fitted) if model == "reduced" else surface
+
+
+def _check_rows(plane: LawFit, terms: Sequence[Term]) -> None:
+    """Refuse fewer rows than coefficients, with the models that they allow."""
+    shifts = plane.shifts.shape[1]
+    if plane.nobs >= 1 + len(terms) + shifts:
+        return
+    counts = {name: 1 + len(TERMS_OF[name](plane.factors)) + shifts for name in ("factorial", "first")}
+    allowed = [f"model={name!r} ({count})" for name, count in counts.items() if count < plane.nobs]
+    raise FitError(
+        f"{plane.response}: {plane.nobs} usable rows for the {1 + len(terms) + shifts} coefficients of second order in "
+        f"{', '.join(plane.factors)}. Measure at least {2 + len(terms) + shifts - plane.nobs} more"
+        + "".join(f", or use {one}" for one in allowed)
+        + ", or leave factors out."
+    )
+
+
+def _reduced(
+    surface: ResponseSurface, fitted: Callable[[Sequence[Term], tuple[LeftOut, ...]], LawFit]
+) -> ResponseSurface:
+    """The surface with the terms that AICc chooses; its tests are those of all terms, where these leave tests."""
+    full, why = surface.full, surface.model
+    model = _model_of(full, saturated=True)
+    if isinstance(model, NotAvailable):
+        return replace(surface, law=replace(full, notes=(*full.notes, f"no selection of terms: {model}")))
+    chosen = selected_terms(full, model)
     law = fitted([term for term in full.formula.terms if term.name in chosen.kept], full.left_out)
-    note = (
+    notes = [
         f"{len(chosen.kept)} of {len(full.formula.terms)} terms kept by AICc with strong heredity; intervals of this "
         "law take them as given in advance and are somewhat too narrow"
-    )
-    return replace(surface, law=replace(law, notes=(*law.notes, note)), selection=chosen)
+    ]
+    if isinstance(why, NotAvailable):
+        notes.append(
+            f"the tests are those of the terms kept, on the rows that chose them: their p-values are too small ({why})"
+        )
+        surface = surface_of(law)
+    return replace(surface, law=replace(law, notes=(*law.notes, *notes)), selection=chosen)
 
 
 def surface_of(law: LawFit) -> ResponseSurface:
@@ -305,10 +331,14 @@ def surface_of(law: LawFit) -> ResponseSurface:
             f"the law of {law.response} is of the form {law.form}: a response surface has the form second_order or "
             "second_order_original."
         )
-    edge = None if law.edge is None else pd.factorize(law.edge, sort=True)[0].astype(np.intp)
-    model = NotAvailable("the law meets every row exactly") if law.exact else edge_model(law.design, _scaled(law), edge)
+    model = NotAvailable("the law meets every row exactly") if law.exact else _model_of(law)
     by = None if law.by is None else law.by.column
     return ResponseSurface(law, law, model, None, lack_of_fit(law, split(law)), by)
+
+
+def _model_of(law: LawFit, saturated: bool = False) -> EdgeModel | NotAvailable:
+    edge = None if law.edge is None else pd.factorize(law.edge, sort=True)[0].astype(np.intp)
+    return edge_model(law.design, _scaled(law), edge, saturated=saturated)
 
 
 def _scaled(law: LawFit) -> Array:
@@ -339,6 +369,13 @@ def _slopes(law: LawFit) -> Array:
     return slopes
 
 
+def _not_separated(law: LawFit, held: Collection[str]) -> str:
+    """Squares and products of the factors that are analysed and that the rows do not identify, in words."""
+    free = {term.name for term in second_order_terms([x for x in law.factors if x not in held]) if term.order == 2}
+    missing = [out.factor for out in law.left_out if out.factor in free]
+    return f"these tests do not identify {', '.join(missing)}" if missing else ""
+
+
 def _held(law: LawFit, at: Mapping[str, float] | None) -> dict[str, float]:
     """Factors that are held, with their values: those given, else times and wear at the middle of their ranges."""
     if at is not None:
@@ -348,10 +385,8 @@ def _held(law: LawFit, at: Mapping[str, float] | None) -> dict[str, float]:
         return {name: float(value) for name, value in at.items()}
     clocks = [j for j, name in enumerate(law.factors) if name in ROLES and ROLES[name].kind in CLOCKS]
     ends = [law.domain[law.factors[j]] for j in clocks]
-    middles = [
-        (low * high) ** 0.5 if law.formula.logs[j] else (low + high) / 2
-        for j, (low, high) in zip(clocks, ends, strict=True)
-    ]
+    logs = [law.formula.logs[j] for j in clocks]
+    middles = [(a * b) ** 0.5 if log else (a + b) / 2 for log, (a, b) in zip(logs, ends, strict=True)]
     return dict(zip((law.factors[j] for j in clocks), middles, strict=True))
 
 

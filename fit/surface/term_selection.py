@@ -19,7 +19,6 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.display import Displayable
-from ..available import NotAvailable
 from ..lawfit import LawFit
 from .split_plot import EdgeModel, error_of, means_regression
 
@@ -215,10 +214,8 @@ def term_groups(law: LawFit, model: EdgeModel) -> dict[str, list[str]]:
     return {name: members for name, members in groups.items() if len(members) > 1}
 
 
-def selected_terms(law: LawFit, model: EdgeModel | NotAvailable) -> TermSelection | None:
-    """Terms of a law of second order chosen by AICc, blocks kept; None where there is no model of its rows."""
-    if isinstance(model, NotAvailable):
-        return None
+def selected_terms(law: LawFit, model: EdgeModel) -> TermSelection:
+    """Terms of a law of second order chosen by AICc, blocks kept."""
     own, columns = {term.name: term.degrees for term in law.formula.terms}, columns_of(law)
     terms = {name: of for name, of in columns.items() if name in own}
     return select_terms(model, terms, own, [0, *(j for name, of in columns.items() if name not in own for j in of)])
