@@ -9,7 +9,7 @@ Zhou & Gao 1997, Statistics in Medicine 16, 783 (Cox's interval of a lognormal m
 """
 
 from dataclasses import dataclass
-from math import gamma, log
+from math import gamma, inf, log
 from typing import Literal
 
 import numpy as np
@@ -213,6 +213,76 @@ def log_mean_variance(scatter: Scatter) -> float:
     """Variance of the logarithm of the factor from the median to the mean (Cox)."""
     square = scatter.sd * scatter.sd
     return square * square / (2 * (scatter.df + 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Root:
+    """Estimate of u in ``a + b u = 0`` and its interval, whose ends are infinite where it is not bounded.
+
+    ``g`` is the squared half width of the interval of b over b squared: from 1 on, b may be zero and an end is open.
+    """
+
+    value: float
+    low: float
+    high: float
+    g: float
+
+
+def fieller(a: float, b: float, covariance: tuple[float, float, float], quantile: float) -> Root:
+    """Interval of the root u of ``a + b u = 0`` for normal a and b (Fieller 1954, J. R. Statist. Soc. B 16, 175).
+
+    Parameters
+    ----------
+    a, b : float
+        Estimates; b is not zero.
+    covariance : (float, float, float)
+        Variance of a, covariance of a and b, variance of b.
+    quantile : float
+        Of Student's t.
+
+    Examples
+    --------
+    >>> found = fieller(-2.0, 1.0, (0.01, 0.0, 0.01), 2.0)
+    >>> round(found.value, 6), round(found.low, 4), round(found.high, 4), round(found.g, 4)
+    (2.0, 1.6194, 2.5473, 0.04)
+    """
+    aa, ab, bb = (quantile * quantile * value for value in covariance)
+    value, g = -a / b, bb / (b * b)
+    quadratic, linear, constant = b * b - bb, a * b - ab, a * a - aa
+    inner = linear * linear - quadratic * constant
+    if quadratic > 0:
+        half = max(inner, 0.0) ** 0.5 / quadratic
+        return Root(value, -linear / quadratic - half, -linear / quadratic + half, g)
+    if inner <= 0 or quadratic == 0:
+        return Root(value, -inf, inf, g)
+    ends = sorted((-linear + sign * inner**0.5) / quadratic for sign in (-1, 1))
+    return Root(value, -inf, ends[0], g) if value <= ends[0] else Root(value, ends[1], inf, g)
+
+
+def solved_for(
+    theta: Array, covariance: Array, z: Array, at: int, target: float, quantile: float, extra: float = 0.0
+) -> Root:
+    """Value u of column ``at`` with which the linear predictor ``z theta + u theta[at]`` reaches a target.
+
+    Parameters
+    ----------
+    theta, covariance : ndarray, shape (p,) and (p, p)
+    z : ndarray, shape (p,)
+        The other columns, with 0 at ``at``.
+    target, quantile : float
+        Of the predictor, and of Student's t.
+    extra : float
+        Variance of the predictor about the law, that of a new edge.
+
+    Examples
+    --------
+    >>> found = solved_for(np.array([1.0, 2.0]), np.diag([0.0, 0.01]), np.array([1.0, 0.0]), 1, 3.0, 2.0)
+    >>> round(found.value, 6), round(found.low, 4), round(found.high, 4)
+    (1.0, 0.9091, 1.1111)
+    """
+    row = covariance[at]
+    moments = (float(z @ covariance @ z) + extra, float(z @ row), float(row[at]))
+    return fieller(float(z @ theta) - target, float(theta[at]), moments, quantile)
 
 
 def interval_label(kind: Kind, level: float, coverage: float, edge: str | None, row: str = "row") -> str:

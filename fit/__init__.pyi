@@ -28,6 +28,7 @@ from .regression import load_law as load_law
 from .regression import power_law as power_law
 from .streaming import streamed_power_law as streamed_power_law
 from .surface.surfaces import response_surface as response_surface
+from .wear_curves import wear_curve_lives as wear_curve_lives
 
 __all__ = [
     "LawFit",
@@ -60,4 +61,5 @@ __all__ = [
     "robust",
     "streamed_power_law",
     "tool_life",
+    "wear_curve_lives",
 ]

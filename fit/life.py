@@ -6,7 +6,8 @@ Taylor's ``V T^n = C`` with ``n = k/a``. Source: ISO 3685:1993, annex on tool-li
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -14,10 +15,14 @@ import pandas as pd
 from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import FitError
+from ..core.intervals import Root, fieller, solved_for
 from ..core.verdict import Verdict, verdict_from
 from ..datasets import Runs
+from .edges import EdgeInference
 from .lawfit import LawFit
 from .laws import LARGEST_LOG
+
+Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -48,6 +53,30 @@ class ToolLife(Plottable):
     t_observed: float
     typical: float
     typical_at: dict[str, float]
+    law: LawFit | None = field(default=None, repr=False, compare=False)
+
+    def interval(self, of: Literal["law", "edge"] = "edge", level: float = 0.95, **factors: float) -> Interval | None:
+        """Interval of the life by Fieller's theorem: of the law, or of one new edge; None without a covariance.
+
+        An end is 0 or infinite where the interval of the time exponent reaches zero, so that it is not bounded.
+
+        Examples
+        --------
+        >>> from fitmodels import datasets, fit
+        >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+        >>> life = fit.tool_life(fit.power_law(runs, "AW", ["V", "f", "d", "t"]))
+        >>> [round(end, 1) for end in life.interval("law", V=100, f=0.19, d=2)]
+        [86.8, 133.2]
+        """
+        if self.law is None or self.law.cov_theta is None:
+            return None
+        root = _root(self.law, self.criterion, factors, level, edge_variance(self.law, self.criterion, of))
+        return _exponentials(root)
+
+    @property
+    def taylor(self) -> "TaylorConstants | None":
+        """Constants n and C of ``V T^n = C`` with 95 % intervals; None where the wear law has no V."""
+        return None if self.law is None else taylor_constants(self.law, self.criterion)
 
     def predict(self, **factors: float) -> float:
         """Life at one set of conditions, in ``unit``."""
@@ -118,7 +147,98 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
         t_observed=law.domain["t"][1],
         typical=_life(coefficients, middle),
         typical_at=middle,
+        law=law,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class TaylorConstants:
+    """Constants of Taylor's ``V T^n = C`` with intervals.
+
+    Attributes
+    ----------
+    n, n_interval : float, and (low, high) or None
+    C, C_interval : float, and (low, high) or None
+        Speed of a life of one unit of time, in the unit of V, with the other factors at ``at``; an end is 0 or infinite
+        where it is not bounded. None: no covariance.
+    at : mapping
+        Middle of the other factors.
+    level : float
+    """
+
+    n: float
+    n_interval: Interval | None
+    C: float
+    C_interval: Interval | None
+    at: dict[str, float]
+    level: float
+
+
+def taylor_constants(law: LawFit, criterion: float | None = None, level: float = 0.95) -> TaylorConstants | None:
+    """Taylor's constants of a law of tool life, or of a wear law at a criterion; None without V.
+
+    Both are ratios of coefficients, so their intervals are Fieller's.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from fitmodels import datasets, fit
+    >>> table = pd.DataFrame({"V": [120, 120, 150, 150, 180, 180.0], "T": ["60+", "55", "31", "26", "17", "14"]})
+    >>> found = taylor_constants(fit.life_law(datasets.runs_from_frame(table), ["V"]))
+    >>> round(found.n, 3), round(found.n_interval[0], 3), round(found.C)
+    (0.3, 0.232, 410)
+    """
+    if law.form != "power" or "V" not in law.factors:
+        return None
+    at, theta, C = law.names.index("V"), law.theta, law.covariance()
+    middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items() if name not in ("V", "t")}
+    z = _columns(law, {**middle, "V": 1.0, "t": 1.0})
+    known = law.cov_theta is not None
+    C, t = (C if known else np.zeros_like(C)), _quantile(law, level)
+    speed = solved_for(theta, C, z, at, 0.0 if criterion is None else float(np.log(criterion)), t)
+    if "t" in law.factors:
+        k = law.names.index("t")
+        moments = (float(C[k, k]), -float(C[k, at]), float(C[at, at]))
+        n = fieller(float(theta[k]), -float(theta[at]), moments, t)
+    else:
+        n = fieller(1.0, float(theta[at]), (0.0, 0.0, float(C[at, at])), t)
+    return TaylorConstants(
+        n.value, (n.low, n.high) if known else None, float(np.exp(min(speed.value, LARGEST_LOG))),
+        _exponentials(speed) if known else None, middle, level,
+    )  # fmt: skip
+
+
+def _columns(law: LawFit, factors: Mapping[str, float]) -> Array:
+    """Row of the design, shape (p,)."""
+    z = np.zeros(len(law.theta))
+    z[0] = 1.0
+    z[1 : 1 + len(law.factors)] = [np.log(factors[name]) for name in law.factors]
+    return z
+
+
+def _quantile(law: LawFit, level: float) -> float:
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(law.df, 1), (1 + level) / 2))
+
+
+def _root(law: LawFit, criterion: float, factors: Mapping[str, float], level: float, extra: float) -> Root:
+    """Logarithm of the time at which the law reaches the criterion."""
+    z, at = _columns(law, {**factors, "t": 1.0}), law.names.index("t")
+    return solved_for(law.theta, law.covariance(), z, at, float(np.log(criterion)), _quantile(law, level), extra)
+
+
+def edge_variance(law: LawFit, criterion: float, of: str = "edge") -> float:
+    """Variance of ln wear of a new edge (of a row where edges are not known) about its law; 0 for the law itself."""
+    if of == "law":
+        return 0.0
+    sd = law.edges.mixed.sd_between if isinstance(law.edges, EdgeInference) else law.scale_se or 0.0
+    return (sd if law.error == "multiplicative" else sd / criterion) ** 2
+
+
+def _exponentials(root: Root) -> Interval:
+    with np.errstate(over="ignore", under="ignore"):
+        return float(np.exp(root.low)), float(np.exp(root.high))
 
 
 def _life(coefficients: "pd.Series[float]", factors: Mapping[str, float]) -> float:
