@@ -50,7 +50,10 @@ def parser() -> Parser:
         "region. A law on wear takes AW as given, or from the wear law at these conditions.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
-    p.add_argument("at", metavar="V=120", nargs="*", help="a condition, with its unit if it differs: V=400ft/min")
+    p.add_argument(
+        "at", metavar="V=120", nargs="*",
+        help="a condition, with its unit if it differs: V=400ft/min; or a response to predict, T for the tool life",
+    )  # fmt: skip
     p.add_argument("--law", metavar="AW", help="response to predict (default: all)")
     p.add_argument(
         "--interval", choices=["mean", "prediction", "tolerance"], default="prediction",
@@ -80,7 +83,9 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(f"--{option} {getattr(args, option):g}: give a number between 0 and 1, for instance 0.95.")
     _budget_asked(args)
     pf = parameters.read(args.file)
-    laws, given = _chosen(pf, args.law), _given(args.at)
+    names = [*([] if args.law is None else [args.law]), *(word for word in args.at if "=" not in word)]
+    given = _given([word for word in args.at if "=" in word])
+    laws, life = _chosen(pf, names, given)
     _all_known(pf, given, args.by)
     asked = IntervalOptions(args.interval, args.level, "new", args.coverage)
     predictions: list[Prediction] = []
@@ -90,13 +95,18 @@ def run(args: argparse.Namespace) -> int:
             predictions.append(_predicted(pf, law, given, args.by, asked))
         except FitmodelsError as error:
             failed[law.response] = error
+    if life:
+        try:
+            predictions.append(_life(pf, given, asked))
+        except FitmodelsError as error:
+            failed["T by the wear law"] = error
     if not predictions:
         raise next(iter(failed.values()))
     reasons = {name: str(reason) for name, reason in failed.items()}
     wears = [given.symbol for one in predictions for given in one.given if given.source is not None]
     verdicts = cautions(pf, *(one.response for one in predictions), *wears)
     budgets: list[UncertaintyBudget] = []
-    for one in predictions if args.budget else ():
+    for one in predictions[: len(predictions) - life] if args.budget else ():
         try:
             budgets.append(_budget(pf, one, args))
         except ParameterError as error:
@@ -193,12 +203,39 @@ def _of_unit(text: str, name: str, unit: str, option: str) -> float:
     return _in_unit(value, Factor(symbol=name, quantity="", unit=unit, low=0.0, high=0.0))
 
 
-def _chosen(pf: "ParameterFile", name: str | None) -> "list[LawSection]":
+def _chosen(pf: "ParameterFile", names: Sequence[str], given: Mapping[str, _Value]) -> "tuple[list[LawSection], bool]":
+    """Laws to predict with, and whether the tool life is solved from the wear law.
+
+    Without names it is where no time is given; the tool life is T, as the response of a law of lives is.
+    """
     if not pf.laws:
         raise UsageError("the parameter file has no law; fit one with `fitmodels data.csv`.")
-    if name is not None and name not in pf.laws:
-        raise UsageError(f"--law {name}: the file has laws of {', '.join(pf.laws)}{_meant(name, pf.laws)}.")
-    return list(pf.laws.values()) if name is None else [pf.laws[name]]
+    life = pf.tool_life is not None and pf.tool_life.wear in pf.laws
+    known = {**dict.fromkeys(pf.laws), **({"T": None} if life else {})}
+    for name in names:
+        if name not in known:
+            raise UsageError(f"--law {name}: the file has laws of {', '.join(known)}{_meant(name, known)}.")
+    if not names:
+        return list(pf.laws.values()), life and "t" not in given
+    return [pf.laws[name] for name in dict.fromkeys(names) if name in pf.laws], life and "T" in names
+
+
+def _life(pf: "ParameterFile", given: Mapping[str, _Value], asked: "IntervalOptions") -> "Prediction":
+    """The tool life by inverting the wear law."""
+    from ..parameters.prediction import predict_life
+
+    life = pf.tool_life
+    if life is None:
+        raise UsageError("the file has no tool life; fit a wear law on t with --criterion.")
+    law = pf.laws[life.wear]
+    missing = [f for f in law.factors if f.symbol != "t" and f.symbol not in given]
+    if missing:
+        raise UsageError(f"the tool life needs {_needed(pf, missing, given)}.")
+    factors = {f.symbol: _in_unit(given[f.symbol], f) for f in law.factors if f.symbol != "t"}
+    try:
+        return predict_life(law, life, asked, factors)
+    except ParameterError as reason:  # the request is wrong, not the file
+        raise UsageError(str(reason)) from None
 
 
 def _given(words: Sequence[str]) -> dict[str, _Value]:

@@ -15,7 +15,8 @@ from ..core.version import __version__
 from .file import ParameterFile, sealed
 from .gather.control import Gains, as_data, dynamics_section, limits_section, pi_section
 from .gather.design import criterion_of, design_section, reading_section
-from .gather.law import laws_by_response, tool_life_section
+from .gather.law import laws_by_response
+from .gather.lives import tool_life_section
 from .gather.posterior import posterior_section
 from .messages import schema_message
 from .sections.load_line import LimitsSection

@@ -169,7 +169,7 @@ def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factor
         Z = terms(law, by, factors)
         median = response(law, Z)
         G = _gradient(law, Z, median)
-        variance = np.zeros(median.shape) if spread.edge == "same" else _quadratic(law, covariance, G)
+        variance = np.zeros(median.shape) if spread.edge == "same" else _quadratic(law, G)
         value, low, high = value_and_ends(
             asked.kind, median, variance, spread.df, spread.scatter, level=asked.level, coverage=asked.coverage,
             centre=centre, smearing=smearing, multiplies=multiplies,
@@ -186,9 +186,15 @@ def _covariance(law: LawFields) -> Covariance:
     return law.uncertainty
 
 
-def _quadratic(law: LawFields, covariance: Covariance, G: Array) -> Array:
+def covariance_of(law: LawFields) -> Array:
+    """Covariance of the parameters in the order of ``parameter_names``; ParameterError where there is none."""
+    covariance = _covariance(law)
     order = [covariance.of.index(name) for name in law.parameter_names]
-    C = np.array(covariance.matrix)[np.ix_(order, order)]
+    return np.asarray(np.array(covariance.matrix)[np.ix_(order, order)], dtype=float)
+
+
+def _quadratic(law: LawFields, G: Array) -> Array:
+    C = covariance_of(law)
     return np.asarray(np.einsum("...i,ij,...j->...", G, C, G), dtype=float)
 
 

@@ -210,6 +210,8 @@ def _to_version_5(data: dict[str, Any]) -> dict[str, Any]:
 
 def _to_version_6(data: dict[str, Any]) -> dict[str, Any]:
     """Data of version 5 with laws of first order and limits of power, force and wear alone."""
+    if data.get("tool_life"):
+        data = {**data, "tool_life": {**data["tool_life"], "taylor": None, "curves": None}}
     limits = {"limits": {**data["limits"], "responses": {}}} if data.get("limits") else {}
     if "laws" not in data:
         return {**data, **limits}
@@ -231,7 +233,8 @@ def _of_first_order(law: dict[str, Any]) -> dict[str, Any]:
 # ``held_out_on`` and ``own_fit``: which samples and which model a fit is of; ``drive``; and settings of adaptive force
 # that are not stated.
 # Version 6 added ``terms``, ``centres`` and ``fixed`` of laws: second order, and exponents that were not estimated;
-# ``life`` of laws, the distribution of tool lives; and ``responses`` of limits.
+# ``life`` of laws, the distribution of tool lives; ``taylor`` and ``curves`` of the tool life;
+# and ``responses`` of limits.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,

@@ -8,11 +8,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.display import Displayable, Plottable
+from ..core.errors import ParameterError
+from ..core.intervals import Root, solved_for
 from ..core.rounding import format_plain as plain
 from ..core.rounding import format_rounded
 from ..datasets import region
-from .evaluation import IntervalOptions, as_given, checked_values, interval_band, region_contains
+from .evaluation import (
+    IntervalOptions,
+    as_given,
+    checked_values,
+    covariance_of,
+    interval_band,
+    region_contains,
+    terms,
+)
+from .sections.base import NoCovariance
 from .sections.law_fields import LawFields
+from .sections.law_parts import ToolLifeSection
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -221,6 +233,95 @@ def predict_with_interval(
         by=None if law.by is None or by is None else (law.by.column, by),
         error=law.error,
     )
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LifePrediction(Prediction):
+    """Tool life at a wear criterion by inverting the wear law; ``high`` is infinite where it is not bounded."""
+
+    def facts(self) -> dict[str, Any]:
+        """Plain numbers and texts for JSON; an end that is not bounded is None."""
+        found = super(LifePrediction, self).facts()
+        return {**found, **{end: None if np.isinf(found[end]) else found[end] for end in ("low", "high")}}
+
+    def _at(self, i: int) -> Iterator[str]:
+        for g in self.given:
+            if g.symbol != "t":
+                yield f"{g.symbol} {_with(plain(_one(g.value, i), 6), g.unit)}"
+
+    def _rounded(self, i: int) -> tuple[str, ...]:
+        value, low, high = (float(np.ravel(number)[i]) for number in (self.value, self.low, self.high))
+        if np.isfinite(high):
+            return super(LifePrediction, self)._rounded(i)
+        return plain(value, 2), plain(low, 2), "an upper end that is not bounded, in"
+
+
+def predict_life(
+    law: LawFields, life: ToolLifeSection, asked: IntervalOptions, factors: Mapping[str, ArrayLike]
+) -> LifePrediction:
+    """Tool life at the criterion by inverting the wear law, with Fieller's interval.
+
+    Parameters
+    ----------
+    law : LawSection
+        The wear law that the tool life was solved from.
+    life : ToolLifeSection
+    asked : IntervalOptions
+        ``mean`` of the law, ``prediction`` of one new edge.
+    factors : mapping
+        A number for each factor but t.
+
+    Raises
+    ------
+    ParameterError
+        A factor is missing or unknown, the law has no covariance, or a tolerance interval is asked for.
+    """
+    symbols = [f.symbol for f in law.factors]
+    if law.form != "power" or law.by is not None or "t" not in symbols or law.coefficients["t"] <= 0:
+        raise ParameterError(
+            f"the law of {law.response} is no power law of wear that grows with t: it has no tool life."
+        )
+    if asked.kind == "tolerance":
+        raise ParameterError("a tolerance interval of tool life is not offered: ask for prediction (of one new edge).")
+    if isinstance(law.uncertainty, NoCovariance):
+        raise ParameterError(f"the law of {law.response} has no interval: {law.uncertainty.reason}.")
+    values = {name: float(np.asarray(value)) for name, value in factors.items()}
+    checked_values(law, {**values, "t": 1.0})
+    from scipy.special import stdtrit
+
+    extra, of = edge_scatter(law, life) if asked.kind == "prediction" else (0.0, "the law")
+    root = life_root(law, life.criterion, values, float(stdtrit(law.uncertainty.df, (1 + asked.level) / 2)), extra)
+    with np.errstate(over="ignore", under="ignore"):
+        value, low, high = (float(np.exp(end)) for end in (root.value, root.low, root.high))
+    at = {**values, "t": value}
+    inside = bool(region_contains(law, None, at))
+    given = tuple(
+        GivenFactor(f.symbol, f.unit, at[f.symbol], f.low, f.high, _item(beyond))
+        for f, beyond in zip(law.factors, _beyond(law, checked_values(law, at)), strict=True)
+    )
+    words = f"time at which {law.response} reaches {life.criterion:g} {life.unit_of_wear}"
+    return LifePrediction(
+        response="T", unit=life.unit, value=value, low=low, high=high, inside=inside,
+        of=f"{words}; {100 * asked.level:g} % interval of {of}, by Fieller's theorem,", kind=asked.kind, edge="new",
+        centre="median", level=asked.level, coverage=None, given=given, by=None, error="multiplicative",
+    )  # fmt: skip
+
+
+def life_root(law: LawFields, criterion: float, factors: Mapping[str, float], quantile: float, extra: float) -> Root:
+    """Logarithm of the time at which a wear law reaches the criterion; ``extra`` is the variance about the law."""
+    z = terms(law, None, {**factors, "t": 1.0})
+    return solved_for(
+        law.theta, covariance_of(law), z, law.parameter_names.index("t"), float(np.log(criterion)), quantile, extra
+    )
+
+
+def edge_scatter(law: LawFields, life: ToolLifeSection) -> tuple[float, str]:
+    """Variance of ln wear of one new edge about its law, of one row where edges are not known, and its words."""
+    e = law.edges
+    sd, of = (law.residual_se, "one row") if e is None or e.sd_between is None else (e.sd_between, "one new edge")
+    if sd is None:
+        raise ParameterError(f"the law of {law.response} has no residual standard error: no interval of one edge.")
+    return (sd if law.error == "multiplicative" else sd / life.criterion) ** 2, of
 
 
 def _beyond(law: LawFields, values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:

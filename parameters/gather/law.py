@@ -10,21 +10,18 @@ import numpy as np
 from pydantic import ValidationError
 
 from ...core.errors import FitError, ParameterError, UsageError
-from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ..messages import schema_message
 from ..sections.base import VerdictSection
 from ..sections.law import LawSection
 from ..sections.law_parts import CompositeLaw
+from .lives import finite, known, life_fields, runs_of
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ...datasets import Runs
     from ...fit import LawFit
     from ...fit.bayes.posterior import Posterior
     from ...fit.checks.check import Check
     from ...fit.checks.judgement import Judgement
-    from ...fit.life import ToolLife
 
 WITHOUT_ROWS = (
     "region not available: a stream keeps no rows to compute the region from; each factor has its range instead",
@@ -50,7 +47,7 @@ def laws_by_response(
         if law.response in found:
             raise ParameterError(f"there are two laws of {law.response}; a parameter file holds one for each response.")
         posterior = next((one for one in posteriors if one.response == law.response), None)
-        section = law_section(law, tool, work, gauge_sd, runs=_runs_of(law, runs), posterior=posterior, laws=len(laws))
+        section = law_section(law, tool, work, gauge_sd, runs=runs_of(law, runs), posterior=posterior, laws=len(laws))
         found[law.response] = _with_composite(section, law, laws)
     return found
 
@@ -62,12 +59,6 @@ def _with_composite(section: LawSection, law: "LawFit", laws: "Sequence[LawFit]"
         return section
     made, notes = _optional({"composite": partial(_composite, law, wear)})
     return section.model_copy(update={**made, "notes": (*section.notes, *notes)})
-
-
-def _runs_of(law: "LawFit", runs: "Runs | None") -> "Runs | None":
-    """The runs, if they are those that the law was fitted to."""
-    same = runs is not None and (law.source.sha256, law.source.n_rows) == (runs.source.sha256, len(runs))
-    return runs if same else None
 
 
 def _composite(law: "LawFit", wear: "LawFit") -> CompositeLaw | None:
@@ -177,7 +168,7 @@ def _section(law: "LawFit") -> dict[str, Any]:
         "coefficients": {name: params[name] for name in law.formula.names},
         "factors": [_factor(law, symbol) for symbol in law.factors],
         **_formula_fields(law),
-        "life": _life(law),
+        "life": life_fields(law),
         "by": _by(law, params),
         "uncertainty": _uncertainty(law),
         "residual_se": known(law.scale_se),
@@ -203,21 +194,6 @@ def _formula_fields(law: "LawFit") -> dict[str, Any]:
     terms = [{"name": term.name, "powers": of} for term, of in zip(formula.terms, powers, strict=True)]
     centres = dict(zip(formula.factors, formula.centres, strict=False))
     return {"terms": terms, "centres": centres, "fixed": dict(formula.fixed)}
-
-
-def _life(law: "LawFit") -> dict[str, Any] | None:
-    """Distribution of tool lives, None for other laws."""
-    if law.life is None:
-        return None
-    found = asdict(law.life)
-    with_scale = dict(zip(law.theta_names, found.pop("with_scale"), strict=True))
-    distribution = found.pop("name")
-    return {
-        **found,
-        "distribution": distribution,
-        "with_scale": with_scale,
-        "log_likelihood": known(law.life.log_likelihood),
-    }
 
 
 def _edges(law: "LawFit") -> dict[str, Any]:
@@ -351,43 +327,6 @@ def _published(law: "LawFit", tool: str, work: str) -> dict[str, Any] | None:
     return None if found is None else asdict(found)
 
 
-def tool_life_section(
-    life: "ToolLife | None",
-    laws: "Sequence[LawFit]" = (),
-    sections: Mapping[str, LawSection] | None = None,
-    runs: "Runs | None" = None,
-) -> dict[str, Any] | None:
-    """Section of a tool life, None where there is none; its verdict is known where its wear law is among the laws."""
-    if life is None:
-        return None
-    law = next((law for law in laws if law.response == life.wear), None)
-    verdict = None if law is None else _life_verdict(life, law, (sections or {}).get(life.wear), runs)
-    return {
-        "wear": life.wear,
-        "criterion": float(life.criterion),
-        "unit_of_wear": life.unit_of_wear,
-        "unit": life.unit,
-        "coefficients": {str(name): float(value) for name, value in life.coefficients.items()},
-        "standard_errors": {} if life.bse is None else {str(k): float(v) for k, v in life.bse.items()},
-        "taylor_n": life.taylor_n,
-        "t_observed": life.t_observed,
-        "typical": life.typical,
-        "typical_at": dict(life.typical_at),
-        "verdict": None if verdict is None else VerdictSection.of(verdict).model_dump(),
-    }
-
-
-def _life_verdict(life: "ToolLife", law: "LawFit", section: LawSection | None, runs: "Runs | None") -> Verdict:
-    from ...fit.available import NotAvailable, computed
-    from ...fit.life import life_verdict
-
-    of_law = None if section is None or section.verdict is None else section.verdict.verdict
-    found = computed(partial(life_verdict, life, law, _runs_of(law, runs), of_law))
-    if not isinstance(found, NotAvailable):
-        return found
-    return verdict_from([(RESERVATIONS, f"The tool life was not checked: {found.reason}.")])
-
-
 def _equation(law: "LawFit") -> str:
     """The equation with its numbers at six digits: at the reference level, then the factor or shift of each level."""
     right = law.formula.equation([f"{float(law.params[name]):.6g}" for name in law.formula.names])
@@ -409,16 +348,6 @@ def _factor(law: "LawFit", symbol: str) -> dict[str, Any]:
     low, high = law.domain[symbol]
     ends = {"low": float(low), "high": float(high)}
     return {"symbol": symbol, "quantity": quantity_of(symbol), "unit": law.units[symbol], **ends}
-
-
-def finite(values: "pd.Series[float]") -> dict[str, float]:
-    """The finite ones of some values, by name."""
-    return {str(name): float(value) for name, value in values.items() if math.isfinite(value)}
-
-
-def known(value: float | None) -> float | None:
-    """A finite number, or None."""
-    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def quantity_of(symbol: str) -> str:

@@ -132,12 +132,62 @@ class Published(Section):
     worst_line: Count | None = None
 
 
+class TaylorSection(Section):
+    """Taylor's ``V T^n = C``: n, and C in the unit of V at the middle ``at`` of the other factors, with intervals.
+
+    An end is null where the interval is not bounded.
+
+    Examples
+    --------
+    >>> TaylorSection(n=0.3, n_interval=[0.23, 0.42], C=410.0, C_interval=[340.0, None], unit="m/min").n
+    0.3
+    """
+
+    n: Number
+    n_interval: tuple[Number | None, Number | None] | None = None
+    C: NotNegative
+    C_interval: tuple[Number | None, Number | None] | None = None
+    unit: str
+    at: dict[str, Number] = Field(default_factory=dict)
+    level: Positive = 0.95
+
+
+class EdgeLifeSection(Section):
+    """Life of an edge at the criterion, by its wear curve and by the wear law at its own level.
+
+    ``reached`` states whether the curve crosses the criterion; otherwise ``curve`` is its last or first time.
+    """
+
+    edge: str
+    reached: Literal["interpolated", "extrapolated", "before the first reading"]
+    curve: NotNegative
+    law: NotNegative
+
+
+class WearCurveSection(Section):
+    """Lives read from the wear curves of the edges, compared with the wear law, and the law of these lives.
+
+    ``ratio`` is life by curve over life by law, ``expected`` the same where scatter alone makes it (simulated).
+    """
+
+    lives: tuple[EdgeLifeSection, ...] = ()
+    ratio: Positive | None = None
+    ratio_interval: tuple[Positive, Positive] | None = None
+    expected: Positive | None = None
+    words: tuple[str, ...] = ()
+    coefficients: dict[str, Number] = Field(default_factory=dict)
+    typical: NotNegative | None = None
+    typical_interval: tuple[NotNegative, NotNegative] | None = None
+    taylor: TaylorSection | None = None
+
+
 class ToolLifeSection(Section):
     """Tool life ``T = c0 V^a f^b ...`` at a wear criterion, solved from the wear law.
 
     ``typical`` is T at ``typical_at``, the middle of each factor's range, and ``t_observed`` the longest
-    time in the data: beyond it T is extrapolated. ``verdict`` states how far T can be used; files of versions 1 and 2
-    have none.
+    time in the data: beyond it T is extrapolated. ``taylor`` holds Taylor's constants with intervals, ``curves`` the
+    lives read from the wear curves of the edges; files before version 6 lack both. ``verdict`` states how far T can be
+    used; files of versions 1 and 2 have none.
 
     Examples
     --------
@@ -156,6 +206,8 @@ class ToolLifeSection(Section):
     t_observed: NotNegative
     typical: NotNegative
     typical_at: dict[str, Number]
+    taylor: TaylorSection | None = None
+    curves: WearCurveSection | None = None
     verdict: VerdictSection | None = None
 
 
@@ -180,6 +232,7 @@ class LifeSection(Section):
     run_outs: Count = 0
     earlier: Count = 0
     log_likelihood: Number | None = None
+    taylor: TaylorSection | None = None
 
     @property
     def censored(self) -> bool:
