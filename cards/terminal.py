@@ -22,11 +22,12 @@ from ..fit.statsmodels_ols import TOLERANCE
 from ..parameters import ParameterFile
 from ..parameters.gather.description import unused_conditions
 from .content.dynamics import dynamics_part
-from .content.laws import about_intervals, law_part, tool_life_part
+from .content.laws import about_intervals, law_part
 from .content.numbers import fact_line, sentence
 from .content.parts import LawPart, SuspectPart, VerdictPart
 from .content.posterior import EXPLANATIONS
 from .content.tables import check_table, coefficient_table
+from .content.tool_life import tool_life_part
 from .content.verdicts import sorted_by_level, verdicts_of
 from .reading_terminal import Command, count_rows, lines_of
 
@@ -170,9 +171,8 @@ def nothing_fitted(runs: Runs, refused: Sequence[Refused]) -> str:
 def _lives_only(runs: Runs) -> str:
     lives = runs.values("T")
     return (
-        f"the file gives tool lives (T, {np.count_nonzero(np.isfinite(lives))} values) and no course of the wear. The "
-        "lives are read, but no law is fitted to lives alone: give the wear readings of these tests, with the columns "
-        "t and VB; the tool life at a wear criterion follows from their law."
+        f"the file gives tool lives (T, {np.count_nonzero(np.isfinite(lives))} values) and no condition of their "
+        "tests: a law of lives needs V, f or d in columns; --map gives a column its role."
     )
 
 

@@ -83,8 +83,9 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(f"--{option} {getattr(args, option):g}: give a number between 0 and 1, for instance 0.95.")
     _budget_asked(args)
     pf = parameters.read(args.file)
-    names = [*([] if args.law is None else [args.law]), *(word for word in args.at if "=" not in word)]
-    given = _given([word for word in args.at if "=" in word])
+    responses = [word for word in args.at if word in (*pf.laws, "T")]
+    names = [*([] if args.law is None else [args.law]), *responses]
+    given = _given([word for word in args.at if word not in responses])
     laws, life = _chosen(pf, names, given)
     _all_known(pf, given, args.by)
     asked = IntervalOptions(args.interval, args.level, "new", args.coverage)

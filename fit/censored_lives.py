@@ -271,6 +271,8 @@ def _inference(rows: Rows) -> NotAvailable:
 MOST_CENSORED, FEW_DF = 0.5, 3
 SURE = 3.0  # difference of log-likelihoods beyond which lives prefer a distribution
 MOVED = 2.0  # standard errors that one life may move an exponent by
+EQUAL_BY_CHANCE = 1.15  # ratio of expected lives above which equal ones are no chance
+MOST_LEFT_OUT = 200  # lives that are left out one by one
 
 
 def run_outs(law: LawFit) -> Check:
@@ -331,9 +333,6 @@ def longest_lives(law: LawFit) -> Check | None:
                  verdict=verdict)  # fmt: skip
 
 
-EQUAL_BY_CHANCE = 1.15  # ratio of expected lives above which equal ones are no chance
-
-
 def extrapolated_lives(law: LawFit) -> Check:
     """Check that the life at the middle of the tests was reached by tests."""
     middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items()}
@@ -381,7 +380,8 @@ def single_lives(law: LawFit) -> Check | NotAvailable | None:
         try:
             part = fit_censored(law.design[keep], np.log(law.observed[keep]), law.rows.side[keep], life.name)
         except (FitError, np.linalg.LinAlgError):
-            return _sole_life(law, row)
+            words = f"Without the life of line {law.lines[row]} the law cannot be fitted: measure there again."
+            return Check(null="No single life decides an exponent.", concern=1, verdict=words)
         moved = np.abs(part.beta[1:] - law.theta[1:]) / se[1:]
         found = (float(moved.max()), 1 + int(moved.argmax()))
         if found > worst:
@@ -392,14 +392,6 @@ def single_lives(law: LawFit) -> Check | NotAvailable | None:
     )
     return Check(null="No single life decides an exponent.", statistic=size, symbol="max. change (SE)",
                  concern=int(size > MOVED), verdict=verdict)  # fmt: skip
-
-
-MOST_LEFT_OUT = 200
-
-
-def _sole_life(law: LawFit, row: int) -> Check:
-    verdict = f"Without the life of line {law.lines[row]} the law cannot be fitted: measure at its conditions again."
-    return Check(null="No single life decides an exponent.", concern=1, verdict=verdict)
 
 
 def _life_of(law: LawFit) -> LifeDistribution:

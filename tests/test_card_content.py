@@ -490,8 +490,11 @@ def test_statements_are_the_laws_own_intervals(files, name):
                 assert "asymmetric" in s.words
 
 
-def test_the_uncertainty_of_tool_life_is_the_delta_methods(pf):
-    """By finite differences of ln T = (ln W - ln c0 - a ln V ...) / h in the parameters of the wear law."""
+def test_the_uncertainty_of_tool_life_is_near_the_delta_methods(pf):
+    """By finite differences of ln T = (ln W - ln c0 - a ln V ...) / h in the parameters of the wear law.
+
+    The ends are Fieller's: at each the interval of the wear has the criterion as its other end.
+    """
     law, life = pf.laws["AW"], pf.tool_life
     names, C = law.uncertainty.of, np.array(law.uncertainty.matrix)
     theta = np.array([math.log(law.coefficients["c0"]), *(law.coefficients[n] for n in names[1:])])
@@ -505,9 +508,11 @@ def test_the_uncertainty_of_tool_life_is_the_delta_methods(pf):
     g = np.array([(ln_T(theta + h * e) - ln_T(theta - h * e)) / (2 * h) for e in np.eye(len(theta))])
     of_law_, of_edge = [s for s in statements(pf) if s.symbol == "T"]
     assert of_law_.value.value == pytest.approx(math.exp(ln_T(theta)))
-    assert of_law_.standard.value / life.typical == pytest.approx(math.sqrt(g @ C @ g), rel=1e-5)
+    assert of_law_.standard.value / life.typical == pytest.approx(math.sqrt(g @ C @ g), rel=0.05)
     more = law.edges.sd_between / law.coefficients["t"]
-    assert of_edge.standard.value / life.typical == pytest.approx(math.hypot(math.sqrt(g @ C @ g), more), rel=1e-5)
+    assert of_edge.standard.value / life.typical == pytest.approx(math.hypot(math.sqrt(g @ C @ g), more), rel=0.05)
+    for end, other in ((of_law_.low, 1), (of_law_.high, 0)):
+        assert law.interval(0.95, "mean", **life.typical_at, t=end.value)[other] == pytest.approx(life.criterion)
     assert "extrapolation" in of_law_.words
 
 

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
+from fitmodels.core.intervals import fieller
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
@@ -123,3 +124,140 @@ def test_laws_that_tell_no_life_are_refused(law, criterion, says):
 def test_conditions_without_a_life_are_refused(at, says):
     with pytest.raises(errors.FitError, match=says):
         fit.tool_life(wear_law()).predict(**at)
+
+
+def test_fieller_is_the_set_of_roots_that_a_test_does_not_reject():
+    """Each end, by a root search of the t statistic of ``a + b u``; an open interval where b may be zero."""
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        A = rng.normal(size=(2, 2))
+        C = A @ A.T
+        a, b = rng.normal(), rng.choice([-1, 1]) * rng.uniform(2.2, 8) * np.sqrt(C[1, 1])
+        found = fieller(a, b, (C[0, 0], C[0, 1], C[1, 1]), 2.1)
+
+        def excess(u, a=a, b=b, C=C):
+            return (a + b * u) ** 2 - 2.1**2 * (C[0, 0] + 2 * u * C[0, 1] + u * u * C[1, 1])
+
+        assert found.low < found.value < found.high
+        assert found.g == pytest.approx(2.1**2 * C[1, 1] / b**2)
+        for end in (found.low, found.high):
+            assert excess(end) == pytest.approx(0, abs=1e-7 * (1 + end**2) * (b * b + C[1, 1]))
+        assert excess(found.value) < 0
+    open_above = fieller(-2.0, 1.0, (0.01, 0.0, 0.3), 2.1)
+    assert open_above.g > 1
+    assert (open_above.high, round(open_above.low, 3)) == (np.inf, 0.921)
+    assert fieller(-0.1, 0.1, (1.0, 0.0, 1.0), 2.1).low == -np.inf
+
+
+def test_the_interval_of_a_life_is_that_of_times_whose_wear_the_law_does_not_exclude():
+    """Ends of the interval of the law: there its interval of the wear has the criterion as an end."""
+    law = wear_law()
+    life = fit.tool_life(law, 0.3)
+    at = {"V": 150.0, "f": 0.3, "d": 2.0}
+    low, high = life.interval("law", **at)
+    assert low < life.predict(**at) < high
+    for t, end in ((low, "high"), (high, "low")):
+        assert law.predict({**at, "t": t}, "mean")[end].iloc[0] == pytest.approx(0.3, rel=1e-9)
+    edge_low, edge_high = life.interval("edge", **at)
+    assert edge_low < low < high < edge_high
+
+
+def test_taylors_constants_have_the_intervals_of_their_ratios():
+    """n = k/a against 100 000 draws of both: the ends are the quantiles of the ratio to 1 %."""
+    law = wear_law()
+    found = fit.tool_life(law).taylor
+    assert found.n == pytest.approx(law.params["t"] / law.params["V"], rel=1e-12)
+    rng = np.random.default_rng(11)
+    k, a = law.names.index("t"), law.names.index("V")
+    draws = rng.multivariate_normal(law.theta, law.covariance(), size=100_000)
+    np.testing.assert_allclose(found.n_interval, np.quantile(draws[:, k] / draws[:, a], [0.025, 0.975]), rtol=0.01)
+    at = {**found.at, "V": found.C}
+    assert fit.tool_life(law).predict(**at) == pytest.approx(1.0, rel=1e-9)
+    assert found.C_interval[0] < found.C < found.C_interval[1]
+
+
+def worn(exponent=0.6, scatter=0.02, seed=2, speeds=(100, 140, 180), until=80, bend=0.0):
+    """Runs of wear curves of known lives: four edges at each of three speeds."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for V in speeds:
+        for copy in range(4):
+            life = 40 * (V / 140) ** -2.5 * np.exp(rng.normal(0, 0.03))
+            t = np.linspace(4, until, 12)
+            ln = exponent * np.log(t / life) + bend * np.maximum(t / life - 0.8, 0) + rng.normal(0, scatter, 12)
+            rows += [{"edge": f"{V}-{copy}", "V": V, "t": x, "VB": y} for x, y in zip(t, 0.3 * np.exp(ln), strict=True)]
+    return datasets.runs_from_frame(pd.DataFrame(rows), judge=False)
+
+
+def test_lives_of_wear_curves_are_those_of_the_simulated_edges():
+    law = fit.power_law(worn(scatter=1e-4), "VB", ["V", "t"])
+    found = fit.wear_curve_lives(law, 0.3)
+    lives = found.to_frame().set_index("edge")
+    crossed = lives[lives["reached"] == "interpolated"]
+    assert (found.count("interpolated"), found.count("extrapolated")) == (8, 4)
+    np.testing.assert_allclose(crossed["curve"], crossed["law"], rtol=0.02)
+    assert (lives.loc[lives["reached"] == "extrapolated", "curve"] == 80).all()
+    assert found.law.life.run_outs == 4
+    assert found.law.params["V"] == pytest.approx(-2.5, abs=0.2)
+
+
+def test_wear_curves_that_agree_and_that_bend():
+    agree = fit.wear_curve_lives(fit.power_law(worn(until=160), "VB", ["V", "t"]), 0.3)
+    assert agree.ratio_interval[0] < 1 < agree.ratio_interval[1]
+    assert agree.sentences[1].endswith("they agree.")
+    bent = fit.wear_curve_lives(fit.power_law(worn(bend=1.5), "VB", ["V", "t"]), 0.45)
+    assert "trust the interpolated lives" in bent.sentences[1]
+
+
+def test_scatter_that_crosses_early_is_told_from_a_bend():
+    """Flat wear: exponent .25 with 8 % of scatter, as in table 3.2 of Meeker-like studies; here by simulation."""
+    law = fit.power_law(worn(exponent=0.2, scatter=0.12, until=160), "VB", ["V", "t"])
+    found = fit.wear_curve_lives(law, 0.3)
+    assert found.expected < 0.95
+    assert found.ratio == pytest.approx(found.expected, abs=0.15)
+    assert "the lives of the wear law are the better ones" in found.sentences[1]
+
+
+def test_wear_curves_need_edges():
+    with pytest.raises(errors.FitError, match="name the edges with --edge"):
+        fit.wear_curve_lives(wear_law())
+
+
+def test_a_file_gives_the_life_of_the_fit_with_its_interval(tmp_path, capsys):
+    from fitmodels import parameters
+    from fitmodels.cli import main
+    from fitmodels.parameters.evaluation import IntervalOptions
+    from fitmodels.parameters.prediction import predict_life
+
+    law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    life = fit.tool_life(law, 0.3)
+    pf = parameters.read(parameters.write(parameters.collect(laws=[law], tool_life=life), tmp_path / "params.json"))
+    at = {"V": 150.0, "f": 0.3, "d": 2.0}
+    for kind, of in (("mean", "law"), ("prediction", "edge")):
+        one = predict_life(pf.laws["AW"], pf.tool_life, IntervalOptions(kind), at)
+        np.testing.assert_allclose(
+            [one.value, one.low, one.high], [life.predict(**at), *life.interval(of, **at)], rtol=1e-9
+        )
+    assert pf.tool_life.taylor.n == life.taylor.n
+    assert len(pf.tool_life.curves.lives) == 24
+    assert main(["predict", str(tmp_path / "params.json"), "T", "V=150", "f=0.3", "d=2"]) == 0
+    assert "95 % interval of one new edge, by Fieller's theorem" in " ".join(capsys.readouterr().out.split())
+
+
+def test_an_interval_that_is_not_bounded_is_said_to_be_so(tmp_path):
+    """Two readings of each of six edges, of wear that hardly grows against its scatter."""
+    from fitmodels import parameters
+    from fitmodels.parameters.evaluation import IntervalOptions
+    from fitmodels.parameters.prediction import predict_life
+
+    rng = np.random.default_rng(1)
+    rows = [{"edge": str(e), "V": 100.0 + 20 * (e % 3), "t": t, "VB": 0.1 * t**0.1 * np.exp(rng.normal(0, 0.2))}
+            for e in range(6) for t in (5.0, 8.0)]  # fmt: skip
+    law = fit.power_law(datasets.runs_from_frame(pd.DataFrame(rows), judge=False), "VB", ["V", "t"])
+    life = fit.tool_life(law, 0.2)
+    assert life.interval("law", V=120.0)[1] == np.inf
+    pf = parameters.collect(laws=[law], tool_life=life)
+    one = predict_life(pf.laws["VB"], pf.tool_life, IntervalOptions("mean"), {"V": 120.0})
+    assert "not bounded" in one.words
+    assert one.facts()["high"] is None
+    parameters.write(pf, tmp_path / "params.json")

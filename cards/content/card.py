@@ -13,9 +13,10 @@ from .figure_texts import figures
 from .gains import gains_part
 from .guidance import intended, out_of_scope, safety, summary, title
 from .identity import identity_part, missing_identity, provenance_part, slug
-from .laws import about_intervals, law_part, tool_life_part
+from .laws import about_intervals, law_part
 from .parts import Card, IdentityPart, PublicationPart
 from .profiler import profiler_part
+from .tool_life import no_tool_life, tool_life_part
 from .uncertainty import statements
 from .verdicts import verdicts_of, worst
 from .windows import window_parts
@@ -89,7 +90,7 @@ def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
         "design": "The file does not describe its tests: it was written by hand or by an earlier version; fit the data "
         "again." if pf.laws else "There are no cutting tests behind this file.",
         "laws": NO_LAWS,
-        "tool_life": _tool_life(pf),
+        "tool_life": no_tool_life(pf),
         "uncertainty": _uncertainty(pf),
         "dynamics": "No dynamics were identified; record a run with a varying input: fitmodels ident run.csv.",
         "gains": f"No gains were tuned; {tune}",
@@ -109,17 +110,6 @@ def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
         if names:
             found[field] = f"Missing: {', '.join(names)}; add them in card.toml."
     return found
-
-
-def _tool_life(pf: ParameterFile) -> str:
-    wear = next((law for name, law in pf.laws.items() if name in ("AW", "VB")), None)
-    if wear is None:
-        return "There is no law of wear, so no tool life; measure AW or VB over time."
-    if "t" not in [f.symbol for f in wear.factors]:
-        return f"The law of {wear.response} does not depend on time, so no tool life; record the time of each wear."
-    if wear.by is not None:
-        return f"The law of {wear.response} has levels, and tool life is computed for one: fit each level separately."
-    return f"No tool life was computed from the law of {wear.response}: request it with --criterion."
 
 
 def _uncertainty(pf: ParameterFile) -> str:

@@ -1,4 +1,4 @@
-"""Laws and tool life of a parameter file as parts of a card."""
+"""Laws of a parameter file as parts of a card."""
 
 import math
 
@@ -11,9 +11,10 @@ from ...parameters.sections.base import Covariance
 from ...parameters.sections.law_parts import DroppedRows, LawCheck
 from .design import factor_ranges
 from .numbers import LEVEL, NONE, count, fact, figure, number, percent, places, probability, spread, t_quantile
-from .parts import CheckPart, CoefficientPart, FactPart, LawPart, NumberPart, ToolLifePart
+from .parts import CheckPart, CoefficientPart, FactPart, LawPart, NumberPart
 from .posterior import posterior_of, posterior_part
-from .verdicts import TOOL_LIFE, suspect_parts, verdict_part, without_words
+from .tool_life import fitted_by, lives_words
+from .verdicts import suspect_parts, verdict_part, without_words
 
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one is not informative
 CONDITIONS = ("V", "n", "f", "fz", "d", "ae")  # usually constant for an edge
@@ -133,6 +134,11 @@ def about_intervals(pf: ParameterFile) -> str:
             f'{degrees(law)} degrees of freedom. R², the overall F, the residual SE and the column "SE, rows '
             f'independent" assume {law.n} independent rows, as published laws do.{but}'
         )
+    if pf.laws and all(law.life is not None for law in pf.laws.values()):
+        return (
+            "Each life is that of an edge of its own. Standard errors, t, p and intervals have as degrees of freedom "
+            "the lives that ended less the parameters."
+        )
     if not named:
         return (
             "Standard errors, t, p, F and intervals assume independent rows: the file has no edge column. If several "
@@ -141,32 +147,12 @@ def about_intervals(pf: ParameterFile) -> str:
     return "Standard errors, t, p, F and intervals assume independent rows."
 
 
-def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
-    """Tool life at the criterion: equation, definition of T, T at the middle of the tests, Taylor's n."""
-    life = pf.tool_life
-    if life is None:
-        return None
-    c0, *exponents = life.coefficients.items()
-    definition = (
-        f"T is the time, in {life.unit}, at which {life.wear} reaches {life.criterion:g} {life.unit_of_wear}, solved "
-        "from the wear law."
-    )
-    at = ", ".join(f"{name} {value:.3g}" for name, value in life.typical_at.items())
-    place = f"At the middle of the ranges ({at})" if at else "At these conditions"
-    longest = f"the longest test lasted {format_plain(life.t_observed, 3)} {life.unit}"
-    end = f"; {longest}." if life.typical <= life.t_observed else f", but {longest}: this T is an extrapolation."
-    taylor = [f"Taylor's n = {life.taylor_n:.3g} in V T^n = C."] if life.taylor_n is not None else []
-    return ToolLifePart(
-        verdict=verdict_part(TOOL_LIFE, life.verdict),
-        equation=" ".join([f"T = {c0[1]:.6g}", *(f"{name}^{value:.6g}" for name, value in exponents)]),
-        words=(definition, *taylor, f"{place}, T = {format_plain(life.typical, 3)} {life.unit}{end}"),
-    )
-
-
 def _structure(law: LawSection) -> str:
     if not law.logarithmic:
         shape = "polynomial in the original units" if law.form == "second_order_original" else "straight line"
         return f"{shape}, least squares"
+    if method := fitted_by(law):
+        return f"{STRUCTURES[law.error]}, {method}"
     method = f"least squares of ln {law.response}" if law.error == "multiplicative" else (
         f"nonlinear least squares of {law.response}"
     )  # fmt: skip
@@ -178,7 +164,9 @@ def _statistics(law: LawSection) -> tuple[FactPart, ...]:
     s, se = law.statistics, law.residual_se
     multiplicative = law.error == "multiplicative"
     scatter = (
-        f"about {format_plain(100 * math.expm1(se), 2)} % for one row" if multiplicative and se is not None else ""
+        f"about {format_plain(100 * math.expm1(se), 2)} % for one {'row' if law.life is None else 'life'}"
+        if multiplicative and se is not None
+        else ""
     )
     return (
         *fact("R²", places(s.r2, 4)),
@@ -251,6 +239,8 @@ def _check_words(checks: tuple[CheckPart, ...]) -> tuple[str, ...]:
 
 def _edge_words(law: LawSection) -> str:
     """Limits of the inference by edge, where there are any."""
+    if law.life is not None:
+        return lives_words(law.life, law.unit)
     e = law.edges
     if e is None or (e.reason is not None and law.n_edges is None):
         return ""
@@ -270,7 +260,7 @@ def _cautions(law: LawSection) -> list[str]:
     out = []
     if not isinstance(law.uncertainty, Covariance):
         out.append(f"{law.uncertainty.reason}: there are no residual degrees of freedom to assess the law.")
-    if law.logarithmic and law.alternative is None:
+    if law.logarithmic and law.alternative is None and not fitted_by(law):
         out.append(
             "No fit with the other error structure: it needs positive responses in all rows and a nonlinear least "
             "squares fit that converges."

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ...core.errors import ParameterError
+from ...core.intervals import Kind
 from ...core.rounding import format_rounded
 from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
-from ...parameters.sections.base import Covariance
+from ...parameters.evaluation import IntervalOptions
+from ...parameters.prediction import predict_life
 from ...parameters.sections.law_parts import ToolLifeSection
 from .design import at_words, middle, reference
 from .laws import degrees
@@ -101,22 +101,13 @@ def _with_budget(
 
 
 def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyPart, ...]:
-    """Tool life at the middle of the tests: ln T = (ln W - z'theta) / h, by the delta method (GUM 5.1.2).
+    """Tool life at the middle of the tests: ln T = (ln W - z'theta) / h, with Fieller's interval.
 
-    For a new edge, whose level deviates by b from the law, ln T deviates by a further b / h.
+    For a new edge, whose level deviates by b from the law, ln T deviates by a further b / h. There is no statement
+    where the interval is not bounded.
     """
-    if law is None or law.form != "power" or law.by is not None or not isinstance(law.uncertainty, Covariance):
+    if law is None or not life.typical > 0:
         return ()
-    h = law.coefficients.get("t", 0.0)
-    names = law.parameter_names
-    held = all(f.symbol in life.typical_at for f in law.factors if f.symbol != "t")
-    if h <= 0 or not held or not life.typical > 0:
-        return ()
-    at = {f.symbol: life.typical_at.get(f.symbol, life.typical) for f in law.factors}
-    z = np.array([1.0, *(math.log(at[f.symbol]) for f in law.factors)])
-    order = [law.uncertainty.of.index(name) for name in names]
-    variance = float(z @ np.array(law.uncertainty.matrix)[np.ix_(order, order)] @ z)
-    edge, scatter = _of_an_edge(law, life)
     where = at_words(law, life.typical_at, digits=3)  # as in the text on tool life
     beyond = "" if life.typical <= life.t_observed else (
         f" No test lasted longer than {life.t_observed:.3g} {life.unit}: this is an extrapolation, and the interval "
@@ -124,34 +115,24 @@ def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyP
     )  # fmt: skip
     name = f"tool life to {life.wear} {life.criterion:g} {life.unit_of_wear}"
     out = []
-    for of, more in ((OF["life"], 0.0), (edge, scatter)):
-        u_ln = math.inf if more is None else math.sqrt(max(variance, 0.0) + more**2) / h
-        if t_quantile(law.uncertainty.df) * u_ln < UNBOUNDED:
-            found = _from_ln(life.typical, u_ln, law.uncertainty.df)
+    kinds: tuple[Kind, ...] = ("mean", "prediction")
+    for kind in kinds:
+        try:
+            p = predict_life(law, life, IntervalOptions(kind, LEVEL), life.typical_at)
+        except ParameterError:
+            return ()
+        known = law.edges is not None and law.edges.sd_between is not None
+        of = OF["life"] if kind == "mean" else OF["edge" if known else "independent rows"]
+        if p.low > 0 and math.log(p.high / p.low) < 2 * UNBOUNDED:
+            found = _from_ends(float(p.value), float(p.low), float(p.high), degrees(law), multiplies=True)
             out.append(_statement(name, "T", life.unit, where, of, found, beyond))
     return tuple(out)
-
-
-def _of_an_edge(law: LawSection, life: ToolLifeSection) -> tuple[str, float | None]:
-    """Standard deviation between edges in ln of the wear; that of rows where edges are unknown."""
-    e = law.edges
-    of, sd = (OF["edge"], e.sd_between) if e is not None and e.sd_between is not None else (
-        OF["independent rows"], law.residual_se
-    )  # fmt: skip
-    if sd is None:
-        return of, None
-    return of, sd if law.error == "multiplicative" else sd / life.criterion
 
 
 def _from_ends(value: float, low: float, high: float, df: int, *, multiplies: bool) -> _Found:
     k = t_quantile(df)
     half = value * math.log(high / low) / 2 if multiplies else (high - low) / 2
     return _Found(value, half / k, k, df, low, high, multiplies)
-
-
-def _from_ln(value: float, u_ln: float, df: int) -> _Found:
-    k = t_quantile(df)
-    return _Found(value, value * u_ln, k, df, value * math.exp(-k * u_ln), value * math.exp(k * u_ln), multiplies=True)
 
 
 def _statement(quantity: str, symbol: str, unit: str, where: str, of: str, f: _Found, more: str) -> UncertaintyPart:

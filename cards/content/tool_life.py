@@ -1,0 +1,143 @@
+"""Tool life as text: at a criterion, from the wear curves, and Taylor's constants with their intervals."""
+
+from ...core.errors import ParameterError
+from ...core.rounding import format_plain
+from ...parameters import LawSection, ParameterFile
+from ...parameters.evaluation import IntervalOptions
+from ...parameters.prediction import predict_life
+from ...parameters.sections.law_parts import LifeSection, TaylorSection, ToolLifeSection
+from .parts import ToolLifePart
+from .verdicts import TOOL_LIFE, verdict_part
+
+DISTRIBUTIONS = {"lognormal": "lognormal", "weibull": "Weibull"}
+Ends = tuple[float | None, float | None]
+
+
+def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
+    """Tool life at the criterion: equation, definition of T, T at the middle of the tests, Taylor's n, wear curves."""
+    life = pf.tool_life
+    if life is None:
+        return None
+    c0, *exponents = life.coefficients.items()
+    definition = (
+        f"T is the time, in {life.unit}, at which {life.wear} reaches {life.criterion:g} {life.unit_of_wear}, solved "
+        "from the wear law."
+    )
+    at = ", ".join(f"{name} {value:.3g}" for name, value in life.typical_at.items())
+    place = f"At the middle of the ranges ({at})" if at else "At these conditions"
+    longest = f"the longest test lasted {format_plain(life.t_observed, 3)} {life.unit}"
+    end = f"; {longest}." if life.typical <= life.t_observed else f", but {longest}: this T is an extrapolation."
+    typical = f"{place}, T = {format_plain(life.typical, 3)} {life.unit}{_intervals(life, pf.laws.get(life.wear))}{end}"
+    return ToolLifePart(
+        verdict=verdict_part(TOOL_LIFE, life.verdict),
+        equation=" ".join([f"T = {c0[1]:.6g}", *(f"{name}^{value:.6g}" for name, value in exponents)]),
+        words=(definition, *_taylor(life), typical, *_curves(life)),
+    )
+
+
+def _taylor(life: ToolLifeSection) -> tuple[str, ...]:
+    if life.taylor is not None:
+        return (taylor_words(life.taylor),)
+    return (f"Taylor's n = {life.taylor_n:.3g} in V T^n = C.",) if life.taylor_n is not None else ()
+
+
+def taylor_words(taylor: TaylorSection) -> str:
+    """Taylor's constants with intervals, in one sentence.
+
+    >>> taylor_words(TaylorSection(n=0.3, n_interval=(0.23, 0.42), C=410.0, C_interval=(341.0, None), unit="m/min"))
+    "Taylor's V T^n = C: n = 0.3 (95 % interval 0.23 to 0.42), C = 410 m/min (at least 341, not bounded above)."
+    """
+    at = ", ".join(f"{name} {value:.3g}" for name, value in taylor.at.items())
+    level = f"{100 * taylor.level:g} % interval "
+    n = f"n = {taylor.n:.3g}{_ends(taylor.n_interval, level)}"
+    C = f"C = {_plain(taylor.C)} {taylor.unit}{_ends(taylor.C_interval)}"
+    return f"Taylor's V T^n = C: {n}, {C}{f' at {at}' if at else ''}."
+
+
+def _ends(ends: Ends | None, words: str = "") -> str:
+    """An interval in brackets; an end that is not bounded is said to be so."""
+    if ends is None:
+        return ""
+    low, high = ends
+    if low is not None and high is not None:
+        return f" ({words}{_plain(low)} to {_plain(high)})"
+    if low is None and high is None:
+        return f" ({words}not bounded)"
+    if high is None:
+        return f" ({words}at least {_plain(low or 0.0)}, not bounded above)"
+    return f" ({words}at most {_plain(high)}, not bounded below)"
+
+
+def _plain(value: float) -> str:
+    """Three digits, without an exponent for thousands."""
+    return f"{value:.0f}" if 1000 <= value < 1e6 else format_plain(value, 3)
+
+
+def _intervals(life: ToolLifeSection, law: LawSection | None) -> str:
+    """Intervals of the life at the middle, of the law and of one new edge, by Fieller's theorem."""
+    if law is None:
+        return ""
+    found = []
+    for kind, of in (("mean", "for the law"), ("prediction", "for one new edge")):
+        try:
+            one = predict_life(law, life, IntervalOptions(kind), life.typical_at)  # type: ignore[arg-type]
+        except ParameterError:
+            return ""
+        high = float(one.high)
+        ends = _ends((float(one.low), high if high < float("inf") else None)).strip(" ()")
+        found.append(f"{ends} {of if one.of.count('one row') == 0 else 'for one row'}")
+    return f" (95 % interval {'; '.join(found)})"
+
+
+def _curves(life: ToolLifeSection) -> tuple[str, ...]:
+    """Lives by the wear curves, and the law of these lives."""
+    curves = life.curves
+    if curves is None:
+        return ()
+    if curves.typical is None:
+        return curves.words
+    ends = _ends(curves.typical_interval, "95 % interval ")
+    n = "" if curves.taylor is None else f" and n = {curves.taylor.n:.3g}{_ends(curves.taylor.n_interval)}"
+    law = f"A law of the lives by the curves gives T = {format_plain(curves.typical, 3)} {life.unit}{ends} there{n}."
+    return (*curves.words, law)
+
+
+def lives_words(life: LifeSection, unit: str) -> str:
+    """How many lives ended, and Taylor's constants.
+
+    >>> lives_words(LifeSection(distribution="weibull", scale=0.2, log_scale_sd=0.1, ended=9, run_outs=3), "min")
+    '9 lives ended, 3 are run-outs, longer than their time. Weibull lives of shape 5.'
+    """
+    parts = [f"{life.ended} lives ended"]
+    if life.run_outs:
+        parts.append(
+            f"{life.run_outs} {'is a run-out' if life.run_outs == 1 else 'are run-outs'}, longer than their time"
+        )
+    if life.earlier:
+        parts.append(f"{life.earlier} {'is' if life.earlier == 1 else 'are'} shorter than their time")
+    shape = f" of shape {1 / life.scale:.3g}" if life.distribution == "weibull" and life.scale > 0 else ""
+    spread = f"{DISTRIBUTIONS[life.distribution][0].upper()}{DISTRIBUTIONS[life.distribution][1:]} lives{shape}."
+    taylor = "" if life.taylor is None else f" {taylor_words(life.taylor)}"
+    return f"{', '.join(parts)}. {spread}{taylor}"
+
+
+def fitted_by(law: LawSection) -> str:
+    """Method of the fit of a law of lives, for its structure; empty for least squares."""
+    life = law.life
+    if life is None or (life.distribution == "lognormal" and not life.censored):
+        return ""
+    return f"maximum likelihood of {DISTRIBUTIONS[life.distribution]} lives, t intervals with corrected scale"
+
+
+def no_tool_life(pf: ParameterFile) -> str:
+    """Why the file has no tool life at a criterion."""
+    if "T" in pf.laws:
+        return "The tool life has a law of its own, that of T, fitted to measured lives."
+    wear = next((law for name, law in pf.laws.items() if name in ("AW", "VB")), None)
+    if wear is None:
+        return "There is no law of wear, so no tool life; measure AW or VB over time."
+    if "t" not in [f.symbol for f in wear.factors]:
+        return f"The law of {wear.response} does not depend on time, so no tool life; record the time of each wear."
+    if wear.by is not None:
+        return f"The law of {wear.response} has levels, and tool life is computed for one: fit each level separately."
+    return f"No tool life was computed from the law of {wear.response}: request it with --criterion."
