@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 
 from ..core.display import Displayable, Plottable
-from ..core.rounding import format_plain, p_value
+from ..core.rounding import format_plain
 from ..core.verdict import Verdict
 from .available import NotAvailable
-from .checks.check import SIGNIFICANT
+from .checks.check import SIGNIFICANT, format_p
 from .checks.competing_models import LARGEST
 from .lawfit import LawFit
 
@@ -35,9 +35,11 @@ class ComparedForm(Displayable):
         Root mean squared prediction error of left-out units, in the unit of the response.
     not_positive : int
         Rows for which it predicts zero or less when their unit is left out.
-    difference, standard_error, pvalue : float
-        Error less that of the default form with its standard error over units, and the one-sided p of so low a
-        difference; whitened within edges, in ln R or, for additive errors, in the unit of the response.
+    difference, standard_error : float
+        Error less that of the default form with its standard error over units; whitened within edges, in ln R or, for
+        additive errors, in the unit of the response.
+    pvalue : float
+        One-sided p of so low a difference; of a form that contains the default one, p of its squares and products.
     aicc : float or NotAvailable
         On the scale of the response.
     weight : float
@@ -121,7 +123,10 @@ class FormComparison(Plottable):
     points: pd.DataFrame = field(compare=False)
 
     def __getitem__(self, name: str) -> ComparedForm:
-        return next(form for form in self.forms if form.name == name)
+        found = next((form for form in self.forms if form.name == name), None)
+        if found is None:
+            raise KeyError(f"{name}: forms compared are {', '.join(form.name for form in self.forms)}")
+        return found
 
     @property
     def best(self) -> ComparedForm:
@@ -136,7 +141,7 @@ class FormComparison(Plottable):
         """
         default = self[self.default]
         others = len(self.forms) - 1
-        better = [form for form in self.forms if form is not default and form.pvalue * others < SIGNIFICANT]
+        better = [form for form in self.forms if form.difference < 0 and form.pvalue * others < SIGNIFICANT]
         close = [form for form in better if form.as_good] or better[:1]
         return min(close, key=lambda form: form.parameters, default=default)
 
@@ -158,7 +163,7 @@ class FormComparison(Plottable):
             )
             return (
                 f"{self.response}: {preferred.name} is preferred:{best} {left} {self.error_text(preferred)}, against "
-                f"{self.error_text(default)} of {default.name} (p {p_value(min(1.0, others * preferred.pvalue))}, "
+                f"{self.error_text(default)} of {default.name} ({format_p(min(1.0, others * preferred.pvalue))}, "
                 f"corrected for {others} form{'s' if others > 1 else ''})."
             )
         best = next(form for form in self.forms if form is not default)

@@ -4,7 +4,8 @@ Every form is fitted as it would be written. Compared are, on the rows that all 
 
 - the prediction error of each edge (each row, where there are no edges) that the fit has not seen, in per cent (root
   mean square of ln R) and in the unit of the response. Another form than the default is preferred where its error is
-  smaller by more than chance (`checks.competing_models`);
+  smaller, by more than chance: a test over the edges (`checks.competing_models`), or, where it contains the default
+  form, the F test of its squares and products against their own error term, which is the more powerful;
 - weights from AICc, on the scale of the response: the log-likelihood of a form fitted to ln R is that of R less
   ``sum ln R`` (Jacobian). The likelihood contains a random level of each edge. Coefficients that change between edges
   only, and those that change within edges, are estimated from separate strata, G edges and n - G rows; each stratum has
@@ -173,6 +174,8 @@ def _compared(
     if default not in known:
         raise FitError(f"{law.response} without one {left_out} cannot be fitted: {missing[default]}.")
     forms = [_form(name, laws[name], common[name], found, known[default], shared) for name, found in known.items()]
+    tested = {name: _curvature(common[name if name != REDUCED else "second-order"], base) for name in known}
+    forms = [form if (p := tested[form.name]) is None else replace(form, pvalue=p) for form in forms]
     forms.sort(key=lambda form: (form.error if logs else form.error_in_unit, form.parameters))
     behind = {name: shared.difference(found, known[forms[0].name]) for name, found in known.items()}
     beyond = {name: _beyond(laws[name], lines) for name in known}
@@ -222,6 +225,28 @@ def _with_selection(full: LawFit, codes: Codes) -> Array | NotAvailable:
         theta = linear(part.design[:, columns], np.log(part.observed)).params
         out[codes == g] = np.exp(full.design[codes == g][:, columns] @ theta)
     return out
+
+
+def _curvature(law: LawFit | NotAvailable | None, default: LawFit) -> float | None:
+    """P of the squares and products of a law of second order that contains the default one; None of other laws.
+
+    All terms of an error term (edges, rows within edges) are tested together, the smaller p of the two is doubled.
+    """
+    if not isinstance(law, LawFit) or law.formula.first_order or not default.formula.first_order:
+        return None
+    from .surface.split_plot import error_of, term_tests
+    from .surface.surfaces import surface_of
+
+    nested = law.formula.logarithmic == default.formula.logarithmic and law.formula.logs == default.formula.logs
+    surface = surface_of(law)
+    if not nested or law.factors != default.factors or isinstance(surface.model, NotAvailable):
+        return None
+    second = [term.name for term in law.formula.terms if term.order == 2]
+    groups: dict[str, list[str]] = {}
+    for name in second:
+        groups.setdefault(error_of(surface.model, surface.terms[name]), []).append(name)
+    found = {test.name: test.pvalue for test in term_tests(surface.model, surface.terms, groups=groups)}
+    return min(1.0, len(groups) * min(found[name] for name in groups)) if groups else None
 
 
 def _form(
