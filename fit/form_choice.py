@@ -1,7 +1,7 @@
 """Forms of a law that a user can choose by name, the fit of a law in one of them, and its AICc on one scale."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .available import NotAvailable
 from .censored_lives import life_law, lives_of
 from .checks.strata import Codes, units_of
 from .edges import changes_within
+from .kienzle import FORCES, kienzle_law
 from .lawfit import LawFit
 from .laws import Error
 from .regression import fit_form
@@ -24,7 +25,6 @@ ALL = "*"  # stands for the responses that are not named
 LIFE = "T"
 REDUCED = "second-order-reduced"
 WEAR_LAST = ("power_exponential", "additive_wear")  # forms in which the last factor enters as it is
-CHIP = ("f", "d")  # chip thickness and width of a specific cutting force, turning
 Unsuited = Callable[[str, tuple[str, ...]], str]  # reason why a form is none of a response on factors, or ""
 Fit = Callable[[Runs, str, tuple[str, ...], Error, str | None], LawFit]
 
@@ -75,10 +75,9 @@ def _of_wear(response: str, factors: tuple[str, ...]) -> str:
 
 
 def _of_chip(response: str, factors: tuple[str, ...]) -> str:
-    if not (response.startswith("F") and ROLES.get(response, ROLES["Fc"]).kind == "load"):
-        return f"it is a form of cutting forces, and {response} is none"
-    missing = [name for name in CHIP if name not in factors]
-    return f"it needs {' and '.join(missing)} among the factors" if missing else ""
+    if response in (*FORCES, "M", "P"):
+        return ""
+    return f"it is a form of cutting forces, torque and power, and {response} is none"
 
 
 def _of_life(response: str, factors: tuple[str, ...]) -> str:
@@ -118,6 +117,16 @@ def _reduced(runs: Runs, response: str, factors: tuple[str, ...], error: Error, 
     return response_surface(runs, response, factors, model="reduced", blocks=by).law
 
 
+def _kienzle(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by: str | None) -> LawFit:
+    """Kienzle's law; a note names the factors that it does not have."""
+    if error != "multiplicative":
+        raise FitError(f"{response}: Kienzle's law is fitted with multiplicative errors. Leave --error out.")
+    law = kienzle_law(runs, response, by=by).law
+    without = [name for name in factors if name not in law.factors]
+    note = f"Kienzle's law has no {', '.join(without)}: their effect is part of the scatter"
+    return replace(law, notes=(*law.notes, note)) if without else law
+
+
 def _refuse_bounds(runs: Runs, form: str) -> None:
     """Refuse lives of which some are known by a bound alone: only the power law of tool lives counts them."""
     side = lives_of(runs).side
@@ -146,6 +155,8 @@ CHOICES: Mapping[str, FormChoice] = {
             "power-exponential", "R = c0 prod X^b exp(k w)", "power_exponential", _of_wear,
             _of("power_exponential"),
         ),
+        FormChoice("additive", "R = c0 prod X^b + k w", "additive_wear", _of_wear, _of("additive_wear")),
+        FormChoice("kienzle", "Fc = kc1.1 b h^(1 - mc)", "power", _of_chip, _kienzle),
         FormChoice("taylor", "T = C V^a prod X^b", "power", _of_life, _power),
     )
 }  # fmt: skip
@@ -212,7 +223,7 @@ def aicc(law: LawFit) -> float | NotAvailable:
     >>> round(aicc(fit.power_law(runs, "AW", ["V", "f"])), 2)
     -433.06
     """
-    Z, p = law.gradient, n_estimated(law)
+    Z, p = free_gradient(law), n_estimated(law)
     codes = units_of(law)[1]
     G, n = int(codes.max()) + 1, law.nobs
     strata = [(n, p)]
@@ -234,7 +245,12 @@ def aicc(law: LawFit) -> float | NotAvailable:
 
 def n_estimated(law: LawFit) -> int:
     """Number of coefficients that were estimated, and not fixed by the form."""
-    return len(law.theta) - len(getattr(law.formula, "fixed", ()))
+    return len(law.theta) - len(law.formula.fixed)
+
+
+def free_gradient(law: LawFit) -> Array:
+    """Columns along which the fit is linear, of the estimated coefficients alone, shape (n, q)."""
+    return law.gradient[:, law.formula.free(law.shifts.shape[1])]
 
 
 def log_likelihood(Z: Array, y: Array, codes: Codes) -> float:

@@ -177,7 +177,16 @@ class FormComparison(Plottable):
     def remarks(self) -> tuple[str, ...]:
         """What else should be known before a form is chosen, one sentence each."""
         return tuple(
-            filter(None, (self._weighty(), self._agreement(), *map(self._of_form, self.forms), self._without_weight()))
+            filter(
+                None,
+                (
+                    self._weighty(),
+                    self._agreement(),
+                    *map(self._of_form, self.forms),
+                    self._more_rows(),
+                    self._without_weight(),
+                ),
+            )
         )
 
     def error_text(self, form: ComparedForm) -> str:
@@ -214,7 +223,7 @@ class FormComparison(Plottable):
         )
 
     def _of_form(self, form: ComparedForm) -> str:
-        """Predictions of a form that cutting contradicts, and rows that only it can have."""
+        """Predictions of a form that cutting contradicts."""
         said = []
         if form.not_positive:
             said.append(
@@ -225,14 +234,22 @@ class FormComparison(Plottable):
             said.append(
                 f"falls and rises again over {', '.join(form.turns)} within the tested range: does the process?"
             )
-        if form.more_rows:
-            error = ""
-            if form.more_error is not None:
-                size = f"{format_plain(form.more_error, 3)} {self.unit}".rstrip()
-                error = f", and predicts them when left out with an error of {size}"
-            rows = "1 row" if form.more_rows == 1 else f"{form.more_rows} rows"
-            said.append(f"is also fitted to {rows} that another form cannot have (zero or less){error}")
         return f"{form.name} {'; it '.join(said)}.".replace("?.", "?") if said else ""
+
+    def _more_rows(self) -> str:
+        """Rows that only some forms can have, such as those at zero wear, and how well these predict them."""
+        known = [form for form in self.forms if form.more_rows]
+        if not known:
+            return ""
+        n, none = max(form.more_rows for form in known), [form.name for form in self.forms if not form.more_rows]
+        errors = ", ".join(
+            f"{form.name} {format_plain(form.more_error, 3)}" for form in known if form.more_error is not None
+        )
+        rows = "1 further row has" if n == 1 else f"{n} further rows have"
+        return (
+            f"{rows} values of zero, which {', '.join(none)} cannot take and the table leaves out; errors there when "
+            f"left out{f', {self.unit}' if self.unit else ''}: {errors}."
+        )
 
     def _without_weight(self) -> str:
         none = [(form.name, form.aicc.reason) for form in self.forms if isinstance(form.aicc, NotAvailable)]

@@ -35,7 +35,7 @@ from .checks.judgement import judge
 from .checks.strata import Codes, even_choice, units_of
 from .defaults import fit_law
 from .edges import EdgeInference
-from .form_choice import CHOICES, REDUCED, aicc, fit_in_form, n_estimated
+from .form_choice import CHOICES, REDUCED, aicc, fit_in_form, free_gradient, n_estimated
 from .form_comparison import ComparedForm, FormComparison
 from .lawfit import LawFit
 from .least_squares import linear
@@ -327,7 +327,7 @@ def left_out_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
     codes : ndarray of int, shape (n,)
         Number of the unit of each row.
     """
-    nonlinear = law.error == "additive" and law.formula.logarithmic
+    nonlinear = not law.formula.linearisable or (law.error == "additive" and law.formula.logarithmic)
     if nonlinear and codes.max() < MOST_REFITS:
         out = np.empty(law.nobs)
         for g in range(int(codes.max()) + 1):
@@ -336,7 +336,7 @@ def left_out_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
                 return found
             out[codes == g] = law.formula.response_at(found.theta, law.design[codes == g])
         return out
-    G = law.gradient
+    G = free_gradient(law)
     missed = prediction_errors(FittedForm(law.form, "", {}, G, law.residuals, G, law.residuals), codes)
     if isinstance(missed, NotAvailable):
         return missed

@@ -152,6 +152,46 @@ def test_terms_are_selected_anew_without_each_edge():
     assert any("terms were selected by AICc" in words for words in found.remarks)
 
 
+def test_forms_of_wear_and_rows_at_zero_wear():
+    """A force to which wear adds: the additive form is found, and only it and its like can have rows at VB = 0."""
+    rng = np.random.default_rng(4)
+    rows = []
+    for edge in range(14):
+        f, level = [0.1, 0.2, 0.4][edge % 3], 0.02 * rng.standard_normal()
+        for VB in (0.0, 0.05, 0.1, 0.2, 0.3):
+            force = (1800 * f**0.75 + 1500 * VB) * np.exp(level + 0.01 * rng.standard_normal())
+            rows.append((f"E{edge}", f, VB, force))
+    runs = datasets.runs_from_frame(pd.DataFrame(rows, columns=["edge", "f", "VB", "Fc"]))
+    found = fit.compare_laws(runs, "Fc ~ f, VB")
+    assert found.preferred.name == "additive"
+    additive = found["additive"]
+    assert additive.law.params.to_numpy() == pytest.approx([1800, 0.75, 1500], rel=0.06)
+    assert additive.more_rows == 14
+    assert additive.more_error < 40
+    assert any(
+        "14 further rows have values of zero, which second-order, power cannot" in words for words in found.remarks
+    )
+    judged = fit.compare_forms(fit.fit_law(runs, "Fc ~ f, VB"), runs)
+    assert "Keep it with --form Fc=additive" in judged.verdict
+
+
+def test_kienzle_is_a_form_of_forces():
+    rng = np.random.default_rng(0)
+    rows = [(V, f, d) for V in (100.0, 200.0) for f in (0.1, 0.2, 0.4) for d in (1.0, 2.0)]
+    frame = pd.DataFrame(rows, columns=["V", "f", "d"])
+    frame["Fc"] = 1780 * frame.d * frame.f**0.74 * np.exp(0.02 * rng.standard_normal(len(frame)))
+    runs = datasets.runs_from_frame(frame)
+    found = fit.compare_laws(runs, "Fc ~ V, f, d")
+    assert found["kienzle"].parameters == 2
+    assert found["kienzle"].weight > found["power"].weight
+    law = fit.fit_law(runs, "Fc ~ V, f, d", form="kienzle")
+    assert law.params["d"] == 1
+    assert any("has no V" in note for note in law.notes)
+    frame["Ra"] = frame.Fc / 1000
+    with pytest.raises(FitError, match="a form of cutting forces"):
+        fit.fit_law(datasets.runs_from_frame(frame.drop(columns="Fc")), "Ra ~ V, f, d", form="kienzle")
+
+
 def test_names_of_forms():
     assert form_named("Second_Order").name == "second-order"
     with pytest.raises(UsageError, match="Did you mean 'exponential'"):

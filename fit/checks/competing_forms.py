@@ -155,22 +155,25 @@ class Form:
         Fits it to rows.
     zero_wear : bool
         Whether it is positive at zero wear, so that such rows take part.
+    choice : str
+        Its name in `form_choice.CHOICES`, empty where it has none.
     """
 
     kind: str
     name: str
     fitted: Maker
     zero_wear: bool = False
+    choice: str = ""
 
 
 def alternative_forms(law: LawFit) -> tuple[Form, ...]:
     """Forms that compete with a power law."""
     wear = wear_of(law) or "wear"
     forms = (
-        Form("exponential in wear", f"exponential in {wear}", _exponential, zero_wear=True),
-        Form("additive in wear", f"additive in {wear}", _additive, zero_wear=True),
+        Form("exponential in wear", f"exponential in {wear}", _exponential, zero_wear=True, choice="power-exponential"),
+        Form("additive in wear", f"additive in {wear}", _additive, zero_wear=True, choice="additive"),
         Form("an exponent of t per edge", "an exponent of t per edge", _per_edge),
-        Form("second order in logs", "second order in logs", _second_order),
+        Form("second order in logs", "second order in logs", _second_order, choice="second-order"),
         Form("straight line in wear", f"straight line in {wear}", _straight_line, zero_wear=True),
         Form("offset in wear", f"offset in {wear}", partial(_offset, factor=None), zero_wear=True),
     )

@@ -161,7 +161,7 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
         symbol="difference of RMS error",
         pvalue=min(1.0, len(alternatives) * tested.pvalue) if alternatives else None,
         concern=int(chosen is not power),
-        verdict=_verdict(law.response, unit, power, alternatives, chosen) + zero_words,
+        verdict=_verdict(law.response, unit, power, alternatives, chosen) + _command(law, chosen) + zero_words,
         kept=_verdict(law.response, unit, power, alternatives, power) + zero_words,
         response=law.response,
         power=power,
@@ -192,6 +192,15 @@ def _verdict(
     difference = f"difference {best.difference:.2g} ± {best.standard_error:.2g} in ln {response}"
     kept = "the power law is kept" if chosen is power else f"{best.name} is preferred"
     return f"{left}, {best.name} {_percent(best.error)} ({difference}): {kept}."
+
+
+def _command(law: LawFit, chosen: CompetingModel) -> str:
+    """The options that keep a preferred form, or compare it with others where it has none."""
+    choice = next((form.choice for form in alternative_forms(law) if form.name == chosen.name), "")
+    if not chosen.name or (chosen.name == "power law"):
+        return ""
+    keep = f"Keep it with --form {law.response}={choice}, or compare" if choice else "Compare"
+    return f" {keep} forms with fitmodels compare."
 
 
 def _percent(error: float) -> str:

@@ -148,7 +148,7 @@ def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: 
     result = f"F({df[0]}, {df[1]}) = {F:.2{'f' if F >= 0.1 else 'g'}}, two-sided {format_p(p)}"
     rejected = (
         f"Lack of fit ({result}): the law deviates from the means of the settings by more than replicated {units} "
-        "vary; try a second-order or competing model, or restrict the range. Readings of one edge are no replicates."
+        "vary; compare forms (fitmodels compare), or restrict the range. Readings of one edge are no replicates."
         if above < 0.5
         else f"Replicated {units} of one setting differ by more than the settings deviate from the law ({result}): a "
         f"factor that is not in the file changed between them, or {units} of different conditions are given as repeats."
@@ -256,7 +256,7 @@ def _curvature_test(F: float, df: int, names: list[str], j: int) -> Curvature:
     kept = f"No curvature in {', '.join(names)}: at most, the square of {names[j]} ({result})."
     rejected = (
         f"Curvature: the square of {names[j]} improves the law ({result}), so that its effect changes over its range; "
-        "try a second-order law, or restrict the range."
+        "compare it with a second-order law (fitmodels compare), or restrict the range."
     )
     return Curvature(
         null=f"the effects of {', '.join(names)} do not change over their ranges",

@@ -114,7 +114,7 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
     else:
         verdict = (
             f"Box-Cox: the {transform} is rejected ({result}): the effect of a factor is curved or the variance is not "
-            "constant; see competing models."
+            "constant; compare forms (fitmodels compare)."
         )
     return BoxCox(
         null=f"the {transform} of the response (lambda = {of_law:g}) is adequate",
