@@ -4,7 +4,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
 from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
@@ -163,17 +162,24 @@ def keep_block(preferred: Mapping[str, str], command: Command) -> RenderableType
 
 
 def nothing_fitted(runs: Runs, refused: Sequence[Refused]) -> str:
-    """The reasons why a pair has no law at all."""
-    reasons = " ".join(map(_refusal, refused)) or (_lives_only(runs) if runs.has("T") else NOTHING)
+    """The reasons why a pair has no law at all, or which responses and conditions were seen."""
+    reasons = " ".join(map(_refusal, refused)) or f"{NOTHING} {_seen(runs)}"
     return f"{runs.tool} on {runs.work}: {reasons}"
 
 
-def _lives_only(runs: Runs) -> str:
-    lives = runs.values("T")
-    return (
-        f"the file gives tool lives (T, {np.count_nonzero(np.isfinite(lives))} values) and no condition of their "
-        "tests: a law of lives needs V, f or d in columns; --map gives a column its role."
-    )
+def _seen(runs: Runs) -> str:
+    """Responses, conditions that vary and conditions that are constant in a file."""
+    from ..fit.defaults import RESPONSES, SETTINGS, Held
+
+    held = Held.of_runs(runs)
+    conditions = list(filter(held.has, SETTINGS))
+    found = {
+        "responses": list(filter(held.has, RESPONSES)),
+        "conditions that vary": list(filter(held.varies, conditions)),
+        "constant": [name for name in conditions if not held.varies(name)],
+    }
+    each = (f"{what} {', '.join(names) or 'none'}" for what, names in found.items())
+    return f"Seen: {'; '.join(each)}."
 
 
 def identification_block(found: "Identification", pf: ParameterFile) -> RenderableType:

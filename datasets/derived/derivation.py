@@ -11,6 +11,7 @@ from ..columns import NONE, Values
 from ..doubts import Doubt
 from ..draft import Draft
 from ..options import ReadOptions
+from ..plausibility.quantities import table_process
 from ..vocabulary import ROLES
 from .comparison import compare, judge
 from .rules import Array, Derived, Known, apply, known_of
@@ -24,6 +25,7 @@ EQUAL = 1e-9
 def derive(draft: Draft, options: ReadOptions) -> None:
     """Add the quantities that the columns of a draft allow, and compare those that are both measured and computed."""
     _life_as_time(draft)
+    _thrust_of_drill(draft, options)
     known = known_of(draft.data, draft.notes, options)
     _no_constant_twice(draft, options, known)
     compare(draft, known)
@@ -56,6 +58,18 @@ def _life_as_time(draft: Draft) -> None:
     draft.units["t"] = draft.units.pop("T")
     draft.uses = tuple(replace(use, role="t") if use.role == "T" else use for use in draft.uses)
     draft.assumed.append(f"{header} rises with {wear} along the edges: it is the cutting time t, not a tool life T")
+
+
+def _thrust_of_drill(draft: Draft, options: ReadOptions) -> None:
+    """Take a thrust in drilling as the feed force: Fxz is the resultant of two forces of turning."""
+    use = next((use for use in draft.uses if use.role == "Fxz"), None)
+    if use is None or use.name == "Fxz" or "Fxz" in options.map or "Ff" in draft.data:
+        return
+    if table_process(draft, options) != "drilling":
+        return
+    draft.data["Ff"], draft.units["Ff"] = draft.data.pop("Fxz"), draft.units.pop("Fxz")
+    draft.uses = tuple(replace(one, role="Ff") if one is use else one for one in draft.uses)
+    draft.assumed.append(f'{use.name!r} in drilling is the feed force Ff; --map "Fxz={use.name}" keeps it as Fxz')
 
 
 def _both_rise(draft: Draft, *roles: str) -> bool:

@@ -130,7 +130,7 @@ INCH = frozenset(("sfm", "in/rev", "in/tooth", "in/min", "in", "mil", "uin", "lb
 _WORDS: dict[Process, str] = {
     "milling": r"\bmilling\b|\b(?:end|face|slot) mill|\bfräsen\b|\bfraisage\b|\bfresado\b",
     "turning": r"\bturning\b|\blathe\b|\bdrehen\b|\bdrehmaschine\b|\blängsdrehen\b|\btournage\b|\btorneado\b",
-    "drilling": r"\bdrilling\b|\bbohren\b|\bperçage\b|\btaladrado\b",
+    "drilling": r"\bdrill(?:ing|s|ed)?\b|\bbohren\b|\bbohrer|\bforet\b|\bbroca\b|\bperçage\b|\btaladrado\b",
     "grinding": r"\bgrinding\b|\bschleifen\b|\brectificado\b",
 }
 
@@ -189,11 +189,14 @@ def process_of(roles: Iterable[str], texts: Iterable[str]) -> Process | None:
     >>> process_of(("V", "fz", "ae"), ()), process_of(("V",), ("machine: lathe",)), process_of(("V", "f"), ())
     ('milling', 'turning', None)
     """
-    named = _named_in("\n".join(texts))
+    roles, named = frozenset(roles), _named_in("\n".join(texts))
     if len(named) == 1:
         return named[0]
     if not named and not {"fz", "ae", "z"}.isdisjoint(roles):
         return "milling"
+    thrust = {"Fxz", "Ff"} & roles
+    if not named and thrust and "M" in roles and not {"Fc", "Fp", "Fx", "Fz", "d"} & roles:  # torque and thrust
+        return "drilling"
     if not named and not {"Ff", "Fp"}.isdisjoint(roles):
         return "turning"
     return None
