@@ -22,7 +22,7 @@ from .form_choice import ALL, fit_in_form, form_named
 from .law_requests import LawRequest, named_role, parse_laws, symbol_of
 from .lawfit import LawFit
 from .laws import Error
-from .regression import exponential_law, load_law, power_law
+from .regression import exponential_law, fit_form, load_law
 
 CONDITIONS = ("V", "f", "d", "ae", "t")
 SPEEDS, FEEDS, CLOCKS = ("V", "n"), ("f", "fz", "fm"), ("t", "lc", "lf")  # the first that a file has is taken
@@ -40,12 +40,13 @@ Has = Callable[[str], bool]
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A law that columns or a user ask for: its response, its factors, its form, and the request."""
+    """A law that columns or a user ask for: its response, factors and form, the request, and a note on the choice."""
 
     response: str
     factors: tuple[str, ...]
     form: str = "power"
     request: str = ""
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -146,7 +147,7 @@ def asked_laws(has: Has, varies: Has | None = None, process: Process | None = No
     """Every law that columns ask for, in the order of the output.
 
     Wear on the conditions (`law_conditions`); each force, power, torque, current, roughness and temperature on these
-    and the wear; tool life T on the conditions without time. Current on feed and wear alone is a load line, roughness
+    and the wear; tool life T on the conditions without time. Current on feed and wear alone is a line, roughness
     where only feed and force change an exponential of the force.
 
     Parameters
@@ -190,12 +191,15 @@ def _at_end_of_life(held: Held) -> bool:
 
 
 def _current(held: Held, settings: tuple[str, ...], wear: tuple[str, ...]) -> Asked:
-    """Load line on feed and wear where nothing else varies, otherwise a power law on the conditions and wear."""
+    """Straight line on feed and wear where nothing else varies, otherwise a power law on the conditions and wear."""
     feed = next(filter(held.has, ("fm", "f", "fz")), None)
-    if feed is not None and wear and not any(held.varies(name) for name in settings if name not in FEEDS):
-        land = next((name for name in reversed(WEAR) if name in wear), wear[-1])
-        return Asked("I", (feed, land), "load_line")
-    return Asked("I", settings + wear[:1])
+    others = [name for name in settings if name not in FEEDS and held.varies(name)]
+    land = [name for name in reversed(WEAR) if name in wear] or list(wear[-1:])
+    if feed is None or others:
+        names = ", ".join((feed or "", *land[:1]))
+        why = f'{", ".join(others)} varied as well: a power law; the straight line of one cut is --law "I ~ {names}"'
+        return Asked("I", settings + wear[:1], note=why if feed else "")
+    return Asked("I", (feed, land[0]), "load_line") if land else Asked("I", (feed,), "linear")
 
 
 def _surface(held: Held, name: str, conditions: tuple[str, ...], wear: tuple[str, ...]) -> Asked:
@@ -241,8 +245,8 @@ def _requested(held: Held, request: LawRequest, response: str, default: Asked | 
 
 
 def _usual_form(response: str, factors: tuple[str, ...]) -> str:
-    if response == "I" and len(factors) == 2 and factors[0] in FEEDS and factors[1] in (*WEAR, *LANDS):
-        return "load_line"
+    if response == "I" and factors[0] in FEEDS and not {*factors[1:]} - {*WEAR, *LANDS} and len(factors) < 3:
+        return ("linear", "load_line")[len(factors) - 1]
     return "exponential" if response in SURFACES and factors == ("F",) else "power"
 
 
@@ -278,7 +282,8 @@ def fit_asked(
         return exponential_law(runs, asked.response, asked.factors[0], error=error, by=by)
     if asked.response == "T" and error == "multiplicative":
         return life_law(runs, asked.factors, by=by)
-    return power_law(runs, asked.response, asked.factors, error=error, by=by)
+    law = fit_form(runs, asked.form, asked.response, asked.factors, error=error, by=by)
+    return replace(law, notes=(*law.notes, asked.note)) if asked.note else law
 
 
 def _empty_responses(runs: Runs) -> tuple[Refused, ...]:

@@ -209,3 +209,36 @@ def test_six_readings_of_roughness_are_six_readings(measurements):
     law = fit.power_law(runs, "Ra", ["f", "V", "d"])
     assert (law.nobs, law.repeats) == (324, 1)
     assert law.fvalue == pytest.approx(193, abs=0.5)
+
+
+def test_default_laws_of_the_turning_of_h13(measurements):
+    """The file says Ra_mean; facts computed elsewhere: Fx ~ d^1.037 f^.765 V^-.040, Ra ~ f^1.47 V^-.44."""
+    laws, refused = fit.default_laws(datasets.read_runs(measurements / "turning_forces" / "exp1_runs.csv"))
+    found = {law.response: law.params for law in laws}
+    assert refused == ()
+    assert list(found) == ["Fxz", "Fx", "Fy", "Fz", "F", "Ra", "Rz"]
+    assert found["Fx"][["V", "f", "d"]].tolist() == pytest.approx([-0.040, 0.765, 1.037], abs=6e-4)
+    assert found["Ra"][["V", "f"]].tolist() == pytest.approx([-0.444, 1.471], abs=6e-4)
+
+
+def test_the_load_law_of_the_milling_of_nasa_is_on_the_feed_per_revolution(measurements):
+    """ln I = 2.840 + .402 ln f + .511 ln d + .312 ln VB + .034 (material 2), n 137, R2 .943; I from its AC part."""
+    frame = pd.read_csv(measurements / "nasa_milling" / "nasa_mill_runs.csv")
+    frame["current [A]"] = (frame["smcAC_mid_std"] + 0.00419) / 0.25309
+    frame = frame[(frame["VB"] > 0) & (frame["time"] > 0)]
+    runs = datasets.runs_from_frame(frame, process="milling")
+    law = next(law for law in fit.default_laws(runs, by="work")[0] if law.response == "I")
+    assert (law.factors, law.nobs) == (("f", "d", "VB"), 137)
+    assert law.params[["f", "d", "VB"]].tolist() == pytest.approx([0.402, 0.511, 0.312], abs=6e-4)
+    assert law.rsquared == pytest.approx(0.943, abs=6e-4)
+    assert law.notes[-1].endswith('--law "I ~ f, VB"')
+
+
+def test_the_current_of_a_drive_on_feed_alone_is_a_straight_line(measurements):
+    path = measurements / "cnc_mill_current" / "per_experiment_means.csv"
+    (law,), _ = fit.default_laws(datasets.read_runs(path, map={"I": "X1_absCurrent_A"}))
+    frame = pd.read_csv(path)
+    line = OLS(frame["X1_absCurrent_A"], np.column_stack([np.ones(18), 60 * frame["feed_mm_s"]])).fit()
+    assert (law.form, law.factors) == ("linear", ("fm",))
+    np.testing.assert_allclose(law.params, line.params, rtol=1e-9)
+    np.testing.assert_allclose(law.bse, line.bse, rtol=1e-9)

@@ -38,7 +38,20 @@ NEEDED: Mapping[str | None, tuple[str, ...]] = {
 STAND_INS: Mapping[str, tuple[str, ...]] = {"V": ("n",), "f": ("fz", "fm"), "t": ("lf", "lc")}
 DRILLS = ("D", "Dc")  # a diameter in place of a depth: the process may be drilling
 WEAR = ("AW", "VB", "VBC", "VBN")
-TESTED = ("V", "f", "fz", "fm", "d", "ae", "n", "t", "D", "Dc", "z")  # quantities that are set; others are measured
+TESTED = (
+    "V",
+    "f",
+    "fz",
+    "fm",
+    "d",
+    "ae",
+    "n",
+    "t",
+    "D",
+    "Dc",
+    "z",
+    "re",
+)  # quantities that are set; others are measured
 LEAST = np.log(1.05)  # spread of a column, given the factors, below which it is a rounding or a copy of them
 MOST_LEVELS = 7  # of a column without a role: a setting of the plan, not a measurement
 KNOWN = 0.9  # share of the rows in which a column has a value
@@ -181,7 +194,8 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
         concern=concern_of(p),
         verdict=(
             f"{first.name} ({values}) is not in the law of {law.response} and matters: {size} when it is added "
-            f"({format_p(p)}{many}). Add it to the factors (`fit.power_law`), or fit the tests at one {first.name}."
+            f'({format_p(p)}{many}). Add it (--law "{law.response} ~ + {first.name}"), or fit the tests at '
+            f"one {first.name}."
         ),
         kept=f"Columns that are not in the law have no effect that these tests show ({others}).",
     )
