@@ -138,7 +138,7 @@ def of_steady(life: SteadyLife) -> Display:
 @display_of.register
 def of_region(region: VisibleRegion) -> Display:
     """The best pair, or the conflict of limits; table of the corners."""
-    at = f"d {region.setting.d:g} mm, t {region.setting.t:g} min"
+    at = region.at_words
     if region.empty:
         return Display(f"no feasible pair at {at}: {region.conflict}", sentences=region.notes)
     rows = tuple((c.letter, f"{c.V:.4g}", f"{c.f:.3g}", " and ".join(c.limits)) for c in region.corners)

@@ -110,9 +110,9 @@ class Equation:
     def values(self, X: Array) -> Array:
         """The response at factors (..., k), in the order and units of the law; what is not finite stays so."""
         with np.errstate(all="ignore"):
-            m = len(self.theta) - len(self.shifts)
-            eta = self.formula.columns(X) @ self.theta[:m] + float(self.theta[m:] @ self.shifts)
-            return np.exp(eta) if self.formula.logarithmic else np.asarray(eta)
+            columns = self.formula.columns(X)
+            shifts = np.broadcast_to(self.shifts, (*columns.shape[:-1], len(self.shifts)))
+            return self.formula.response_of(self.theta, np.concatenate([columns, shifts], axis=-1))
 
     def sampled(self, X: Array, theta: Array, drawn: Array | None = None, place: int = 0) -> Array:
         """The response of S draws of the parameters, (S, p), at factors (G, k), shape (S, G).
@@ -120,17 +120,22 @@ class Equation:
         ``drawn``, (S, G), are values of the factor number ``place`` that differ from draw to draw, as a wear does.
         Columns are products of transformed factors, so that only the powers of this one are taken draw by draw.
         """
-        m = len(self.theta) - len(self.shifts)
+        formula, m = self.formula, len(self.theta) - len(self.shifts)
+        product, added = theta[:, :m], None
+        if not formula.linearisable:  # the last factor is added to the product of the others
+            last = len(formula.factors)
+            at = drawn if drawn is not None and place == last - 1 else X[:, last - 1]
+            added, product = theta[:, last, None] * at, np.delete(product, last, axis=1)
         with np.errstate(all="ignore"):
             eta = (theta[:, m:] @ self.shifts)[:, None]
-            if drawn is None:
-                eta = eta + theta[:, :m] @ self.formula.columns(X).T
-            else:
-                u, columns = self.formula.apart(X, drawn, place)
-                degrees = np.array([0, *(term.degrees[place] for term in self.formula.all_terms)])
-                for d in np.unique(degrees):
-                    eta = eta + theta[:, :m][:, degrees == d] @ columns[:, degrees == d].T * u**d
-            return np.exp(eta) if self.formula.logarithmic else np.asarray(eta)
+            u, columns = (np.ones(1), formula.columns(X)) if drawn is None else formula.apart(X, drawn, place)
+            degrees = np.array([0, *(term.degrees[place] for term in formula.all_terms)])
+            if added is not None:
+                columns, degrees = columns[:, :-1], degrees[:-1]
+            for d in np.unique(degrees):
+                eta = eta + product[:, degrees == d] @ columns[:, degrees == d].T * u**d
+            value = np.exp(eta) if formula.logarithmic else np.asarray(eta)
+            return value if added is None else value + added
 
 
 def equation_of(law: LawFields, level: str | None) -> Equation:

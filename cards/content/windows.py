@@ -303,7 +303,9 @@ def _middle(pf: ParameterFile, symbol: str) -> float | None:
 
 
 def _window(found: "VisibleRegion", pf: ParameterFile) -> WindowPart:
-    at = f"at d {quantity(figure(found.setting.d, 6, 'mm'))} and t {quantity(figure(found.setting.t, 6, 'min'))}"
+    timed = any(factor.symbol == "t" for law in found.laws.values() for factor in law.factors)
+    at = f"at d {quantity(figure(found.setting.d, 6, 'mm'))}"
+    at += f" and t {quantity(figure(found.setting.t, 6, 'min'))}" if timed else ""
     if found.empty:
         return WindowPart(title=TITLE, sentences=(sentence(f"no feasible point {at}: {found.conflict}"),))
     best = found.best

@@ -216,7 +216,7 @@ def _corners(region: VisibleRegion) -> list[dict[str, object]]:
 
 
 def _at(region: VisibleRegion) -> str:
-    return f"d {region.setting.d:g} mm and t {region.setting.t:g} min"
+    return region.at_words.replace(", t ", " and t ")
 
 
 def _percent(p: float, draws: int) -> str:

@@ -60,5 +60,6 @@ def _middle(pf: "ParameterFile", name: str, usual: float, assumed: list[str]) ->
         value, why = usual, "as in AC-2016"
     else:
         value, why = sqrt(low * high), "the middle of the tested range"
-    assumed.append(f"{name} is {value:.4g} {UNITS[name]}, {why}.")
+    if ranges or name == "d":  # the removal rate has the depth, the time matters where a law has it
+        assumed.append(f"{name} is {value:.4g} {UNITS[name]}, {why}.")
     return value

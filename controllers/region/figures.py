@@ -155,7 +155,7 @@ def surfaces_figure(region: VisibleRegion) -> Figure:
         ax.yaxis.set_major_locator(MaxNLocator(4))
         ax.view_init(elev=24, azim=-130)
         ax.set_box_aspect(None, zoom=0.92)
-    figure.suptitle(f"Calculated from the laws: {_held(region)}", fontsize=10)
+    figure.suptitle(f"Calculated from the laws: {region.at_words}", fontsize=10)
     return figure
 
 
@@ -171,7 +171,7 @@ def _axes(ax: Axes | None, region: VisibleRegion, title: str) -> Axes:
     ax.set_xlim(low[0] - 0.02 * wide[0], high[0] + 0.02 * wide[0])
     ax.set_ylim(low[1] - 0.02 * wide[1], high[1] + 0.06 * wide[1])
     ax.set(xlabel="cutting speed V, m/min", ylabel="feed f, mm/rev")
-    ax.set_title(f"{title}\ncalculated, {_held(region)}", fontsize=9.5)
+    ax.set_title(f"{title}\ncalculated, {region.at_words}", fontsize=9.5)
     return ax
 
 
@@ -179,11 +179,6 @@ def _ends(region: VisibleRegion) -> tuple[Array, Array]:
     """The machine's ranges, widened where one is a single value."""
     low, high = np.exp(region.box.low), np.exp(region.box.high)
     return np.where(high > low, low, low * 0.98), np.where(high > low, high, high * 1.02)
-
-
-def _held(region: VisibleRegion) -> str:
-    level = "" if region.setting.by is None else f", {region.setting.by}"
-    return f"d {region.setting.d:g} mm, t {region.setting.t:g} min{level}"
 
 
 def _plane(region: VisibleRegion, points: int = FINE) -> tuple[Array, Array, Array]:

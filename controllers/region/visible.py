@@ -118,6 +118,13 @@ class VisibleRegion(Plottable):
         return self._at(self.polygon[self._best()])
 
     @property
+    def at_words(self) -> str:
+        """The fixed depth, the time where a law has it, and the level: ``d 2.5 mm, t 10 min``."""
+        timed = any(factor.symbol == "t" for law in self.laws.values() for factor in law.factors)
+        level = "" if self.setting.by is None else f", {self.setting.by}"
+        return f"d {self.setting.d:g} mm{f', t {self.setting.t:g} min' if timed else ''}{level}"
+
+    @property
     def sensitivities(self) -> dict[str, float]:
         """Gain in MRR, %, per 1 % of each limit active at the best pair: ``{"P 7 kW": 0.83}``."""
         return sensitivities(self.polygon[self._best()], self.limits)

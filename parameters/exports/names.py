@@ -46,6 +46,15 @@ def plain_lines(text: str) -> tuple[str, ...]:
     return tuple(map(plain, wrap(_shown(text), LONGEST_TEXT))) or ("unnamed",)
 
 
+def plain_equation(text: str) -> str:
+    """An equation in ASCII, without anything that ends a comment of C or a value of an ini file.
+
+    >>> plain_equation("Ra = 2.1 (V/120)^-0.2 exp(0.3 ln(f/0.2)^2); V in m/min */ %")
+    'Ra = 2.1 (V/120)^-0.2 exp(0.3 ln(f/0.2)^2) - V in m/min _/ _'
+    """
+    return re.sub(r"[^A-Za-z0-9 ._+/=^()-]", "_", re.sub(r"\s*;\s+", " - ", _ascii(text)))
+
+
 def _shown(text: str) -> str:
     text = re.sub(r"\s*[,:;]\s+", " - ", text)  # no format takes these for a command
     return re.sub(r"_{4,}", "___", re.sub(r"[^A-Za-z0-9 ._+-]", "_", _ascii(text))).lstrip("+-")

@@ -1,6 +1,7 @@
 """Text files of single numbers: a C header, an ini file, and G-code parameters."""
 
 from decimal import Decimal
+from textwrap import wrap
 
 from .quantities import Quantity
 from .view import ExportView
@@ -20,6 +21,7 @@ def c_header(view: ExportView) -> str:
     head = [f"{view.made_by}: {pair}", *origin, *view.remarks(NOT_IN_C)]
     return "\n".join([
         *(f"/* {_c_comment(words)} */" for words in head),
+        *(f"/* {line} */" for words in view.equations for line in wrap(_c_comment(words), 110)),
         f"#ifndef {guard}", f"#define {guard}", "",
         *(_c_line(q) for q in view.quantities), "",
         f"#endif /* {guard} */", "",
@@ -49,6 +51,7 @@ def ini_file(view: ExportView) -> str:
         "made_by": view.made_by, "parameter_file": view.checksum, "tool": view.tool, "work": view.work,
         "machine": view.machine, "simulated": {True: "yes", False: "no", None: "unknown"}[view.simulated],
         **{f"verdict_{place}": words for place, words in enumerate(view.verdicts, 1)},
+        **{f"equation_{place}": words for place, words in enumerate(view.equations, 1)},
         **{f"limit_of_use_{place}": words for place, words in enumerate(view.limits_of_use, 1)},
         **{f"assumed_{place}": words for place, words in enumerate(view.assumed, 1)},
         **{f"not_carried_{place}": words for place, words in enumerate(NOT_IN_INI, 1)},
@@ -74,6 +77,8 @@ FIRST = 500  # common variables that most controls keep when switched off
 MOST = 400  # of them
 DIGITS = 40  # of a number; LinuxCNC takes lines of 255 characters
 
+BRACKETS = str.maketrans("()", "[]")  # a parenthesis ends a comment
+
 NOT_IN_GCODE = (
     "units: they are given in comments, and G20 or G21 is set by the program",
     "text, covariance and posterior: a parameter is a number",
@@ -95,6 +100,7 @@ def gcode(view: ExportView) -> str:
         *map(_gcode_comment, view.limits_of_use),
         *(_gcode_comment(f"not included - {words}") for words in NOT_IN_GCODE),
         *(_gcode_comment(f"assumed - {words}") for words in view.assumed),
+        *(_gcode_comment(line) for words in view.equations for line in wrap(words.translate(BRACKETS), 110)),
         *_gcode_numbers(view.quantities),
         *_gcode_feed(view),
     ]
@@ -140,5 +146,5 @@ def fixed(value: float) -> str:
 
 def _gcode_comment(words: str) -> str:
     """A comment that stays one: no parenthesis, no control character, no word that LinuxCNC acts on."""
-    kept = "".join(c if c.isalnum() or c in " ._+-/,=^" else "_" for c in words)
+    kept = "".join(c if c.isalnum() or c in " ._+-/,=^[]" else "_" for c in words)
     return f"(fm - {kept.encode('ascii', 'replace').decode()})"

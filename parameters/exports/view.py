@@ -12,8 +12,9 @@ from ..checks import check
 from ..checks.report import require_verdicts
 from ..file import ParameterFile
 from ..file_format import content_sha256
+from ..sections.law import LawSection
 from .loop import LoadLoop, loop_settings
-from .names import plain, plain_lines, plain_unit, safe_name
+from .names import plain, plain_equation, plain_lines, plain_unit, safe_name
 from .quantities import Quantity, file_quantities
 
 NO_SAFETY: Final = (
@@ -65,7 +66,8 @@ class ExportView:
     ``tool``, ``work`` and ``machine`` are plain text already (see `names.plain`), ``name`` an identifier.
     ``file_quantities`` holds every number worth carrying, the loop's among them, in a fixed order.
     ``assumed`` lists the settings that the file lacks, with the value assumed for each; ``verdicts`` are lines on the
-    laws, dynamics and force process that are not usable without reservations, with the reasons.
+    laws, dynamics and force process that are not usable without reservations, with the reasons; ``equations`` are those
+    of the laws, for people: a program computes with the quantities.
     """
 
     name: str
@@ -81,6 +83,7 @@ class ExportView:
     quantities: tuple[Quantity, ...]
     assumed: tuple[str, ...]
     verdicts: tuple[str, ...] = ()
+    equations: tuple[str, ...] = ()
     lacking: str = "has no PI gains; find them with `fitmodels tune params.json`."
 
     @property
@@ -149,8 +152,16 @@ def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: b
         made_by=plain(f"fitmodels {pf.provenance.fitmodels}"),
         checksum=pf.content_sha256 or content_sha256(pf.model_dump()),
         loop=found.loop, lacking=found.lacking, verdicts=verdicts, gains=_gains(pf), plant=_plant(pf),
+        equations=tuple(_equation(law) for law in pf.laws.values()),
         quantities=file_quantities(pf, found.loop), assumed=(*doubted, *untried, *found.assumed),
     )  # fmt: skip
+
+
+def _equation(law: LawSection) -> str:
+    """The equation at six digits, at the reference level, with the units of its quantities."""
+    right = law.formula.equation([f"{law.coefficients[name]:.6g}" for name in law.coefficient_names])
+    units = "; ".join(f"{f.symbol} in {f.unit or '1'}" for f in law.factors)
+    return plain_equation(f"{law.response} = {right}; {law.response} in {law.unit or '1'}; {units}")
 
 
 def _gains(pf: ParameterFile) -> TunedGains | None:
