@@ -220,3 +220,42 @@ def _variance_difference(law: Fitted) -> float:
     theirs = np.array([scale * cov_re[0, 0], scale])
     ours = np.array([mixed.sd_between, mixed.sd_within]) ** 2
     return _largest(theirs - ours, np.array(theirs.sum()))
+
+
+def centred_words(law: Fitted) -> dict[str, str]:
+    """Each term of a law of second order in the language of formulas, in the columns of `centred_rows`.
+
+    Products are interactions, so that ``anova_lm`` of type II knows what they contain: ``V``, ``I(V ** 2)``, ``V:f``.
+    """
+    names = [_safe(name) for name in law.formula.factors]
+    return {
+        term.name: _word([(name, power) for name, power in zip(names, term.degrees, strict=True) if power])
+        for term in law.formula.terms
+    }
+
+
+def centred_rows(law: Fitted) -> pd.DataFrame:
+    """Rows of a law of second order: ``y`` on the scale of the fit, centred factors, ``block`` and ``edge``."""
+    rows = _rows(law)
+    table = pd.DataFrame(law.formula.transformed(rows.X), columns=[_safe(name) for name in law.formula.factors])
+    table.insert(0, "y", scaled_response(law))
+    if law.by is not None:
+        level = (rows.shifts @ np.arange(1, 1 + rows.shifts.shape[1])).astype(int)
+        table["block"] = np.array([law.by.reference, *law.by.levels])[level]
+    return table if rows.edge is None else table.assign(edge=rows.edge)
+
+
+def scaled_response(law: Fitted) -> Array:
+    """Response of a linear model on the scale of its fit, shape (n,)."""
+    observed = _rows(law).observed
+    return np.log(observed) if law.formula.logarithmic else observed
+
+
+def _safe(name: str) -> str:
+    """A factor as a name in a formula: patsy has C, I and Q for itself."""
+    return f"x_{name}" if name in ("C", "I", "Q", "y", "edge", "block") or not name.isidentifier() else name
+
+
+def _word(powers: list[tuple[str, int]]) -> str:
+    """A term from the factors that it has, with their powers."""
+    return ":".join(name for name, _ in powers) if max(p for _, p in powers) == 1 else f"I({powers[0][0]} ** 2)"

@@ -116,8 +116,11 @@ def reservations(surface: ResponseSurface) -> list[str]:
 
 def _independent(surface: ResponseSurface) -> list[str]:
     """Rows that are taken as independent because no edge is known."""
-    law = surface.full
-    return [f"Rows are taken as independent: {law.edges}."] if law.edge is None and not law.edges else []
+    law = surface.law
+    if isinstance(law.edges, EdgeInference) or law.no_interval:
+        return []
+    narrow = "" if law.edge is None or law.n_edges == law.nobs else "Intervals of the law take rows as independent: "
+    return [f"{narrow or 'Rows are taken as independent: '}{law.edges}."]
 
 
 def _confounded_squares(surface: ResponseSurface) -> list[str]:

@@ -9,6 +9,7 @@
 statsmodels is imported by these last functions alone.
 """
 
+import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
@@ -30,6 +31,7 @@ from ..lawfit import LawFit
 from ..laws import Error
 from ..regression import fit_form
 from ..rows import LeftOut
+from ..statsmodels_ols import centred_rows, centred_words, scaled_response
 from .canonical import CanonicalAnalysis, analyse_surface
 from .split_plot import (
     EdgeModel,
@@ -151,23 +153,13 @@ class ResponseSurface(Plottable):
     @property
     def formula(self) -> str:
         """Formula of ``full`` for statsmodels, in the columns of ``frame``."""
-        names = [_safe(name) for name in self.full.factors]
-        words = [_word(term, names) for term in self.full.formula.terms]
+        words = list(centred_words(self.full).values())
         return " + ".join([f"y ~ {words[0]}", *words[1:], *(["C(block, Sum)"] if self.blocks else [])])
 
     @property
     def frame(self) -> pd.DataFrame:
         """Rows for statsmodels: ``y`` on the scale of the fit, centred factors, ``block`` and ``edge``."""
-        law = self.full
-        U = law.formula.transformed(law.X)
-        table = pd.DataFrame(U, columns=[_safe(name) for name in law.factors])
-        table.insert(0, "y", _scaled(law))
-        if law.by is not None:
-            level = (law.shifts @ np.arange(1, 1 + law.shifts.shape[1])).astype(int)
-            table["block"] = np.array([law.by.reference, *law.by.levels])[level]
-        if law.edge is not None:
-            table["edge"] = law.edge
-        return table
+        return centred_rows(self.full)
 
     def ols(self) -> Any:  # noqa: ANN401  statsmodels has no types
         """All terms by ``smf.ols``, rows taken as independent: a statsmodels result."""
@@ -194,7 +186,23 @@ class ResponseSurface(Plottable):
 
         if isinstance(self.model, NotAvailable) or not self.model.n_edges:
             raise FitError(f"{self.full.response}: no edges with several rows, so there is no random level of edges.")
-        return smf.mixedlm(self.formula, self.frame, groups="edge").fit(reml=True)
+        with warnings.catch_warnings():
+            if self.model.ratio > 0:  # statsmodels warns of a variance of zero wherever the scale of y makes it small
+                warnings.filterwarnings("ignore", "The MLE may be on the boundary")
+            return smf.mixedlm(self.formula, self.frame, groups="edge").fit(reml=True)
+
+    def beside_statsmodels(self) -> pd.DataFrame:
+        """P of each term by stratum and by edge (CR3), beside statsmodels' plain rows and its mixed model.
+
+        Plain rows (``p rows``) find too much in V, f and d where edges have several rows; Wald tests of the mixed model
+        (``p mixed``) count no degrees of freedom, which finds too much where edges are few.
+        """
+        words, table = centred_words(self.full), self.anova()
+        shown = table.loc[list(words), [name for name in ("error", "p", "p by edge") if name in table]].copy()
+        shown["p rows"] = self.ols().pvalues[list(words.values())].to_numpy()
+        if isinstance(self.model, EdgeModel) and self.model.n_edges:
+            shown["p mixed"] = self.mixedlm().pvalues[list(words.values())].to_numpy()
+        return shown
 
     def influence(self) -> pd.DataFrame:
         """Leverage, studentized residual and Cook's distance of each edge, or row, by statsmodels' ``OLSInfluence``.
@@ -338,12 +346,7 @@ def surface_of(law: LawFit) -> ResponseSurface:
 
 def _model_of(law: LawFit, saturated: bool = False) -> EdgeModel | NotAvailable:
     edge = None if law.edge is None else pd.factorize(law.edge, sort=True)[0].astype(np.intp)
-    return edge_model(law.design, _scaled(law), edge, saturated=saturated)
-
-
-def _scaled(law: LawFit) -> Array:
-    """Response on the scale of the fit, shape (n,)."""
-    return np.log(law.observed) if law.formula.logarithmic else law.observed
+    return edge_model(law.design, scaled_response(law), edge, saturated=saturated)
 
 
 def _factors_in(terms: Sequence[Term], factors: Sequence[str]) -> list[str]:
@@ -388,13 +391,3 @@ def _held(law: LawFit, at: Mapping[str, float] | None) -> dict[str, float]:
     logs = [law.formula.logs[j] for j in clocks]
     middles = [(a * b) ** 0.5 if log else (a + b) / 2 for log, (a, b) in zip(logs, ends, strict=True)]
     return dict(zip((law.factors[j] for j in clocks), middles, strict=True))
-
-
-def _safe(name: str) -> str:
-    """A factor as a name in a formula: patsy has C, I and Q for itself."""
-    return f"x_{name}" if name in ("C", "I", "Q", "y", "edge", "block") or not name.isidentifier() else name
-
-
-def _word(term: Term, names: Sequence[str]) -> str:
-    powers = [(name, power) for name, power in zip(names, term.degrees, strict=True) if power]
-    return ":".join(name for name, _ in powers) if max(p for _, p in powers) == 1 else f"I({powers[0][0]} ** 2)"
