@@ -19,6 +19,7 @@ from .kienzle import FORCES, kienzle_law
 from .lawfit import LawFit
 from .laws import Error
 from .regression import fit_form
+from .rows import SELECTED, LeftOut
 
 ICCS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49)])  # shares of the variance between edges
 ALL = "*"  # stands for the responses that are not named
@@ -114,7 +115,10 @@ def _reduced(runs: Runs, response: str, factors: tuple[str, ...], error: Error, 
         _refuse_bounds(runs, "second_order")
     if error != "multiplicative":
         raise FitError(f"{response}: terms are selected with multiplicative errors. Leave --error out.")
-    return response_surface(runs, response, factors, model="reduced", blocks=by).law
+    law = response_surface(runs, response, factors, model="reduced", blocks=by).law
+    known = {*law.factors, *(item.factor for item in law.left_out)}
+    gone = tuple(LeftOut(name, SELECTED) for name in factors if name not in known)
+    return replace(law, left_out=(*law.left_out, *gone))
 
 
 def _kienzle(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by: str | None) -> LawFit:
@@ -123,7 +127,8 @@ def _kienzle(runs: Runs, response: str, factors: tuple[str, ...], error: Error, 
         raise FitError(f"{response}: Kienzle's law is fitted with multiplicative errors. Leave --error out.")
     law = kienzle_law(runs, response, by=by).law
     without = [name for name in factors if name not in law.factors]
-    note = f"Kienzle's law has no {', '.join(without)}: their effect is part of the scatter"
+    effects = "its effect is" if len(without) == 1 else "their effects are"
+    note = f"Kienzle's law has no {', '.join(without)}: {effects} part of the scatter"
     return replace(law, notes=(*law.notes, note)) if without else law
 
 

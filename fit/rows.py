@@ -26,6 +26,7 @@ EXACT = 1e-8
 SOME = 10_000
 # Relative spread below which a column is the same number written down n times.
 CONSTANT = 1e-9
+SELECTED = "AICc keeps none of its terms"  # reason why a selection left a factor out
 # Spread of a logarithm below which a factor was not varied: a speed computed from a rounded spindle speed, a depth
 # measured again. Its exponent would be that of its rounding.
 HARDLY = 0.01
@@ -59,7 +60,7 @@ class LeftOut(Displayable):
     @property
     def confounded(self) -> bool:
         """Whether it changes, and the factors that are kept, or the category, carry its effect."""
-        return not self.reason.startswith("constant")
+        return not self.reason.startswith(("constant", SELECTED))
 
 
 @dataclass(frozen=True, slots=True)

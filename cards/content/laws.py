@@ -87,7 +87,7 @@ def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient
     half = _half_widths(law, level)
     lines = []
     for name, value in _values(law).items():
-        se = law.standard_errors.get(name)
+        se = None if name in law.fixed else law.standard_errors.get(name)
         scale = law.logarithmic and name == next(iter(law.coefficients))
         t = value / se if se and not scale else None
         low, high = _ends(value, half.get(name), se, scale)
@@ -100,7 +100,7 @@ def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[Coefficient
                 p=NONE if t is None else probability(_two_sided(t, degrees(law))),
                 low=low,
                 high=high,
-                row_se=spread(value, law.row_standard_errors.get(name)),
+                row_se=NONE if name in law.fixed else spread(value, law.row_standard_errors.get(name)),
                 other=number(other.get(name), se),
                 printed=figure(printed.get(name), 6),
                 without=number(without[0].get(name), without[1].get(name)),
@@ -246,7 +246,8 @@ def _edge_words(law: LawSection) -> str:
         return ""
     if e.reason is not None:
         return f"No inference by edge: {e.reason}."
-    within = [f.symbol for f in law.factors if f.symbol in CONDITIONS and f.symbol not in e.between]
+    known = {*e.between, *law.fixed}
+    within = [f.symbol for f in law.factors if f.symbol in CONDITIONS and f.symbol not in known]
     if not within or not law.row_standard_errors:
         return ""
     return (
@@ -260,7 +261,10 @@ def _cautions(law: LawSection) -> list[str]:
     out = []
     if not isinstance(law.uncertainty, Covariance):
         out.append(f"{law.uncertainty.reason}: there are no residual degrees of freedom to assess the law.")
-    if law.logarithmic and law.alternative is None and not fitted_by(law):
+    if law.fixed:
+        given = ", ".join(f"{name} at {value:g}" for name, value in law.fixed.items())
+        out.append(f"Fixed by the form and not estimated: the exponent of {given}.")
+    elif law.logarithmic and law.alternative is None and not fitted_by(law):
         out.append(
             "No fit with the other error structure: it needs positive responses in all rows and a nonlinear least "
             "squares fit that converges."
