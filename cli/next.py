@@ -1,10 +1,22 @@
-"""``fitmodels next``: further tests for the design of a file, as CSV with a run order."""
+"""``fitmodels next``: further tests for the design of a file, as CSV with a run order, and what they narrow."""
 
 import argparse
+from typing import TYPE_CHECKING
 
-from .arguments import Parser
+import numpy as np
+
+from .arguments import Parser, values
 from .options import read, reading_options
 from .plan import target
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..fit import LawFit
+    from ..fit.decisions import Decision
+
+TIMES_LONGER = 3.0  # longest of further tests over the longest so far, unless given
+CRITERION = 0.3  # mm, ISO 3685
 
 
 def parser() -> Parser:
@@ -13,11 +25,22 @@ def parser() -> Parser:
         "fitmodels next",
         "fitmodels next data.csv --runs 4 --out next.csv",
         "Plan further tests: repeats where no setting was repeated, else the settings that are most informative for\n"
-        "the law (D-optimal). Without --out the plan is printed.",
+        "the law (D-optimal); longer tests where tool life is extrapolated; or those that narrow the interval of a\n"
+        "decision most. States what they are expected to narrow and when to stop. Without --out the plan is printed.",
     )
     p.add_argument("file", metavar="FILE", help="table of the tests so far")
     p.add_argument("--runs", type=int, default=4, help="number of edges to add (default: 4)")
     p.add_argument("--law", metavar="AW", help="response of the law to improve (default: the wear law)")
+    p.add_argument(
+        "--decision", metavar="life",
+        help="what is decided: life, cost, or a limit such as P=7kW (default: life, of a law of wear or of T)",
+    )  # fmt: skip
+    p.add_argument("--at", action="append", metavar="V=120", help="condition of the decision (default: the middle)")
+    p.add_argument("--vary", metavar="V", help="factor of which a limit is found (default: f, or the first of the law)")
+    p.add_argument("--cost", metavar="Cm=0.5,Ct=3,tc=2", help="cost per minute, of an edge, and minutes of its change")
+    p.add_argument("--criterion", type=float, metavar="MM", help="wear at the end of tool life (default: 0.3)")
+    p.add_argument("--within", type=float, metavar="15", help="half width of the interval asked for, per cent")
+    p.add_argument("--longest", type=float, metavar="MIN", help="longest test (default: 3 times the longest so far)")
     p.add_argument("--seed", type=int, default=1, help="seed of the run order (default: 1)")
     p.add_argument("--out", metavar="PLAN", help="file to write")
     p.add_argument("--force", action="store_true", help="replace an existing file")
@@ -30,15 +53,131 @@ def run(args: argparse.Namespace) -> int:
     from .. import fit
     from ..core.errors import FitError, UsageError
     from ..datasets import write_csv
+    from ..fit.optimal_tests import narrowing
 
-    laws, refused = fit.default_laws(read(args.file, args))
-    chosen = [law for law in laws if args.law in (None, law.response)]
+    _check(args)
+    laws, refused = fit.default_laws(read(args.file, args), laws=[args.law] if "~" in (args.law or "") else [])
+    name = (args.law or "").partition("~")[0].strip() or _limited(args.decision)[0]
+    chosen = [law for law in laws if name in ("", law.response)]
     if not chosen:
         known = ", ".join(law.response for law in laws)
         if known:
-            raise UsageError(f"--law {args.law}: there are laws of {known}.")
+            raise UsageError(f"--law {name}: there are laws of {known}.")
         raise FitError("; ".join(item.reason for item in refused) or f"{args.file} contains no law to add runs to.")
-    plan = fit.next_runs(chosen[0], args.runs, seed=args.seed)
-    notes = [f"plan: {plan.attrs['words']}", f"for the law of {chosen[0].response}; cut in the order of run"]
+    law, notes = chosen[0], []
+    decision, why = _decision(law, args)
+    extrapolated = decision is not None and args.decision in (None, "life") and "times the longest" in decision.beyond
+    longest = _longest(law, args, extrapolated)
+    ends = None if "t" not in law.factors else lambda table: _durations(law, args, table, longest)
+    candidates = None
+    if decision is not None and extrapolated:
+        candidates = _reaching(law, args, decision, longest)
+        notes.append(
+            f"Tool life is extrapolated: these tests last until the criterion, at most {longest:.3g} min; they are at "
+            "the conditions of the decision, or where the law expects the criterion to be reached in this time."
+        )
+    direct = decision if args.decision is not None or extrapolated else None
+    plan = fit.next_runs(
+        law, args.runs, candidates=candidates, decision=direct, durations=ends if direct else None, seed=args.seed
+    )
+    if decision is not None:
+        within = None if args.within is None else args.within / 100
+        notes += narrowing(law, decision, plan.attrs["readings"], within).words
+    elif why:
+        notes.append(f"No interval of a decision: {why}")
+    if "t" in plan:
+        notes.append(f"{plan['t'].sum():.4g} min in cut; stop an edge that reaches the wear criterion before its time.")
+    head = f"plan: {plan.attrs['words']}"
+    notes = [head, *notes, f"for the law of {law.response}; cut in the order of run"]
+    plan.attrs = {"units": plan.attrs["units"]}
     write_csv(plan, target(args.out, args.force), notes)
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    from ..core.errors import UsageError
+
+    for name in ("criterion", "within", "longest"):
+        value = getattr(args, name)
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise UsageError(f"--{name} {value:g}: give a number above zero.")
+    if args.decision == "cost" and args.cost is None:
+        raise UsageError("--decision cost: give the costs, for instance --cost Cm=0.5,Ct=3,tc=2.")
+    if args.decision is not None and args.decision not in ("life", "cost") and "=" not in args.decision:
+        raise UsageError(f"--decision {args.decision}: it is life, cost, or a limit such as P=7kW.")
+
+
+def _limited(decision: str | None) -> tuple[str, str]:
+    """Response and number of a limit; empty of another decision."""
+    name, equals, text = (decision or "").partition("=")
+    return (name.strip(), text.strip()) if equals else ("", "")
+
+
+def _decision(law: "LawFit", args: argparse.Namespace) -> "tuple[Decision | None, str]":
+    """The decision asked for; that of tool life, or none with the reason, where none is asked for."""
+    from ..core.errors import FitError
+    from ..fit.decisions import cost_decision, life_decision, limit_decision
+
+    at = values(args.at, "--at")
+    criterion = CRITERION if args.criterion is None else args.criterion
+    if args.decision == "cost":
+        return cost_decision(law, values(args.cost.split(","), "--cost"), criterion, at), ""
+    if args.decision == "life":
+        return life_decision(law, criterion, at), ""
+    response, text = _limited(args.decision)
+    if response:
+        factor = args.vary or ("f" if "f" in law.factors else law.factors[0])
+        return limit_decision(law, _in_unit(text, response, law.units[response]), factor, at), ""
+    if law.response not in ("T", "AW", "VB"):
+        return None, f"give --decision {law.response}=LIMIT for that of a limit."
+    try:
+        return life_decision(law, criterion, at), ""
+    except FitError as error:
+        return None, str(error)
+
+
+def _in_unit(text: str, name: str, unit: str) -> float:
+    """A limit in the unit of the law."""
+    from ..core.errors import UsageError
+    from ..datasets.units import canonical, convert, same_dimension
+    from .predict import NUMBER
+
+    found = NUMBER.fullmatch(text)
+    given = canonical(found[2]) if found and found[2] else unit
+    if found is None or given is None or (given != unit and not same_dimension(given, unit)):
+        raise UsageError(f"--decision {name}={text}: give a number in {unit or 'its unit'}, or with its unit.")
+    return float(convert(np.array(float(found[1])), given, unit)) if given != unit else float(found[1])
+
+
+def _longest(law: "LawFit", args: argparse.Namespace, extrapolated: bool) -> float:
+    if args.longest is not None:
+        return float(args.longest)
+    return law.domain["t"][1] * (TIMES_LONGER if extrapolated else 1.0) if "t" in law.factors else 0.0
+
+
+def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", longest: float) -> "pd.DataFrame | None":
+    """Settings at which the criterion is reached within the longest test, and those of the decision."""
+    import pandas as pd
+
+    from ..datasets.design import round_significant
+    from ..fit.next_tests import candidate_settings
+
+    table = candidate_settings(law)
+    reached = table[_durations(law, args, table, np.inf) <= longest]
+    conditions = dict(decision.at)
+    own = {name: round_significant(conditions[name], 4) for name in table}
+    return pd.concat([pd.DataFrame([own], dtype=float), reached], ignore_index=True)
+
+
+def _durations(law: "LawFit", args: argparse.Namespace, table: "pd.DataFrame", longest: float) -> "np.ndarray":
+    """Minutes in cut of each setting: its tool life by the law, at most the longest test."""
+    from ..core.errors import FitError
+    from ..fit import tool_life
+
+    try:
+        life = tool_life(law, CRITERION if args.criterion is None else args.criterion)
+    except FitError:  # no law of wear over time
+        return np.full(len(table), longest)
+    names = [str(name) for name in life.coefficients.index[1:]]
+    lives = [life.predict(**{name: float(row[name]) for name in names}) for _, row in table.iterrows()]
+    return np.minimum(lives, longest)

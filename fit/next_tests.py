@@ -1,17 +1,13 @@
-"""D-optimal augmentation of a design: further tests, or repeats where pure error is unknown.
+"""Further tests for a design: most informative for a law, for a decision, or repeats where pure error is unknown.
 
 A test is an edge cut at one setting of what changes only between edges; time and wear then follow by themselves.
 Where the file names no edges a test is a row. A design in which no setting was cut twice has no pure error: lack of
 fit cannot be separated from differences between edges. Repeats then come first, at the most informative settings.
 
-Adding rows to Z multiplies the determinant of Z'Z by ``det(I + A M A')`` with ``M = (Z'Z)^-1`` and A the added rows;
-by the matrix determinant lemma one row z gains ``1 + z'Mz``, and swapping row a for row z, with M of both old and
-added rows, ``(1 + z'Mz)(1 - a'Ma) + (z'Ma)^2``.
-
-Sources: Myers, Montgomery & Anderson-Cook 2016, Response Surface Methodology, sections 2.7 and 8.3; Fedorov 1972,
-Theory of Optimal Experiments, section 3.2; Cook & Nachtsheim 1980, Technometrics 22, 315 (exchange).
+Source: Myers, Montgomery & Anderson-Cook 2016, Response Surface Methodology, sections 2.7 and 8.3.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
@@ -22,9 +18,11 @@ from numpy.typing import NDArray
 from ..core.errors import FitError, UsageError
 from ..datasets import region
 from ..datasets.design import round_significant
+from .decisions import Decision
 from .edges import changes_within
 from .lawfit import LawFit
 from .least_squares import linear
+from .optimal_tests import c_optimal, d_optimal, determinant_gain, estimated, information, information_of_test
 from .region import DesignRegion
 from .rows import Points, as_table, level_names
 
@@ -35,8 +33,8 @@ MOST = 1000  # tests in one plan
 GRID = 20_000  # candidates at most
 ALIKE = 4  # decimals of a coded level: closer settings are one
 DIGITS = 4
-GAIN = 1e-9  # a swap that gains less is rounding, and would go round in circles
-STARTS = 8  # the greedy one, and random ones: exchange stops at a local best
+CHOICES = 700  # settings at most to choose from for a decision
+TWICE = 2  # tests of one setting at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +61,15 @@ class Trials:
     label: tuple[str, ...]
 
 
-def next_runs(law: LawFit, n: int, *, candidates: Points | None = None, seed: int = 1) -> pd.DataFrame:
+def next_runs(
+    law: LawFit,
+    n: int,
+    *,
+    candidates: Points | None = None,
+    decision: Decision | None = None,
+    durations: Callable[[pd.DataFrame], Array] | None = None,
+    seed: int = 1,
+) -> pd.DataFrame:
     """Plan n further tests for a law.
 
     Parameters
@@ -75,15 +81,21 @@ def next_runs(law: LawFit, n: int, *, candidates: Points | None = None, seed: in
         Settings to choose from, a column for each factor that a test sets (and the category). Left out: repeats of
         settings already cut, where none was cut twice; else a grid in coded logarithms over the design's region
         and the settings already cut.
+    decision : Decision, optional
+        Choose the tests that narrow its interval most (c-optimal), each setting at most twice, in place of those that
+        are most informative for the law as a whole.
+    durations : callable, optional
+        Minutes in cut of each setting of a table, for a law with t; the longest test so far unless given.
     seed : int
         Seed of the run order, and of the search's random starts.
 
     Returns
     -------
     DataFrame, one row a test in run order: run (1..n), edge (a new name), point (``repeat of E03`` or ``new``), the
-    factors in the units of the law and the category. ``attrs``: criterion ("repeats" or "D-optimal"),
-    determinant_gain (of the information matrix of the tests), volume (what is left of the volume of the joint
-    confidence region), units, and words.
+    factors in the units of the law and the category, and t where ``durations`` are given. ``attrs``: criterion
+    ("repeats", "D-optimal" or "c-optimal"), determinant_gain (of the information matrix of the tests), volume (what is
+    left of the volume of the joint confidence region), units, words, and readings: a table of the expected readings of
+    each test, for `decisions.narrowing`.
 
     Raises
     ------
@@ -104,25 +116,40 @@ def next_runs(law: LawFit, n: int, *, candidates: Points | None = None, seed: in
     if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MOST:
         raise UsageError(f"n={n!r}: the number of tests to add is a whole number from 1 to {MOST}.")
     cut, place = trials(law), law.region
-    old = _rows(place, cut, cut.X, cut.level)
+    old = _rows(law, cut, cut.X, cut.level)
     M = linear(old, np.zeros(len(old))).cov_unscaled
-    repeats = candidates is None and not replicated(place, cut)
-    X, level = _candidates(place, cut, repeats) if candidates is None else _given(law, place, cut, candidates)
+    repeats = candidates is None and decision is None and not replicated(place, cut)
+    X, level = _candidates(law, cut, repeats) if candidates is None else _given(law, cut, candidates)
     rng = np.random.default_rng(seed)
     most = -(-n // len(X)) if repeats else n
-    chosen, gain = d_optimal(M, _rows(place, cut, X, level), n, most, rng)
+    if decision is None:
+        chosen, gain = d_optimal(M, _rows(law, cut, X, level), n, most, rng)
+    else:
+        chosen, X, level = _for_decision(law, decision, n, durations, cut, X, level)
+        gain = determinant_gain(M, _rows(law, cut, X, level)[chosen])
     chosen = rng.permutation(chosen)
-    plan = _plan(place, cut, X[chosen], None if level is None else level[chosen])
-    criterion = "repeats" if repeats else "D-optimal"
+    plan = _plan(law, cut, X[chosen], None if level is None else level[chosen])
+    criterion = "c-optimal" if decision is not None else "repeats" if repeats else "D-optimal"
+    readings = expected_readings(law, plan, durations)
+    if durations is not None and "t" in law.factors:
+        plan["t"] = [test["t"].iloc[-1] for test in readings]
     facts: dict[str, object] = {
         "criterion": criterion,
         "determinant_gain": gain,
         "volume": gain**-0.5,
-        "units": {name: law.units[name] for name in cut.names if law.units.get(name)},
+        "units": {name: law.units[name] for name in law.factors if name in plan and law.units.get(name)},
         "words": _words(law, cut, n, criterion, gain),
+        "readings": readings,
     }
     plan.attrs.update(facts)
     return plan
+
+
+def candidate_settings(law: LawFit) -> pd.DataFrame:
+    """Settings that further tests are chosen from: those already cut, and a grid over the region of the design."""
+    cut = trials(law)
+    X, level = _candidates(law, cut, repeats=False)
+    return _plan(law, cut, X, level).drop(columns=["run", "edge", "point"])
 
 
 def trials(law: LawFit) -> Trials:
@@ -157,18 +184,34 @@ def _settings(
 
 def _coded(place: DesignRegion, cut: Trials, X: Array) -> Array:
     at = [place.factors.index(name) for name in cut.names]
-    part = {"logs": place.logs, "centre": np.array(place.centre)[at], "half_range": np.array(place.half_range)[at]}
+    part = {
+        "logs": _logs(place, cut),
+        "centre": np.array(place.centre)[at],
+        "half_range": np.array(place.half_range)[at],
+    }
     return region.coded(part, X)
 
 
-def _rows(place: DesignRegion, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> Array:
-    """Columns of the law that a test sets: 1, coded factors, indicators; shape (T, p)."""
-    shifts = [] if level is None else [(level == name).astype(float) for name in place.levels[1:]]
-    return np.column_stack([np.ones(len(X)), _coded(place, cut, X), *shifts])
+def _logs(place: DesignRegion, cut: Trials) -> tuple[bool, ...]:
+    """For each factor of a test, whether it is coded in logarithms."""
+    each = dict(zip(place.factors, np.broadcast_to(place.logs, len(place.factors)).tolist(), strict=True))
+    return tuple(each[name] for name in cut.names)
 
 
-def _candidates(place: DesignRegion, cut: Trials, repeats: bool) -> tuple[Array, NDArray[np.object_] | None]:
+def _rows(law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> Array:
+    """Columns of the law that a test sets: 1, coded factors (of second order their terms), indicators; shape (T, p)."""
+    shifts = [] if level is None else [(level == name).astype(float) for name in law.region.levels[1:]]
+    U = _coded(law.region, cut, X)
+    if not law.formula.first_order:
+        at = [law.factors.index(name) for name in cut.names]
+        powers = [np.array(term.degrees) for term in law.formula.terms]
+        U = np.column_stack([np.prod(U ** d[at], axis=1) for d in powers if d[at].sum() == d.sum()] or [U[:, :0]])
+    return np.column_stack([np.ones(len(X)), U, *shifts])
+
+
+def _candidates(law: LawFit, cut: Trials, repeats: bool) -> tuple[Array, NDArray[np.object_] | None]:
     """Settings already cut, each once; and a grid over the region, unless repeats are wanted."""
+    place = law.region
     keys = _settings(place, cut, cut.X, cut.level)
     once = [keys.index(key) for key in dict.fromkeys(keys)]
     X, level = cut.X[once], None if cut.level is None else cut.level[once]
@@ -179,28 +222,31 @@ def _candidates(place: DesignRegion, cut: Trials, repeats: bool) -> tuple[Array,
     U = np.array(list(product(np.linspace(-1, 1, steps), repeat=len(cut.names))))
     at = [place.factors.index(name) for name in cut.names]
     terms = np.array(place.centre)[at] + U * np.array(place.half_range)[at]
-    grid = round_significant(np.exp(terms) if place.logs else terms, DIGITS)
-    kept = [grid[_reached(place, cut, grid, name)] for name in levels]
+    with np.errstate(over="ignore"):
+        grid = round_significant(np.where(_logs(place, cut), np.exp(terms), terms), DIGITS)
+    kept = [grid[_reached(law, cut, grid, name)] for name in levels]
     if level is None:
         return np.vstack([X, *kept]), None
     names = np.repeat(np.array(levels, dtype=object), [len(part) for part in kept])
     return np.vstack([X, *kept]), np.concatenate([level, names])
 
 
-def _reached(place: DesignRegion, cut: Trials, grid: Array, name: str | None) -> NDArray[np.bool_]:
+def _reached(law: LawFit, cut: Trials, grid: Array, name: str | None) -> NDArray[np.bool_]:
     """Whether each setting of the grid lies in the region of the tests."""
+    place = law.region
     level = None if name is None else np.full(len(grid), name, dtype=object)
-    old = _rows(place, cut, cut.X, cut.level)
+    old = _rows(law, cut, cut.X, cut.level)
     M = linear(old, np.zeros(len(old))).cov_unscaled
-    h, largest = (np.einsum("ij,jk,ik->i", z, M, z) for z in (_rows(place, cut, grid, level), old))
+    h, largest = (np.einsum("ij,jk,ik->i", z, M, z) for z in (_rows(law, cut, grid, level), old))
     limit = largest.max() if cut.level is None else largest[cut.level == name].max(initial=0.0)
     far = np.square(_coded(place, cut, cut.X)).sum(axis=1).max()
     near = np.square(_coded(place, cut, grid)).sum(axis=1)
     return np.asarray((h <= limit * (1 + region.SLACK)) & (near <= far * (1 + region.SLACK)))
 
 
-def _given(law: LawFit, place: DesignRegion, cut: Trials, given: Points) -> tuple[Array, NDArray[np.object_] | None]:
+def _given(law: LawFit, cut: Trials, given: Points) -> tuple[Array, NDArray[np.object_] | None]:
     """Candidates given by the user."""
+    place = law.region
     table = as_table(law.response, given)
     needed = (*cut.names, *([place.by] if cut.level is not None and place.by else []))
     missing = [name for name in needed if name not in table]
@@ -208,15 +254,17 @@ def _given(law: LawFit, place: DesignRegion, cut: Trials, given: Points) -> tupl
         lack = f"lack {', '.join(missing)}" if missing else "are none"
         raise FitError(f"{law.response}: the candidates {lack}; a test sets {', '.join(needed) or 'nothing'}.")
     X = table[list(cut.names)].to_numpy(dtype=float)
-    if not np.isfinite(X).all() or (place.logs and (X <= 0).any()):
-        wanted = "above zero" if place.logs else "that are finite"
+    logs = np.array(_logs(place, cut), dtype=bool)
+    if not np.isfinite(X).all() or (X[:, logs] <= 0).any():
+        wanted = "above zero" if logs.any() else "that are finite"
         raise FitError(f"{law.response}: the candidates hold {X.min():g}; levels are numbers {wanted}.")
     if cut.level is None or place.by is None:
         return X, None
     return X, level_names(table[place.by], place.levels, place.by)
 
 
-def _plan(place: DesignRegion, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> pd.DataFrame:
+def _plan(law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> pd.DataFrame:
+    place = law.region
     keys = _settings(place, cut, cut.X, cut.level)
     here = _settings(place, cut, X, level)
     same = [keys.index(key) if key in keys else None for key in here]
@@ -240,11 +288,10 @@ def _new_names(cut: Trials, n: int) -> list[str]:
 
 def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str:
     added = f"{n} more {cut.what}{'s' if n > 1 else ''}"
-    why = (
-        f"{added} repeat settings already cut, since no setting was cut twice and pure error is unknown"
-        if criterion == "repeats"
-        else f"{added}, D-optimal over the {len(cut.X)} cut so far"
-    )
+    why = {
+        "repeats": f"{added} repeat settings already cut, since no setting was cut twice and pure error is unknown",
+        "c-optimal": f"{added}, chosen for the interval of the decision",
+    }.get(criterion, f"{added}, D-optimal over the {len(cut.X)} cut so far")
     estimated = ", ".join(cut.names) or "the constant"
     return (
         f"{law.response}: {why}; the determinant of the information on {estimated} grows {gain:.3g} times, which "
@@ -252,79 +299,39 @@ def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str
     )
 
 
-def d_optimal(M: Array, candidates: Array, n: int, most: int, rng: np.random.Generator) -> tuple[Index, float]:
-    """Choose n rows of ``candidates`` that make the determinant of the information largest.
+def expected_readings(
+    law: LawFit, plan: pd.DataFrame, durations: Callable[[pd.DataFrame], Array] | None = None
+) -> list[pd.DataFrame]:
+    """Readings that each test of a plan is expected to give: as many as an edge has had, at equal steps.
 
-    Parameters
-    ----------
-    M : ndarray, shape (p, p)
-        ``(Z'Z)^-1`` of the design so far.
-    candidates : ndarray, shape (c, p)
-    n, most : int
-        How many to choose, and how often each candidate at most (``n <= most * c``).
-    rng : Generator
-        Of the random starts.
-
-    Returns
-    -------
-    chosen : ndarray of int, shape (n,), ascending
-    gain : float
-        Factor of the determinant of Z'Z.
-
-    Examples
-    --------
-    >>> points = np.array([[1, -1.0], [1, 0], [1, 1]])
-    >>> chosen, gain = d_optimal(np.diag([0.25, 0.5]), points, 2, 2, np.random.default_rng(1))
-    >>> chosen.tolist(), round(gain, 3)
-    ([0, 2], 3.0)
+    Time steps to the duration of the test, or to the longest test so far; any other factor that changes within an edge
+    steps over its range.
     """
-    starts = [_greedy(M, candidates, n, most)]
-    places = np.repeat(np.arange(len(candidates)), min(most, n))
-    starts += [rng.choice(places, size=n, replace=False) for _ in range(STARTS - 1)]
-    best, largest = starts[0], -1.0
-    for start in starts:
-        chosen = _exchanged(M, candidates, start, most)
-        gain = determinant_gain(M, candidates[chosen])
-        if gain > largest * (1 + GAIN):
-            best, largest = np.sort(chosen), gain
-    return best, largest
+    m = 1
+    if law.edge is not None:
+        m = max(int(np.median(np.unique(law.edge, return_counts=True)[1])), 1)
+    share, tests = np.arange(1, m + 1) / m, []
+    ends = None if durations is None or "t" not in law.factors else durations(plan)
+    within = {name: law.domain[name] for name in law.factors if name not in plan}
+    for i in range(len(plan)):
+        row = {name: plan[name].iloc[i] for name in plan if name in law.factors or (law.by and name == law.by.column)}
+        steps = {name: low + share * (high - low) for name, (low, high) in within.items() if name != "t"}
+        if "t" in within:
+            steps["t"] = share * (within["t"][1] if ends is None else float(round_significant(ends[i], 2)))
+        tests.append(pd.DataFrame({**row, **steps}, index=range(m)))
+    return tests
 
 
-def determinant_gain(M: Array, added: Array) -> float:
-    """Factor by which the determinant of the information grows when rows (n, p) are added."""
-    return float(np.linalg.det(np.eye(len(M)) + M @ added.T @ added))
-
-
-def _greedy(M: Array, candidates: Array, n: int, most: int) -> Index:
-    chosen: list[int] = []
-    count = np.zeros(len(candidates), dtype=np.intp)
-    for _ in range(n):
-        d = np.einsum("ij,jk,ik->i", candidates, M, candidates)
-        best = int(np.argmax(np.where(count < most, d, -1.0)))
-        chosen.append(best)
-        count[best] += 1
-        M = _with_row(M, candidates[best])
-    return np.array(chosen, dtype=np.intp)
-
-
-def _with_row(M: Array, z: Array) -> Array:
-    """(Z'Z + zz')^-1, by Sherman and Morrison."""
-    v = M @ z
-    return np.asarray(M - np.outer(v, v) / (1 + z @ v))
-
-
-def _exchanged(M: Array, candidates: Array, start: Index, most: int) -> Index:
-    """Swap one chosen row for one candidate, the best swap of all, until none gains."""
-    chosen = start.copy()
-    for _ in range(50 * len(chosen)):
-        rows = candidates[chosen]
-        inverse = np.linalg.inv(np.linalg.inv(M) + rows.T @ rows)
-        cross = candidates @ inverse @ rows.T
-        d = np.einsum("ij,jk,ik->i", candidates, inverse, candidates)
-        ratio = np.outer(1 + d, 1 - d[chosen]) + cross**2
-        ratio[np.bincount(chosen, minlength=len(candidates)) >= most] = 0.0
-        into, out = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-        if ratio[into, out] <= 1 + GAIN:
-            break
-        chosen[out] = into
-    return chosen
+def _for_decision(
+    law: LawFit, decision: Decision, n: int, durations: Callable[[pd.DataFrame], Array] | None, cut: Trials,
+    X: Array, level: NDArray[np.object_] | None,
+) -> tuple[Index, Array, NDArray[np.object_] | None]:  # fmt: skip
+    """The n settings, each at most twice, that leave least variance of a decision: greedy, then exchange."""
+    keys = _settings(law.region, cut, X, level)
+    once = np.array([keys.index(key) for key in dict.fromkeys(keys)], dtype=np.intp)
+    kept = once[np.unique(np.linspace(0, len(once) - 1, min(len(once), CHOICES)).astype(np.intp))]
+    X, level = X[kept], None if level is None else level[kept]
+    readings = expected_readings(law, _plan(law, cut, X, level), durations)
+    new = np.array([information_of_test(law, test) for test in readings])
+    chosen = c_optimal(decision.gradient[estimated(law)], information(law), new, n, TWICE)
+    return np.array(chosen, dtype=np.intp), X, level

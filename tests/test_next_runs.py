@@ -8,7 +8,8 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
-from fitmodels.fit.next_tests import d_optimal, determinant_gain, next_runs
+from fitmodels.fit.next_tests import next_runs
+from fitmodels.fit.optimal_tests import d_optimal, determinant_gain
 
 EXACT = 1e-9
 FACTORS = ["V", "f", "d", "t"]
