@@ -193,9 +193,15 @@ def mark_run_outs(draft: Draft) -> None:
     texts[rows] = [f">{lives[row]:.12g}" for row in rows]
     draft.data["T"] = np.where(run_out, np.nan, lives)
     draft.data[mark_column("T")] = texts
+    if "censored" not in draft.data and "ended" not in draft.data:
+        draft.uses = tuple(
+            replace(use, role="censored") if column.name == name else use
+            for column, use in zip(draft.columns, draft.uses, strict=True)
+        )
+        draft.data["censored"] = np.where(run_out, "run-out", "").astype(object)
     draft.assumed.append(
         f"T: {len(rows)} of {int(np.isfinite(lives).sum())} lives are run-outs by column {name!r} "
-        f"({lines_of(draft.lines[rows])}): longer than their time in the file"
+        f"({lines_of(draft.lines[rows])}): the lives are longer than the times stated"
     )
 
 
@@ -287,11 +293,11 @@ def keep_marks(draft: Draft) -> None:
 
 
 def _note_bounds(draft: Draft, marks: Sequence[tuple[int, Mark]]) -> None:
-    for sign, words in ((">", "are run-outs, longer than their time"), ("<", "are shorter than their time")):
+    for sign, words in ((">", "are run-outs: longer than the time stated"), ("<", "are shorter than the time stated")):
         rows = np.array([row for row, mark in marks if mark.sign == sign], dtype=np.intp)
         if rows.size:
             n = len(draft.lines)
-            draft.assumed.append(f"T: {len(rows)} of {n} lives ({lines_of(draft.lines[rows])}) {words} in the file")
+            draft.assumed.append(f"T: {len(rows)} of {n} lives ({lines_of(draft.lines[rows])}) {words}")
 
 
 def _left_out(draft: Draft, role: str, marks: Sequence[tuple[int, Mark]]) -> str:

@@ -248,20 +248,23 @@ class LawFit(RowAccess, Plottable):
 
     @property
     def rsquared(self) -> float:
-        """Share of the variance explained, on the scale of ``error``."""
+        """Share of the variance explained, on the scale of ``error``.
+
+        Of lives known by a bound alone: ``1 - exp(2 (log L0 - log L) / n)`` (Cox & Snell), L0 without factors.
+        """
         return 1.0 - self.rss / self.tss if self.tss > 0 else 1.0
 
     @property
     def rsquared_adj(self) -> float | None:
         """R2 adjusted for degrees of freedom; None without any."""
-        if self.df_resid <= 0:
+        if self.df_resid <= 0 or self.not_least_squares:
             return None
         return 1.0 - (1.0 - self.rsquared) * (self.nobs - 1) / self.df_resid
 
     @property
     def fvalue(self) -> float | None:
         """F of the whole law, as the papers print it; None without residual or factors, or with fixed exponents."""
-        if self.df_resid <= 0 or self.df_model == 0 or self.rss <= 0 or self.formula.fixed:
+        if self.df_resid <= 0 or self.df_model == 0 or self.rss <= 0 or self.formula.fixed or self.not_least_squares:
             return None
         return (self.tss - self.rss) / self.df_model / (self.rss / self.df_resid)
 

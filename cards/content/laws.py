@@ -169,12 +169,12 @@ def _statistics(law: LawSection) -> tuple[FactPart, ...]:
         else ""
     )
     return (
-        *fact("R²", places(s.r2, 4)),
+        *fact("R² by likelihood (Cox-Snell)" if fitted_by(law) else "R²", places(s.r2, 4)),
         *fact("adjusted R²", places(s.r2_adj, 4)),
         *(fact(_f_name(s.F_df), figure(s.F), "assuming independent rows") if s.F is not None else ()),
         *fact("p of F", probability(s.F_p)),
         *fact("residual SE", figure(se, 3, "in ln" if multiplicative else law.unit), scatter),
-        *fact("n", count(law.n, "rows")),
+        *fact("n", count(law.n, "rows" if law.life is None else "lives")),
         *fact("residual df", count(law.df)),
     )
 
@@ -240,7 +240,7 @@ def _check_words(checks: tuple[CheckPart, ...]) -> tuple[str, ...]:
 def _edge_words(law: LawSection) -> str:
     """Limits of the inference by edge, where there are any."""
     if law.life is not None:
-        return lives_words(law.life, law.unit)
+        return lives_words(law)
     e = law.edges
     if e is None or (e.reason is not None and law.n_edges is None):
         return ""

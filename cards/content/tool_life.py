@@ -1,11 +1,13 @@
 """Tool life as text: at a criterion, from the wear curves, and Taylor's constants with their intervals."""
 
+import math
+
 from ...core.errors import ParameterError
 from ...core.rounding import format_plain
 from ...parameters import LawSection, ParameterFile
 from ...parameters.evaluation import IntervalOptions
 from ...parameters.prediction import predict_life
-from ...parameters.sections.law_parts import LifeSection, TaylorSection, ToolLifeSection
+from ...parameters.sections.law_parts import TaylorSection, ToolLifeSection
 from .parts import ToolLifePart
 from .verdicts import TOOL_LIFE, verdict_part
 
@@ -102,23 +104,36 @@ def _curves(life: ToolLifeSection) -> tuple[str, ...]:
     return (*curves.words, law)
 
 
-def lives_words(life: LifeSection, unit: str) -> str:
-    """How many lives ended, and Taylor's constants.
-
-    >>> lives_words(LifeSection(distribution="weibull", scale=0.2, log_scale_sd=0.1, ended=9, run_outs=3), "min")
-    '9 lives ended, 3 are run-outs, longer than their time. Weibull lives of shape 5.'
-    """
+def lives_words(law: LawSection) -> str:
+    """How many lives of a law ended, Taylor's constants, and the life at the middle of the tests."""
+    life = law.life
+    if life is None:
+        return ""
     parts = [f"{life.ended} lives ended"]
     if life.run_outs:
-        parts.append(
-            f"{life.run_outs} {'is a run-out' if life.run_outs == 1 else 'are run-outs'}, longer than their time"
-        )
+        parts.append(f"{life.run_outs} {'is a run-out' if life.run_outs == 1 else 'are run-outs'}")
     if life.earlier:
-        parts.append(f"{life.earlier} {'is' if life.earlier == 1 else 'are'} shorter than their time")
+        parts.append(f"{life.earlier} {'is' if life.earlier == 1 else 'are'} shorter than the time stated")
     shape = f" of shape {1 / life.scale:.3g}" if life.distribution == "weibull" and life.scale > 0 else ""
     spread = f"{DISTRIBUTIONS[life.distribution][0].upper()}{DISTRIBUTIONS[life.distribution][1:]} lives{shape}."
-    taylor = "" if life.taylor is None else f" {taylor_words(life.taylor)}"
-    return f"{', '.join(parts)}. {spread}{taylor}"
+    taylor = "" if life.taylor is None else taylor_words(life.taylor)
+    return " ".join(filter(None, [f"{', '.join(parts)}.", spread, taylor, _at_middle(law)]))
+
+
+def _at_middle(law: LawSection) -> str:
+    """Median life at the middle of the tests, with its intervals; empty for levels and without a covariance."""
+    if law.by is not None:
+        return ""
+    at = {f.symbol: math.sqrt(f.low * f.high) for f in law.factors}
+    try:
+        mean, one = law.get_prediction("mean", **at), law.get_prediction("prediction", **at)  # type: ignore[arg-type]
+    except ParameterError:
+        return ""
+    where = ", ".join(f"{name} {value:.3g}" for name, value in at.items())
+    ends = (
+        f"{_plain(mean.low)} to {_plain(mean.high)} for the law; {_plain(one.low)} to {_plain(one.high)} for one life"
+    )
+    return f"At the middle of the ranges ({where}), T = {_plain(mean.value)} {law.unit} (95 % interval {ends})."
 
 
 def fitted_by(law: LawSection) -> str:

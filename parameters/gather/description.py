@@ -60,7 +60,28 @@ def _range(runs: "Runs", symbol: str, converted: str = "") -> str:
     if lacking == len(values):
         return f"empty{converted}"
     span = f"{np.fmin.reduce(values):.4g} to {np.fmax.reduce(values):.4g}{'' if unit == '1' else ' ' + unit}"
-    return f"{span}{converted}{f', {lacking} missing' if lacking else ''}"
+    more = _bounds(runs, symbol)
+    lacking -= sum(more.values())
+    parts = [span + converted, *(f"{n} {words}" for words, n in more.items() if n)]
+    return ", ".join([*parts, *([f"{lacking} missing"] if lacking else [])])
+
+
+def _bounds(runs: "Runs", symbol: str) -> dict[str, int]:
+    """Number of tool lives that are known by a bound alone, by the kind of the bound; empty for other quantities."""
+    from ...datasets.draft import mark_column
+
+    column = mark_column(symbol)
+    if symbol != "T" or column not in runs.data:
+        return {}
+    marks = [str(mark) for mark in runs.data[column]]
+    found: dict[str, int] = {}
+    for sign, words in ((">", "run-outs of at least"), ("<", "shorter than")):
+        times = [float(mark[1:]) for mark in marks if mark[:1] == sign]
+        if times:
+            low, high = min(times), max(times)
+            span = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+            found[f"{words} {span} {runs.units.get(symbol, '')}".rstrip()] = len(times)
+    return found
 
 
 def derived_words(runs: "Runs") -> list[tuple[str, str, str]]:
