@@ -16,14 +16,6 @@ from ...core.threads import one_thread
 from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ...datasets import Runs
 from ..available import NotAvailable, computed
-from ..censored_lives import (
-    distribution_of_lives,
-    edges_of_lives,
-    extrapolated_lives,
-    longest_lives,
-    run_outs,
-    single_lives,
-)
 from ..lawfit import LawFit
 from .agreement import compare_estimates
 from .autocorrelation import serial_correlation
@@ -38,6 +30,17 @@ from .residual_tests import Residuals, normality, residual_sets, spread
 from .response_scale import box_cox, error_structure
 from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split, without_found, without_suspects
 from .time_offsets import time_restarts, time_tests
+from .tool_lives import (
+    curvature_of_lives,
+    distribution_of_lives,
+    edges_of_lives,
+    extrapolated_lives,
+    longest_lives,
+    outlying_lives,
+    run_outs,
+    single_lives,
+    useful_law,
+)
 from .usefulness import doubts_of_reading, number_of_edges, predictive_use
 from .wrong_edges import mixed_units, outlying_edges
 from .wrong_rows import copies, outlying_rows
@@ -218,7 +221,7 @@ def judge(
     """
     chosen = even_choice(law)
     given = CheckInput(law, chosen, runs, gauge_sd, alternative if chosen is law else None)
-    asked = {**CHECKS, **CHECKS_OF_LIVES} if law.life is not None else CHECKS
+    asked = {**CHECKS, **(CHECKS_OF_LIVES if law.life else {}), **(CHECKS_OF_BOUNDS if law.not_least_squares else {})}
     done = {name: _done(name, check, given) for name, check in asked.items()}
     checks = {name: check for name, check in done.items() if check is not None}
     rows = 0 if chosen.rows is None else chosen.nobs
@@ -232,7 +235,7 @@ OneCheck = Callable[[CheckInput], Found | None]
 def _done(name: str, check: OneCheck, given: CheckInput) -> Found | None:
     """The result of a check; those of least squares are not available for a law that is not fitted by them."""
     why = given.law.not_least_squares
-    if why and name in CHECKS and name not in OF_EVERY_LAW:
+    if why and name in CHECKS and name not in (*OF_EVERY_LAW, *CHECKS_OF_LIVES, *CHECKS_OF_BOUNDS):
         return NotAvailable(f"{why}: the check is of least squares") if name in USUAL else None
     return computed(partial(check, given))
 
@@ -320,7 +323,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "agreement": _agreement,
     "reading": lambda given: doubts_of_reading(given.whole, given.runs),
 }
-USUAL = ("wrong rows", "missing conditions", "unused columns", "form", "curvature", "prediction", "normality")
+USUAL = ("missing conditions", "unused columns", "form", "prediction", "normality")
 OF_EVERY_LAW = ("exponents", "possible values", "collinearity", "reading")  # no residuals needed
 CHECKS_OF_LIVES: Mapping[str, OneCheck] = {
     "number of edges": lambda given: edges_of_lives(given.law),
@@ -329,4 +332,9 @@ CHECKS_OF_LIVES: Mapping[str, OneCheck] = {
     "extrapolated lives": lambda given: extrapolated_lives(given.law),
     "distribution of lives": lambda given: distribution_of_lives(given.law),
     "single lives": lambda given: single_lives(given.law),
+}
+CHECKS_OF_BOUNDS: Mapping[str, OneCheck] = {  # of lives that least squares does not fit
+    "wrong rows": lambda given: outlying_lives(given.law),
+    "predictive use": lambda given: useful_law(given.law),
+    "curvature": lambda given: curvature_of_lives(given.law),
 }
