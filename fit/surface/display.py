@@ -13,7 +13,7 @@ from ..checks.physics import usual_exponents
 from ..edges import EdgeInference
 from .canonical import SIDES, CanonicalAnalysis, Side
 from .split_plot import EDGES, WITHIN, EdgeModel, TermTest, error_mean_square
-from .surfaces import ResponseSurface
+from .surfaces import ResponseSurface, chosen_by_aicc
 from .term_selection import TermSelection
 
 FEW_DF = 5.0  # degrees of freedom of an error term below which a test finds large effects alone
@@ -83,7 +83,10 @@ def verdict_of(surface: ResponseSurface) -> str:
         f"{format_p(one.pvalue)})"
         for one in holding
     )
-    return " ".join(["Second order is needed:", *filter(None, [n]), f"{named} hold{'s' if len(holding) == 1 else ''}."])
+    hold = f"{named} hold{'s' if len(holding) == 1 else ''}"
+    if chosen_by_aicc(surface.full):
+        return f"Of the terms that AICc kept, {hold}; on the rows that chose them p-values are too small, no evidence."
+    return " ".join(["Second order is needed:", *filter(None, [n]), f"{hold}."])
 
 
 def second_order_tests(surface: ResponseSurface) -> list[TermTest]:
@@ -119,8 +122,10 @@ def _independent(surface: ResponseSurface) -> list[str]:
     law = surface.law
     if isinstance(law.edges, EdgeInference) or law.no_interval:
         return []
-    narrow = "" if law.edge is None or law.n_edges == law.nobs else "Intervals of the law take rows as independent: "
-    return [f"{narrow or 'Rows are taken as independent: '}{law.edges}."]
+    reason = f"{law.edges}."
+    if law.edge is None or law.n_edges == law.nobs:
+        return [reason[0].upper() + reason[1:]]
+    return [f"Intervals of the law take rows as independent, and are too narrow: {reason}"]
 
 
 def _confounded_squares(surface: ResponseSurface) -> list[str]:

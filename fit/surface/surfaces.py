@@ -1,12 +1,7 @@
 """Response surface: a law of second order with its term-wise tests, selection of terms and canonical analysis.
 
-    response_surface(runs, "AW", ["V", "f", "d", "t"])  ->  ResponseSurface
-        .law          the law that is kept: predicts, goes into the parameter file
-        .anova()      each term against its own error term; .anova_lm() is the plain analysis of rows, for comparison
-        .canonical()  stationary point, curvatures, ridge paths
-        .ols(), .mixedlm(), .influence()   results of statsmodels, from a formula in centred factors
-
-statsmodels is imported by these last functions alone.
+``ols``, ``anova_lm``, ``mixedlm``, ``influence`` and ``beside_statsmodels`` are computed by statsmodels, from a formula
+in centred factors; it is imported by them alone.
 """
 
 import warnings
@@ -23,13 +18,13 @@ from ...core.errors import FitError, UsageError
 from ...core.formula import Term, first_order_terms, second_order_terms
 from ...datasets import Runs
 from ...datasets.vocabulary import ROLES
-from ..available import NotAvailable
+from ..available import NotAvailable, computed
 from ..checks.model_checks import LackOfFit, lack_of_fit
 from ..checks.strata import split
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..laws import Error
-from ..regression import fit_form
+from ..regression import fit_form, refitted
 from ..rows import LeftOut
 from ..statsmodels_ols import centred_rows, centred_words, scaled_response
 from .canonical import CanonicalAnalysis, analyse_surface
@@ -42,9 +37,21 @@ from .split_plot import (
     means_regression,
     term_tests,
 )
-from .term_selection import TermSelection, columns_of, containing_terms, selected_terms, term_groups
+from .term_selection import (
+    TermSelection,
+    columns_of,
+    containing_terms,
+    factors_in,
+    own_terms,
+    selected_terms,
+    term_groups,
+)
 
 CLOCKS = ("time", "wear")  # kinds of factors that are not set: held in a canonical analysis
+SELECTED = (  # in the note of a law whose terms were chosen on its own rows
+    "terms kept by AICc with strong heredity; intervals of this law take them as given in advance and are somewhat too "
+    "narrow"
+)
 Model = Literal["full", "reduced", "factorial", "first"]
 Scale = Literal["log", "original"]
 
@@ -140,13 +147,10 @@ class ResponseSurface(Plottable):
         law = self.law
         if missing := _not_separated(self.full, _held(law, at)):
             return NotAvailable(missing)
-        return analyse_surface(law, self.model if law is self.full else surface_of(law).model, _held(law, at))
+        return analyse_surface(law, self.model if law is self.full else _model_of(law), _held(law, at))
 
     def local_exponents(self) -> pd.DataFrame:
-        """Lowest and highest slope of each factor over the rows, columns ``low`` and ``high``.
-
-        In logarithms a slope is the exponent that a power law has there; in original units it is the slope itself.
-        """
+        """Lowest and highest slope of each factor over the rows; in logarithms the exponent of a power law there."""
         slopes = _slopes(self.law)
         return pd.DataFrame({"low": slopes.min(axis=0), "high": slopes.max(axis=0)}, index=list(self.law.factors))
 
@@ -280,12 +284,12 @@ def response_surface(
     plane = fit_form(runs, first_order, response, factors, **options)  # leaves out factors that are not identified
 
     def fitted(terms: Sequence[Term], left_out: tuple[LeftOut, ...]) -> LawFit:
-        law = fit_form(runs, form, response, _factors_in(terms, plane.factors), terms=_own(terms), **options)
+        law = fit_form(runs, form, response, factors_in(terms, plane.factors), terms=own_terms(terms), **options)
         return replace(law, left_out=(*left_out, *law.left_out))
 
     terms = TERMS_OF[model](plane.factors)
     _check_rows(plane, terms)
-    surface = surface_of(fitted(terms, plane.left_out))
+    surface = _tested(fitted(terms, plane.left_out))
     return _reduced(surface, fitted) if model == "reduced" else surface
 
 
@@ -295,12 +299,12 @@ def _check_rows(plane: LawFit, terms: Sequence[Term]) -> None:
     if plane.nobs >= 1 + len(terms) + shifts:
         return
     counts = {name: 1 + len(TERMS_OF[name](plane.factors)) + shifts for name in ("factorial", "first")}
-    allowed = [f"model={name!r} ({count})" for name, count in counts.items() if count < plane.nobs]
+    allowed = [f"use model={name!r} ({count})" for name, count in counts.items() if count < plane.nobs]
+    n = 1 + len(terms) + shifts
     raise FitError(
-        f"{plane.response}: {plane.nobs} usable rows for the {1 + len(terms) + shifts} coefficients of second order in "
-        f"{', '.join(plane.factors)}. Measure at least {2 + len(terms) + shifts - plane.nobs} more"
-        + "".join(f", or use {one}" for one in allowed)
-        + ", or leave factors out."
+        f"{plane.response}: {plane.nobs} usable rows for the {n} coefficients of second order in "
+        f"{', '.join(plane.factors)}. Measure at least {n + 1 - plane.nobs} more, {', '.join([*allowed, ''])}or leave "
+        "factors out."
     )
 
 
@@ -309,25 +313,21 @@ def _reduced(
 ) -> ResponseSurface:
     """The surface with the terms that AICc chooses; its tests are those of all terms, where these leave tests."""
     full, why = surface.full, surface.model
-    model = _model_of(full, saturated=True)
-    if isinstance(model, NotAvailable):
-        return replace(surface, law=replace(full, notes=(*full.notes, f"no selection of terms: {model}")))
-    chosen = selected_terms(full, model)
+    chosen = selected_terms(full, _model_of(full, saturated=True))
+    if chosen is None:
+        return replace(surface, law=replace(full, notes=(*full.notes, f"no selection of terms: {why}")))
     law = fitted([term for term in full.formula.terms if term.name in chosen.kept], full.left_out)
-    notes = [
-        f"{len(chosen.kept)} of {len(full.formula.terms)} terms kept by AICc with strong heredity; intervals of this "
-        "law take them as given in advance and are somewhat too narrow"
-    ]
+    notes = [f"{len(chosen.kept)} of {len(full.formula.terms)} {SELECTED}"]
     if isinstance(why, NotAvailable):
-        notes.append(
-            f"the tests are those of the terms kept, on the rows that chose them: their p-values are too small ({why})"
-        )
-        surface = surface_of(law)
+        notes.append(f"all terms together are not tested: {why}")
+        surface = _tested(law)
     return replace(surface, law=replace(law, notes=(*law.notes, *notes)), selection=chosen)
 
 
 def surface_of(law: LawFit) -> ResponseSurface:
     """The response surface of a law of second order that was fitted to rows in memory.
+
+    Of a law whose terms AICc chose the tests are those of all terms in its factors, where the rows identify these.
 
     Raises
     ------
@@ -335,10 +335,28 @@ def surface_of(law: LawFit) -> ResponseSurface:
         The law is of another form.
     """
     if law.formula.first_order:
-        raise UsageError(
-            f"the law of {law.response} is of the form {law.form}: a response surface has the form second_order or "
-            "second_order_original."
-        )
+        raise UsageError(f"the law of {law.response} is of the form {law.form}; a response surface is of second order.")
+    if not chosen_by_aicc(law):
+        return _tested(law)
+    gone = [out.factor for out in law.left_out]
+    terms = tuple(term for term in second_order_terms(law.factors) if term.name not in gone)
+    notes = tuple(note for note in law.notes if SELECTED not in note)
+    wide = law.with_rows(formula=replace(law.formula, terms=terms), notes=notes)
+    full = computed(lambda: refitted(wide, law.error))
+    surface = _tested(law) if isinstance(full, NotAvailable) else _tested(full)
+    if isinstance(surface.model, NotAvailable):
+        surface = _tested(law)
+    chosen = selected_terms(surface.full, surface.model)
+    same = chosen is not None and set(chosen.kept) == {term.name for term in law.formula.terms}
+    return replace(surface, law=law, selection=chosen if same else None)
+
+
+def chosen_by_aicc(law: LawFit) -> bool:
+    """Whether the terms of a law were chosen on its own rows."""
+    return any(SELECTED in note for note in law.notes)
+
+
+def _tested(law: LawFit) -> ResponseSurface:
     model = NotAvailable("the law meets every row exactly") if law.exact else _model_of(law)
     by = None if law.by is None else law.by.column
     return ResponseSurface(law, law, model, None, lack_of_fit(law, split(law)), by)
@@ -347,17 +365,6 @@ def surface_of(law: LawFit) -> ResponseSurface:
 def _model_of(law: LawFit, saturated: bool = False) -> EdgeModel | NotAvailable:
     edge = None if law.edge is None else pd.factorize(law.edge, sort=True)[0].astype(np.intp)
     return edge_model(law.design, scaled_response(law), edge, saturated=saturated)
-
-
-def _factors_in(terms: Sequence[Term], factors: Sequence[str]) -> list[str]:
-    """Factors that some term holds."""
-    return [name for j, name in enumerate(factors) if any(term.degrees[j] for term in terms)]
-
-
-def _own(terms: Sequence[Term]) -> list[Term]:
-    """Terms with powers of the factors that some term holds, and no others."""
-    held = np.any([term.degrees for term in terms], axis=0)
-    return [Term(term.name, tuple(int(d) for d in np.array(term.degrees)[held])) for term in terms]
 
 
 def _slopes(law: LawFit) -> Array:

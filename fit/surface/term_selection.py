@@ -19,6 +19,8 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.display import Displayable
+from ...core.formula import Term
+from ..available import NotAvailable
 from ..lawfit import LawFit
 from .split_plot import EdgeModel, error_of, means_regression
 
@@ -214,8 +216,21 @@ def term_groups(law: LawFit, model: EdgeModel) -> dict[str, list[str]]:
     return {name: members for name, members in groups.items() if len(members) > 1}
 
 
-def selected_terms(law: LawFit, model: EdgeModel) -> TermSelection:
-    """Terms of a law of second order chosen by AICc, blocks kept."""
+def selected_terms(law: LawFit, model: EdgeModel | NotAvailable) -> TermSelection | None:
+    """Terms of a law of second order chosen by AICc, blocks kept; None without a model of its rows."""
+    if isinstance(model, NotAvailable):
+        return None
     own, columns = {term.name: term.degrees for term in law.formula.terms}, columns_of(law)
     terms = {name: of for name, of in columns.items() if name in own}
     return select_terms(model, terms, own, [0, *(j for name, of in columns.items() if name not in own for j in of)])
+
+
+def factors_in(terms: Sequence[Term], factors: Sequence[str]) -> list[str]:
+    """Factors that some term holds."""
+    return [name for j, name in enumerate(factors) if any(term.degrees[j] for term in terms)]
+
+
+def own_terms(terms: Sequence[Term]) -> list[Term]:
+    """Terms with powers of the factors that some term holds, and no others."""
+    held = np.any([term.degrees for term in terms], axis=0)
+    return [Term(term.name, tuple(int(d) for d in np.array(term.degrees)[held])) for term in terms]
