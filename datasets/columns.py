@@ -18,6 +18,7 @@ from .vocabulary import ROLES, Role, role_of, role_of_mean, role_of_unit, role_w
 # Least and greatest values of roles whose names have other meanings, in any unit: mm or in, and degrees
 SIZES = {"re": (1e-3, 50.0), "kappa": (5.0, 180.0), "lead": (-60.0, 90.0), "sigma": (60.0, 180.0)}
 LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
+_FACTOR_LABEL = re.compile(r"[A-K]\s*[:.)=-]\s*(?P<name>\w.*)")  # A: Speed, B - Feed, in plans
 _BOUND = re.compile(r"\s*[<>≤≥]")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[.-][A-Za-zäé]{3,4}\.?(?:[.-]\d{2,4})?")  # 2024-02-01, 1-Feb, 01.Feb
 _WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:[^\W\d_]|[%°\"'])\D*")
@@ -175,11 +176,13 @@ def _named_otherwise(claims: list[_Claim], mapping: Mapping[str, str], units: Ma
 
 
 def _otherwise(claim: _Claim) -> tuple[str | None, str]:
-    """Role and unit of a header that is no name: a mean of readings, a name before a comma, or a unit alone."""
+    """Role and unit of a header that is no name: a mean, a name after a letter of a plan or before a comma, a unit."""
     text = claim.unit_text
     unit = canonical(text) if text else None
     if (role := role_of_mean(claim.name, unit)) is not None:
         return role, text
+    if label := _FACTOR_LABEL.fullmatch(claim.name):
+        return role_of(label["name"], unit), text
     name, comma, _ = claim.name.partition(",")
     if comma:
         return role_of(name, unit), text

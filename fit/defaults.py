@@ -6,7 +6,7 @@ Forms that papers give: the load line of current on feed and wear (Tai, Tsai & L
 changed (eq. 5 of the constant-roughness paper).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -172,10 +172,10 @@ def asked_laws(has: Has, varies: Has | None = None, process: Process | None = No
 def _of_columns(held: Held) -> tuple[Asked, ...]:
     conditions = _conditions(held)
     settings = tuple(name for name in conditions if name not in CLOCKS)
-    wear = tuple(filter(held.has, (*WEAR, *LANDS)))
+    wear = () if _at_end_of_life(held) else tuple(filter(held.has, (*WEAR, *LANDS)))
     given = conditions + wear[:1]
     asked = [
-        *(Asked(name, () if _at_end_of_life(held) else conditions) for name in wear),
+        *(Asked(name, conditions) for name in wear),
         Asked("T", settings),
         *(Asked(name, given) for name in LOADS),
         _current(held, settings, wear),
@@ -186,7 +186,7 @@ def _of_columns(held: Held) -> tuple[Asked, ...]:
 
 
 def _at_end_of_life(held: Held) -> bool:
-    """Whether the wear of a row is that at the end of a life, so that it is no response."""
+    """Whether the wear of a row is that at the end of a life: the criterion, neither a response nor a factor."""
     return held.has("T") and not any(map(held.has, CLOCKS))
 
 
@@ -296,6 +296,17 @@ def _empty_responses(runs: Runs) -> tuple[Refused, ...]:
     )
 
 
+def _wear_of_lives(held: Held, known: Collection[str]) -> tuple[Refused, ...]:
+    """Wear that stands beside lives and has no law."""
+    wear = filter(held.has, (*WEAR, *LANDS)) if _at_end_of_life(held) else ()
+    why = "without a time or length of cut it is the wear at the end of each life T, no response;"
+    return tuple(
+        Refused(name, f'{name}: {why} --law "{name} ~ V, f" asks for a law of it.')
+        for name in wear
+        if name not in known
+    )
+
+
 def _check_columns(runs: Runs, asked: Asked) -> None:
     """Refuse a law that names a column which the runs do not have."""
     held = [str(name) for name in runs.data]
@@ -358,7 +369,7 @@ def default_laws(
         for name, form in (forms or {}).items()
         if name not in known
     ]
-    return tuple(found), (*refused, *_empty_responses(runs))
+    return tuple(found), (*refused, *_empty_responses(runs), *_wear_of_lives(held, known))
 
 
 def fit_law(

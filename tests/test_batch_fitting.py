@@ -386,6 +386,48 @@ def test_an_interrupt_and_a_lack_of_memory_go_through(fitted, monkeypatch, error
         fitted(rows_of(simulated("A", 1)))
 
 
+def milled(tool, seed, teeth=(4,), speeds=(60.0, 90, 130), lives=False):
+    """Milling of edges at speeds and feeds, with teeth that vary or not; roughness and torque, or lives."""
+    rng = np.random.default_rng(seed)
+    levels = [(V, fz, z) for V in speeds for fz in (0.05, 0.1, 0.2) for z in teeth for _ in (0, 1)]
+    frame = pd.DataFrame(levels, columns=["V", "fz", "z"]).astype(float)
+    frame = frame.assign(f=frame["fz"] * frame["z"], tool=tool, work="En 19")
+    noise = np.exp(rng.normal(0, 0.05, (2, len(frame))))
+    if lives:
+        return frame.assign(T=1e5 * frame["V"] ** -2 * noise[0])
+    return frame.assign(Ra=3 * frame["fz"] ** 0.8 * noise[0], M=9 * frame["fz"] ** 0.7 * frame["z"] * noise[1])
+
+
+def test_what_varies_in_a_pair_decides_on_the_factors_of_its_laws(fitted):
+    """Each pair has the laws of its own file: z where it varies, f or fz, T by maximum likelihood."""
+    rows = rows_of(milled("A", 1), milled("B", 2, teeth=(2, 3, 4)), milled("C", 3, speeds=(90.0,)),
+                   milled("D", 4, lives=True))  # fmt: skip
+    factors = {}
+    for outcome, (pair, runs) in zip(fitted(rows).pairs, rows.runs(), strict=True):
+        laws, refused = fit.default_laws(laws_module.without_empty_columns(runs))
+        assert [r["response"] for r in outcome.laws] == [law.response for law in laws]
+        assert refused == ()
+        for law in laws:
+            held_to(row(outcome, law.response), law)
+        factors[pair.tool] = {law.response: law.factors for law in laws}
+    assert factors == {
+        "A": {"M": ("V", "f"), "Ra": ("V", "f")},
+        "B": {"M": ("V", "fz", "z"), "Ra": ("V", "fz", "z")},
+        "C": {"M": ("f",), "Ra": ("f",)},
+        "D": {"T": ("V", "f")},
+    }
+
+
+def test_laws_asked_for_are_those_of_every_pair(fitted):
+    how = replace(TABLE, laws=("Ra ~ fz", "M ~ - V", "Fc ~ V, f"))
+    (outcome,) = fitted(rows_of(milled("A", 1)), how=how).pairs
+    found = {law["response"]: law for law in outcome.laws}
+    assert found["M"]["params_f"] == pytest.approx(0.7, abs=0.1)
+    assert "params_V" not in found["M"]
+    assert found["Ra"]["params_fz"] == pytest.approx(0.8, abs=0.1)
+    assert found["Fc"]["reason"] == "law 'Fc ~ V, f': there is no column 'Fc'."
+
+
 def pieces(*names):
     return tuple(Piece(f"/data/{name}", name, "0") for name in names)
 

@@ -112,8 +112,52 @@ def test_a_cut_length_is_the_clock_where_no_time_follows():
 
 
 def test_wear_at_the_end_of_lives_is_no_response():
-    table = with_column(frame(**TURNING), "T", 4e7, V=-2.9).assign(VB=0.3)
-    assert list(laws_of(table)) == ["T"]
+    table = with_column(frame(**TURNING), "T", 4e7, V=-2.9)
+    wear = 0.3 + 0.01 * np.arange(len(table)) / len(table)
+    found = laws_of(with_column(table, "Fc", 1900, f=0.75, ap=1).assign(VB=wear))
+    assert {name: law.factors for name, law in found.items()} == {
+        "T": ("V", "f", "d"), "Fc": ("V", "f", "d"), "P": ("V", "f", "d"),
+    }  # fmt: skip
+
+
+def test_a_numbering_of_tools_of_one_life_each_is_no_type_of_tool():
+    table = with_column(frame(**TURNING), "T", 4e7, V=-2.9)
+    runs = datasets.runs_from_frame(table.assign(tool=np.arange(1, len(table) + 1)))
+    assert len(list(runs.pairs())) == 1
+    assert runs.has("edge")
+
+
+def test_a_column_T_that_rises_with_the_wear_is_the_time():
+    rows = [(k, V, t) for k, V in enumerate((80.0, 120, 180, 240)) for t in (2.0, 5, 9, 14)]
+    table = pd.DataFrame(rows, columns=["edge", "V", "T"])
+    runs = datasets.runs_from_frame(with_column(table, "VB", 1e-3, V=0.7, T=0.4))
+    (law,), _ = fit.default_laws(runs)
+    assert law.factors == ("V", "t")
+    assert "'T' rises with VB along the edges: it is the cutting time t, not a tool life T" in runs.assumed
+
+
+def test_lengths_of_single_passes_are_summed_where_they_are_the_clock():
+    rows = [(k, V, 200.0) for k, V in enumerate((80.0, 120, 180, 240)) for _ in range(4)]
+    table = pd.DataFrame(rows, columns=["edge", "V", "cut length (mm)"])
+    total = table.groupby("edge")["cut length (mm)"].cumsum()
+    runs = datasets.runs_from_frame(table.assign(VB=1e-3 * table["V"] ** 0.7 * total**0.4))
+    np.testing.assert_allclose(runs.values("lf"), total)
+    (law,), _ = fit.default_laws(runs)
+    assert law.params["lf"] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(("more", "role"), [({}, "Ff"), ({"thrust": "Fxz"}, "Fxz")])
+def test_thrust_in_drilling_is_the_feed_force(more, role):
+    levels = {"Drill diameter (mm)": (6.0, 10), "n": (600.0, 1200), "f": (0.1, 0.2)}
+    table = with_column(frame(**levels), "thrust", 900, f=0.7).assign(M=1.0)
+    runs = datasets.runs_from_frame(table, map={role: header for header, role in more.items()})
+    assert (runs.process, runs.has(role)) == ("drilling", True)
+
+
+def test_letters_of_a_plan_before_the_names_of_its_factors():
+    table = frame(**{"A: Speed (m/min)": (100.0, 150), "B - Feed (mm/rev)": (0.1, 0.2), "C) DOC (mm)": (1.0, 2)})
+    (law,) = laws_of(table.assign(Ra=25 * table["B - Feed (mm/rev)"] ** 1.5)).values()
+    assert law.factors == ("V", "f", "d")
 
 
 def test_the_current_of_one_cut_is_a_load_line_and_of_several_a_power_law():
