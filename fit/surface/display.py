@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core.display import Display, TextTable, display_of, joined_facts, with_error, with_unit
+from ...core.display import Display, TextTable, display_of, joined_facts, with_error
 from ...core.rounding import format_plain
 from ..available import NotAvailable
 from ..checks.check import SIGNIFICANT, format_p
@@ -232,7 +232,9 @@ def _selection_words(found: TermSelection | None) -> list[str]:
 
 def _facts(surface: ResponseSurface) -> list[tuple[str, str]]:
     model, law, lack = surface.model, surface.law, surface.lack_of_fit
-    facts = []
+    facts = [("effect", "by the term alone, from the centre of the tests to its farthest value")]
+    if isinstance(surface.full.edges, EdgeInference):
+        facts.append(("by edge", "p of the inference by edge of the law (CR3)"))
     if isinstance(model, EdgeModel) and model.n_edges:
         facts += [
             ("error between edges", _error_text(model, EDGES)),
@@ -252,21 +254,24 @@ def _error_text(model: EdgeModel, error: str) -> str:
 
 
 def _table(surface: ResponseSurface) -> TextTable:
-    """Coefficient, change from the centre to the end of the range, error term, F and p of each term."""
+    """Coefficient, change from the centre to the end of the range, error term, F and p of each term.
+
+    Kept narrow: with two columns more it does not fit a terminal of 100 characters.
+    """
     law, table, chosen = surface.full, surface.anova(), surface.selection
     unit = "%" if law.formula.logarithmic else law.units.get(law.response, "")
-    header = ["term", "coefficient", with_unit("effect", unit), "tested against", "df", "F", "p"]
+    header = ["term", "coefficient", f"effect {unit}".rstrip(), "error", "df", "F", "p"]
     columns = [
         [str(name) for name in table.index],
         [with_error(b, se) if np.isfinite(se) else "" for b, se in table[["estimate", "se"]].to_numpy(dtype=float)],
         [_effect(surface, str(name)) for name in table.index],
-        [str(error) for error in table["error"]],
+        ["within" if error == WITHIN else str(error) for error in table["error"]],
         [f"{df:g}, {format_plain(of_error, 3)}" for df, of_error in table[["df", "df_error"]].to_numpy(dtype=float)],
         [format_plain(float(F), 3) for F in table["F"]],
         [_p_cell(float(p)) for p in table["p"]],
     ]
     if "p by edge" in table:
-        header, columns = [*header, "p by edge"], [*columns, [_p_cell(float(p)) for p in table["p by edge"]]]
+        header, columns = [*header, "by edge"], [*columns, [_p_cell(float(p)) for p in table["p by edge"]]]
     if chosen is not None:
         own = {term.name for term in law.formula.terms}
         kept = [("kept" if name in chosen.kept else "out") if name in own else "" for name in table.index]

@@ -22,7 +22,7 @@ from ...core.display import Displayable
 from ...core.formula import Term
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .split_plot import EdgeModel, error_of, means_regression
+from .split_plot import EDGES, WITHIN, EdgeModel, error_of, means_regression
 
 Degrees = tuple[int, ...]
 MOST_SETS = 20_000  # sets of terms that are all compared
@@ -212,7 +212,8 @@ def term_groups(law: LawFit, model: EdgeModel) -> dict[str, list[str]]:
         if term.order == 2:
             error = error_of(model, columns[term.name])
             kind = "squares" if max(term.degrees) == 2 else "products"
-            groups.setdefault(f"all {kind}" + (f" ({error})" if model.n_edges else ""), []).append(term.name)
+            where = {EDGES: " (edges)", WITHIN: " (within)"}.get(error, "")
+            groups.setdefault(f"{kind}{where}", []).append(term.name)
     return {name: members for name, members in groups.items() if len(members) > 1}
 
 
