@@ -17,6 +17,7 @@ from ..core.threads import one_thread
 from .available import NotAvailable, computed
 from .checks.agreement import compare_estimates, of_draws
 from .checks.check import Check
+from .composite_law import without_fixed
 from .edges import EdgeInference
 from .lawfit import LawFit
 
@@ -59,7 +60,7 @@ class EdgeBootstrap(Plottable):
 
 @one_thread
 def edge_bootstrap(law: LawFit, repetitions: int = 2000, seed: int = 1) -> EdgeBootstrap | NotAvailable:
-    """Refit a law to its edges drawn with replacement.
+    """Refit a law to its edges drawn with replacement; fixed exponents stay, and have no draws.
 
     Examples
     --------
@@ -71,6 +72,8 @@ def edge_bootstrap(law: LawFit, repetitions: int = 2000, seed: int = 1) -> EdgeB
     """
     if not isinstance(law.edges, EdgeInference):
         return law.edges
+    law = without_fixed(law)
+    assert isinstance(law.edges, EdgeInference)  # noqa: S101  of the same rows
     edge = np.searchsorted(law.edges.edges, law.edge.astype(str)) if law.edge is not None else np.empty(0, int)
     root = np.linalg.cholesky(law.covariance())
     root /= np.linalg.norm(root, axis=0)

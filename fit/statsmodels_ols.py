@@ -15,6 +15,7 @@ from ..core.display import Displayable
 from ..core.errors import FitError
 from .available import NotAvailable
 from .fitted_rows import FittedRows
+from .laws import LawForm
 from .prediction import Fitted
 
 Array = NDArray[np.float64]
@@ -129,10 +130,11 @@ def compare_statsmodels(law: Fitted) -> StatsmodelsComparison:
         reason = f"statsmodels failed: {type(error).__name__}: {error}".rstrip(".")
         return StatsmodelsComparison(law.formula.response, version, {}, {"the law": reason})
     names = _formula(law)[2]  # statsmodels puts the category before the factors
-    bse = np.sqrt(np.diag(law.covariance()))
+    free = law.free
+    bse, theta = np.sqrt(np.diag(law.covariance()))[free], law.theta[free]
     by_edge = not isinstance(law.edges, NotAvailable)
     name = "standard errors by edge" if by_edge else "standard errors, rows independent"
-    differences = {"coefficients": _largest(results.params[names] - law.theta, np.fmax(np.abs(law.theta), bse))}
+    differences = {"coefficients": _largest(results.params[names] - theta, np.fmax(np.abs(theta), bse))}
     missing = {}
     if not law.no_interval and _above_rounding(results):
         differences[name] = _largest(results.bse[names] - bse, bse)
@@ -147,15 +149,16 @@ def compare_statsmodels(law: Fitted) -> StatsmodelsComparison:
 
 def _formula(law: Fitted) -> tuple[str, pd.DataFrame, list[str]]:
     """Formula, table and names of the coefficients of the linear model; a FitError where there is none."""
-    if law.formula.logarithmic and law.error == "additive":
+    if not law.formula.linearisable or (law.formula.logarithmic and law.error == "additive"):
+        remedy = "; fit it with error='multiplicative'" if law.formula.linearisable else ""
         raise FitError(
-            f"{law.formula.response}: the {law.formula.name} law with error='additive' is nonlinear in its parameters "
-            "and no OLS of statsmodels; fit it with error='multiplicative'."
+            f"{law.formula.response}: the {law.formula.name} law with error={law.error!r} is nonlinear in its "
+            f"parameters and no OLS of statsmodels{remedy}."
         )
     rows = _rows(law)
     table = pd.DataFrame(np.asarray(rows.X), columns=list(law.formula.factors))
     table[law.formula.response] = rows.observed
-    terms = [f"np.log({name})" if law.formula.log_factors else name for name in law.formula.factors]
+    terms = _terms(law.formula)
     names = ["Intercept", *terms]
     if law.by is not None:
         # named with their column: a level called "nan" would be taken for a missing value
@@ -165,7 +168,28 @@ def _formula(law: Fitted) -> tuple[str, pd.DataFrame, list[str]]:
         terms.append(f"C({COLUMN})")
         names += [f"{terms[-1]}[T.{name}]" for name in levels[1:]]
     left = f"np.log({law.formula.response})" if law.formula.logarithmic else law.formula.response
+    if law.formula.fixed:
+        left = f"I({' - '.join([left, *(f'{value!r} * np.log({name})' for name, value in law.formula.fixed)])})"
     return f"{left} ~ {' + '.join(terms)}", table, names
+
+
+def _terms(formula: LawForm) -> list[str]:
+    """Estimated terms of a law in the language of formulas, as statsmodels names their coefficients."""
+    each = zip(formula.factors, formula.logs, formula.centres or (None,) * len(formula.factors), strict=True)
+    factors = [_term(name, log, centre) for name, log, centre in each]
+    if formula.first_order:
+        given = dict(formula.fixed)
+        return [text for name, text in zip(formula.factors, factors, strict=True) if name not in given]
+    products = [
+        [text for text, d in zip(factors, term.degrees, strict=True) for _ in range(d)] for term in formula.terms
+    ]
+    return [f"I({' * '.join(parts)})" if len(parts) > 1 else parts[0] for parts in products]
+
+
+def _term(name: str, log: bool, centre: float | None) -> str:
+    if log:
+        return f"np.log({name})" if centre is None else f"np.log({name} / {centre!r})"
+    return name if centre is None else f"I({name} - {centre!r})"
 
 
 def _above_rounding(results: Any) -> bool:  # noqa: ANN401
@@ -200,7 +224,8 @@ def _variance_difference(law: Fitted) -> float:
     mixed = law.edges.mixed
     observed = _rows(law).observed
     y = np.log(observed) if law.formula.logarithmic else observed
-    Z = law.design
+    free = law.free
+    y, Z = y - law.design[:, ~free] @ law.theta[~free], law.design[:, free]
     model = MixedLM(y, Z, groups=_groups(law))
     model.cov_pen = None  # set by its fit, which is not called: its optimisers stop far from 1e-6
 

@@ -9,22 +9,26 @@ Sources: Hausman 1978, Econometrica 46, 1251; Mundlak 1978, Econometrica 46, 69.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...core.errors import FitError
 from ..available import NotAvailable
+from ..composite_law import without_fixed
 from ..edges import EdgeInference, left_out_moves
 from ..group_sums import sums_by
 from ..lawfit import LawFit
-from .check import Check
+from ..regression import refitted
+from .check import SIGNIFICANT, Check, format_p
 from .strata import no_scatter
 
 if TYPE_CHECKING:
     from ..bayes.posterior import Posterior
 
+MATTERS = 0.1  # of the logarithm of the response, over the tested range, by which a fixed exponent may be wrong
 APART = 0.005  # of each tail: probability of so large a difference of two estimates of one exponent
 CAUSES = (
     "usual causes: times of some edges that start later or have another unit, edges that were stopped by their wear, "
@@ -81,6 +85,7 @@ def compare_estimates(law: LawFit, others: Mapping[str, Sequence[Estimate]] | No
     """
     from scipy.special import stdtrit
 
+    law = without_fixed(law)
     if reason := no_scatter(law):
         return NotAvailable(reason)
     if not isinstance(law.edges, EdgeInference):
@@ -99,7 +104,8 @@ def compare_estimates(law: LawFit, others: Mapping[str, Sequence[Estimate]] | No
     apart, name, pair = max(pairs, key=lambda item: item[0])
     limit = float(stdtrit(law.edges.df, 1 - APART))
     kept = f"Estimates of each exponent agree within their errors: at most, {name} is {pair[0]} and {pair[1]}."
-    disagree = f"Two estimates of the exponent of {name} disagree: {pair[0]} and {pair[1]}; {CAUSES}."
+    what = "exponent" if law.form == "power" else "coefficient"
+    disagree = f"Two estimates of the {what} of {name} disagree: {pair[0]} and {pair[1]}; {CAUSES}."
     return Agreement(
         null="all estimates of an exponent are of the same number",
         statistic=float(apart),
@@ -122,6 +128,63 @@ def posterior_agreement(law: LawFit, posterior: "Posterior") -> Agreement | NotA
     0
     """
     return compare_estimates(law, of_draws(law, "posterior", posterior.names, posterior.draws))
+
+
+def fixed_exponents(law: LawFit) -> Check | NotAvailable | None:
+    """Test of exponents that were given, not estimated, against the estimates of these rows; None without any.
+
+    It is a concern where an estimate differs by more than chance and changes the response by more than 10 % over the
+    tested range. The p-value is the smallest one times the number of exponents (Bonferroni).
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> law = fit.regression.fit_form(runs, "power", "P", ["V", "f", "d", "t"], fixed={"V": 1.0, "d": 0.2})
+    >>> fixed_exponents(law).concern
+    1
+    """
+    from scipy.special import stdtr
+
+    if not law.formula.fixed:
+        return None
+    if reason := no_scatter(law):
+        return NotAvailable(reason)
+    at = {name: law.factors.index(name) for name, _ in law.formula.fixed}
+    constant = tuple(one for one in law.formula.fixed if np.ptp(law.X[:, at[one[0]]]) == 0)
+    tested = [one for one in law.formula.fixed if one not in constant]
+    if not tested:
+        return NotAvailable(f"{', '.join(at)} did not change: the exponent is not tested by these rows")
+    try:
+        free = refitted(replace(law, formula=replace(law.formula, fixed=constant)), "multiplicative")
+    except FitError as error:
+        return NotAvailable(f"with an exponent estimated: {str(error).rstrip('.')}")
+    if free.no_interval:
+        return NotAvailable(f"with an exponent estimated there is {free.no_interval}")
+    found = []
+    for name, value in tested:
+        b, se, (low, high) = float(free.params[name]), float(free.bse[name]), law.domain[name]
+        p = min(1.0, len(tested) * 2 * float(stdtr(free.df, -abs(b - value) / se))) if se > 0 else 1.0
+        found.append((p, abs(b - value) * float(np.log(high / low)), name, value, b, free.conf_int().loc[name]))
+    p, change, name, value, b, ends = min(found, key=lambda one: one[0])
+    result = f"these rows give {b:.3g} (95 % CI {ends['low']:.3g} to {ends['high']:.3g}), {format_p(p)}"
+    differs = (
+        f"The exponent of {name} is fixed at {value:g}, but {result}: that changes {law.response} by "
+        f"{100 * np.expm1(change):.0f} % over the tested {name}. Estimate it, or keep to one {name}."
+    )
+    kept = f"The fixed exponent of {name}, {value:g}, agrees with these rows ({result})."
+    near = f"The fixed exponent of {name} is {value:g}; {result}, which hardly changes {law.response} in the tests."
+    concern = int(p < SIGNIFICANT and change > MATTERS)
+    return Check(
+        null="exponents that were given are those of these rows",
+        statistic=float((b - value) / free.bse[name]) if free.bse[name] > 0 else 0.0,
+        symbol="t",
+        df=free.df,
+        pvalue=p if change > MATTERS else None,
+        concern=concern,
+        verdict=differs if concern else near if p < SIGNIFICANT else kept,
+        kept=kept,
+    )
 
 
 def of_draws(law: LawFit, method: str, names: Sequence[str], draws: np.ndarray) -> dict[str, list[Estimate]]:
@@ -159,7 +222,7 @@ def _within(law: LawFit) -> dict[str, Estimate]:
     if not inside:
         return {}
     edge = np.unique(law.edge, return_inverse=True)[1]
-    rows = np.column_stack([law.design[:, inside], law.residuals])
+    rows = np.column_stack([law.gradient[:, inside], law.residuals])
     rows = rows - (sums_by(edge, rows, law.edges.n_edges) / np.bincount(edge)[:, None])[edge]
     W, r = rows[:, :-1], rows[:, -1]
     if np.linalg.matrix_rank(W) < len(inside):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ..available import NotAvailable
+from ..edges import changes_within
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, STRONG, Check, concern_of, format_p
 from .residual_tests import HELD
@@ -51,8 +52,9 @@ def serial_correlation(law: LawFit, strata: Strata | NotAvailable) -> SerialCorr
     if not isinstance(strata, Strata):
         return strata
     total = float(strata.rest @ strata.rest)
-    by_time = "t" in law.factors and bool(strata.within[1 + law.factors.index("t")])
-    key = law.X[:, law.factors.index("t")] if by_time else law.lines
+    time = law.X[:, law.factors.index("t")] if "t" in law.factors else None
+    by_time = time is not None and bool(changes_within(time[:, None], strata.edge)[0])
+    key = time if time is not None and by_time else law.lines
     order = np.lexsort((law.lines, key, strata.edge))
     mean, variance = _moments(strata, order)
     if variance < HELD or total <= HELD**2 * law.rss:

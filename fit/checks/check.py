@@ -29,6 +29,7 @@ WEIGHTS: Mapping[str, float] = MappingProxyType({
 # Title of each check by its key in `Judgement.checks` and in parameter files.
 TITLES: Mapping[str, str] = MappingProxyType({
     "exponents": "Signs and usual ranges of exponents",
+    "fixed exponents": "Fixed exponents",
     "possible values": "Possible values in the tested region",
     "predictive use": "Explained variance and predictive error",
     "number of edges": "Inference by edge",

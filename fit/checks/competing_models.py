@@ -24,6 +24,7 @@ from ...core.display import Displayable, Plottable
 from ...core.errors import FitError
 from ...datasets import Runs
 from ..available import NotAvailable, computed
+from ..composite_law import without_fixed
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..least_squares import linear
@@ -138,6 +139,7 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
     >>> fit.compare_forms(fit.power_law(runs, "AW", ["V", "f", "d", "t"])).chosen.name
     'power law'
     """
+    law = without_fixed(law)
     if reason := not_comparable(law):
         return NotAvailable(reason)
     unit, codes = units_of(law)

@@ -94,7 +94,8 @@ def gauge_corrected(law: LawFit, gauge_sd: float, wear: str = "AW", unit: str = 
         return NotAvailable(reason)
     Z, at = law.design, 1 + law.factors.index(wear)
     y = np.log(law.observed) if law.error == "multiplicative" else law.observed
-    sd = gauge_sd / law.X[:, at - 1] if law.form == "power" and unit != "ln" else np.full(len(y), float(gauge_sd))
+    logs = law.formula.logs[at - 1]
+    sd = gauge_sd / law.X[:, at - 1] if logs and unit != "ln" else np.full(len(y), float(gauge_sd))
     others = linear(np.delete(Z, at, axis=1), Z[:, at])
     variance = sd**2 * others.df_resid / len(y)  # less the share explained by the other factors
     reliability = 1.0 - float(variance.sum()) / others.rss
@@ -107,7 +108,7 @@ def gauge_corrected(law: LawFit, gauge_sd: float, wear: str = "AW", unit: str = 
     fit = _corrected(Z, y, at, variance, unit_of_row)
     if isinstance(fit, NotAvailable):
         return fit
-    coarse = int((sd > COARSE).sum()) if law.form == "power" else 0
+    coarse = int((sd > COARSE).sum()) if logs else 0
     theta, cov = fit
     found = (
         f"A gauge error of {gauge_sd:g} {unit} changes the coefficient of {wear} in the law of {law.response} from "
@@ -139,7 +140,7 @@ def _check(law: LawFit, gauge_sd: float, wear: str, unit: str) -> None:
     if not (isfinite(gauge_sd) and gauge_sd >= 0):
         raise UsageError(f"gauge error {gauge_sd:g}: a standard deviation is 0 or more, for instance 0.05.")
     own = law.units.get(wear, "")
-    if unit == "ln" and law.form != "power":
+    if unit == "ln" and not law.formula.logs[law.factors.index(wear)]:
         raise UsageError(f"the law of {law.response} has {wear} itself, not its logarithm: give the error in {own}.")
     if unit not in ("ln", own):
         raise UsageError(f"gauge error in {unit!r}: {wear} is in {own or 'no unit'}; give it in that, or in 'ln'.")
@@ -148,6 +149,8 @@ def _check(law: LawFit, gauge_sd: float, wear: str, unit: str) -> None:
 def _uncorrectable(law: LawFit) -> str | None:
     if reason := no_scatter(law):
         return reason
+    if not (law.formula.first_order and law.formula.linearisable):
+        return f"the correction needs a law that is linear in the wear, which the form {law.form} is not"
     in_units = law.error == "additive" and law.formula.logarithmic
     return "the correction holds for multiplicative errors only: fit with error='multiplicative'" if in_units else None
 

@@ -16,8 +16,9 @@ from ...core.threads import one_thread
 from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ...datasets import Runs
 from ..available import NotAvailable, computed
+from ..composite_law import without_fixed
 from ..lawfit import LawFit
-from .agreement import compare_estimates
+from .agreement import compare_estimates, fixed_exponents
 from .autocorrelation import serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
 from .competing_models import compare_forms
@@ -57,8 +58,10 @@ class CheckInput:
 
     Attributes
     ----------
+    asked : LawFit
+        The law.
     whole, law : LawFit
-        The law, and the law of at most 5000 of its rows, evenly spaced.
+        The law without its fixed exponents (`without_fixed`), and that of at most 5000 of its rows, evenly spaced.
     runs : Runs or None
         The runs that it was fitted to, with the columns that it does not use.
     gauge_sd : float or None
@@ -66,6 +69,7 @@ class CheckInput:
         The law with the other error structure, where it is known.
     """
 
+    asked: LawFit
     whole: LawFit
     law: LawFit
     runs: Runs | None = None
@@ -76,6 +80,11 @@ class CheckInput:
     def strata(self) -> Strata | NotAvailable:
         """Levels of edges, and rows about them."""
         return split(self.law)
+
+    @cached_property
+    def stated(self) -> LawFit:
+        """The rows of ``law`` with the fixed exponents."""
+        return self.law if self.asked is self.whole else even_choice(self.asked)
 
     @property
     def icc(self) -> float:
@@ -219,14 +228,23 @@ def judge(
     >>> fit.judge(law).checks["collinearity"].level
     'passed'
     """
-    chosen = even_choice(law)
-    given = CheckInput(law, chosen, runs, gauge_sd, alternative if chosen is law else None)
+    whole = without_fixed(law)
+    chosen = even_choice(whole)
+    given = CheckInput(law, whole, chosen, runs, gauge_sd, alternative if chosen is law else None)
     asked = {**CHECKS, **(CHECKS_OF_LIVES if law.life else {}), **(CHECKS_OF_BOUNDS if law.not_least_squares else {})}
     done = {name: _done(name, check, given) for name, check in asked.items()}
-    checks = {name: check for name, check in done.items() if check is not None}
+    checks = {name: _of_column(check, law.response) for name, check in done.items() if check is not None}
     rows = 0 if chosen.rows is None else chosen.nobs
     found = Judgement(family_wise(checks, FAMILY_LEVEL / max(laws, 1)), not has_repeated_edges(chosen), rows)
     return replace(found, without=without_suspects(law, found.suspects)) if found.suspects else found
+
+
+def _of_column(check: Found, response: str) -> Found:
+    """The check with suspects of the measured column, where it was of the response over fixed powers (``Fc/d``)."""
+    if not isinstance(check, Check) or not any(one.column.startswith(f"{response}/") for one in check.suspects):
+        return check
+    named = (replace(one, column=one.column.split("/")[0]) for one in check.suspects)
+    return replace(check, suspects=tuple(named))
 
 
 OneCheck = Callable[[CheckInput], Found | None]
@@ -262,7 +280,7 @@ def _of_residuals(check: Callable[[CheckInput, Residuals], Found], which: int) -
 def _error_structure(given: CheckInput) -> Found | None:
     """Error structures of the rows that are not wrong: a wrong row alone would decide for additive errors."""
     law = given.right_rows[0]
-    if not law.formula.logarithmic:
+    if not law.formula.logarithmic or given.asked.formula.fixed:
         return None
     return error_structure(law, given.alternative if law is given.law else None)
 
@@ -299,11 +317,12 @@ CHECKS: Mapping[str, OneCheck] = {
     "time between edges": lambda given: given.times["time between edges"],
     "time within edges": lambda given: given.times["time within edges"],
     "time restarts": lambda given: time_restarts(given.law),
-    "exponents": lambda given: exponents(given.whole, given.runs),
-    "possible values": lambda given: possible_values(given.whole, given.runs),
-    "predictive use": lambda given: predictive_use(given.law, given.runs),
-    "missing conditions": lambda given: missing_conditions(given.law, given.runs),
-    "unused columns": lambda given: unused_columns(given.law, given.runs, given.icc),
+    "exponents": lambda given: exponents(given.asked, given.runs),
+    "fixed exponents": lambda given: fixed_exponents(given.asked),
+    "possible values": lambda given: possible_values(given.asked, given.runs),
+    "predictive use": lambda given: predictive_use(given.stated, given.runs),
+    "missing conditions": lambda given: missing_conditions(given.stated, given.runs),
+    "unused columns": lambda given: unused_columns(given.stated, given.runs, given.icc),
     "form": lambda given: lack_of_fit(given.law, given.strata),
     "curvature": lambda given: curvature(given.law, given.strata),
     "single edges": _influence,
@@ -318,10 +337,10 @@ CHECKS: Mapping[str, OneCheck] = {
     "normality of edges": _of_residuals(lambda _, edges: normality(edges), 1),
     "error structure": _error_structure,
     "rival forms": lambda given: compare_forms(given.law, given.runs) if given.law.form == "power" else None,
-    "number of edges": lambda given: number_of_edges(given.whole, given.runs),
+    "number of edges": lambda given: number_of_edges(given.asked, given.runs),
     "gauge error": _gauge,
     "agreement": _agreement,
-    "reading": lambda given: doubts_of_reading(given.whole, given.runs),
+    "reading": lambda given: doubts_of_reading(given.asked, given.runs),
 }
 USUAL = ("missing conditions", "unused columns", "form", "prediction", "normality")
 OF_EVERY_LAW = ("exponents", "possible values", "collinearity", "reading")  # no residuals needed

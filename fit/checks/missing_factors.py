@@ -81,13 +81,20 @@ def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
     >>> missing_conditions(law, runs).verdict
     'The conditions V, f, d and t of turning are known.'
     """
-    if law.form != "power" or runs is None:
+    if runs is None or not _of_conditions(law):
         return None
     needed = (*NEEDED[runs.process], *(("t",) if law.response in WEAR else ()))
     missing = [name for name in needed if not _known(runs, name)]
     known = f"The conditions {_listed(needed)} of {runs.process or 'cutting'} are known."
     verdict = _absent(missing) if missing else known
     return Check(null="the file holds the conditions of the process", concern=int(bool(missing)), verdict=verdict)
+
+
+def _of_conditions(law: LawFit) -> bool:
+    """Whether a law predicts from the conditions of cutting: a power law, or another form with one of them."""
+    if law.form in ("load_line", "feed_line"):
+        return False
+    return law.form == "power" or bool(set(TESTED).intersection(law.factors))
 
 
 def _known(runs: Runs, name: str) -> bool:

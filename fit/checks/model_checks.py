@@ -205,6 +205,8 @@ def curvature(law: LawFit, strata: Strata | NotAvailable) -> Curvature | NotAvai
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
+    if not law.formula.first_order:
+        return NotAvailable("the law is of second order, and its own terms test the curvature")
     if has_repeated_edges(law) and not isinstance(strata, Strata):
         return strata
     A, b, squared, df = _squares(law, strata)
@@ -228,7 +230,7 @@ INDEPENDENT = 0.05  # of the length of a square: what must be left of it outside
 
 def _squares(law: LawFit, strata: Strata | NotAvailable) -> tuple[Array, Array, list[int], int]:
     """Columns of the law and then the squares, the residual, numbers of the squared factors, degrees of freedom."""
-    x = np.log(law.X) if law.form == "power" else law.X
+    x = law.formula.transformed(law.X)
     square = (x - x.mean(axis=0)) ** 2
     square = square - square.mean(axis=0)
     if not isinstance(strata, Strata):
@@ -366,7 +368,10 @@ def _widest(law: LawFit, names: tuple[str, ...], vif: Array) -> float | None:
     from scipy.special import stdtrit
 
     half = float(stdtrit(max(law.df, 1), 0.975)) * law.bse.to_numpy()[1:]
-    of_factors = [half[j] for j, name in enumerate(names) if name in law.factors and vif[j] > HIGH_VIF]
+    # an exponent is the effect of 1 in ln x; of a factor that enters as it is, its mean is about that
+    size = [1.0 if log else float(np.abs(x).mean()) for x, log in zip(law.X.T, law.formula.logs, strict=True)]
+    per = dict(zip(law.factors, size, strict=True))
+    of_factors = [half[j] * per[name] for j, name in enumerate(names) if name in per and vif[j] > HIGH_VIF]
     return float(max(of_factors)) if of_factors else None
 
 

@@ -77,6 +77,8 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
+    if not law.formula.linearisable:
+        return NotAvailable("with additive wear the law is not linear on any scale of the response")
     if law.formula.logarithmic and law.error == "additive":
         return NotAvailable(
             "with additive errors the law is not linear on the scale of the response: fit with error='multiplicative'"
@@ -373,6 +375,8 @@ def _loglik(law: LawFit) -> Array:
 def _no_alternative(law: LawFit) -> str:
     if not law.formula.logarithmic:
         return f"a {law.form.replace('_', ' ')} is linear: its errors are additive, and there is no alternative"
+    if law.formula.fixed:
+        return "a law with fixed exponents has multiplicative errors"
     below = int((law.observed <= 0).sum())
     if below:
         return f"{below} of {law.nobs} rows of {law.response} are not above zero and have no logarithm"

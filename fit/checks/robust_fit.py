@@ -56,9 +56,14 @@ class Refit(Check, Plottable):
 
 def tangent(law: LawFit, Z: Array, theta: Array) -> tuple[Array, Array]:
     """Gradient (n, p) and residuals (n,) at theta, on the scale of the errors."""
-    if law.error == "multiplicative":
-        return Z, np.log(law.observed) - Z @ theta
-    return law.formula.gradient(theta, Z), law.observed - law.formula.response_at(theta, Z)
+    value, G = law.formula.scaled(theta, Z, law.error)
+    return G, (np.log(law.observed) if law.error == "multiplicative" else law.observed) - value
+
+
+def working_response(law: LawFit) -> tuple[Array, Array]:
+    """Columns (n, p) and response (n,) of which the law is the linear least-squares fit, linearised where needed."""
+    G = law.gradient
+    return G, G @ law.theta + law.residuals
 
 
 K = 1.345  # 95 % efficiency with normal errors
@@ -123,7 +128,7 @@ def robust(law: LawFit) -> RobustFit | NotAvailable:
             return refit
         step, weights, scale = refit
         theta = theta + step
-        if law.error == "multiplicative" or not law.formula.logarithmic:
+        if law.formula.linearisable and (law.error == "multiplicative" or not law.formula.logarithmic):
             break
         if np.abs(J @ step).max() <= 100 * CLOSE * scale:
             break

@@ -108,7 +108,9 @@ def common_exponent(law: LawFit, clip: float = np.inf) -> CommonExponent | NotAv
 
 
 def _not_applicable(law: LawFit) -> str | None:
-    if law.form != "power" or TIME not in law.factors:
+    if law.form != "power":
+        return f"a law of the form {law.form.replace('_', ' ')} has no time exponent"
+    if TIME not in law.factors:
         return f"no time {TIME} among the factors of {law.response}: there is no time exponent"
     if law.rows is None:
         return NO_ROWS

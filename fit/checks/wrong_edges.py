@@ -35,7 +35,7 @@ from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p
 from .robust_fit import tail_of_rows
 from .strata import EdgeLevels, Strata, edge_levels, orthonormal
-from .wrong_rows import NEAR, explained, lines_of, listed
+from .wrong_rows import NEAR, explained, lines_of, listed, measured
 
 FEWEST, SPARE = 8, 4  # edges, and edges beyond the parameters that they determine
 MOST = 1 / 6  # of the edges
@@ -97,7 +97,8 @@ def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
 
 def _conditions_of(law: LawFit) -> list[str]:
     """Factors whose unit the response shows: forces hardly depend on speed and time."""
-    load = law.response in ROLES and ROLES[law.response].kind == "load" and law.response != "P"
+    response = measured(law)
+    load = response in ROLES and ROLES[response].kind == "load" and response != "P"
     return [name for name in law.factors if name in CONDITIONS and not (load and name in ("V", "t"))]
 
 
@@ -153,7 +154,7 @@ def _response_blocks(law: LawFit, levels: EdgeLevels) -> list[Split]:
     Q = orthonormal(levels.A)
     first = levels.b - Q @ (Q.T @ levels.b)
     found: list[Split] = []
-    for move in (sign * np.log(ratio) for ratio in ratios_of(law.response) for sign in (1, -1)):
+    for move in (sign * np.log(ratio) for ratio in ratios_of(measured(law)) for sign in (1, -1)):
         edges, deviation, rss = _moved_block(levels, Q, first, move)
         evidence = (G - p) * float(np.log(float(first @ first) / max(rss, 1e-300)))
         alike = np.abs(deviation).max() < ALIKE * abs(move)
@@ -182,7 +183,7 @@ def _moved_block(levels: EdgeLevels, Q: Array, first: Array, move: float) -> tup
 def _suspect(levels: EdgeLevels, one: Split) -> Suspect:
     _, name, edges, factor = one
     named = tuple(levels.names[g] for g in np.flatnonzero(edges))
-    cause = cause_of(CONDITIONS.get(name) or ratios_of(name), factor)
+    cause = cause_of(CONDITIONS.get(name) or ratios_of(name.split("/")[0]), factor)
     if levels.by_edge:
         return Suspect(name, edges=named, factor=factor, cause=cause)
     return Suspect(name, lines=tuple(map(int, named)), factor=factor, cause=cause)
@@ -208,7 +209,7 @@ def _moved_values(law: LawFit, levels: EdgeLevels, one: Split) -> str:
     x = np.exp((level if name == law.response else levels.x[:, law.factors.index(name)])[edges])
     ends = dict.fromkeys(format_plain(float(v), 3) for v in (x.min(), x.max()))
     mean = "a mean " if name in ("t", law.response) else ""
-    cause = cause_of(CONDITIONS.get(name) or ratios_of(name), factor)
+    cause = cause_of(CONDITIONS.get(name) or ratios_of(name.split("/")[0]), factor)
     return f"{mean}{name} of {' to '.join(ends)} {law.units.get(name, '')} {_moved(factor)} ({cause})"
 
 
@@ -312,7 +313,7 @@ def _explained(law: LawFit, levels: EdgeLevels, found: _Outlying, kept: str) -> 
         )
     groups: dict[tuple[float, str], list[int]] = {}
     for k in range(len(found.edges)):
-        ratios = ratios_of(law.response) if logs else {}
+        ratios = ratios_of(measured(law)) if logs else {}
         groups.setdefault(explained(float(found.deviation[k]), ratios, NEAR * float(found.error[k])), []).append(k)
     suspects = tuple(
         Suspect(law.response, tuple(levels.names[found.edges[k]] for k in members), factor=factor or None, cause=cause)
@@ -347,6 +348,8 @@ _AND_NOW = "; check the record, or repeat the edge."
 
 def _by_conditions(law: LawFit, levels: EdgeLevels, found: _Outlying, members: list[int]) -> str:
     """Ratios of units of a condition that would explain the edges as well: a single edge does not show which."""
+    if law.form != "power":
+        return ""
     known = []
     for j, name in enumerate(law.factors):
         for ratio, cause in CONDITIONS.get(name, {}).items():

@@ -22,7 +22,7 @@ from ...datasets.plausibility.unit_shifts import TIME_RATIOS, ratios_of
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p
-from .robust_fit import NORMAL, bisquare_residuals, gap_pvalue, standing_apart
+from .robust_fit import NORMAL, bisquare_residuals, gap_pvalue, standing_apart, working_response
 from .strata import NO_ROWS, has_repeated_edges, no_scatter, units_of
 
 FEWEST, SPARE = 12, 6  # rows, and rows beyond the parameters
@@ -41,8 +41,10 @@ def robust_deviations(law: LawFit) -> tuple[Array, Array, bool]:
     The level of an edge is the median of its residuals and zero, which a wrong row does not move.
     """
     logs = law.formula.logarithmic and bool((law.observed > 0).all())
-    Z = law.design
-    r = bisquare_residuals(Z, np.log(law.observed) if logs else law.observed)
+    if law.formula.linearisable:
+        r = bisquare_residuals(law.design, np.log(law.observed) if logs else law.observed)
+    else:
+        r, logs = bisquare_residuals(*working_response(law)), law.error == "multiplicative"
     if not has_repeated_edges(law):
         return r, r, logs
     edge = units_of(law)[1]
@@ -144,7 +146,7 @@ def _suspects(
     for i in rows:
         column, (factor, cause) = law.response, (0.0, "")
         if logs:
-            factor, cause = explained(float(r[i]), ratios_of(law.response), NEAR * scale)
+            factor, cause = explained(float(r[i]), ratios_of(measured(law)), NEAR * scale)
             if not factor and power:
                 factor, cause = _by_time(float(r[i]), power, NEAR * scale)
                 column = "t" if factor else column
@@ -153,6 +155,11 @@ def _suspects(
         Suspect(column, lines=tuple(lines), factor=factor or None, cause=cause)
         for (column, factor, cause), lines in groups.items()
     )
+
+
+def measured(law: LawFit) -> str:
+    """The measured quantity of a response, which may be given over fixed powers of factors: Fc of ``Fc/d``."""
+    return law.response.split("/")[0]
 
 
 def explained(deviation: float, ratios: Mapping[float, str], within: float) -> tuple[float, str]:
