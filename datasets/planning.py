@@ -348,14 +348,19 @@ def _effort(plan: pd.DataFrame, process: str | None) -> list[str]:
         return out
     if time is not None:
         litres = float(rate @ time) / 1e6
-        out.append(f"Chips: {litres:.2g} dm3 ({7.85 * litres:.2g} kg if the work is steel).")
+        out.append(f"Chips: {_two(litres)} dm3 ({_two(7.85 * litres)} kg if the work is steel).")
     at = int(np.argmax(rate))
     power = float(rate[at]) * STEEL / 6e7
     out.append(
-        f"The heaviest edge, {plan['edge'].iloc[at]}, removes {rate[at] / 1000:.3g} cm3/min: about {power:.2g} kW, if "
-        f"the specific cutting force is {STEEL:g} N/mm2 (assumed). Check machine and tool there first."
+        f"The heaviest edge, {plan['edge'].iloc[at]}, removes {rate[at] / 1000:.3g} cm3/min: about {_two(power)} kW, "
+        f"if the specific cutting force is {STEEL:g} N/mm2 (assumed). Check machine and tool there first."
     )
     return out
+
+
+def _two(value: float) -> str:
+    """Two digits, without a power of ten."""
+    return f"{float(f'{value:.2g}'):.15g}"
 
 
 def removal_rate(plan: pd.DataFrame, process: str | None) -> Floats | None:
