@@ -1,16 +1,22 @@
-"""Parsing shared by the commands: help that begins with an example, suggestions for misspelled options."""
+"""Parsing shared by the commands: help that begins with an example, misspelled options, standard input as a file."""
 
 import argparse
 import re
 import shlex
 import sys
 from argparse import ArgumentTypeError
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ..core.errors import UsageError
+from ..core.errors import DataError, UsageError
+from ..core.files import STANDARD_INPUT
 from ..core.suggestions import closest
 
+MARK = "-"  # standard input as the file of a command
+STEM = "stdin"  # of what is written by default
 ONE_TABLE = "several files that are one table go into a folder: fitmodels FOLDER"
 
 if TYPE_CHECKING:
@@ -132,3 +138,45 @@ def values(words: list[str] | None, option: str = "--value") -> dict[str, float]
         except ValueError:
             raise UsageError(f"{option} {key}={text}: give a number with a decimal point, as D=80.") from None
     return out
+
+
+@contextmanager
+def opened(file: str) -> Iterator[Path]:
+    """The path of a file; of ``-`` a temporary file with everything that standard input gives.
+
+    Raises
+    ------
+    UsageError
+        Standard input is a terminal, or closed.
+    DataError
+        It is empty.
+    """
+    if file != MARK:
+        yield Path(file)
+        return
+    if sys.stdin is None or sys.stdin.closed:
+        raise UsageError("-: standard input is closed; pipe a file into it, for instance fitmodels - < data.csv.")
+    if sys.stdin.isatty():
+        raise UsageError(
+            "-: standard input is a terminal; pipe a file into it, for instance fitmodels - < data.csv, or give the "
+            "path of a file."
+        )
+    content = sys.stdin.buffer.read()
+    if not content:
+        raise DataError(f"{STANDARD_INPUT} is empty: the command before the pipe has printed nothing.")
+    with TemporaryDirectory(prefix="fitmodels-") as folder:
+        path = Path(folder, STANDARD_INPUT)
+        path.write_bytes(content)
+        yield path
+
+
+def stem(file: str) -> str:
+    """Name of a file without its ending, or of a folder, for what is written by default.
+
+    >>> stem("tests/data.csv"), stem("-")
+    ('data', 'stdin')
+    """
+    if file == MARK:
+        return STEM
+    path = Path(file)
+    return path.resolve().name if path.is_dir() else path.stem

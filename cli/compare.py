@@ -5,11 +5,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import ONE_TABLE, Parser
+from .arguments import MARK, ONE_TABLE, Parser, opened
 from .corrections import corrected
 from .options import forms, law_option, read_keywords, reading_options
 from .output import Printer, complain, print_json
-from .standard_input import MARK, opened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,11 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import ONE_TABLE, Parser
+from .arguments import ONE_TABLE, Parser, opened, stem
 from .corrections import corrected, explicit, remedies_in
 from .options import read_keywords, reading_options
 from .output import Printer, print_json
-from .standard_input import opened, stem
 
 if TYPE_CHECKING:
     from ..core.errors import FitmodelsError

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.files import STANDARD_INPUT
 from ..core.version import __version__
-from .arguments import ONE_TABLE, Parser, typed
+from .arguments import MARK, ONE_TABLE, Parser, opened, stem, typed
 from .corrections import corrected
 from .look import facts
 from .options import fit_options, fitting_options, form_option, reading_options
 from .output import Printer, complain, print_json
-from .standard_input import MARK, opened, stem
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -228,6 +228,7 @@ RESULTS: dict[str, Callable[[], object]] = {
     "EdgeBootstrap": lambda: fit.edge_bootstrap(law()),
     "EdgeInference": lambda: law().edges,
     "CompetingModels": lambda: fit.compare_forms(law()),
+    "FormComparison": lambda: fit.compare_laws(runs(), law(), forms=["linear", "second-order"]),
     "GaugeFit": lambda: fit.gauge_corrected(load(), 0.01),
     "LeftOut": lambda: LeftOut("d", "it never changes"),
     "NotAvailable": lambda: fit.NotAvailable("no replicated edges"),
