@@ -276,3 +276,22 @@ def test_every_form_passes_through_every_check(form):
     else:
         theirs = np.sort(np.abs(law.to_statsmodels().params.to_numpy()))
         assert theirs == pytest.approx(np.sort(np.abs(law.theta)), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_has_a_posterior_or_the_reason_why_not(form):
+    """Weak priors: medians within .4 standard errors of least squares on 108 rows; units of every coefficient."""
+    law = fit_form(runs_from_frame(worn()), form, *FORMS[form])
+    if form == "additive_wear":
+        with pytest.raises(FitError, match="no posterior is drawn of a law of additive wear"):
+            fit.posterior(law)
+        return
+    found = fit.posterior(law, draws=2000)
+    off = (np.median(found.draws[:, : len(law.theta)], axis=0) - law.theta) / np.sqrt(np.diag(law.covariance()))
+    assert np.abs(off[1:]).max() < 0.4
+    assert set(law.theta_names[1:]) <= set(found.priors.units)
+
+
+def test_a_law_with_fixed_exponents_has_no_posterior():
+    with pytest.raises(FitError, match="no posterior is drawn of a law with fixed exponents"):
+        fit.posterior(fit.kienzle_law(turning(noise=0.02)).law)

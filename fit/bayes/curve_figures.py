@@ -55,13 +55,13 @@ def curves(posterior: Posterior) -> Sheet:
 
 
 def _curve(posterior: Posterior, j: int, level: int) -> Curve:
-    law, logs = posterior.law, posterior.law.form == "power"
+    law, logs = posterior.law, posterior.law.formula.logs
     every = np.flatnonzero(level_of_rows(law) == level)
     tested = float(law.X[every, j].min()), float(law.X[every, j].max())
     mine = evenly(every, BESIDE_IT)
     x, y = law.X[mine], law.observed[mine]
-    grid = _beyond(*law.domain[law.factors[j]], logs=logs)
-    centre = np.array([middle(ends, logs) for ends in law.domain.values()])
+    grid = _beyond(*law.domain[law.factors[j]], logs=logs[j])
+    centre = np.array([middle(ends, log) for ends, log in zip(law.domain.values(), logs, strict=True)])
     there, here = (np.repeat(centre[None], n, axis=0) for n in (len(x), len(grid)))
     there[:, j], here[:, j] = x[:, j], grid
     theta = np.median(posterior.draws[:, : len(law.theta)], axis=0)
@@ -87,7 +87,8 @@ def _beyond(low: float, high: float, *, logs: bool) -> Array:
 
 
 def _along(posterior: Posterior, c: Curve, values: Array, ax: Axes) -> None:
-    law, logs = posterior.law, posterior.law.form == "power"
+    law = posterior.law
+    logs = law.formula.logs[law.factors.index(c.factor)]
     ax.fill_between(c.grid, *c.rows, color=BLUE, alpha=0.13, lw=0, label=f"95 % of {a_row(posterior)}")
     ax.fill_between(c.grid, c.law[0], c.law[4], color=BLUE, alpha=0.3, lw=0, label="95 % of the law")
     ax.fill_between(c.grid, c.law[1], c.law[3], color=BLUE, alpha=0.45, lw=0, label="50 % of the law")
@@ -133,7 +134,7 @@ def predictive(posterior: Posterior) -> Sheet:
     place = "row of the edge" if names[0] else "row, in the order of the prediction"
     along = label(law, clock) if clock else f"{place} [1]"
     limits = of_all, np.concatenate([law.observed[rows], *band])
-    panels = [partial(_rows, posterior, s, limits, along, law.form == "power" and clock is not None) for s in seen]
+    panels = [partial(_rows, posterior, s, limits, along, law.formula.log_factors and clock is not None) for s in seen]
     title = f"{law.response}: {_which(law, names, len(rows))} in the 95 % band of {a_row(posterior)}"
     if len(panels) == 1:
         return Sheet(title, panels, 1, (3.9, 3.0))
@@ -173,7 +174,7 @@ def _which(law: LawFit, names: list[str], n: int) -> str:
 
 def _rows(posterior: Posterior, s: EdgeCurve, limits: tuple[Array, Array], along: str, logs: bool, ax: Axes) -> None:
     scaled(ax, "x", limits[0], logs=logs)
-    scaled(ax, "y", limits[1], logs=posterior.law.form == "power" and bool(limits[1].min() > 0))
+    scaled(ax, "y", limits[1], logs=posterior.law.formula.log_factors and bool(limits[1].min() > 0))
     x = s.x if np.ptp(s.x) > 0 else _stretched(ax, s.x, logs=logs)
     low, high = np.broadcast_to(s.band, (2, len(x)))
     ax.fill_between(x, low, high, color=BLUE, alpha=0.15, lw=0, label=f"95 % of {a_row(posterior)}")

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.display import Displayable
+from ...core.errors import FitError
 from ..lawfit import LawFit
 from ..laws import LawForm
 from .priors import Priors
@@ -271,6 +272,16 @@ def law_density(law: LawFit, priors: Priors, errors: Errors = "normal") -> LawDe
     >>> density.names
     ('level', 'V', 'f', 'd', 't', 'ln sd', 'logit icc')
     """
+    if law.formula.fixed:
+        names = ", ".join(name for name, _ in law.formula.fixed)
+        raise FitError(
+            f"{law.response}: no posterior is drawn of a law with fixed exponents ({names}); see its intervals."
+        )
+    if not law.formula.linearisable:
+        raise FitError(
+            f"{law.response}: no posterior is drawn of a law of additive wear; fit the power law and draw "
+            "fit.posterior_of_form(law, 'additive in wear'), or see its intervals."
+        )
     edges = "icc" in priors.of
     Z, natural = law.design, law.error == "additive"
     y = law.observed if natural else np.log(law.observed)

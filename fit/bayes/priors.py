@@ -26,6 +26,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import UsageError
+from ...core.formula import Term
 from ..lawfit import LawFit
 
 EXPONENT_SD = 2.0
@@ -215,13 +216,18 @@ def units_of_priors(law: LawFit) -> dict[str, str]:
     """Unit of the parameter of each prior; ``ln mm`` for the logarithm of a length in mm."""
     response = law.units.get(law.response, "")
     level = f"ln {response}".strip() if law.formula.logarithmic else response
-    units = dict.fromkeys(law.theta_names[1:], "1")
-    if law.form != "power":
-        for name, factor in zip(law.formula.names[1:], law.factors, strict=True):
-            top = "1" if law.formula.logarithmic else response
-            units[name] = f"{top}/({law.units.get(factor, '')})"
-        units |= dict.fromkeys(law.names[1 + len(law.factors) :], "1" if law.formula.logarithmic else response)
+    top = "1" if law.formula.logarithmic else response
+    units = dict.fromkeys(law.theta_names[1:], top)  # those of shifts
+    for name, term in zip(law.formula.names[1:], law.formula.all_terms, strict=True):
+        per = [f"{law.units.get(x, '')}^{d}" if d > 1 else law.units.get(x, "") for x, d in _unlogged(law, term)]
+        units[name] = f"{top}/({' '.join(per)})" if per else top
     return {"level": level, **units, "sd": "ln" if law.error == "multiplicative" else response, "icc": "1"}
+
+
+def _unlogged(law: LawFit, term: Term) -> list[tuple[str, int]]:
+    """Factors of a term that enter as they are, each with its power."""
+    each = zip(law.factors, law.formula.logs, term.degrees, strict=True)
+    return [(name, degree) for name, log, degree in each if degree and not log]
 
 
 def _from_data(law: LawFit) -> tuple[dict[str, Prior], dict[str, str]]:
