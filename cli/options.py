@@ -60,7 +60,7 @@ def law_option(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--law", action="append", dest="laws", metavar='"Ra ~ V, f, d"', help=words)
 
 
-def form_option(parser: Parser) -> None:
+def form_option(parser: Parser | argparse._ArgumentGroup) -> None:
     """Add the option of the forms that laws are kept in."""
     words = 'form of the laws, or of one law ("Ra=linear"): power, exponential, linear, second-order, ...; see compare'
     parser.add_argument("--form", action="append", metavar="FORM", help=words)

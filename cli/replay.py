@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
         out.show(Text(line))
     for one in results:
         out.show(_block(one))
-    for line in written:
+    for line in (*_not_replayed(pf, args.system, systems), *written):
         out.show(line)
     return 0
 
@@ -93,6 +93,15 @@ def _chosen(pf: "ParameterFile", name: str | None, file: str) -> list[str]:
         what = "supports no controller" if name is None else "does not support this controller"
         raise ParameterError(f"{file} {what}. {reasons}")
     return able
+
+
+def _not_replayed(pf: "ParameterFile", asked: str | None, done: list[str]) -> list[str]:
+    """Why the recursion is not replayed of a file with a region and a wear criterion, which it seems to be for."""
+    from ..cards import replays
+
+    if asked is not None or "recursion" in done or "region" not in done or pf.limits is None or pf.limits.wear is None:
+        return []
+    return [f"Not replayed: recursion: {replays.lacks('recursion', pf)}"]
 
 
 def _block(one: "Replayed") -> "RenderableType":

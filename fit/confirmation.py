@@ -264,21 +264,21 @@ def _compare(
     at = new_edge(law, Z)
     predicted, observed = law.formula.response_at(law.theta, Z), frame["observed"].to_numpy(dtype=float)
     multiplies = law.error == "multiplicative"
-    e = np.log(observed) - Z @ law.theta if multiplies else observed - predicted
+    expected, A = law.formula.scaled(law.theta, Z, law.error)
+    e = (np.log(observed) if multiplies else observed) - expected
     sd = np.sqrt(at.variance + at.sd**2)
     half = float(stdtrit(at.df, (1 + level) / 2)) * sd
     ends = (predicted * np.exp(-half), predicted * np.exp(half)) if multiplies else (predicted - half, predicted + half)
     rows = frame[["line", "edge", "observed"]].assign(
         predicted=predicted, low=ends[0], high=ends[1], inside=np.abs(e) <= half, z=_over(e, sd)
     )
-    A = law.gradient_at(Z)
     if not isinstance(law.edges, EdgeInference):
         tests: tuple[JointTest, ...] | NotAvailable = (_of_rows(law, A, e),)
         edges = _no_edges()
     elif not named:
         tests, edges = NotAvailable("the new rows have no edge column"), _no_edges()
     else:
-        tests, edges = _by_edge(law, law.edges, A, e, rows, level)
+        tests, edges = _by_edge(law, law.edges, A[:, law.free], e, rows, level)
     return Confirmation(law.response, level, rows, edges, tests, not_compared, dropped)
 
 

@@ -11,7 +11,8 @@ import pytest
 from fitmodels import parameters
 from fitmodels.cli import main
 from fitmodels.core.formula import FORMS
-from fitmodels.datasets import central_composite, read_runs, runs_from_frame
+from fitmodels.datasets import central_composite, read_runs, runs_from_frame, write_csv
+from fitmodels.fit.form_choice import CHOICES
 from fitmodels.fit.regression import fit_form
 from fitmodels.parameters.exports import VALUES
 
@@ -187,6 +188,32 @@ def test_a_command_works_or_says_in_one_message_why_not(case, command, capsys, m
     assert refused in said.err
     assert "internal error" not in said.err
     assert len(said.err.strip().splitlines()) <= 2
+
+
+@pytest.fixture(scope="module")
+def halves(tmp_path_factory):
+    """The cutting tests as two files, of 18 and of 6 edges."""
+    folder, rows = tmp_path_factory.mktemp("halves"), cutting_tests()
+    units = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min", "AW": "mm", "P": "kW"}
+    late = rows["edge"].isin(rows["edge"].unique()[-6:])
+    for name, part in (("old", rows[~late]), ("new", rows[late])):
+        write_csv(part, folder / f"{name}.csv", ["tool: T1", "work: W1", "simulated"], units=units)
+    return folder
+
+
+@pytest.mark.parametrize("form", CHOICES)
+def test_new_runs_confirm_laws_of_every_form_that_can_be_chosen(form, halves, capsys):
+    words = ["confirm", str(halves / "new.csv"), "--data", str(halves / "old.csv"), "--law", "P ~ V, f, d, AW"]
+    code, said = main([*words, "--form", f"P={form}"]), capsys.readouterr()
+    if form == "taylor":
+        assert code == 0  # the wear is confirmed
+        assert "P is not tested: " in said.out
+        return
+    assert code == 0
+    assert "internal error" not in said.err
+    of_power = said.out[said.out.index("P: ") :]
+    assert "rows" in of_power
+    assert "the law holds" in " ".join(of_power.split()) or form in ("linear", "exponential", "additive")
 
 
 def test_simulated_data_are_read_and_give_the_law_again(case, capsys):

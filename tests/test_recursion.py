@@ -344,11 +344,19 @@ def test_a_file_without_force_or_power_is_run_without_that_limit(laws, life):
         assert figure.axes
 
 
+def _other_form(law):
+    law["form"] = "power_exponential"
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         (lambda data: data["limits"].pop("wear"), "no wear criterion"),
         (lambda data: data["laws"].pop("AW"), "holds no power law of the wear AW"),
+        (
+            lambda data: _other_form(data["laws"]["P"]),
+            'power exponential; the recursion computes with power laws: fit it again with --form "P=power"',
+        ),
         (lambda data: _without_time(data["laws"]["AW"]), "without t"),
         (lambda data: data["laws"]["AW"]["coefficients"].update(t=-0.1), "does not grow with time"),
         (lambda data: data["laws"]["P"]["factors"][0].update(unit="m/s"), "computes in m/min"),

@@ -113,7 +113,7 @@ def _risk(
         lines.append(
             f"{head} the best pair keeps all limits with probability {_percent(kept, chance.count)}; for "
             f"{100 * REQUIRED:g} % the best is {safe.where}: MRR {safe.MRR:.0f} mm3/min, "
-            f"{100 * (1 - safe.MRR / best.MRR):.0f} % less MRR{'' if safe.tested else ', outside the tested ranges'}."
+            f"{_change(safe.MRR / best.MRR)}{'' if safe.tested else ', outside the tested ranges'}."
         )
     return lines, dict(facts), found
 
@@ -213,6 +213,11 @@ def _figures(
 
 def _corners(region: VisibleRegion) -> list[dict[str, object]]:
     return [{"letter": c.letter, "V_m_min": c.V, "f_mm_rev": c.f, "limits": list(c.limits)} for c in region.corners]
+
+
+def _change(share: float) -> str:
+    """Removal rate against that of the best pair; above it where draws of a law lie below its estimate."""
+    return f"{100 * abs(1 - share):.0f} % {'less' if share <= 1 else 'more'} MRR"
 
 
 def _at(region: VisibleRegion) -> str:

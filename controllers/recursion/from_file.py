@@ -59,6 +59,8 @@ def life_laws(
     if not is_positive(d):
         raise UsageError(f"d {d!r} mm: give a depth of cut above zero.")
     fixed, notes = {**(at or {}), "d": d}, list[str]()
+    if limits.responses:
+        notes.append(f"The recursion does not apply the limits of {', '.join(limits.responses)}.")
     return LifeLaws(
         wear=_terms(wear, name, criterion, fixed, by, notes),
         power=_limited(pf, "power", name, fixed, by, notes),
@@ -109,6 +111,12 @@ def _response(pf: "ParameterFile", what: str, bound: "Bound") -> str:
     """Symbol of the limited law."""
     names = (bound.of,) if bound.of else USUAL[what]
     found = next((name for name in names if name in pf.laws and pf.laws[name].form == "power"), "")
+    other = next((pf.laws[name] for name in names if name in pf.laws), None)
+    if not found and other is not None:
+        raise UsageError(
+            f"the law of {other.response} has the form {other.form.replace('_', ' ')}; the recursion computes with "
+            f'power laws: fit it again with --form "{other.response}=power", or leave the limit of it out.'
+        )
     if not found and what == "wear":
         held = ", ".join(pf.laws) or "none"
         raise UsageError(f"the file holds no power law of the wear {' or '.join(names)} (its laws: {held}); fit one.")

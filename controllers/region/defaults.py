@@ -46,7 +46,10 @@ def default_setting(pf: "ParameterFile") -> DefaultSetting:
         assumed.append(f"The laws are evaluated at {by.column} {by.reference}, their reference level.")
     known = {"V", "f", "d", "t", *pf.laws}
     others = {
-        f.symbol: sqrt(f.low * f.high) for law in laws for f in law.factors if f.symbol not in known and f.low > 0
+        f.symbol: float(f"{sqrt(f.low * f.high):.4g}")
+        for law in laws
+        for f in law.factors
+        if f.symbol not in known and f.low > 0
     }
     assumed += [f"{name} is fixed at {value:.4g}, the middle of its tested range." for name, value in others.items()]
     return DefaultSetting(chosen["d"], chosen["t"], None if by is None else by.reference, others, tuple(assumed))
@@ -59,7 +62,7 @@ def _middle(pf: "ParameterFile", name: str, usual: float, assumed: list[str]) ->
     if (straight and low <= usual <= high) or not 0 < low <= high:
         value, why = usual, "as in AC-2016"
     else:
-        value, why = sqrt(low * high), "the middle of the tested range"
+        value, why = float(f"{sqrt(low * high):.4g}"), "the middle of the tested range"
     if ranges or name == "d":  # the removal rate has the depth, the time matters where a law has it
         assumed.append(f"{name} is {value:.4g} {UNITS[name]}, {why}.")
     return value

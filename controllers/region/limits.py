@@ -192,7 +192,7 @@ def within_tests(machine: MachineRange, tested: Sequence[RegionLimit]) -> Machin
                 raise UsageError(f"the machine's range of {symbol} lies outside the tests of {law.response}.")
         _need_tested(limit)
         form = law.form.replace("_", " ")
-        notes.append(f"The law of {law.response} is {form}, so the region is limited to where it was tested.")
+        notes.append(f"The law of {law.response} has the form {form}: the region is limited to where it was tested.")
     return MachineRange(low, high, tuple(notes))
 
 
