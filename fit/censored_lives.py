@@ -258,10 +258,8 @@ def _of_median(
 
 def _inference(rows: Rows) -> NotAvailable:
     if rows.edge is None:
-        return NotAvailable("each life is of an edge of its own: lives are independent")
+        return NotAvailable("each life is a separate edge: lives are independent")
     n, m = len(rows.edge), len(set(rows.edge))
     if m == n:
-        return NotAvailable(f"each of the {n} lives is of a separate edge: lives are independent")
-    return NotAvailable(
-        f"the column of edges names {m} for {n} different lives: each life is taken as that of an edge of its own"
-    )
+        return NotAvailable(f"each of the {n} lives is a separate edge: lives are independent")
+    return NotAvailable(f"the column of edges names {m} for {n} different lives: each life is a separate edge")

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from ..core.censored import LifeDistribution, standard_quantile
 from ..core.errors import FitError
 from ..core.plotting import new_axes
 from .available import NotAvailable, computed
@@ -54,6 +55,19 @@ def points(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
     ax.plot(x[shown], y[shown], "o", ms=size, mfc="none", mec=BLUE, mew=edge)
 
 
+def _points_of(ax: Axes, law: LawFit, y: NDArray[np.float64]) -> None:
+    """Points over the prediction; a life known by a bound alone is an arrow towards the side on which it lies."""
+    side = None if law.rows is None else law.rows.side
+    if side is None or not side.any():
+        points(ax, law.fitted, y)
+        return
+    points(ax, law.fitted[side == 0], y[side == 0])
+    for which, marker, words in ((1, "^", "longer (run-out)"), (-1, "v", "shorter")):
+        if (side == which).any():
+            ax.plot(law.fitted[side == which], y[side == which], marker, ms=5, color=BLUE, ls="none", label=words)
+    ax.legend(fontsize=7, frameon=False)
+
+
 def _without_residuals(law: LawFit, ax: Axes) -> bool:
     """Write on the panel why there are no residuals, where they are rounding errors only."""
     if law.no_interval is None and law.rss > ROUNDING * law.tss:
@@ -67,7 +81,7 @@ def _without_residuals(law: LawFit, ax: Axes) -> bool:
 def observed_against_predicted(law: LawFit, ax: Axes | None = None) -> Axes:
     """Measured values against the law's, with the line of equality."""
     ax = new_axes(ax)
-    points(ax, law.fitted, law.observed)
+    _points_of(ax, law, law.observed)
     ends = [min(law.fitted.min(), law.observed.min()), max(law.fitted.max(), law.observed.max())]
     ax.plot(ends, ends, color=ORANGE, lw=1.2)
     if law.error == "multiplicative" and ends[0] > 0 and ends[1] / ends[0] > 3:
@@ -85,7 +99,7 @@ def residuals(law: LawFit, ax: Axes | None = None) -> Axes:
     if _without_residuals(law, ax):
         return ax
     ax.axhline(0, color=ORANGE, lw=1.2)
-    points(ax, law.fitted, law.residuals)
+    _points_of(ax, law, law.residuals)
     se = law.scale_se
     if se:
         for side in (-2, 2):
@@ -108,6 +122,8 @@ def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax)
     if _without_residuals(law, ax):
         return ax
+    if law.life is not None and law.not_least_squares:
+        return _life_quantiles(law, law.life, ax)
     n = law.nobs
     scale = law.scale_se or 1.0
     quantiles = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))  # Blom 1958
@@ -116,6 +132,23 @@ def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
     ax.plot(ends, ends, color=ORANGE, lw=1.2)
     ax.set_xlabel("normal quantile")
     ax.set_ylabel(f"ordered residual of {law.response} / SE")
+    return ax
+
+
+def _life_quantiles(law: LawFit, life: LifeDistribution, ax: Axes) -> Axes:
+    """Residuals of the lives that ended over quantiles of their distribution, at Kaplan-Meier's probabilities."""
+    order = np.argsort(law.residuals, kind="stable")
+    side = np.zeros(law.nobs, dtype=np.int8) if law.rows is None or law.rows.side is None else law.rows.side
+    ended = side[order] == 0
+    survival = np.cumprod(np.where(ended, 1 - 1 / np.arange(law.nobs, 0, -1), 1.0))
+    share = 1 - (np.concatenate([[1.0], survival[:-1]]) + survival) / 2  # in the middle of each step
+    median = standard_quantile(life.name, 0.5)
+    quantiles = np.array([standard_quantile(life.name, p) - median for p in share[ended]])
+    points(ax, quantiles, law.residuals[order][ended] / life.scale)
+    ends = [quantiles.min(), quantiles.max()]
+    ax.plot(ends, ends, color=ORANGE, lw=1.2)
+    ax.set_xlabel(f"quantile of {'Weibull' if life.name == 'weibull' else 'lognormal'} lives")
+    ax.set_ylabel(f"ordered residual of {law.response} / s, lives that ended")
     return ax
 
 
