@@ -86,12 +86,13 @@ class WearCurveLives(Displayable):
         """Counts, and what the difference between the two lives means."""
         n, inside = len(self.lives), self.count("interpolated")
         goal = f"{self.wear} {self.criterion:g} {self.unit_of_wear}"
+        cross = "curve of 1" if inside == 1 else f"curves of {inside}"
         verb = "crosses" if inside == 1 else "cross"
-        parts = [f"The wear curves of {inside} of {n} edges {verb} {goal}"]
+        parts = [f"The wear {cross} of {n} edges {verb} {goal}" if inside else f"No wear curve crosses {goal}"]
         if beyond := self.count("extrapolated"):
-            parts.append(f"{beyond} end before it (run-outs; their life by the law is extrapolated)")
+            parts.append(f"those of {beyond} edges end before it (run-outs: a life by the law is extrapolated)")
         if before := self.count("before the first reading"):
-            parts.append(f"{before} {'is' if before == 1 else 'are'} beyond it at the first reading")
+            parts.append(f"those of {before} are beyond it at the first reading")
         return (f"{'; '.join(parts)}.", *self._meaning())
 
     def _meaning(self) -> tuple[str, ...]:
