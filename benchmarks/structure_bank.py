@@ -17,7 +17,11 @@ aims, and the figures of a file beside those of the version before. Records are 
 A cell is a plant with a noise and an input. Its 90 % error shall be at most half of the version before, its median at
 most 1.3 times; either may instead be at most 1.5 times the reference of that cell, which no choice of orders undercuts.
 Figures over all leave out the cells whose reference is wild itself; they are listed beside their reference.
-Backlash: the true plant is its linear part.
+Backlash: the true plant is its linear part; the true gain of the band is that of the best linear approximation at the
+amplitude of the record, the plant times the describing function of the backlash. No linear model of low order has its
+constant phase, so the bands, which hold for a linear plant, cover less; the coverage of records whose verdict has a
+reservation about a nonlinearity of the input is printed apart. Records that do not say so count with the others.
+Source: Pintelon & Schoukens 2012, System Identification, section 3.4 (best linear approximation).
 """
 
 import argparse
@@ -100,7 +104,8 @@ PLANTS = {
     "1/s, delay 8": (sampled([1.0], [1.0, 0.0], 8), (1.0, 4.0, 0.1)),
     "lag with backlash": (sampled([1.0], [0.3, 1.0], 3), (0.5, 1.2, 0.02)),
 }
-BACKLASH = 0.1  # whole width, in amplitudes of the input
+BACKLASH, AMPLITUDE = 0.1, 2.5  # whole width in amplitudes of the input, and the amplitude of the chirp
+NONLINEAR = ("dead zone", "backlash", "saturation", "curvature")  # disturbances that are a nonlinearity of the input
 NOISES = ("white 40 dB", "white 30 dB", "white 20 dB", "AR(.8)", "equation", "drift", "spikes", "line")
 FEWER_PLANTS = ("CLM-2023 eq. 18", "lag .3 s, delay 2.5", "damped drive", "lag .5 s, delay 30")
 FEWER_NOISES = ("white 30 dB", "AR(.8)", "equation")
@@ -127,6 +132,20 @@ def play(u, width):
         at = min(max(at, value - width / 2), value + width / 2)
         out[k] = at
     return out
+
+
+def describing_function(width, amplitude):
+    """Gain and phase of a backlash for a sine of an amplitude: its fundamental, by simulation of the second period."""
+    t = np.linspace(0, 4 * np.pi, 20_001)[:-1]
+    late = slice(len(t) // 2, None)
+    out = play(amplitude * np.sin(t), width)[late]
+    return 2j * np.mean(out * np.exp(-1j * t[late])) / amplitude
+
+
+def linear_gain(name, plant, f):
+    """Gain (F,) of the best linear approximation of a plant at the amplitude of the record."""
+    lost = describing_function(BACKLASH * AMPLITUDE, AMPLITUDE) if name == "lag with backlash" else 1.0
+    return np.abs(lost * plant.response(f))
 
 
 def noise_of(kind, plant, x, rng):
@@ -158,7 +177,7 @@ def record_of(cell, seed, draw):
     name, noise, kind = cell
     rng = np.random.default_rng([seed, zlib.crc32("/".join(cell).encode()), draw])
     plant, u = plant_of(name), INPUTS[kind]()
-    x = plant.simulate(play(u, BACKLASH * 2.5) if name == "lag with backlash" else u)
+    x = plant.simulate(play(u, BACKLASH * AMPLITUDE) if name == "lag with backlash" else u)
     return Record(u=u, y=x + noise_of(noise, plant, x, rng), sample_time=T)
 
 
@@ -219,10 +238,11 @@ def judged(cell, seed, draw, with_pi):
     model = found.model
     row |= {"seconds": time.process_time() - begin, "orders": [model.na, model.nb, model.nk]}
     row |= {"error": largest_gain_error(model, plant, f), "structure": model.structure}
+    row["nonlinear"] = any(item.kind in NONLINEAR and item.level for item in found.disturbances.found)
     row["others"] = [[round(w, 3), m.na, m.nb, m.nk] for w, m in getattr(model, "alternatives", ())]
     row["step"], row["step_covered"] = of_step(model, plant)
     try:
-        band, true = response_band(model, f), np.abs(plant.response(f))
+        band, true = response_band(model, f), linear_gain(name, plant, f)
         row["covered"] = float(np.mean((band.gain_low <= true) & (true <= band.gain_high)))
     except (IdentError, ValueError):
         row["covered"] = 0.0
@@ -310,8 +330,10 @@ BEFORE = f" | {'before':>7} {'90 %':>8} {'ratio':>6} {'ratio':>6} {'cov.':>5} {'
 def summary(label, found, left_out):
     rows = list(found.values())
     tame = [row for row in rows if tuple(row["cell"]) not in left_out]
-    normal = [row for row in tame if row["cell"][1] != "equation"]
-    equation = [row for row in tame if row["cell"][1] == "equation"]
+    linear = [row for row in tame if not row.get("nonlinear")]
+    normal = [row for row in linear if row["cell"][1] != "equation"]
+    equation = [row for row in linear if row["cell"][1] == "equation"]
+    reserved = [row for row in tame if row.get("nonlinear")]
     mid, high = quantiles(errors(tame))
     print(f"\n{label}: {len(rows)} records, {sum(row['error'] is None for row in rows)} refused")
     print(f"   figures of |G| without {len(rows) - len(tame)} records of cells where the true order itself is wild")
@@ -325,6 +347,11 @@ def summary(label, found, left_out):
         f"   coverage of |G| {100 * mean(normal, 'covered'):.1f} % (aim 92 to 97), equation noise "
         f"{100 * mean(equation, 'covered'):.1f} % (aim 88); of the step {100 * mean(rows, 'step_covered'):.1f} %"
     )
+    if reserved:
+        print(
+            f"   apart: {len(reserved)} records with a reservation about a nonlinearity of the input, coverage "
+            f"{100 * mean(reserved, 'covered'):.1f} %; with them {100 * mean(tame, 'covered'):.1f} %"
+        )
     tuned = [row for row in rows if row.get("pi") is not None]
     if tuned:
         stated = [row for row in tuned if row.get("stated") is not None]
