@@ -62,7 +62,9 @@ def parser() -> Parser:
     p.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")
     p.add_argument("--held-out", metavar="RUN", help="a further run for validation")
     p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay, where they are known")
-    by_choice = "model that is handed over: the one chosen, or ARX of the same orders as in papers, with its warning"
+    by_choice = (
+        "model that is written to the file: the one chosen, or ARX of the same orders as in papers, with its warning"
+    )
     p.add_argument("--handover", choices=["chosen", "arx"], help=f"{by_choice} (default: chosen)")
     amplitudes = "compare the gain of several runs of different amplitude: is the plant linear?"
     p.add_argument("--amplitudes", action="store_true", default=None, help=amplitudes)

@@ -1,4 +1,4 @@
-"""Additive disturbances of the output: spikes, drift and spectral lines, tested beside a regression of high order.
+"""Additive disturbances of the output: spikes, drift and spectral lines, tested in a regression of high order.
 
 Spikes are additive outliers: an isolated wrong sample appears in the innovations as the polynomial a, which a matched
 filter separates from a load impulse (a single innovation). Their samples are then treated as missing. Source: Chang,
@@ -23,7 +23,7 @@ SMALLEST = 0.02  # of the standard deviation of y: smaller spikes do no harm
 EARLY = (10.0, 0.1)  # the same two of the first samples of a segment, which respond to an unknown input before it
 PATCH = (1, 2, 3)  # samples of one spike
 MOST_NEAR = 3  # further spikes within the response of one
-DEPENDENT = 0.1  # share of a response that those beside it must leave
+DEPENDENT = 0.1  # share of a response that the others must leave
 LIKE_A_SPIKE = 0.95  # of the response as a load impulse, a change of the innovation
 MOST_SPIKES, ROUNDS = 0.05, 6  # share of the samples above which the noise has heavy tails; repetitions
 FALSE_ALARM = 1e-5  # probability that a record without lines has one
@@ -39,7 +39,7 @@ REFINED = 12  # evaluations of the exact frequency
 MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
 
-def columns_beside(rec: Record, lines: tuple[float, ...], drift: int) -> Array:
+def additional_columns(rec: Record, lines: tuple[float, ...], drift: int) -> Array:
     """Cosine and sine of each line and powers of time in each stretch, shape (N, k), zero outside the stretch."""
     columns = []
     for s in rec.stretches:
@@ -147,7 +147,7 @@ def _spikes(e: Array, a: Array, stretches: tuple[slice, ...], least: tuple[float
 def _overlapping(e: Array, a: Array, k: int, limit: float) -> list[int]:
     """Samples of two or more spikes, k and those near it, that together explain more than as many load impulses.
 
-    The largest responses are taken one after the other, each beside those before it.
+    The largest responses are taken one after the other, each given those before it.
     """
     products = np.r_[np.correlate(a, a, "full")[len(a) - 1 :], 0.0]
     c, at = _matched(e, a), [k]
@@ -220,12 +220,12 @@ def drift_range(a: Array, coefficients: Array, length: int) -> float | None:
     return float(np.ptp(powers @ np.linalg.solve(maps, np.r_[0.0, coefficients])))
 
 
-def strongest_line(fit: LongArx, rec: Record, beside: Array | None = None) -> tuple[float, float]:
+def strongest_line(fit: LongArx, rec: Record, additional: Array | None = None) -> tuple[float, float]:
     """Frequency (cycles per sample) of the line that explains most, and its p value over the grid.
 
-    The phase is free in each of the longest segments: samples between segments are not counted. Beside lags of y the
+    The phase is free in each of the longest segments: samples between segments are not counted. With lags of y the
     decrease of a strong line is large at its exact frequency only, between the points of the grid; its frequency is
-    therefore searched also without lags of y (``beside`` are the columns of ``fit``), and at undamped roots of a.
+    therefore searched also without lags of y (``additional`` are the columns of ``fit``), and at undamped roots of a.
     """
     from scipy.special import fdtrc
 
@@ -237,7 +237,7 @@ def strongest_line(fit: LongArx, rec: Record, beside: Array | None = None) -> tu
     slowest, step = SLOWEST / n, 1 / size
     f = _peak(fit, groups, size)
     found = [golden(lambda x: -decrease(fit, groups, x), f - step, f + step, REFINED)]
-    plain = long_arx(rec, 0, fit.lags, beside, len(fit.a) - 1)
+    plain = long_arx(rec, 0, fit.lags, additional, len(fit.a) - 1)
     z = np.roots(fit.a)
     rings = np.angle(z[(np.abs(z) > UNDAMPED) & (z.imag > 0)]) / (2 * np.pi)
     starts = (_peak(plain, groups, size), *rings[rings > slowest].tolist())
@@ -260,7 +260,7 @@ def line_decreases(fit: LongArx, groups: list[NDArray[np.intp]], size: int) -> A
     """Decrease of the sum of squares by a line at frequencies k / size, k = 0 ... size / 2.
 
     With Q the columns of the regression and z = exp(-jwt) in each group of rows, Fourier transforms of Q and of e give
-    the products with cosines and sines at all frequencies, and G = Z'Z - Z'QQ'Z those beside the regression.
+    the products with cosines and sines at all frequencies, and G = Z'Z - Z'QQ'Z those orthogonal to the regressors.
     """
     frequencies, own = size // 2 + 1, 2 * len(groups)
     held, c = np.empty((frequencies, fit.q.shape[1], own)), np.empty((frequencies, own))

@@ -66,7 +66,8 @@ class Identification(Plottable):
     record : Record
         The record with its operating point removed and spikes replaced.
     model : Model
-        Fitted to the whole record beside drift and lines, with its excited band: the model that is handed over.
+        Fitted to the whole record simultaneously with drift and lines, with its excited band: the model that is
+        written to the file.
     arx : Model
         Of the same orders by least squares, as in the papers.
     search : Search
@@ -84,7 +85,7 @@ class Identification(Plottable):
     disturbances : Disturbances
         Spikes, drift, lines and nonlinearity of the record, each with size and place.
     by_choice : str or None
-        Clause on an ARX model that was handed over by choice.
+        Clause on an ARX model that is used by choice.
     amplitudes : AmplitudeTable or None
         Gain over amplitude of several runs, where it was asked for.
     notes : tuple of str
@@ -117,7 +118,7 @@ class Identification(Plottable):
 
     @property
     def validated_on(self) -> str:
-        """Samples of ``validation``, and its model where that is not the one handed over."""
+        """Samples of ``validation``, and its model where that is not ``model``."""
         return self.judged.where
 
     @property
@@ -274,7 +275,7 @@ def identify(
     trend : bool
         Remove a linear trend from each segment, not only its mean.
     handover : {"chosen", "arx"}
-        The model that is handed over, ``model``: the one that was chosen, or ARX of the same orders, as in the papers,
+        The model that is written to the file, ``model``: the one chosen, or ARX of the same orders, as in the papers,
         with a reservation.
 
     Raises
@@ -305,20 +306,20 @@ def identify(
         part = _parts(whole)
         return search(
             part, most_order=most_order, delays=delays, orders=orders, least_delay=int(loop.found),
-            beside=disturbed.columns_of(part),
+            additional=disturbed.columns_of(part),
         )  # fmt: skip
 
     found, disturbed = _with_drift(searched, disturbed)
-    beside = disturbed.columns
-    best, chosen = mixture(whole, found, beside)
+    additional = disturbed.columns
+    best, chosen = mixture(whole, found, additional)
     one_step = _one_step(whole)
-    plain = _plain(partialled(whole, beside), best, one_step)
+    plain = _plain(partialled(whole, additional), best, one_step)
     by_arx = handover == "arx"
 
-    def estimate(part: Record, beside: Array | None) -> Model:
+    def estimate(part: Record, additional: Array | None) -> Model:
         if by_arx:
-            return arx(partialled(part, beside), plain.na, plain.nb, plain.nk)
-        return estimated(part, best, beside)
+            return arx(partialled(part, additional), plain.na, plain.nb, plain.nk)
+        return estimated(part, best, additional)
 
     discrete = next((one for one in found.candidates if one.form is None), best)
     independent = replace(discrete, structure="box_jenkins")
@@ -330,8 +331,8 @@ def identify(
         search=found,
         chosen=best,
         one_step=one_step,
-        judged=judge_handover(model, whole, estimate, held_out, beside),
-        loop=check_loop(whole, model, band, loop, lambda part: estimated(part, independent, beside)),
+        judged=judge_handover(model, whole, estimate, held_out, additional),
+        loop=check_loop(whole, model, band, loop, lambda part: estimated(part, independent, additional)),
         bias=None if loop.found else warn_of_bias(plain, chosen, band),
         causality=None if loop.found else causality(whole),  # a controller has the same effect
         disturbances=disturbed,
@@ -341,7 +342,7 @@ def identify(
 
 
 def _with_drift(searched: Callable[[Disturbances], Search], disturbed: Disturbances) -> tuple[Search, Disturbances]:
-    """The search beside drift, or without it where the plant explains it: a slow plant has responses like a drift."""
+    """The search with drift, or without it where the plant explains it: a slow plant has responses like a drift."""
     found = searched(disturbed)
     if not disturbed.drift:
         return found, disturbed

@@ -1,6 +1,6 @@
 """Disturbances of a record: spikes, drift, lines, static nonlinearity and quantisation, each with size and place.
 
-Spikes are replaced in the record; drift and lines are columns to be fitted beside the plant; the others cannot be
+Spikes are replaced in the record; drift and lines are additional regressors of the output; the others cannot be
 removed and are reservations. Records of more than 4000 samples are tested on their middle part, spikes on all samples.
 """
 
@@ -19,7 +19,7 @@ from .additive_disturbances import (
     FALSE_ALARM,
     MOST_LINES,
     MOST_SPIKES,
-    columns_beside,
+    additional_columns,
     drift_degree,
     drift_range,
     origins_of_line,
@@ -34,7 +34,7 @@ RELEVANT = 0.02  # of the standard deviation of y: smaller drift and lines are n
 NARROW = 0.02  # of half the range of u: smaller dead zones and backlash are named without a reservation
 FEWEST_STEPS = 20  # of a quantised output over its range
 COARSE = 0.5  # standard deviation of the rounding per standard deviation of the innovations
-CONFIRMED = 1e-3  # p value of a drift or line beside twice as many lags
+CONFIRMED = 1e-3  # p value of a drift or line in a regression with twice as many lags
 CHECKED = "Spikes, drift, lines and nonlinearity"
 SHOWN = 6  # samples of spikes that are named
 
@@ -69,7 +69,7 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Disturbances(Displayable):
-    """Disturbances of a record and what to fit beside the plant.
+    """Disturbances of a record, and the additional regressors for drift and lines.
 
     Attributes
     ----------
@@ -104,12 +104,12 @@ class Disturbances(Displayable):
 
     @property
     def columns(self) -> Array | None:
-        """Columns (N, k) to be fitted to the output beside the plant; None without drift and lines."""
+        """Additional regressors (N, k) of the output; None without drift and lines."""
         return self.columns_of(self.record)
 
     @property
     def count(self) -> int:
-        """Number of columns to be fitted beside the plant."""
+        """Number of additional regressors."""
         return len(self.record.starts) * (self.drift + 2 * len(self.lines))
 
     def without_drift(self) -> "Disturbances":
@@ -118,7 +118,7 @@ class Disturbances(Displayable):
 
     def columns_of(self, rec: Record) -> Array | None:
         """The same columns for another record of the same rate."""
-        return columns_beside(rec, self.lines, self.drift) if self.lines or self.drift else None
+        return additional_columns(rec, self.lines, self.drift) if self.lines or self.drift else None
 
 
 def disturbances(rec: Record) -> Disturbances:
@@ -163,7 +163,8 @@ def disturbances(rec: Record) -> Disturbances:
 def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:
     """The centred record with spikes replaced, their samples, and whether outliers are too many to be spikes.
 
-    A nonlinearity of the input leaves innovations that resemble spikes; where there is one, spikes are those beside it.
+    A nonlinearity of the input leaves innovations that resemble spikes; where there is one, spikes are those that
+    remain with it in the model.
     """
     rec = rec.centred()
     clean, replaced, heavy = without_spikes(rec, order)
@@ -184,32 +185,32 @@ def _tested(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...], LongArx]
     drift, lines = _additive(rec, fit)
     if drift or lines:
         drift, lines = _confirmed(rec, 2 * (len(fit.a) - 1), drift, lines)
-    beside = columns_beside(rec, lines, drift)
-    return drift, lines, long_arx(rec, len(fit.a) - 1, fit.lags, beside) if beside.shape[1] else fit
+    additional = additional_columns(rec, lines, drift)
+    return drift, lines, long_arx(rec, len(fit.a) - 1, fit.lags, additional) if additional.shape[1] else fit
 
 
 def _static(rec: Record, order: int, lines: tuple[float, ...], drift: int, held: LongArx | None) -> Nonlinearity | None:
-    """Nonlinearity of the input beside drift and lines; ``held`` is their regression on this record, if known."""
-    beside = columns_beside(rec, lines, drift)
-    held = held or long_arx(rec, order, input_lags(rec, order), beside)
-    return nonlinearity(held, rec, rec.u + offsets_of(rec)[:, 0], beside)
+    """Nonlinearity of the input, tested with drift and lines; ``held`` is their regression on this record, if known."""
+    additional = additional_columns(rec, lines, drift)
+    held = held or long_arx(rec, order, input_lags(rec, order), additional)
+    return nonlinearity(held, rec, rec.u + offsets_of(rec)[:, 0], additional)
 
 
 def _additive(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...]]:
     """Degree of drift and frequencies of lines in Hz."""
     lines: tuple[float, ...] = ()
     order, held = len(fit.a) - 1, fit
-    powers = columns_beside(rec, (), DRIFT)
+    powers = additional_columns(rec, (), DRIFT)
     drift = drift_degree(fit, powers) if powers.shape[1] < fit.free / 10 else 0
     if drift:
-        held = long_arx(rec, order, fit.lags, columns_beside(rec, (), drift))
+        held = long_arx(rec, order, fit.lags, additional_columns(rec, (), drift))
         drift, held = (drift, held) if _plausible(rec, held, drift) else (0, fit)
     while len(lines) < MOST_LINES:
-        f, p = strongest_line(held, rec, columns_beside(rec, lines, drift))
+        f, p = strongest_line(held, rec, additional_columns(rec, lines, drift))
         if p > FALSE_ALARM:
             break
         lines = (*lines, f / rec.sample_time)
-        held = long_arx(rec, order, fit.lags, columns_beside(rec, lines, drift))
+        held = long_arx(rec, order, fit.lags, additional_columns(rec, lines, drift))
     sizes = _amplitudes(rec, held, lines, drift)
     return drift, tuple(f for f, size in zip(lines, sizes, strict=True) if _relative(size, rec) > NEGLIGIBLE)
 
@@ -218,26 +219,26 @@ def _amplitudes(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int)
     """Amplitude of each line of the output, in the stretch where it is largest."""
     if not lines:
         return []
-    block = fit.beside.reshape(len(rec.starts), -1)[:, drift:]
+    block = fit.additional.reshape(len(rec.starts), -1)[:, drift:]
     z = np.exp(-2j * np.pi * rec.sample_time * np.outer(lines, np.arange(len(fit.a))))
     sizes = np.hypot(block[:, ::2], block[:, 1::2]).max(axis=0) / np.abs(z @ fit.a)
     return [float(size) for size in sizes]
 
 
 def _confirmed(rec: Record, order: int, drift: int, lines: tuple[float, ...]) -> tuple[int, tuple[float, ...]]:
-    """Drift and lines that are significant beside twice as many lags: a lightly damped plant needs them."""
+    """Drift and lines that are significant with twice as many lags: a lightly damped plant needs them."""
     lags = input_lags(rec, order)
 
     def p_value(own: Array, others: Array) -> float:
         fit = long_arx(rec, order, lags, others)
         return fit.f_test(own[fit.rows])[0]
 
-    if drift and p_value(columns_beside(rec, (), drift), columns_beside(rec, lines, 0)) > CONFIRMED:
+    if drift and p_value(additional_columns(rec, (), drift), additional_columns(rec, lines, 0)) > CONFIRMED:
         drift = 0
     kept = tuple(
         f
         for f in lines
-        if p_value(columns_beside(rec, (f,), 0), columns_beside(rec, tuple(x for x in lines if x != f), drift))
+        if p_value(additional_columns(rec, (f,), 0), additional_columns(rec, tuple(x for x in lines if x != f), drift))
         < CONFIRMED
     )
     return drift, kept
@@ -253,8 +254,8 @@ def _drift_of_longest(rec: Record, fit: LongArx, drift: int) -> tuple[float | No
     """Range of the drift over the longest stretch, and its samples."""
     longest = int(np.argmax(np.diff([*rec.starts, len(rec)])))
     count = rec.stretches[longest].stop - rec.stretches[longest].start
-    block = len(fit.beside) // len(rec.starts)
-    return drift_range(fit.a, fit.beside[longest * block : longest * block + drift], count), count
+    block = len(fit.additional) // len(rec.starts)
+    return drift_range(fit.a, fit.additional[longest * block : longest * block + drift], count), count
 
 
 def _unit(unit: str) -> str:
@@ -290,8 +291,8 @@ def _of_drift(rec: Record, fit: LongArx, drift: int) -> list[Disturbance]:
     relative, time = _relative(size, rec), count * rec.sample_time
     words = (
         f"the output {rec.output} drifts by {plain(size, 2)}{_unit(rec.unit_y)} within {plain(time)} s "
-        f"({100 * relative:.0f} % of its standard deviation), fitted beside the plant as a polynomial of degree "
-        f"{drift}: warm up the machine, or correct the offset of the sensor before each run"
+        f"({100 * relative:.0f} % of its standard deviation), estimated simultaneously with the plant as a polynomial "
+        f"of degree {drift}: warm up the machine, or correct the offset of the sensor before each run"
     )
     return [Disturbance("drift", size, rec.unit_y, "whole record", words, _level(relative))]
 
@@ -310,7 +311,7 @@ def _of_lines(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -
         relative = _relative(size, rec)
         words = (
             f"the output {rec.output} has a line at {f:.4g} Hz of amplitude {plain(size, 2)}{_unit(rec.unit_y)} "
-            f"({100 * relative:.0f} % of its standard deviation), fitted beside the plant. "
+            f"({100 * relative:.0f} % of its standard deviation), estimated simultaneously with the plant. "
             f"{origins_of_line(f, rec.rate)}"
         )
         out.append(Disturbance("line", size, rec.unit_y, f"{f:.4g} Hz", words, _level(relative)))

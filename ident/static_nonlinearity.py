@@ -74,7 +74,7 @@ class Candidate:
     ends: Callable[[float], tuple[float, float]]
 
 
-def nonlinearity(fit: LongArx, rec: Record, raw: Array, beside: Array) -> Nonlinearity | None:
+def nonlinearity(fit: LongArx, rec: Record, raw: Array, additional: Array) -> Nonlinearity | None:
     """The static nonlinearity that explains the innovations best, if significant.
 
     Parameters
@@ -83,14 +83,14 @@ def nonlinearity(fit: LongArx, rec: Record, raw: Array, beside: Array) -> Nonlin
     rec : Record
     raw : ndarray, shape (N,)
         Input with its operating point, unit of u.
-    beside : ndarray, shape (N, k)
+    additional : ndarray, shape (N, k)
         Further columns of the regression.
     """
     if len(np.unique(raw)) <= FEW_VALUES:
         return None
     lags = LAGS[max(s.stop - s.start for s in rec.stretches) // 6 > LAGS]
     both = np.union1d(fit.lags, lags)  # u as far back as g, so that g does not stand for dynamics that are linear
-    wide = long_arx(rec, len(fit.a) - 1, both, beside)
+    wide = long_arx(rec, len(fit.a) - 1, both, additional)
     if wide.free < 3 * len(lags):
         return None
     held = list(_candidates(rec, raw))
@@ -102,7 +102,7 @@ def nonlinearity(fit: LongArx, rec: Record, raw: Array, beside: Array) -> Nonlin
     if p > FALSE_ALARM / len(columns):
         return None
     best = {c.kind: c for _, (c, _) in sorted(zip(fell, columns, strict=True), key=lambda item: item[0])}
-    acting = Acting(rec, raw, beside, len(fit.a) - 1, both)
+    acting = Acting(rec, raw, additional, len(fit.a) - 1, both)
     return _refined(acting, list(best.values()), p)
 
 
@@ -123,14 +123,14 @@ class Acting:
 
     rec: Record
     raw: Array
-    beside: Array
+    additional: Array
     y_lags: int
     lags: NDArray[np.intp]
 
     def left(self, candidate: "Candidate", size: float, change: float) -> float:
         """Sum of squares of the innovations with the input u + change g(u)."""
         acting = replace(self.rec, u=self.raw + change * candidate.function(self.rec, self.raw, size))
-        return rss_of(acting, self.y_lags, self.lags, self.beside)
+        return rss_of(acting, self.y_lags, self.lags, self.additional)
 
 
 def _candidates(rec: Record, raw: Array) -> Iterator[Candidate]:

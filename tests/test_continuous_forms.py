@@ -123,12 +123,12 @@ def test_input_before_the_record_is_unknown() -> None:
     assert np.any(form.e[:3] == 0)
 
 
-def test_columns_beside_the_plant_are_estimated_with_it() -> None:
+def test_additional_regressors_are_estimated_simultaneously_with_the_plant() -> None:
     rec = recorded("lag with delay", 4)
     t = np.arange(N)
-    beside = np.column_stack([np.cos(0.9 * t), np.sin(0.9 * t), t / N])
-    disturbed = replace(rec, y=rec.y + beside @ [1.0, 0.5, 2.0], sha256=None)
-    plain, found = (named(fit_forms(r, beside=beside), "lag with delay") for r in (rec, disturbed))
+    additional = np.column_stack([np.cos(0.9 * t), np.sin(0.9 * t), t / N])
+    disturbed = replace(rec, y=rec.y + additional @ [1.0, 0.5, 2.0], sha256=None)
+    plain, found = (named(fit_forms(r, additional=additional), "lag with delay") for r in (rec, disturbed))
     np.testing.assert_allclose(found.values, plain.values, rtol=1e-4)
 
 

@@ -140,7 +140,7 @@ def test_amplitudes_need_several_runs_that_differ(run, tmp_path):
 def test_arx_is_handed_over_by_choice_with_its_warning(run, german, tmp_path):
     code, out, _ = run("ident", german.name, "--handover", "arx", "--out", "arx")
     assert code == 0
-    assert "ARX model was handed over by choice" in out
+    assert "ARX model is used by choice" in out
     d = parameters.read(tmp_path / "arx/params.json").dynamics
     assert d.structure == "arx"
     assert any("by choice" in reason for reason in d.verdict.reasons)

@@ -252,14 +252,14 @@ def test_independence_flags_what_is_left_of_the_input():
     assert independence(bent, rec.u[:, None], 0).flagged == 1.0
 
 
-# --- the model that is handed over --------------------------------------------------------------------
+# --- the model that is written to the file --------------------------------------------------------------------
 
 
 SLOW_A = np.poly(np.full(5, np.exp(-0.1)))  # of 1/(.2s+1)^5 with a zero-order hold at 50 Hz
 SLOW_B = cont2discrete(([3125.0], np.poly([-5.0] * 5)), 0.02)[0][0][1:]
 
 
-def estimated(rec, beside=None):
+def estimated(rec, additional=None):
     return output_error(rec, 3, 3, initial="offset")
 
 
@@ -294,7 +294,7 @@ def test_a_model_that_is_not_the_one_that_was_validated_is_named():
     rec = recorded(chirp(), 30, 1).centred()
     model = replace(estimated(rec), band=(0.1, 2.0))
 
-    def other(part, beside):
+    def other(part, additional):
         found = estimated(part)
         return replace(found, b=1.3 * found.b)
 
@@ -310,7 +310,7 @@ def test_noise_does_not_refuse_the_true_structure_of_a_slow_plant(seed):
     x = slow.simulate(chirp())
     rec = Record(chirp(), x + 0.1 * x.std() * np.random.default_rng(seed).standard_normal(750), 0.02).centred()
 
-    def five(part, beside=None):
+    def five(part, additional=None):
         return output_error(part, 5, 5, initial="offset")
 
     judged = judge_handover(replace(five(rec), band=(0.1, 2.0)), rec, five)
@@ -334,7 +334,7 @@ def test_a_poor_model_of_its_own_record_is_named_as_such():
 def test_an_unstable_part_costs_only_the_held_out_fit():
     rec = recorded(prbs(2.5, hold=0.2), 30, 1).centred()
 
-    def once(part, beside):
+    def once(part, additional):
         if len(part) < len(rec):
             raise IdentError("no stable model.")
         return estimated(part)
@@ -355,7 +355,7 @@ def test_arx_is_handed_over_by_choice_with_its_warning():
     assert found.model.theta.tolist() == found.arx.theta.tolist() == arx(rec.centred(), 3, 3).theta.tolist()
     assert found.verdict.level >= RESERVATIONS
     section = parameters.collect(tool="a", work="b", dynamics=found).dynamics
-    (words,) = [reason for reason in section.verdict.reasons if reason.startswith("The ARX model was handed over")]
+    (words,) = [reason for reason in section.verdict.reasons if reason.startswith("The ARX model is used by choice")]
     assert float(re.search(r"by up to (\S+) %", words)[1]) > 15
     assert section.structure == "arx"
     pi = tune_pi(found, 2.0, 4.0, nominal=True, n=12)
@@ -377,16 +377,16 @@ def test_one_step_errors_of_box_jenkins_are_white_and_their_bands_hold():
 
 
 def test_a_line_beside_the_plant_is_no_error_of_the_model():
-    """A line of 10 % of the output: cosine and sine are fitted beside the simulation, on all samples as on blocks."""
+    """A line of 10 % of the output: cosine and sine are estimated with the simulation, on all samples as on blocks."""
     rec = recorded(chirp(), 40, 1).centred()
     turns = 2 * np.pi * 7.3 * 0.02 * np.arange(len(rec))
     rec = replace(rec, y=rec.y + 0.1 * rec.y.std() * np.sin(turns + 1), sha256=None)
     X = np.column_stack([np.cos(turns), np.sin(turns)])
     model = box_jenkins(rec, 3, 3, 0)
 
-    def estimate(part, beside):
+    def estimate(part, additional):
         return box_jenkins(part, 3, 3, 0)
 
-    plain, fitted = (judge_handover(model, rec, estimate, beside=x) for x in (None, X))
+    plain, fitted = (judge_handover(model, rec, estimate, additional=x) for x in (None, X))
     assert max(plain.own.fit, plain.structure.fit) < 94
     assert min(fitted.own.fit, fitted.structure.fit) > 98

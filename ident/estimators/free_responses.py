@@ -23,7 +23,7 @@ class FreeSpace:
     Attributes
     ----------
     columns : ndarray, shape (length, k)
-        Responses to the initial state, and signals beside the plant, not filtered.
+        Responses to the initial state, and additional regressors, not filtered.
     Q, R : ndarray, shape (L, m), (m, m)
         Orthonormal columns of the filtered responses, L as short as these, and their triangle.
     kept : ndarray of bool, shape (k,)
@@ -74,12 +74,14 @@ class FreeSpace:
             out[:, : len(self.columns)] += c @ self.columns.T
 
 
-def free_space(f: Array, d: Array, length: int, states: int, constant: bool, beside: Array | None = None) -> FreeSpace:
+def free_space(
+    f: Array, d: Array, length: int, states: int, constant: bool, additional: Array | None = None
+) -> FreeSpace:
     """The free columns of a segment of ``length`` samples, of which the first len(d) - 1 have no filtered value."""
     nd = len(d) - 1
     columns = _responses(f, length, states, nd)
-    if beside is not None:
-        columns = np.hstack([np.pad(columns, ((0, length - len(columns)), (0, 0))), beside])
+    if additional is not None:
+        columns = np.hstack([np.pad(columns, ((0, length - len(columns)), (0, 0))), additional])
     filtered = columns[nd:].copy(order="F")
     for k in range(1, nd + 1):
         filtered += d[k] * columns[nd - k : len(columns) - k]

@@ -1,6 +1,6 @@
 """Least-squares ARX of high order: innovations of a record without a choice of structure, and F tests of further terms.
 
-    y(t) = level + sum a_i y(t-i) + sum b_j u(t-j) + beside(t) + e(t)
+    y(t) = level + sum a_i y(t-i) + sum b_j u(t-j) + additional(t) + e(t)
 
 Twenty lags of y and up to sixty of u whiten the usual plants under sensor noise as well as under equation noise, so
 that the F test of a further term (a sine, a polynomial, a function of u) holds its level without knowledge of the
@@ -42,10 +42,10 @@ class LongArx:
     left : ndarray, shape (m,)
         Innovations e, unit of y.
     a, b : ndarray
-        Polynomials in q^-1: a y = b u + level + beside + e.
+        Polynomials in q^-1: a y = b u + level + additional + e.
     lags : ndarray of int
         Lags of u in the regression.
-    beside : ndarray, shape (k,)
+    additional : ndarray, shape (k,)
         Coefficients of the further columns.
     """
 
@@ -55,7 +55,7 @@ class LongArx:
     a: Array
     b: Array
     lags: NDArray[np.intp]
-    beside: Array
+    additional: Array
 
     @property
     def free(self) -> int:
@@ -141,37 +141,45 @@ def order_of(rec: Record) -> int:
     return 0
 
 
-def long_arx(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None = None, span: int = 0) -> LongArx:
-    """The regression of high order with columns ``beside`` (N, k); the first ``span`` samples have no row."""
+def long_arx(
+    rec: Record, y_lags: int, lags: NDArray[np.intp], additional: Array | None = None, span: int = 0
+) -> LongArx:
+    """The regression of high order with columns ``additional`` (N, k); the first ``span`` samples have no row."""
     from scipy.linalg import solve_triangular
 
-    t, x = _columns(rec, y_lags, lags, beside, span)
+    t, x = _columns(rec, y_lags, lags, additional, span)
     q, r = np.linalg.qr(x)
     c = q.T @ rec.y[t]
     diagonal = np.abs(np.diag(r))
     r[np.diag_indices(len(r))] += np.where(diagonal < 1e-14 * diagonal.max(), 1e-14 * diagonal.max(), 0.0)
     theta = solve_triangular(r, c)
     b = np.zeros(int(lags[-1]) + 1)
-    end, count = theta.size - y_lags, 0 if beside is None else beside.shape[1]
+    end, count = theta.size - y_lags, 0 if additional is None else additional.shape[1]
     start = end - count - len(lags)
     b[lags] = theta[start : start + len(lags)]
     return LongArx(
-        rows=t, q=q, left=rec.y[t] - q @ c, a=np.r_[1.0, -theta[end:]], b=b, lags=lags, beside=theta[end - count : end]
+        rows=t,
+        q=q,
+        left=rec.y[t] - q @ c,
+        a=np.r_[1.0, -theta[end:]],
+        b=b,
+        lags=lags,
+        additional=theta[end - count : end],
     )
 
 
-def rss_of(rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None = None) -> float:
+def rss_of(rec: Record, y_lags: int, lags: NDArray[np.intp], additional: Array | None = None) -> float:
     """Sum of squares of the innovations of `long_arx`."""
-    t, x = _columns(rec, y_lags, lags, beside)
+    t, x = _columns(rec, y_lags, lags, additional)
     return float(r_of(np.column_stack([x, rec.y[t]]))[-1, -1] ** 2)
 
 
 def _columns(
-    rec: Record, y_lags: int, lags: NDArray[np.intp], beside: Array | None, span: int = 0
+    rec: Record, y_lags: int, lags: NDArray[np.intp], additional: Array | None, span: int = 0
 ) -> tuple[NDArray[np.intp], Array]:
-    """Samples with a complete regressor (m,), and the regressors (m, p): levels, u, ``beside``, y."""
+    """Samples with a complete regressor (m,), and the regressors (m, p): levels, u, ``additional``, y."""
     t = rows_of(rec, max(y_lags, int(lags[-1]), span))
-    extra = np.empty((len(t), 0)) if beside is None else beside[t]
+    extra = np.empty((len(t), 0)) if additional is None else additional[t]
     past = lagged_rows(rec.y, 1 + np.arange(y_lags), t)
     return t, np.column_stack([levels(rec, t), lagged_rows(rec.u, lags, t), extra, past])
 

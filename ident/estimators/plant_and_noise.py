@@ -48,8 +48,8 @@ class WhitenedRun:
         Samples at the start of each segment that are left out.
     states, constant : bool
         Whether the initial state and a constant of each segment are estimated.
-    beside : ndarray, shape (N, k), or None
-        Signals added to the output with coefficients that are estimated for each segment: lines, drift.
+    additional : ndarray, shape (N, k), or None
+        Additional regressors of the output, with coefficients for each segment: lines, drift.
     """
 
     u: Array
@@ -62,12 +62,12 @@ class WhitenedRun:
     skipped: int
     states: bool = True
     constant: bool = True
-    beside: Array | None = None
+    additional: Array | None = None
 
     @property
     def hidden(self) -> int:
-        """Number of initial states, constants and coefficients of signals beside the plant."""
-        signals = 0 if self.beside is None else self.beside.shape[1]
+        """Number of initial states, constants and coefficients of additional regressors."""
+        signals = 0 if self.additional is None else self.additional.shape[1]
         return len(self.stretches) * (self.nf * self.states + self.constant + signals)
 
     def polynomials(self, theta: Array) -> tuple[Array, Array, Array]:
@@ -106,8 +106,8 @@ def constants_of(run: WhitenedRun, theta: Array) -> Array:
 
 
 def groups(run: WhitenedRun) -> list[tuple[slice, ...]]:
-    """Segments of one length together: they share the responses to initial states, not the signals beside the plant."""
-    return [(s,) for s in run.stretches] if run.beside is not None else by_length(run.stretches, 0)
+    """Segments of one length together: they share the responses to initial states, not the additional regressors."""
+    return [(s,) for s in run.stretches] if run.additional is not None else by_length(run.stretches, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +143,8 @@ def simulated_group(run: WhitenedRun, theta: Array, group: tuple[slice, ...]) ->
     x = np.zeros(u.shape)
     for k in range(nb):
         x[:, run.nk + k :] += b[k] * uf[:, : n - run.nk - k]
-    beside = None if run.beside is None else run.beside[group[0].start + start : group[0].stop]
-    free = free_space(f, d, n - start, nf if run.states else 0, run.constant, beside)
+    additional = None if run.additional is None else run.additional[group[0].start + start : group[0].stop]
+    free = free_space(f, d, n - start, nf if run.states else 0, run.constant, additional)
     v = y[:, start:] - x[:, start:]
     c, level = free.coefficients(fir(d, v)[:, nd:])
     free.response(c, level, x[:, start:])
@@ -186,7 +186,7 @@ def box_jenkins(
     nk: int = 1,
     *,
     initial: Initial = "offset",
-    beside: Array | None = None,
+    additional: Array | None = None,
     max_steps: int = 100,
     tol: float = 1e-10,
 ) -> Model:
@@ -201,8 +201,8 @@ def box_jenkins(
         In closed loop ``nk`` is 1 or more.
     initial : {"offset", "estimate", "zero"}
         Initial state of each segment: estimated with a constant, estimated, or at rest. ``auto`` is ``offset``.
-    beside : ndarray, shape (N, k), optional
-        Signals that are added to the output, each with a coefficient of its own in each segment: the sine and cosine of
+    additional : ndarray, shape (N, k), optional
+        Additional regressors of the output, each with a coefficient of its own in each segment: the sine and cosine of
         a spectral line, the powers of time of a drift.
     max_steps, tol : int, float
         Largest number of trials; converged when the predicted reduction is below ``tol`` of the loss.
@@ -230,7 +230,7 @@ def box_jenkins(
     ([-0.8, 0.5], [1.0, -0.9])
     """
     rec = checked_record(rec, {"nb": nb, "nf": nf, "nd": nd}, nk)
-    run = replace(whitened_run(rec, (nf, nb, nk, nd), initial), beside=beside)
+    run = replace(whitened_run(rec, (nf, nb, nk, nd), initial), additional=additional)
     end = whitened_minimum(run, starting_theta(run), max_steps, tol)
     return box_jenkins_model(rec, run, end)
 

@@ -54,7 +54,7 @@ def high_order_arx(
     first: int = 0,
     order: int = HIGH_ORDER,
     delay: int = 0,
-    beside: Array | None = None,
+    additional: Array | None = None,
 ) -> HighOrder:
     """Least squares on ``order`` past outputs and the inputs of lags ``first`` ... ``order + delay``, with a constant.
 
@@ -67,8 +67,8 @@ def high_order_arx(
     level = np.zeros((len(t), len(long)))
     for k, s in enumerate(long):
         level[(t >= s.start) & (t < s.stop), k] = 1.0
-    if beside is not None:
-        level = np.hstack([level, beside[t]])
+    if additional is not None:
+        level = np.hstack([level, additional[t]])
     Phi = np.hstack([-y[t[:, None] - np.arange(1, order + 1)], u[t[:, None] - np.arange(first, span + 1)], level])
     R = r_of(np.column_stack([Phi, y[t]]))
     theta = np.linalg.lstsq(R[:, :-1], R[:, -1], rcond=SMALL)[0]

@@ -41,7 +41,7 @@ SLOW = 10.0  # a pole with a time constant above a tenth of the longest segment 
 SLOW_TRIED = 12  # candidates of which those with a slow pole are tried with an integrator
 CANCELLED = 1e-6  # share of |b| below which b(1) cancels the integrator
 HOPELESS = 100.0  # of the criterion above the best: the penalty makes no difference
-MEMORY = (0, 1, 2, 4, 7, 11, 16, 22, 30, 40, 55)  # lags of u beside which drift and lines are estimated first
+MEMORY = (0, 1, 2, 4, 7, 11, 16, 22, 30, 40, 55)  # lags of u with which drift and lines are estimated first
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +128,8 @@ class Screen:
         Noise polynomial of the residual of the high-order model.
     u, x, y : ndarray, shape (N,)
         Input, simulated output of the high-order model, and output, filtered by ``d``.
-    beside : ndarray, shape (N, k), or None
-        Signals fitted beside the plant.
+    additional : ndarray, shape (N, k), or None
+        Additional regressors of the output.
     """
 
     rec: Record
@@ -138,35 +138,37 @@ class Screen:
     u: Array
     x: Array
     y: Array
-    beside: Array | None = None
+    additional: Array | None = None
 
     def skipped(self, na: int, nb: int, nk: int) -> int:
         """Samples at the start of each segment that are left out."""
         return max(nb + nk - 1 - na, 0) + len(self.d) - 1
 
 
-def screen_of(rec: Record, band: tuple[float, float], first: int, delay: int, beside: Array | None = None) -> Screen:
+def screen_of(
+    rec: Record, band: tuple[float, float], first: int, delay: int, additional: Array | None = None
+) -> Screen:
     """The record with the simulated output of its high-order model, both whitened."""
-    high = high_order_arx(rec.u, rec.y, rec.stretches, first, delay=delay, beside=beside)
-    y = rec.y if beside is None else without_beside(rec, beside)
+    high = high_order_arx(rec.u, rec.y, rec.stretches, first, delay=delay, additional=additional)
+    y = rec.y if additional is None else without_additional(rec, additional)
     x = high.x if high.stable and squares(y - high.x) < squares(y) else y
     parts = [y[s] - x[s] for s in rec.stretches if s.stop - s.start > 2 * len(high.a)]
     left = [v - v.mean() for v in parts]
     d = burg(left)[0] if left and squares(np.concatenate(left)) > EXACT * squares(rec.y) else ONE
     u, x, y = (filtered(d, [1.0], v, rec.stretches) for v in (rec.u, x, y))
-    return Screen(rec, band, d, u, x, y, beside)
+    return Screen(rec, band, d, u, x, y, additional)
 
 
-def without_beside(rec: Record, beside: Array) -> Array:
-    """Output (N,) less the columns beside the plant, whose coefficients are fitted together with lags of u."""
+def without_additional(rec: Record, additional: Array) -> Array:
+    """Output (N,) less the additional regressors, whose coefficients are estimated simultaneously with lags of u."""
     longest = max(s.stop - s.start for s in rec.stretches)
     past = lagged(rec.u, [lag for lag in MEMORY if lag < longest // 6], rec.stretches)
     level = [
         np.where((np.arange(len(rec)) >= s.start) & (np.arange(len(rec)) < s.stop), 1.0, 0.0) for s in rec.stretches
     ]
-    columns = np.column_stack([*level, past, beside])
+    columns = np.column_stack([*level, past, additional])
     theta = np.linalg.lstsq(columns, rec.y, rcond=1e-9)[0]
-    return np.asarray(rec.y - beside @ theta[-beside.shape[1] :], dtype=np.float64)
+    return np.asarray(rec.y - additional @ theta[-additional.shape[1] :], dtype=np.float64)
 
 
 def scanned(screen: Screen, na: int, nb: int, delays: Iterable[int], f: Array = ONE) -> dict[int, tuple[float, Array]]:
@@ -191,7 +193,7 @@ def fitted(screen: Screen, orders: tuple[int, int, int], theta: Array, lowest: f
 
     ``lowest`` is the criterion of the best candidate so far.
     """
-    plain = replace(whitened_run(screen.rec, (*orders, 0)), beside=screen.beside)
+    plain = replace(whitened_run(screen.rec, (*orders, 0)), additional=screen.additional)
     if not plain.stretches:
         return None
     run = prewhitened(plain, screen.d)
@@ -227,7 +229,7 @@ def refined(screen: Screen, one: Candidate) -> Candidate:
     nd = len(one.d) - 1
     if one.structure != "box_jenkins" or one.form is not None or one.integrating:
         return one
-    run = replace(whitened_run(screen.rec, (one.na, one.nb, one.nk, nd)), beside=screen.beside)
+    run = replace(whitened_run(screen.rec, (one.na, one.nb, one.nk, nd)), additional=screen.additional)
     if not run.stretches:
         return one
     end = whitened_minimum(run, np.concatenate([one.theta, one.d[1:]]), REFINED_STEPS, REFINED)
@@ -239,7 +241,9 @@ def refined(screen: Screen, one: Candidate) -> Candidate:
 def form_candidates(screen: Screen, delays: Sequence[int] | None) -> list[Candidate]:
     """Continuous forms with few parameters, judged as the other candidates."""
     return [
-        _of_form(screen, form) for form in fit_forms(screen.rec, delays, beside=screen.beside) if usable(form.model)
+        _of_form(screen, form)
+        for form in fit_forms(screen.rec, delays, additional=screen.additional)
+        if usable(form.model)
     ]
 
 
@@ -263,9 +267,9 @@ def _of_form(screen: Screen, form: FittedForm) -> Candidate:
     ))  # fmt: skip
 
 
-def both_beside(slope: Array, beside: Array | None) -> Array:
-    """A slope and the signals beside the plant, (N, 1 + k)."""
-    return slope if beside is None else np.hstack([slope, beside])
+def both_additional(slope: Array, additional: Array | None) -> Array:
+    """A slope and the additional regressors, (N, 1 + k)."""
+    return slope if additional is None else np.hstack([slope, additional])
 
 
 def integrating_candidates(screen: Screen, found: Sequence[Candidate]) -> list[Candidate]:
@@ -280,7 +284,7 @@ def integrating_candidates(screen: Screen, found: Sequence[Candidate]) -> list[C
     time = np.concatenate([np.linspace(-1.0, 1.0, s.stop - s.start) for s in rec.stretches])[:, None]
     summed = replace(
         screen, rec=replace(rec, u=total), u=filtered(screen.d, [1.0], total, rec.stretches),
-        beside=both_beside(time, screen.beside),
+        additional=both_additional(time, screen.additional),
     )  # fmt: skip
     out = []
     for one in slow:

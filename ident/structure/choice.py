@@ -8,7 +8,7 @@ of the plant and m of the noise model, Schwarz's criterion is
 A record without power above its excited band cannot reject poles there, and noise in the band can call for them. A
 candidate pays where its gain beyond the band exceeds the largest in the band, and for each lightly damped pole there.
 It also pays for a resonance narrower than 1 / duration, which the record cannot resolve: a pole of this kind, with a
-zero beside it, fits a spectral line of the noise or an initial state. A real pole with a time constant above the
+zero near it, fits a spectral line of the noise or an initial state. A real pole with a time constant above the
 duration, an integrator included, counts for one coefficient more: it fits drift.
 Weights of candidates are exp(-BIC difference / TEMPER): with TEMPER 2 they would be posterior probabilities of the
 orders, which are too sure where every candidate is an approximation.
@@ -120,7 +120,7 @@ def weights(criteria: ArrayLike, direct: ArrayLike | None = None) -> Array:
     criteria : array_like, shape (C,)
         Criterion plus guard.
     direct : array_like of bool, shape (C,), optional
-        Whether a candidate responds in the same sample (nk = 0): such a one has no weight beside a best one that does
+        Whether a candidate responds in the same sample (nk = 0): such a one has no weight where the best one does
         not, because behind a zero-order hold it is an artefact, and no digital PI without delay can be tuned on it.
 
     Examples

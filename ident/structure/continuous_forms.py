@@ -38,7 +38,7 @@ CHI2_MEDIAN = 0.455  # of one degree of freedom
 
 
 def fit_forms(
-    rec: Record, delays: Sequence[int] | None = None, *, beside: Array | None = None
+    rec: Record, delays: Sequence[int] | None = None, *, additional: Array | None = None
 ) -> tuple[FittedForm, ...]:
     """Continuous forms fitted to a record, those that can be estimated from it.
 
@@ -48,8 +48,8 @@ def fit_forms(
         Centred.
     delays : sequence of int, optional
         Whole samples from which the delay is estimated, 0 or more; by default 0 to 200.
-    beside : ndarray, shape (N, k), optional
-        Columns added to the simulated output, their coefficients estimated: lines, drift.
+    additional : ndarray, shape (N, k), optional
+        Additional regressors of the output, estimated simultaneously: lines, drift.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def fit_forms(
     >>> lag.name, lag.symbols, lag.values.round(2).tolist()
     ('lag with delay', ('K', 'T', 'L'), [2.0, 0.5, 0.33])
     """
-    data = form_data(rec, beside)
+    data = form_data(rec, additional)
     near = range(min(MOST_DELAY, data.longest // 4) + 1) if delays is None else delays
     shifts = np.unique([0, *near])
     with np.errstate(all="ignore"):  # a diverging trial has an infinite loss and is not taken
@@ -72,7 +72,7 @@ def fit_forms(
     return tuple(described(rec, data, fit) for fit in found)
 
 
-def refit_form(rec: Record, fitted: FittedForm, *, beside: Array | None = None) -> FittedForm:
+def refit_form(rec: Record, fitted: FittedForm, *, additional: Array | None = None) -> FittedForm:
     """The same form fitted to another record, starting at the parameters of ``fitted``.
 
     Raises
@@ -80,7 +80,7 @@ def refit_form(rec: Record, fitted: FittedForm, *, beside: Array | None = None) 
     IdentError
         The search leaves the range of finite errors.
     """
-    data = form_data(rec, beside)
+    data = form_data(rec, additional)
     with np.errstate(all="ignore"):
         found = improved(data, fitted.form, fitted.p, fitted.noise)
         if found is not None:
@@ -98,7 +98,7 @@ def integrating(rec: Record, estimate: Callable[[Record, Array], Model]) -> Mode
     ----------
     rec : Record
     estimate : callable
-        Estimates a model from the record of the running sum and from a column (N, 1) that it fits beside the plant: a
+        Estimates a model from the record of the running sum and from a additional regressor (N, 1): a
         slope, because the input at which the output rests is not known.
 
     Examples

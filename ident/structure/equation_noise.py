@@ -22,8 +22,8 @@ EQUATIONS = 6  # candidates with equation noise, and as many with a pole at 1
 
 
 def equation_candidates(screen: Screen, most_order: int, delays: Sequence[int]) -> list[Candidate]:
-    """The best orders by least squares; those with a pole at exactly 1 beside them where one of them is slow."""
-    rec = partialled(screen.rec, screen.beside)
+    """The best orders by least squares; also those with a pole at exactly 1 where one of them is slow."""
+    rec = partialled(screen.rec, screen.additional)
     longest = max(s.stop - s.start for s in rec.stretches)
     found, slow = [], False
     for na, nb, nk in _best_orders(rec, range(1, most_order + 1), delays):
@@ -44,18 +44,18 @@ def equation_candidates(screen: Screen, most_order: int, delays: Sequence[int]) 
     return found
 
 
-def partialled(rec: Record, beside: Array | None) -> Record:
-    """The record with input and output orthogonal to the signals beside the plant.
+def partialled(rec: Record, additional: Array | None) -> Record:
+    """The record with input and output orthogonal to the additional regressors.
 
     Least squares on lags of such signals equals least squares with the signals among the regressors, because lags of
     sines and polynomials are combinations of them (Frisch & Waugh 1933).
     """
-    if beside is None or not beside.shape[1]:
+    if additional is None or not additional.shape[1]:
         return rec
     level = np.zeros((len(rec), len(rec.stretches)))
     for k, s in enumerate(rec.stretches):
         level[s, k] = 1.0
-    both = np.hstack([level, beside])
+    both = np.hstack([level, additional])
     signals = np.column_stack([rec.u, rec.y])
     left = signals - both @ np.linalg.lstsq(both, signals, rcond=None)[0]
     return replace(rec, u=left[:, 0], y=left[:, 1])
@@ -91,7 +91,7 @@ def _candidate(
     """The candidate of coefficients by least squares."""
     na, nb, nk = orders
     variance = max(variance, EXACT * float(np.var(screen.rec.y)))
-    plain = replace(whitened_run(screen.rec, (na, nb, nk, 0)), beside=screen.beside)
+    plain = replace(whitened_run(screen.rec, (na, nb, nk, 0)), additional=screen.additional)
     e = np.concatenate(noise_of(plain, theta))
     return with_criterion(screen, Candidate(
         "arx", na, nb, nk, theta, ONE, squares(e) / len(e), variance, 0.0, parameters=na + nb - integrating,
@@ -108,9 +108,9 @@ def differenced(rec: Record) -> Record:
     return replace(rec, u=u, y=y, starts=tuple(int(k) for k in starts), offsets=None, sha256=None)
 
 
-def equation_estimate(rec: Record, one: Candidate, beside: Array | None) -> Model:
+def equation_estimate(rec: Record, one: Candidate, additional: Array | None) -> Model:
     """ARX model of a candidate; an integrating one from the change of the output."""
-    clean = partialled(rec, beside)
+    clean = partialled(rec, additional)
     if not one.integrating:
         return arx(clean, one.na, one.nb, one.nk)
     change = differenced(clean)

@@ -11,7 +11,7 @@ from ..estimators.filters import MAX_ORDER
 from ..estimators.plant_and_noise import box_jenkins_model, whitened_minimum, whitened_run
 from ..estimators.prediction_error import output_error
 from ..model import Model
-from .candidates import Candidate, both_beside, no_model
+from .candidates import Candidate, both_additional, no_model
 from .choice import criterion, weights
 from .continuous_forms import integrating, refit_form
 from .equation_noise import equation_estimate
@@ -21,7 +21,7 @@ FINAL, FINAL_STEPS = 1e-10, 100  # predicted reduction of the loss at convergenc
 MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
 
 
-def estimated(rec: Record, one: Candidate, beside: Array | None = None) -> Model:
+def estimated(rec: Record, one: Candidate, additional: Array | None = None) -> Model:
     """Final estimate of a candidate on any record of the machine, started from its coefficients.
 
     Raises
@@ -30,16 +30,16 @@ def estimated(rec: Record, one: Candidate, beside: Array | None = None) -> Model
         The record does not identify the structure.
     """
     if one.form is not None:
-        same = rec.sha256 == one.form.model.record and beside is None
-        return one.form.model if same else refit_form(rec, one.form, beside=beside).model
+        same = rec.sha256 == one.form.model.record and additional is None
+        return one.form.model if same else refit_form(rec, one.form, additional=additional).model
     if one.structure == "arx":
-        return equation_estimate(rec, one, beside)
+        return equation_estimate(rec, one, additional)
     if one.integrating:
         inner = without_integrator(one)
-        return integrating(rec, lambda total, slope: _box_jenkins(total, inner, both_beside(slope, beside)))
-    if len(one.d) > MAX_ORDER - 1 and beside is None:
+        return integrating(rec, lambda total, slope: _box_jenkins(total, inner, both_additional(slope, additional)))
+    if len(one.d) > MAX_ORDER - 1 and additional is None:
         return _output_error(rec, one)
-    return _box_jenkins(rec, one, beside)
+    return _box_jenkins(rec, one, additional)
 
 
 def _output_error(rec: Record, one: Candidate) -> Model:
@@ -58,9 +58,9 @@ def _output_error(rec: Record, one: Candidate) -> Model:
     )
 
 
-def _box_jenkins(rec: Record, one: Candidate, beside: Array | None) -> Model:
+def _box_jenkins(rec: Record, one: Candidate, additional: Array | None) -> Model:
     """Box-Jenkins estimate from the coefficients of a candidate."""
-    run = replace(whitened_run(rec, (one.na, one.nb, one.nk, len(one.d) - 1)), beside=beside)
+    run = replace(whitened_run(rec, (one.na, one.nb, one.nk, len(one.d) - 1)), additional=additional)
     if not run.stretches:
         raise IdentError(
             f"no segment of the record is long enough for na {one.na}, nb {one.nb}, nk {one.nk}: record longer."
@@ -75,7 +75,7 @@ def without_integrator(one: Candidate) -> Candidate:
     return replace(one, na=one.na - 1, theta=np.concatenate([a[1:], one.theta[one.na :]]), integrating=False)
 
 
-def mixture(rec: Record, found: Search, beside: Array | None = None) -> tuple[Candidate, Model]:
+def mixture(rec: Record, found: Search, additional: Array | None = None) -> tuple[Candidate, Model]:
     """The chosen candidate, and its final estimate with the alternatives that the record supports.
 
     A candidate whose coefficients are not identifiable is left out.
@@ -92,7 +92,7 @@ def mixture(rec: Record, found: Search, beside: Array | None = None) -> tuple[Ca
         if len(models) == most or (models and one.weight == 0):
             break
         try:
-            models.append((one, estimated(rec, one, beside)))
+            models.append((one, estimated(rec, one, additional)))
         except IdentError as error:
             refusal = refusal or error
     if not models:

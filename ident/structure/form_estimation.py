@@ -35,7 +35,7 @@ class FormData:
     y: Array
     stretches: tuple[slice, ...]
     skipped: tuple[int, ...]  # samples at the start of each stretch that are not compared
-    beside: Array  # further columns of the output, shape (N, k): lines, drift
+    additional: Array  # further columns of the output, shape (N, k): lines, drift
 
     def input(self, form: Form) -> Array:
         """Input of the form, of an integrating form its running sum."""
@@ -92,7 +92,7 @@ class FormFit:
         return np.asarray(self.loss / max(n - k, 1) * inverse / np.outer(scale, scale))
 
 
-def form_data(rec: Record, beside: Array | None = None) -> FormData:
+def form_data(rec: Record, additional: Array | None = None) -> FormData:
     """Record as the fits use it, with further columns (N, k) that are added to the simulated output."""
     length = [s.stop - s.start for s in rec.stretches]
     first = np.repeat([rec.u[s.start] for s in rec.stretches], length)
@@ -107,7 +107,7 @@ def form_data(rec: Record, beside: Array | None = None) -> FormData:
         rec.y,
         rec.stretches,
         (0,) * len(length),
-        np.zeros((len(rec), 0)) if beside is None else beside,
+        np.zeros((len(rec), 0)) if additional is None else additional,
     )
 
 
@@ -209,7 +209,7 @@ def sensitivities_of(data: FormData, form: Form, at: Residual, h: Array) -> Arra
 
 
 def free_columns(data: FormData, den: Array) -> Array:
-    """Offset and free response of each stretch, then the columns beside, shape (N, stretches (1 + order) + k)."""
+    """Offset and free response of each stretch, then the columns additional, shape (N, stretches (1 + order) + k)."""
     n, na = len(data.y), len(den) - 1
     out = np.zeros((n, len(data.stretches) * (na + 1)), order="F")
     pulse = np.zeros(data.longest)
@@ -220,7 +220,7 @@ def free_columns(data: FormData, den: Array) -> Array:
         own[:, 0] = 1.0
         for j in range(na):
             own[j:, 1 + j] = response[: s.stop - s.start - j]
-    return np.column_stack([out, data.beside]) if data.beside.shape[1] else out
+    return np.column_stack([out, data.additional]) if data.additional.shape[1] else out
 
 
 def improved(data: FormData, form: Form, p: Array, h: Array, enough: float = ENOUGH) -> FormFit | None:

@@ -95,7 +95,7 @@ def search(
     delays: Sequence[int] | None = None,
     orders: tuple[int, int, int] | None = None,
     least_delay: int = 0,
-    beside: Array | None = None,
+    additional: Array | None = None,
 ) -> Search:
     """Candidates of a record.
 
@@ -111,8 +111,8 @@ def search(
         The only structure, with either noise model.
     least_delay : int
         1 for a record in closed loop, where a direct response cannot be separated from the feedback.
-    beside : ndarray, shape (N, k), optional
-        Signals on the output that are fitted beside the plant.
+    additional : ndarray, shape (N, k), optional
+        Additional regressors of the output: lines, drift; estimated simultaneously with the plant.
 
     Raises
     ------
@@ -121,10 +121,10 @@ def search(
     """
     band = excited_band(rec)
     if orders is not None:
-        return _result(rec, _given(rec, band, orders, beside), ())
+        return _result(rec, _given(rec, band, orders, additional), ())
     longest = max(s.stop - s.start for s in rec.stretches)
     reach = Reach.of(delays, least_delay, min(FARTHEST, longest // 10))
-    screen = screen_of(rec, band, least_delay, 0 if reach.open else reach.delays[-1], beside)
+    screen = screen_of(rec, band, least_delay, 0 if reach.open else reach.delays[-1], additional)
     tried = range(1, min(most_order, max(longest // 20, 1)) + 1)
     found: list[Candidate] = []
     for na in sorted(tried, key=lambda na: abs(na - MIDDLE)):
@@ -243,12 +243,12 @@ def _least(found: Sequence[Candidate]) -> float:
 
 
 def _given(
-    rec: Record, band: tuple[float, float], orders: tuple[int, int, int], beside: Array | None
+    rec: Record, band: tuple[float, float], orders: tuple[int, int, int], additional: Array | None
 ) -> list[Candidate]:
     """The given structure, its noise model chosen."""
     na, nb, nk = orders
-    screen = screen_of(rec, band, min(nk, 1), nk, beside)
-    start = box_jenkins(rec, nb, na, 0, nk, beside=beside)
+    screen = screen_of(rec, band, min(nk, 1), nk, additional)
+    start = box_jenkins(rec, nb, na, 0, nk, additional=additional)
     one = fitted(screen, orders, start.theta)
     if one is None or not np.isfinite(one.criterion):
         raise no_model()

@@ -1,4 +1,4 @@
-"""Validation of the model that is handed over, and of its structure on samples that were not fitted.
+"""Validation of the model that is written to the file, and of its structure on samples that were not fitted.
 
 The model is estimated from all samples, so no sample is left to validate it. Two validations together judge it:
 
@@ -33,7 +33,7 @@ APART = 0.1  # of |G|: a smaller difference of the two models does not matter
 SIGNIFICANT = 4.0  # standard errors of that difference
 SAME_BAND = 0.7  # of the excited band, in each of two runs
 Span = tuple[int, int]
-Estimate = Callable[[Record, Array | None], Model]  # of the same structure, from any record and what is beside it
+Estimate = Callable[[Record, Array | None], Model]  # of the same structure, from any record and additional regressors
 TOO_SHORT = "the estimation record, too short to hold out samples: record a second run"
 OWN_RECORD = (
     "the record is too short to hold out samples, so the model was validated on those that it was fitted to: record a "
@@ -43,7 +43,7 @@ OWN_RECORD = (
 
 @dataclass(frozen=True, slots=True)
 class Handover:
-    """Validations of the model that is handed over.
+    """Validations of the model that is written to the file.
 
     Attributes
     ----------
@@ -114,22 +114,22 @@ def _repeated(words: str, own: list[tuple[int, str]]) -> bool:
 
 
 def judge_handover(
-    model: Model, whole: Record, estimate: Estimate, held_out: Record | None = None, beside: Array | None = None
+    model: Model, whole: Record, estimate: Estimate, held_out: Record | None = None, additional: Array | None = None
 ) -> Handover:
     """Validate a model that was estimated from a whole record.
 
     Parameters
     ----------
     model : Model
-        The model that is handed over, ``estimate(whole, beside)``.
+        The model that is written to the file, ``estimate(whole, additional)``.
     whole : Record
         Centred.
     estimate : callable
         Estimates the same structure from any record and from disturbances of its output.
     held_out : Record, optional
         A separate run, which the model itself is validated on.
-    beside : ndarray, shape (N, k), optional
-        Disturbances of the output that are fitted beside the plant; ``estimate`` gets its rows of them.
+    additional : ndarray, shape (N, k), optional
+        Additional regressors of the output; ``estimate`` gets its rows of them.
 
     Examples
     --------
@@ -137,20 +137,20 @@ def judge_handover(
     >>> u, e = np.random.default_rng(1).standard_normal((2, 600))
     >>> y = Model(b=[0.0, 0.5], a=[1.0, -0.8], nk=1, sample_time=0.02).simulate(u + 0.1 * e)
     >>> rec = Record(u=u, y=y, sample_time=0.02).centred()
-    >>> judged = judge_handover(arx(rec, 1, 1), rec, lambda part, beside: arx(part, 1, 1))
+    >>> judged = judge_handover(arx(rec, 1, 1), rec, lambda part, additional: arx(part, 1, 1))
     >>> judged.where, judged.reservations
     ('samples 101 to 200 and 401 to 500, the same structure fitted to the others', ())
     """
-    own = validate(model, whole, beside=beside)
+    own = validate(model, whole, additional=additional)
     if held_out is not None:
         return Handover(validate(model, held_out), own, f"{len(held_out)} held-out samples")
     parts, where = _split(whole, states_of(model))
     if not parts:
         return Handover(own, own, where, unseen=OWN_RECORD)
-    (fitted, of_fitted), (other, of_other) = ((_joined(whole, part), _rows(beside, part)) for part in parts)
+    (fitted, of_fitted), (other, of_other) = ((_joined(whole, part), _rows(additional, part)) for part in parts)
     try:
         trained = estimate(fitted, of_fitted)
-        structure = validate(trained, other, beside=of_other)
+        structure = validate(trained, other, additional=of_other)
     except IdentError as error:
         unseen = f"the structure could not be validated on {where}: {str(error).rstrip('.')}"
         return Handover(own, own, "the estimation record", unseen=unseen)
@@ -189,9 +189,9 @@ def _joined(rec: Record, part: list[Span]) -> Record:
     return rec.part(*part[0]) if len(part) == 1 else join_records([rec.part(a, b) for a, b in part])
 
 
-def _rows(beside: Array | None, part: list[Span]) -> Array | None:
+def _rows(additional: Array | None, part: list[Span]) -> Array | None:
     """Rows of the same parts."""
-    return None if beside is None else np.concatenate([beside[a:b] for a, b in part])
+    return None if additional is None else np.concatenate([additional[a:b] for a, b in part])
 
 
 def _apart(model: Model, trained: Model, where: str) -> str | None:
@@ -214,12 +214,13 @@ def _apart(model: Model, trained: Model, where: str) -> str | None:
 
 
 def arx_by_choice(plain: Model, reference: Model, band: tuple[float, float]) -> str:
-    """Clause on an ARX model that is handed over by choice, with its largest difference from the unbiased estimate."""
+    """Clause on an ARX model that is used by choice, with its largest difference from the unbiased estimate."""
     f = np.geomspace(*band, FREQUENCIES)
     distance = np.abs(plain.response(f) / reference.response(f) - 1)
     k = int(np.argmax(distance))
     return (
-        "the ARX model was handed over by choice: in the excited band its response differs from that of the model of "
-        f"structure {reference.structure!r} by up to {100 * distance[k]:.2g} % (at {f[k]:.3g} Hz); noise of the sensor "
-        "biases ARX, and neither its standard errors nor the probability of gains tuned on it contain that bias"
+        "the ARX model is used by choice (--handover arx): in the excited band its response differs from that of the "
+        f"model of structure {reference.structure!r} by up to {100 * distance[k]:.2g} % (at {f[k]:.3g} Hz); noise of "
+        "the sensor biases ARX, and neither its standard errors nor the probability of gains tuned on it contain that "
+        "bias"
     )

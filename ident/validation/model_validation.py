@@ -94,7 +94,7 @@ def validate(
     steps: Sequence[int] = (1, 5, 10),
     lags: int = LAGS,
     *,
-    beside: Array | None = None,
+    additional: Array | None = None,
 ) -> Validation:
     """Validate a model by simulating a record.
 
@@ -107,8 +107,8 @@ def validate(
         Prediction horizons, samples.
     lags : int
         Number of lags of the residual correlations.
-    beside : ndarray, shape (N, k), optional
-        Disturbances of the output (lines, drift), estimated in each segment beside the simulation.
+    additional : ndarray, shape (N, k), optional
+        Additional regressors (lines, drift), estimated in each segment simultaneously with the initial state.
 
     Returns
     -------
@@ -136,11 +136,11 @@ def validate(
     check_frame(model, other)
     original = other
     other, remarks, kept = long_stretches(model, other, steps)
-    beside = None if beside is None else beside[kept]
+    additional = None if additional is None else additional[kept]
     raw, other = other, without_slope(other) if model.integrating else other
     y, s = other.y, other.stretches
-    yhat = simulated(model, other, beside=beside)
-    step = one_step(model, other, yhat, beside)
+    yhat = simulated(model, other, additional=additional)
+    step = one_step(model, other, yhat, additional)
     held_out = model.record is None or model.record != other.sha256
     cov = model.cov_params if held_out else None
     loop = feedback(original)
@@ -155,8 +155,8 @@ def validate(
     found = Validation(
         fit=fit_percent(y, yhat, s),
         rsquared=float(1 - left @ left / ((y - mean) @ (y - mean))),
-        fit_training_means=fit_percent(raw.y, simulated(model, raw, True, "training", beside), s),
-        fit_zero_state=fit_percent(y, simulated(model, other, False, beside=beside), s),
+        fit_training_means=fit_percent(raw.y, simulated(model, raw, True, "training", additional), s),
+        fit_zero_state=fit_percent(y, simulated(model, other, False, additional=additional), s),
         k_step_fit=k_step_fit,
         whiteness=residual_whiteness(step, cov, not held_out, lags),
         independence=independence(step, lagged_inputs(other, step, past), first, cov, not held_out),

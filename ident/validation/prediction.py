@@ -27,7 +27,7 @@ Offset = Literal["estimate", "training"]
 
 
 def simulated(
-    model: Model, rec: Record, state: bool = True, offset: Offset = "estimate", beside: Array | None = None
+    model: Model, rec: Record, state: bool = True, offset: Offset = "estimate", additional: Array | None = None
 ) -> Array:
     """Simulated output, shape (N,), in the frame of ``rec.y``.
 
@@ -41,7 +41,7 @@ def simulated(
     offset : {"estimate", "training"}
         Constant of each segment, of an integrating model with a slope: estimated, or the operating point of the
         training record.
-    beside : ndarray, shape (N, k), optional
+    additional : ndarray, shape (N, k), optional
         Disturbances of the output (lines, drift), estimated in each segment.
 
     Raises
@@ -65,23 +65,27 @@ def simulated(
     if offset == "training":
         y += at_y
     left = rec.y - y
-    return rec.y - projected_out(left, free_columns(run, model, offset == "estimate", beside))
+    return rec.y - projected_out(left, free_columns(run, model, offset == "estimate", additional))
 
 
-def free_columns(run: FreeRun, model: Model, constant: bool, beside: Array | None = None) -> list[tuple[slice, Array]]:
-    """Orthonormal columns, by segment, of the free initial state, constant, or both, and of disturbances beside them.
+def free_columns(
+    run: FreeRun, model: Model, constant: bool, additional: Array | None = None
+) -> list[tuple[slice, Array]]:
+    """Orthonormal columns, by segment, of the free initial state, constant, or both, and of additional regressors.
 
     With the constant of an integrating model comes a slope: the input at which its output rests is not known.
     """
     found = _of_start(run, model, constant)
-    if beside is None or not beside.shape[1]:
+    if additional is None or not additional.shape[1]:
         return found
     held = {s.start: columns for s, columns in found}
     out = []
     for s in run.stretches:
         columns = held.get(s.start, np.empty((0, 0)))
         columns = np.pad(columns, ((0, s.stop - s.start - len(columns)), (0, 0)))
-        out.append((s, orthonormal(np.column_stack([columns, beside[s][:, np.abs(beside[s]).max(axis=0) > 0]]))))
+        out.append(
+            (s, orthonormal(np.column_stack([columns, additional[s][:, np.abs(additional[s]).max(axis=0) > 0]])))
+        )
     return out
 
 
@@ -165,13 +169,13 @@ class OneStep:
     free: list[tuple[slice, Array]]
 
 
-def one_step(model: Model, rec: Record, simulated: Array, beside: Array | None = None) -> OneStep:
+def one_step(model: Model, rec: Record, simulated: Array, additional: Array | None = None) -> OneStep:
     """One-step errors; without a noise model, the errors of the simulation ``simulated`` (N,).
 
-    ``beside`` (N, k) are disturbances of the output, which a noise model of the equation does not separate.
+    ``additional`` (N, k) are regressors of the output, which a noise model of the equation does not separate.
     """
     if model.structure not in BY_EQUATION:
-        return _whitened(model, rec, simulated, beside)
+        return _whitened(model, rec, simulated, additional)
     y, Phi, stretches = equation_rows(rec.centred(), model.na, model.nb, model.nk)
     span = max(model.na, model.nk + model.nb - 1)
     rows = np.concatenate([np.arange(min(s.start + span, s.stop), s.stop) for s in rec.stretches])
@@ -181,11 +185,11 @@ def one_step(model: Model, rec: Record, simulated: Array, beside: Array | None =
     return OneStep(projected_out(e[:, None], q)[:, 0], projected_out(J, q), rows, stretches, q)
 
 
-def _whitened(model: Model, rec: Record, simulated: Array, beside: Array | None) -> OneStep:
+def _whitened(model: Model, rec: Record, simulated: Array, additional: Array | None) -> OneStep:
     """Simulation errors filtered by d, without the first samples of each segment, whose past is not known."""
     at_u, _ = operating_points(model, rec)
     run = FreeRun(rec.u - at_u, rec.y, rec.stretches, model.na, model.nb, model.nk, True)
-    q = free_columns(run, model, True, beside)
+    q = free_columns(run, model, True, additional)
     J = regressor_columns(run, *(filtered([1.0], model.a, x, rec.stretches) for x in (simulated, run.u)))
     e, nd = rec.y - simulated, len(model.d) - 1
     if not nd:
