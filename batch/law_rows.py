@@ -228,7 +228,7 @@ def row_of(law: "LawFit", asked: Asked) -> dict[str, Cell]:
     }  # fmt: skip
     ends = law.conf_int(LEVEL)
     held = {name: getattr(law, name) for name in PARTS if name not in ends} | {name: ends[name] for name in ends}
-    names = law.names if asked.form != "power" else ("c0", *asked.factors)
+    names = law.names if law.form != "power" else ("c0", *asked.factors)
     for name in names:
         row |= {f"{part}_{name}": cell(held[part].get(name)) for part in PARTS}
     return row

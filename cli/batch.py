@@ -7,7 +7,7 @@ from ..core.errors import UsageError
 from ..core.progress import progress_bar
 from ..core.threads import cores
 from .arguments import Parser, processes, typed
-from .options import fit_options, fitting_options, reading_options
+from .options import fit_options, fitting_options, form_option, reading_options
 from .output import Printer, print_json
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def parser() -> Parser:
     groups.add_argument("--pairs", metavar="FILE", help="a table with tool, work and their groups: iso513, grade")
     reading_options(p)
     fitting_options(p)
+    form_option(p)
     return p
 
 

@@ -149,7 +149,7 @@ def _compared(
         known = law.life.run_outs + law.life.earlier
         raise FitError(
             f"{law.response}: {known} of {law.nobs} lives are known by a bound alone, and only the power law counts "
-            "those: forms cannot be compared. Compare them without the run-outs (--leave-out)."
+            "those. Without them the longest lives would be missing, so that forms cannot be compared."
         )
     if law.rows is None or law.exact:
         why = "keeps no rows" if law.rows is None else "meets every row exactly, so that there is no scatter"

@@ -134,6 +134,13 @@ checks) to 1000000.
                 raise UsageError(f"form of {name}: there is no such response. {did_you_mean(name, list(ROLES))}")
         return {name: form_named(form).name for name, form in self.form.items()}
 
+    def form_of(self, response: str) -> str | None:
+        """Form that the law of a response is kept in; None for the usual one."""
+        from ..fit.form_choice import ALL
+
+        forms = self.forms
+        return forms.get(response, forms.get(ALL))
+
     def prior_tables(self) -> str | Mapping[str, object]:
         """The priors as `fit.posterior` takes them, read where they are a file."""
         from ..fit.bayes.priors_file import read_priors

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -141,6 +141,7 @@ def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: 
     (['AW', 'Fxz', 'P'], None, '')
     """
     laws, refused = fit.default_laws(runs, error=options.error, by=options.by, laws=options.laws, forms=options.forms)
+    laws = tuple(map(_with_surface_words, laws))
     life, no_life = _life(laws, options.criterion)
     if no_life and needs_life and options.criterion is not None:
         raise FitError(no_life)
@@ -201,6 +202,22 @@ def parameter_file(
         seed=options.seed,
         **identity,  # type: ignore[arg-type]
     )
+
+
+def _with_surface_words(law: "LawFit") -> "LawFit":
+    """A law of second order with a note on whether its squares and products are needed, and on its optimum."""
+    if law.formula.first_order or law.rows is None:
+        return law
+    from ..fit.surface.display import verdict_of
+    from ..fit.surface.surfaces import surface_of
+
+    def words() -> tuple[str, ...]:
+        surface = surface_of(law)
+        canonical = surface.canonical()
+        return verdict_of(surface), *([] if isinstance(canonical, fit.NotAvailable) else [canonical.verdict])
+
+    found = computed(words)
+    return law if isinstance(found, fit.NotAvailable) else replace(law, notes=(*law.notes, *found))
 
 
 def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "tuple[ToolLife | None, str]":

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import statsmodels.api as sm
-from fitmodels import cli, datasets, fit
+from fitmodels import batch, cli, datasets, fit
 from fitmodels.core.errors import FitError, UsageError
 from fitmodels.fit.form_choice import CHOICES, aicc, form_named, log_likelihood
 from fitmodels.fit.left_out_edges import compare_laws, left_out_predictions
@@ -256,3 +256,13 @@ def test_lives_with_run_outs_are_lives_of_the_power_law_alone():
         fit.fit_law(runs, "T ~ V, f", form="linear")
     with pytest.raises(FitError, match="forms cannot be compared"):
         fit.compare_laws(runs, "T ~ V, f")
+
+
+def test_a_batch_keeps_the_form_of_each_pair(tmp_path):
+    frames = [rows_of("linear", seed=seed).assign(tool=f"T{seed}", work="W") for seed in (1, 2)]
+    source = tmp_path / "pairs.csv"
+    pd.concat(frames).to_csv(source, index=False)
+    found = batch.run(source, tmp_path / "out", options=FitOptions(form={"VB": "linear"}), files=False)
+    assert found.results["form"].tolist() == ["linear", "linear"]
+    one = fit.fit_law(next(datasets.read_runs(source).pairs()), "VB ~ V, f, t", form="linear")
+    assert found.results["params_t"].iloc[0] == pytest.approx(one.params["t"])

@@ -181,11 +181,17 @@ def laws_of_pairs(of: NumberedRows, options: BatchOptions) -> pd.DataFrame:
                 why = f"law {asked.request!r}: there is no column {missing[0]!r}."
                 unit = unit_of(of.rows.units, asked.response)
                 found.append(law_table((i, row_without(asked, unit, why)) for i in pairs.tolist()))
-            elif asked.form == "power" and asked.response != "T" and options.error == "multiplicative":
+            elif is_stacked(asked, options):
                 found += _stack(of, asked, pairs, "edge" if by_edge else None)
             else:
                 found.append(_one_by_one(of, asked, pairs, options))
     return joined_tables(found)
+
+
+def is_stacked(asked: Asked, options: BatchOptions) -> bool:
+    """Whether a law is fitted to many pairs or streamed rows at once: a power law of ln R, not of tool lives."""
+    form = options.form_of(asked.response) or asked.form
+    return form == asked.form == "power" and asked.response != "T" and options.error == "multiplicative"
 
 
 def infinite(runs: Runs, names: Collection[str] = ROLES) -> str:
@@ -275,7 +281,7 @@ def _one(runs: Runs, asked: Asked, unit: str, options: BatchOptions) -> dict[str
         held = without_empty_columns(runs)
         if why := infinite(held, (asked.response, *asked.factors)):
             return row_without(asked, unit, why)
-        return row_of(fit_asked(held, asked, error=options.error), asked)
+        return row_of(fit_asked(held, asked, error=options.error, forms=options.forms), asked)
 
     made = attempt(fitted)
     return row_without(asked, unit, made.reason) if isinstance(made, Failure) else made

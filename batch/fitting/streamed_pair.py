@@ -17,7 +17,7 @@ from ..outcomes import GONE, Cell, Concern, Failure, PairOutcome, attempt
 from ..plan import BatchOptions, Block, Plan
 from .concerns import concerns_of_laws, differs, identity_of
 from .pair_file import PARAMETERS, law_cells, with_cells
-from .pair_laws import texts, unit_of
+from .pair_laws import is_stacked, texts, unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -134,8 +134,10 @@ def _law(
             read = chunks if seen is None else seen.over(chunks)
             return streamed_power_law(read, asked.response, asked.factors, source=_source(block, plan))
 
-    if asked.form != "power" or asked.response == "T" or options.error == "additive":
-        kind = "additive errors" if asked.form == "power" and asked.response != "T" else f"a law of {asked.response}"
+    if not is_stacked(asked, options):
+        form = options.form_of(asked.response) or asked.form
+        kind = "additive errors" if form == "power" else f"the form {form}"
+        kind = f"laws of {asked.response}" if asked.form != "power" or asked.response == "T" else kind
         why = f"{asked.response}: {kind} need all rows in memory, and these are streamed; fit a sample of them."
         return row_without(asked, unit, why), None
     made = attempt(fitted)

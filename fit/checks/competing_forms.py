@@ -38,7 +38,7 @@ NEGLIGIBLE = 1e-6  # share of the response below which the contribution of wear 
 RATES = np.geomspace(1e-3, 1e3, 61)  # k times the mean wear, where the least sum of squares is looked for
 OFFSETS = np.geomspace(1e-2, 1e2, 41)  # offset over the mean of its factor
 CLOSE = np.linspace(0.98, 0.02, 33)  # negative offset over the least value of its factor
-NO_OFFSET = 0.01  # offset over the least value of its factor below which the form is the power law
+NO_OFFSET = 0.01  # offset over the least value of its factor: below it the form is the power law
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,18 +145,16 @@ Maker = Callable[[FormRows], FittedForm | NotAvailable]
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """A form that competes with a power law.
+    """A form that competes with a power law; ``fitted`` fits it to rows.
 
     Attributes
     ----------
     kind, name : str
         Without and with the symbol of the wear.
-    fitted : callable
-        Fits it to rows.
     zero_wear : bool
         Whether it is positive at zero wear, so that such rows take part.
     choice : str
-        Its name in `form_choice.CHOICES`, empty where it has none.
+        Its name in `form_choice.CHOICES`, or empty.
     """
 
     kind: str
