@@ -48,7 +48,7 @@ def draw(seed: int, more: int) -> tuple[float, float, float, bool, bool]:
     found = life_decision(law, CRITERION, AT)
     added = next_runs(law, more, decision=found, durations=lambda table: np.full(len(table), 24.0), seed=seed)
     stated = narrowing(law, found, added.attrs["readings"])
-    times = np.array([test["t"].to_numpy() for test in added.attrs["readings"]])
+    times = np.array([test["t"] for test in added.attrs["readings"]])
     both = fitted(pd.concat([first, rows(added, times, rng)], ignore_index=True))
     then = narrowing(both, life_decision(both, CRITERION, AT), added.attrs["readings"])
     known = log(C0) + sum(b * log(AT[name]) for name, b in EXPONENTS.items() if name != "t")

@@ -50,48 +50,51 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Write the plan, and return the exit code."""
-    from .. import fit
-    from ..core.errors import FitError, UsageError
     from ..datasets import write_csv
+    from ..fit import next_runs
     from ..fit.optimal_tests import narrowing
 
     _check(args)
-    laws, refused = fit.default_laws(read(args.file, args), laws=[args.law] if "~" in (args.law or "") else [])
-    name = (args.law or "").partition("~")[0].strip() or _limited(args.decision)[0]
-    chosen = [law for law in laws if name in ("", law.response)]
-    if not chosen:
-        known = ", ".join(law.response for law in laws)
-        if known:
-            raise UsageError(f"--law {name}: there are laws of {known}.")
-        raise FitError("; ".join(item.reason for item in refused) or f"{args.file} contains no law to add runs to.")
-    law, notes = chosen[0], []
+    law = _law(args)
     decision, why = _decision(law, args)
     extrapolated = decision is not None and args.decision in (None, "life") and "times the longest" in decision.beyond
     longest = _longest(law, args, extrapolated)
-    ends = None if "t" not in law.factors else lambda table: _durations(law, args, table, longest)
-    candidates = None
-    if decision is not None and extrapolated:
-        candidates = _reaching(law, args, decision, longest)
+    candidates = _reaching(law, args, decision, longest) if decision is not None and extrapolated else None
+    direct = decision if args.decision is not None or extrapolated else None
+    ends = (lambda table: _durations(law, args, table, longest)) if direct and "t" in law.factors else None
+    plan = next_runs(law, args.runs, candidates=candidates, decision=direct, durations=ends, seed=args.seed)
+    notes = [f"plan: {plan.attrs['words']}"]
+    if extrapolated:
         notes.append(
             f"Tool life is extrapolated: these tests last until the criterion, at most {longest:.3g} min; they are at "
             "the conditions of the decision, or where the law expects the criterion to be reached in this time."
         )
-    direct = decision if args.decision is not None or extrapolated else None
-    plan = fit.next_runs(
-        law, args.runs, candidates=candidates, decision=direct, durations=ends if direct else None, seed=args.seed
-    )
     if decision is not None:
         within = None if args.within is None else args.within / 100
         notes += narrowing(law, decision, plan.attrs["readings"], within).words
-    elif why:
-        notes.append(f"No interval of a decision: {why}")
+    notes += [f"No interval of a decision: {why}"] if why else []
     if "t" in plan:
         notes.append(f"{plan['t'].sum():.4g} min in cut; stop an edge that reaches the wear criterion before its time.")
-    head = f"plan: {plan.attrs['words']}"
-    notes = [head, *notes, f"for the law of {law.response}; cut in the order of run"]
+    notes.append(f"for the law of {law.response}; cut in the order of run")
     plan.attrs = {"units": plan.attrs["units"]}
     write_csv(plan, target(args.out, args.force), notes)
     return 0
+
+
+def _law(args: argparse.Namespace) -> "LawFit":
+    """The law asked for by its response, its text or a limit of it; the first unless asked."""
+    from ..core.errors import FitError, UsageError
+    from ..fit import default_laws
+
+    laws, refused = default_laws(read(args.file, args), laws=[args.law] if "~" in (args.law or "") else [])
+    name = (args.law or "").partition("~")[0].strip() or _limited(args.decision)[0]
+    chosen = [law for law in laws if name in ("", law.response)]
+    if chosen:
+        return chosen[0]
+    known = ", ".join(law.response for law in laws)
+    if known:
+        raise UsageError(f"--law {name}: there are laws of {known}.")
+    raise FitError("; ".join(item.reason for item in refused) or f"{args.file} contains no law to add runs to.")
 
 
 def _check(args: argparse.Namespace) -> None:

@@ -106,21 +106,16 @@ def run(args: argparse.Namespace) -> int:
     reasons = {name: str(reason) for name, reason in failed.items()}
     wears = [given.symbol for one in predictions for given in one.given if given.source is not None]
     verdicts = cautions(pf, *(one.response for one in predictions), *wears)
-    budgets: list[UncertaintyBudget] = []
-    for one in predictions[: len(predictions) - life] if args.budget else ():
-        try:
-            budgets.append(_budget(pf, one, args))
-        except ParameterError as error:
-            reasons[f"the uncertainty budget of {one.response}"] = str(error)
+    budgets, without = _budgets(pf, predictions[: len(predictions) - life], args)
     if args.json:
-        more = {"budgets": [budget.facts() for budget in budgets]} if args.budget else {}
+        more = {"budgets": [budget.facts() for budget in budgets], "no_budget": without} if args.budget else {}
         report = {**_report(pf, args.file, predictions, reasons), **more, "verdicts": verdicts}
         print_json("prediction", report, version=2)
         return 0
     lines = [prediction.words for prediction in predictions]
     lines += [line for budget in budgets for line in _budget_lines(budget)]
-    lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items() if name in failed]
-    lines += [f"{name} is not given: {reason}" for name, reason in reasons.items() if name not in failed]
+    lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items()]
+    lines += [f"{name} has no uncertainty budget: {reason}" for name, reason in without.items()]
     simulated = ["Not measured: the laws were fitted to a simulation."] if pf.identity.simulated else []
     doubts = [] if pf.reading is None else [f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts]
     print_lines(verdicts + lines + simulated + doubts)
@@ -148,6 +143,19 @@ def _budget_asked(args: argparse.Namespace) -> None:
         raise UsageError("--budget: a budget is of --interval mean or prediction; a tolerance interval has none.")
 
 
+def _budgets(
+    pf: "ParameterFile", predictions: "Sequence[Prediction]", args: argparse.Namespace
+) -> "tuple[list[UncertaintyBudget], dict[str, str]]":
+    """Budgets of predictions, and the reasons of those that have none, by response; nothing unless asked for."""
+    budgets, without = [], {}
+    for one in predictions if args.budget else ():
+        try:
+            budgets.append(_budget(pf, one, args))
+        except ParameterError as error:
+            without[one.response] = str(error)
+    return budgets, without
+
+
 def _budget(pf: "ParameterFile", found: "Prediction", args: argparse.Namespace) -> "UncertaintyBudget":
     """The budget of a prediction; a factor from its own law comes with the budget of that."""
     from ..parameters.budget import uncertainty_budget
@@ -155,26 +163,32 @@ def _budget(pf: "ParameterFile", found: "Prediction", args: argparse.Namespace) 
     law = pf.laws[found.response]
     sources = {given.symbol: _budget(pf, given.source, args) for given in found.given if given.source is not None}
     values = {given.symbol: float(given.value) for given in found.given}
-    known = {**{f.symbol: f for name in sources for f in pf.laws[name].factors}, **{f.symbol: f for f in law.factors}}
+    factors = {f.symbol: f for one in (*(pf.laws[name] for name in sources), law) for f in one.factors}
+    reached = {**values, **{name: value for source in sources.values() for name, value in source.at.items()}}
+    u = {
+        name: _standard_uncertainty(text, factors[name], reached[name])
+        for name, text in _settings_asked(pf, args).items()
+        if name in factors and name not in sources
+    }
+    gauge = pairs(args.gauge, "--gauge", "AW=0.003").get(law.response)
+    return uncertainty_budget(
+        law, values, kind="mean" if args.interval == "mean" else "prediction", level=args.level,
+        by=None if law.by is None else args.by, u=u, sources=sources,
+        gauge=0.0 if gauge is None else _of_unit(gauge, law.response, law.unit, "--gauge"),
+    )  # fmt: skip
+
+
+def _settings_asked(pf: "ParameterFile", args: argparse.Namespace) -> dict[str, str]:
+    """Uncertainties of settings as written; the names of settings and gauges are those of the file."""
     asked = pairs(args.u, "--u", "V=1.5")
     used = {f.symbol for one in pf.laws.values() for f in one.factors}
     for name in asked:
         if name not in used:
             raise UsageError(f"--u {name}: no law of the file has this factor; they have {', '.join(sorted(used))}.")
-    reached = {**values, **{s: v for source in sources.values() for s, v in source.at.items()}}
-    u = {
-        name: _standard_uncertainty(text, known[name], reached[name])
-        for name, text in asked.items()
-        if name in known and name not in sources
-    }
-    gauges = pairs(args.gauge, "--gauge", "AW=0.003")
-    for name in gauges:
+    for name in pairs(args.gauge, "--gauge", "AW=0.003"):
         if name not in pf.laws:
             raise UsageError(f"--gauge {name}: the file has laws of {', '.join(pf.laws)}.")
-    gauge = _of_unit(gauges[law.response], law.response, law.unit, "--gauge") if law.response in gauges else 0.0
-    by = None if law.by is None else args.by
-    kind = "mean" if args.interval == "mean" else "prediction"
-    return uncertainty_budget(law, values, kind=kind, level=args.level, by=by, u=u, gauge=gauge, sources=sources)
+    return asked
 
 
 def _budget_lines(budget: "UncertaintyBudget") -> list[str]:

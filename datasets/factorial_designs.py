@@ -181,25 +181,26 @@ def factorial_blocks(points: Floats, blocks: int) -> tuple[Index, tuple[tuple[in
         return np.zeros(len(points), dtype=np.intp), ()
     if blocks not in (2, 4):
         raise UsageError(f"{blocks} blocks of a factorial: it is cut in 1, 2 or 4 blocks.")
-    k = points.shape[1]
-    words = [word for r in range(1, k + 1) for word in combinations(range(k), r)]
-    columns = {word: points[:, word].prod(axis=1) for word in words}
+    k, n = points.shape[1], len(points)
+    columns = {word: points[:, word].prod(axis=1) for r in range(1, k + 1) for word in combinations(range(k), r)}
     best: tuple[int, tuple[tuple[int, ...], ...]] = (0, ())
-    for chosen in combinations(words, 1 if blocks == 2 else 2):
-        lost = [columns[word] for word in chosen]
-        lost += [lost[0] * lost[1]] if len(lost) > 1 else []
-        if any(abs(column.sum()) > 0 for column in lost):
+    for chosen in combinations(columns, 1 if blocks == 2 else 2):
+        lost = _products([columns[word] for word in chosen])
+        alike = tuple(word for word, x in columns.items() if (np.abs(lost @ x) == n).any())
+        if np.abs(lost.sum(axis=1)).max() > 0 or not alike:
             continue  # the constant: the blocks would not be equal
-        alike = tuple(word for word in words if any(abs(columns[word] @ column) == len(points) for column in lost))
-        shortest = min(map(len, alike))
-        if (shortest, -len(alike)) > (best[0], -len(best[1])):
-            best = (shortest, alike)
-            signs = np.array([columns[word] > 0 for word in chosen], dtype=np.intp)
+        if (min(map(len, alike)), -len(alike)) > (best[0], -len(best[1])):
+            best, signs = (min(map(len, alike)), alike), [columns[word] > 0 for word in chosen]
     if best[0] < 2:
-        raise UsageError(f"{blocks} blocks of {len(points)} points: a block difference would equal the effect of a "
+        raise UsageError(f"{blocks} blocks of {n} points: a block difference would equal the effect of a "
                          "factor; take fewer blocks, or the whole factorial.")  # fmt: skip
-    number = signs[0] if len(signs) == 1 else 2 * signs[0] + signs[1]
+    number = sum((sign.astype(np.intp) << i for i, sign in enumerate(reversed(signs))), np.zeros(n, dtype=np.intp))
     return number ^ number[0], best[1]
+
+
+def _products(columns: list[Floats]) -> Floats:
+    """One column, or two and their product, as rows."""
+    return np.array(columns if len(columns) == 1 else [*columns, columns[0] * columns[1]])
 
 
 def alias_sentences(coded: Floats, names: Sequence[str]) -> tuple[str, ...]:

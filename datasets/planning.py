@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.arrays import is_positive as _is_positive
 from ..core.errors import UsageError
 from .design import (
     RESERVED,
@@ -116,43 +117,41 @@ def plan_tests(
     >>> len(plan), plan["edge"].nunique(), sorted(plan["t"].unique().tolist())
     (24, 8, [4.0, 8.0, 12.0])
     """
-    known = PROCESSES.get(process) if process is not None else None
-    _check(ranges, design, process, constants or {}, duration, readings, measure)
-    varied = dict(ranges)
-    if duration is not None and len(duration) > 1:
-        varied["t"] = duration
+    fixed = dict(constants or {})
+    _check(ranges, design, process, fixed, measure)
+    _check_times(ranges, duration, readings)
+    varied = {**ranges, **({"t": duration} if duration is not None and len(duration) > 1 else {})}
     if design == "composite":
+        if repeats != 1:
+            raise UsageError(f"repeats {repeats}: a composite design repeats its centre and axial points; set those.")
         ends = {name: _two_ends(name, levels) for name, levels in varied.items()}
-        _no_repeats(repeats)
         plan = central_composite(
             ends, alpha=alpha, centre=4 if centre is None else centre, axial_repeats=axial_repeats, half=half,
             blocks=blocks, seed=seed, digits=DIGITS,
         )  # fmt: skip
+    elif design == "factorial":
+        plan = _factorial(varied, 4 if centre is None else centre, half, repeats, blocks, seed)
     else:
-        if half and design != "factorial":
-            raise UsageError(f"design {design}: half is of a factorial or a composite design; leave it out.")
-        plan = (_factorial if design == "factorial" else _array)(varied, design, centre, half, repeats, blocks, seed)
-    notes = list(plan.attrs["notes"])
-    fixed = {} if constants is None else dict(constants)
+        plan = _array(varied, design, centre or 0, half, repeats, blocks, seed)
+    notes = plan.attrs["notes"]
     plan = plan.assign(**{name: value for name, value in fixed.items() if name not in plan})
-    if known is not None or fixed:
+    if process is not None or fixed:
         plan = plan.assign(**_machine_settings(plan, process))
     if duration is not None and len(duration) == 1:
         plan["t"] = float(duration[0])
-    notes += _effort(plan, process)
+    notes = (*notes, *_effort(plan, process))
     plan = _with_readings(plan, readings).assign(**dict.fromkeys(measure, np.nan))
-    plan.attrs = {"notes": tuple(notes), "units": _units(plan)}
+    plan.attrs = {"notes": notes, "units": _units(plan)}
     return plan
 
 
 def _factorial(
-    ranges: Mapping[str, Levels], _design: str, centre: int | None, half: bool, repeats: int, blocks: int, seed: int
+    ranges: Mapping[str, Levels], middle: int, half: bool, repeats: int, blocks: int, seed: int
 ) -> pd.DataFrame:
     """Edges of a two-level factorial with centre points."""
     ends, names = {name: _two_ends(name, levels) for name, levels in ranges.items()}, list(ranges)
     corners = two_level(len(ends), half=half)
     number, confounded = factorial_blocks(corners, blocks)
-    middle = 4 if centre is None else centre
     of_centre = np.arange(middle) * blocks // max(middle, 1)
     coded = np.vstack([np.repeat(corners, repeats, axis=0), np.zeros((middle, len(ends)))])
     kind = np.repeat(["factorial", "centre"], [len(corners) * repeats, middle])
@@ -165,36 +164,49 @@ def _factorial(
 
 
 def _array(
-    ranges: Mapping[str, Levels], design: str, centre: int | None, half: bool, repeats: int, blocks: int, seed: int
+    ranges: Mapping[str, Levels], design: str, middle: int, half: bool, repeats: int, blocks: int, seed: int
 ) -> pd.DataFrame:
     """Edges of an orthogonal array; numbers of two ends get the geometric middle where the column has three levels."""
+    if half:
+        raise UsageError(f"design {design}: half is of a factorial or a composite design; leave it out.")
     table = orthogonal_array(design)
-    most = int(table[:, -1].max()) + 1
-    given = {name: _levels_of(name, levels, most) for name, levels in ranges.items()}
+    given = {name: _levels_of(name, levels, int(table[:, -1].max()) + 1) for name, levels in ranges.items()}
     columns, of_block = array_columns(design, [len(levels) for levels in given.values()], blocks)
     chosen, names = np.repeat(table[:, columns], repeats, axis=0), list(given)
-    scores = np.column_stack([2.0 * chosen[:, j] / (len(levels) - 1) - 1 for j, levels in enumerate(given.values())])
-    middle = 0 if centre is None else centre
-    words = [name for name, levels in given.items() if isinstance(levels[0], str)]
-    if middle and words:
-        raise UsageError(
-            f"centre {middle}: {words[0]} has no middle between {' and '.join(map(str, given[words[0]]))}."
-        )
     block = np.zeros(len(chosen), dtype=np.intp) if of_block is None else np.repeat(table[:, of_block], repeats)
-    kind = np.array([*(f"row {i // repeats + 1}" for i in range(len(chosen))), *["centre"] * middle])
-    block = np.concatenate([block, np.arange(middle) * blocks // max(middle, 1)])
-    coded = np.vstack([scores, np.zeros((middle, len(names)))])
-    points = DesignPoints(coded, kind, block.astype(np.intp), _confounded(scores, block[: len(scores)]))
+    points = _array_points(chosen, block, [len(levels) for levels in given.values()], middle, repeats)
     where = ", ".join(f"{name} in column {c + 1}" for name, c in zip(names, columns, strict=True))
     notes = [f"{design}: {where}{'' if of_block is None else f', blocks in column {of_block + 1}'}."]
-    notes += [*alias_sentences(scores, names), *block_sentences(points, names), *_pure_error(repeats, middle)]
+    notes += [*alias_sentences(points.coded[: len(chosen)], names), *block_sentences(points, names)]
+    words = _words(given, middle)
     ends = {name: (1.0, 2.0) if name in words else _numbers(levels) for name, levels in given.items()}
-    plan = planned_edges(points, ends, span=1.0, seed=seed, digits=None, notes=notes)
+    plan = planned_edges(points, ends, span=1.0, seed=seed, digits=None)
     order = np.array([int(label[1:]) - 1 for label in plan["edge"]], dtype=np.intp)
     for j, (name, levels) in enumerate(given.items()):
         plan = _with_levels(plan, name, levels, chosen[:, j], order)
-    plan.attrs["notes"] = tuple(notes)
+    plan.attrs["notes"] = (*notes, *_pure_error(repeats, middle))
     return plan
+
+
+def _array_points(
+    chosen: NDArray[np.intp], block: NDArray[np.intp], levels: Sequence[int], middle: int, repeats: int
+) -> DesignPoints:
+    """The rows of an array coded from -1 to 1, and centre points divided among its blocks."""
+    scores = 2.0 * chosen / (np.array(levels) - 1) - 1
+    kind = [*(f"row {i // repeats + 1}" for i in range(len(chosen))), *["centre"] * middle]
+    of_centre = np.arange(middle) * (int(block.max()) + 1) // max(middle, 1)
+    coded = np.vstack([scores, np.zeros((middle, len(levels)))])
+    number = np.concatenate([block, of_centre]).astype(np.intp)
+    return DesignPoints(coded, np.array(kind), number, _confounded(scores, block))
+
+
+def _words(given: Mapping[str, Sequence[float] | Sequence[str]], middle: int) -> list[str]:
+    """Factors whose levels are words, which have no middle."""
+    words = [name for name, levels in given.items() if isinstance(levels[0], str)]
+    if middle and words:
+        between = " and ".join(map(str, given[words[0]]))
+        raise UsageError(f"centre {middle}: {words[0]} has no middle between {between}.")
+    return words
 
 
 def _confounded(scores: Floats, block: NDArray[np.intp]) -> tuple[tuple[int, ...], ...]:
@@ -235,7 +247,7 @@ def _levels_of(name: str, levels: Levels, most: int) -> Sequence[float] | Sequen
         return (low, float(round_significant(np.sqrt(low * high), DIGITS)), high)
     if len(set(levels)) < len(levels) or len(levels) not in (2, 3):
         raise UsageError(f"{name}: {', '.join(map(str, levels))}; an array takes two or three different levels.")
-    if not isinstance(levels[0], str) and not all(np.isfinite(float(x)) and float(x) > 0 for x in levels):
+    if not isinstance(levels[0], str) and not all(map(_is_positive, map(float, levels))):
         raise UsageError(f"{name}: {', '.join(map(str, levels))}; levels are numbers above zero, or words.")
     return levels
 
@@ -255,11 +267,6 @@ def _two_ends(name: str, levels: Levels) -> tuple[float, float]:
     return low, high
 
 
-def _no_repeats(repeats: int) -> None:
-    if repeats != 1:
-        raise UsageError(f"repeats {repeats}: a composite design repeats its centre and axial points; set those.")
-
-
 def _pure_error(repeats: int, centre: int) -> tuple[str, ...]:
     if repeats > 1 or centre > 1:
         return ()
@@ -268,7 +275,7 @@ def _pure_error(repeats: int, centre: int) -> tuple[str, ...]:
 
 def _check(
     ranges: Mapping[str, Levels], design: str, process: str | None, constants: Mapping[str, float],
-    duration: tuple[float, ...] | None, readings: int, measure: Sequence[str],
+    measure: Sequence[str],
 ) -> None:  # fmt: skip
     if design not in DESIGNS:
         raise UsageError(f"design {design!r}: it is one of {', '.join(DESIGNS)}.")
@@ -279,12 +286,15 @@ def _check(
     twice = [name for name in (*constants, *measure) if name in ranges or name in RESERVED]
     if twice:
         raise UsageError(f"{twice[0]} is a factor or a column of the plan already; leave it out.")
-    if any(not (np.isfinite(value) and value > 0) for value in constants.values()):
-        name, value = next((n, v) for n, v in constants.items() if not (np.isfinite(v) and v > 0))
-        raise UsageError(f"{name} {value:g}: a constant of the process is above zero.")
+    for name, value in constants.items():
+        if not _is_positive(value):
+            raise UsageError(f"{name} {value:g}: a constant of the process is above zero.")
+
+
+def _check_times(ranges: Mapping[str, Levels], duration: tuple[float, ...] | None, readings: int) -> None:
     if "t" in ranges:
         raise UsageError("t is the time in cut: give its range as the duration.")
-    if duration is not None and not all(np.isfinite(x) and x > 0 for x in duration):
+    if duration is not None and not all(map(_is_positive, duration)):
         raise UsageError(f"duration {', '.join(f'{x:g}' for x in duration)}: minutes in cut are above zero.")
     if not 1 <= readings <= MOST_READINGS:
         raise UsageError(f"readings {readings}: give 1 to {MOST_READINGS} of an edge.")

@@ -115,30 +115,29 @@ def next_runs(
     """
     if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MOST:
         raise UsageError(f"n={n!r}: the number of tests to add is a whole number from 1 to {MOST}.")
-    cut, place = trials(law), law.region
-    old = _rows(law, cut, cut.X, cut.level)
-    M = linear(old, np.zeros(len(old))).cov_unscaled
-    repeats = candidates is None and decision is None and not replicated(place, cut)
+    cut, rng = trials(law), np.random.default_rng(seed)
+    repeats = candidates is None and decision is None and not replicated(law.region, cut)
     X, level = _candidates(law, cut, repeats) if candidates is None else _given(law, cut, candidates)
-    rng = np.random.default_rng(seed)
-    most = -(-n // len(X)) if repeats else n
+    if decision is not None:
+        X, level = _for_decision(law, decision, n, durations, cut, X, level)
+    old = _rows(law, cut, cut.X, cut.level)
+    M, rows = linear(old, np.zeros(len(old))).cov_unscaled, _rows(law, cut, X, level)
     if decision is None:
-        chosen, gain = d_optimal(M, _rows(law, cut, X, level), n, most, rng)
+        chosen, gain = d_optimal(M, rows, n, -(-n // len(X)) if repeats else n, rng)
     else:
-        chosen, X, level = _for_decision(law, decision, n, durations, cut, X, level)
-        gain = determinant_gain(M, _rows(law, cut, X, level)[chosen])
+        chosen, gain = np.arange(len(X)), determinant_gain(M, rows)
     chosen = rng.permutation(chosen)
     plan = _plan(law, cut, X[chosen], None if level is None else level[chosen])
-    criterion = "c-optimal" if decision is not None else "repeats" if repeats else "D-optimal"
     readings = expected_readings(law, plan, durations)
     if durations is not None and "t" in law.factors:
-        plan["t"] = [test["t"].iloc[-1] for test in readings]
+        plan["t"] = [test["t"][-1] for test in readings]
+    criterion = "c-optimal" if decision is not None else "repeats" if repeats else "D-optimal"
     facts: dict[str, object] = {
         "criterion": criterion,
         "determinant_gain": gain,
         "volume": gain**-0.5,
         "units": {name: law.units[name] for name in law.factors if name in plan and law.units.get(name)},
-        "words": _words(law, cut, n, criterion, gain),
+        "words": _words(law, cut, len(plan), criterion, gain),
         "readings": readings,
     }
     plan.attrs.update(facts)
@@ -301,32 +300,33 @@ def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str
 
 def expected_readings(
     law: LawFit, plan: pd.DataFrame, durations: Callable[[pd.DataFrame], Array] | None = None
-) -> list[pd.DataFrame]:
-    """Readings that each test of a plan is expected to give: as many as an edge has had, at equal steps.
+) -> list[dict[str, list[object]]]:
+    """Readings that each test of a plan is expected to give, by column: as many as an edge has had, at equal steps.
 
     Time steps to the duration of the test, or to the longest test so far; any other factor that changes within an edge
     steps over its range.
     """
-    m = 1
-    if law.edge is not None:
-        m = max(int(np.median(np.unique(law.edge, return_counts=True)[1])), 1)
-    share, tests = np.arange(1, m + 1) / m, []
-    ends = None if durations is None or "t" not in law.factors else durations(plan)
+    m = 1 if law.edge is None else max(int(np.median(np.unique(law.edge, return_counts=True)[1])), 1)
+    share = np.arange(1, m + 1) / m
+    by = None if law.by is None else law.by.column
+    between = [name for name in plan if name in law.factors or name == by]
     within = {name: law.domain[name] for name in law.factors if name not in plan}
-    for i in range(len(plan)):
-        row = {name: plan[name].iloc[i] for name in plan if name in law.factors or (law.by and name == law.by.column)}
-        steps = {name: low + share * (high - low) for name, (low, high) in within.items() if name != "t"}
-        if "t" in within:
-            steps["t"] = share * (within["t"][1] if ends is None else float(round_significant(ends[i], 2)))
-        tests.append(pd.DataFrame({**row, **steps}, index=range(m)))
+    steps = {name: (low + share * (high - low)).tolist() for name, (low, high) in within.items() if name != "t"}
+    tests: list[dict[str, list[object]]] = [
+        {**{name: [plan[name].iloc[i]] * m for name in between}, **steps} for i in range(len(plan))
+    ]
+    if "t" in within:
+        ends = np.full(len(plan), within["t"][1]) if durations is None else round_significant(durations(plan), 2)
+        for test, end in zip(tests, ends, strict=True):
+            test["t"] = (share * end).tolist()
     return tests
 
 
 def _for_decision(
     law: LawFit, decision: Decision, n: int, durations: Callable[[pd.DataFrame], Array] | None, cut: Trials,
     X: Array, level: NDArray[np.object_] | None,
-) -> tuple[Index, Array, NDArray[np.object_] | None]:  # fmt: skip
-    """The n settings, each at most twice, that leave least variance of a decision: greedy, then exchange."""
+) -> tuple[Array, NDArray[np.object_] | None]:  # fmt: skip
+    """The n settings, each at most twice, that leave least variance of a decision."""
     keys = _settings(law.region, cut, X, level)
     once = np.array([keys.index(key) for key in dict.fromkeys(keys)], dtype=np.intp)
     kept = once[np.unique(np.linspace(0, len(once) - 1, min(len(once), CHOICES)).astype(np.intp))]
@@ -334,4 +334,4 @@ def _for_decision(
     readings = expected_readings(law, _plan(law, cut, X, level), durations)
     new = np.array([information_of_test(law, test) for test in readings])
     chosen = c_optimal(decision.gradient[estimated(law)], information(law), new, n, TWICE)
-    return np.array(chosen, dtype=np.intp), X, level
+    return X[chosen], None if level is None else level[chosen]

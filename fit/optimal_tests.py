@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from math import log, sqrt
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.display import Displayable
@@ -27,6 +26,7 @@ from ..core.rounding import format_rounded
 from .decisions import Decision, variances_of
 from .edges import EdgeInference
 from .lawfit import LawFit
+from .rows import Points, as_table
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -103,14 +103,14 @@ class Narrowing(Displayable):
         return out
 
 
-def narrowing(law: LawFit, decision: Decision, tests: Sequence[pd.DataFrame], within: float | None = None) -> Narrowing:
+def narrowing(law: LawFit, decision: Decision, tests: Sequence[Points], within: float | None = None) -> Narrowing:
     """Interval of a decision now, and expected after further tests.
 
     Parameters
     ----------
     law : LawFit
     decision : Decision
-    tests : sequence of DataFrame
+    tests : sequence of mapping or DataFrame
         One for each further test: its readings, a column for each factor (and the category).
     within : float, optional
         Half width asked for, as a share: 0.15 for ±15 %.
@@ -169,9 +169,11 @@ def information(law: LawFit) -> Array:
     return np.sum([_of_edge(A[number == g], between, within) for g in range(number.max() + 1)], axis=0)
 
 
-def information_of_test(law: LawFit, readings: pd.DataFrame) -> Array:
+def information_of_test(law: LawFit, readings: Points) -> Array:
     """Information of one further test, shape (q, q): its readings share the level of an edge."""
-    return _of_edge(law.gradient_at(law.design_of(readings))[:, estimated(law)], *variances_of(law))
+    return _of_edge(
+        law.gradient_at(law.design_of(as_table(law.response, readings)))[:, estimated(law)], *variances_of(law)
+    )
 
 
 def _of_edge(A: Array, between: float, within: float) -> Array:

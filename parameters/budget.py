@@ -32,7 +32,6 @@ from .sections.law_fields import LawFields
 
 STEP = 1e-6  # of a setting, for its sensitivity: the error of a central difference is then about 1e-10
 NEGLIGIBLE = 1e-12  # share of the variance below which a line is left out
-Group = Literal["edges", "rows", "settings"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -136,12 +135,8 @@ class UncertaintyBudget(Displayable):
     def facts(self) -> dict[str, Any]:
         """Plain numbers and texts for JSON."""
         out = {name: value for name, value in asdict(self).items() if name not in ("sensitivities", "multiplies")}
-        lines = [{**line, "df": _finite(line["df"])} for line in out["lines"]]
-        return {**out, "df": _finite(self.df), "lines": lines, "words": self.words}
-
-
-def _finite(df: float) -> float | None:
-    return None if math.isinf(df) else df
+        lines = [{**line, "df": None if math.isinf(line["df"]) else line["df"]} for line in out["lines"]]
+        return {**out, "df": None if math.isinf(self.df) else self.df, "lines": lines, "words": self.words}
 
 
 def _row(line: BudgetLine) -> tuple[str, ...]:
@@ -198,12 +193,7 @@ def uncertainty_budget(
     multiplies = law.error == "multiplicative"
     scale = 1.0 if multiplies or not law.logarithmic else value  # of theta to the scale of the errors
     unit_scale = value if multiplies else 1.0  # of the scale of the errors to the unit of the response
-    slopes = {f.symbol: _slope(law, by, at, f.symbol) / unit_scale for f in law.factors}
-    through = {name: slopes[name] * unit_scale for name in taken}
-    total = {name: slope * unit_scale for name, slope in slopes.items() if name not in taken}
-    for name, source in taken.items():
-        for setting, slope in source.sensitivities.items():
-            total[setting] = total.get(setting, 0.0) + through[name] * slope
+    through, total = _slopes(law, by, at, taken)
     parts = [
         *_of_coefficients(law, Z, scale, scale * unit_scale),
         *(_of_scatter(law, unit_scale) if kind == "prediction" else ()),
@@ -213,8 +203,7 @@ def uncertainty_budget(
     if gauge > 0:
         parts.append(_Part("gauge", "B", gauge, law.unit, 1.0, (gauge / unit_scale) ** 2, "gauge", math.inf))
     inside = bool(region_contains(law, by, at)) and all(source.inside for source in taken.values())
-    row = "row" if law.life is None else "life"
-    of = "the law" if kind == "mean" else f"one {row} of a new edge" if _by_edge(law) else f"one {row}"
+    of = "the law" if kind == "mean" else _one_row(law)
     return _combined(
         law, parts, at, of, value, level, unit_scale, inside, total, tuple(_notes(law, kind, given, gauge))
     )
@@ -293,6 +282,11 @@ def _covariance(law: LawFields) -> Covariance:
     return law.uncertainty
 
 
+def _one_row(law: LawFields) -> str:
+    row = "row" if law.life is None else "life"
+    return f"one {row} of a new edge" if _by_edge(law) else f"one {row}"
+
+
 def _by_edge(law: LawFields) -> bool:
     e = law.edges
     return e is not None and e.sd_between is not None and e.sd_within is not None
@@ -301,7 +295,6 @@ def _by_edge(law: LawFields) -> bool:
 def _of_coefficients(law: LawFields, Z: Array, scale: float, response: float) -> list[_Part]:
     """Constant at the centre, each coefficient about it, and the correlations that remain."""
     held, names = _covariance(law), law.parameter_names
-    df = float(held.df)
     order = [held.of.index(name) for name in names]
     C = np.array(held.matrix, dtype=float)[np.ix_(order, order)]
     se = np.sqrt(np.maximum(np.diag(C)[1:], 0.0))
@@ -311,15 +304,15 @@ def _of_coefficients(law: LawFields, Z: Array, scale: float, response: float) ->
     away = Z[1:] - centre
     group, square = "edges" if _by_edge(law) else "rows", scale * scale
     head, unit = "constant, at the centre of the tests", "ln" if law.logarithmic else law.unit
-    parts = [_Part(head, "A", math.sqrt(constant), unit, response, constant * square, group, df)]
+    parts = [_Part(head, "A", math.sqrt(constant), unit, response, constant * square, group, held.df)]
     known = {f.symbol for f in law.factors} if law.log_factors else set()
     for name, a, s in zip(names[1:], away, se, strict=True):
         label = f"exponent of {name}" if name in known else f"coefficient of {name}"
         variance = float((a * s) ** 2) * square
-        parts.append(_Part(label, "A", float(s), "", float(a) * response, variance, group, df))
+        parts.append(_Part(label, "A", float(s), "", float(a) * response, variance, group, held.df))
     rest = float(Z @ C @ Z) * square - sum(part.variance for part in parts)
     if len(parts) > 2 and abs(rest) > NEGLIGIBLE * float(Z @ C @ Z) * square:
-        parts.append(_Part("correlations of the coefficients", "A", None, "", None, rest, group, df))
+        parts.append(_Part("correlations of the coefficients", "A", None, "", None, rest, group, held.df))
     return parts
 
 
@@ -382,17 +375,25 @@ def _of_settings(
     return parts
 
 
-def _slope(law: LawFields, by: str | None, at: Mapping[str, float], name: str) -> float:
-    """Change of the response by one factor, by a central difference."""
-    step = STEP * (abs(x := float(at[name])) or 1.0)
-    up, down = (float(point_values(law, by, {**at, name: x + side * step})) for side in (1, -1))
-    return (up - down) / (2 * step)
+def _slopes(
+    law: LawFields, by: str | None, at: Mapping[str, float], taken: Mapping[str, UncertaintyBudget]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Change of the response by each factor of another law; by each setting, through those factors too."""
+    each = {}
+    for name in (f.symbol for f in law.factors):
+        step = STEP * (abs(float(at[name])) or 1.0)
+        up, down = (float(point_values(law, by, {**at, name: at[name] + side * step})) for side in (1, -1))
+        each[name] = (up - down) / (2 * step)
+    through = {name: each.pop(name) for name in taken}
+    for name, source in taken.items():
+        for setting, slope in source.sensitivities.items():
+            each[setting] = each.get(setting, 0.0) + through[name] * slope
+    return through, each
 
 
 def _notes(law: LawFields, kind: str, given: Mapping[str, float], gauge: float) -> list[str]:
-    out = []
-    if not given:
-        out.append("The settings are taken as exact; give their standard uncertainties to include them.")
+    exact = "The settings are taken as exact; give their standard uncertainties to include them."
+    out = [] if given else [exact]
     if not gauge:
         out.append("The calibration of the gauge is not included; its repeatability is part of the scatter of rows.")
     scatter = ["The scatter of edges and rows is not included: it is of the law itself."] if kind == "mean" else []
