@@ -87,6 +87,17 @@ def _of_life(response: str, factors: tuple[str, ...]) -> str:
     return "" if "V" in factors else "it needs the cutting speed V among the factors"
 
 
+def _of_lives(response: str, factors: tuple[str, ...]) -> str:
+    return "" if response == LIFE else f"it is a law of tool lives T, and {response} is none"
+
+
+def _weibull(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by: str | None) -> LawFit:
+    """The law of Weibull lives, run-outs among them."""
+    if error != "multiplicative":
+        raise FitError(f"{response}: Weibull lives have multiplicative errors. Leave --error out.")
+    return life_law(runs, factors, "weibull", by=by)
+
+
 def _of(form: str) -> Fit:
     """The fit of a form of the table of formulas; a wear that enters as it is stands last."""
 
@@ -163,6 +174,7 @@ CHOICES: Mapping[str, FormChoice] = {
         FormChoice("additive", "R = c0 prod X^b + k w", "additive_wear", _of_wear, _of("additive_wear")),
         FormChoice("kienzle", "Fc = kc1.1 b h^(1 - mc)", "power", _of_chip, _kienzle),
         FormChoice("taylor", "T = C V^a prod X^b", "power", _of_life, _power),
+        FormChoice("weibull", "T = c0 prod X^b, Weibull lives", "power", _of_lives, _weibull),
     )
 }  # fmt: skip
 
@@ -228,6 +240,11 @@ def aicc(law: LawFit) -> float | NotAvailable:
     >>> round(aicc(fit.power_law(runs, "AW", ["V", "f"])), 2)
     -433.06
     """
+    if law.life is not None and not law.life.least_squares:
+        k, n = len(law.theta) + 1, law.life.ended
+        if n - k - 1 <= 0:
+            return NotAvailable(f"{n} lives that ended are too few for AICc of {k - 1} coefficients")
+        return float(-2 * law.life.log_likelihood + 2 * k + 2 * k * (k + 1) / (n - k - 1))
     Z, p = free_gradient(law), n_estimated(law)
     codes = units_of(law)[1]
     G, n = int(codes.max()) + 1, law.nobs

@@ -307,3 +307,16 @@ def test_lives_without_a_law_are_not_to_be_used():
 def test_mostly_run_outs_are_a_reservation():
     frame = simulated(4, stop=12.0)
     assert checks_of(frame)["run-outs"].level == "warning"
+
+
+def test_weibull_lives_can_be_asked_for(tmp_path, capsys):
+    from fitmodels.cli import main
+
+    tool_table().to_csv(tmp_path / "lives.csv", index=False)
+    out = str(tmp_path / "out")
+    assert main([str(tmp_path / "lives.csv"), "--form", "T=weibull", "--out", out]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "maximum likelihood of Weibull lives" in said
+    assert "9 lives ended, 3 are run-outs" in said
+    (path,) = (tmp_path / "out").glob("*/params.json")
+    assert parameters.read(path).laws["T"].life.distribution == "weibull"

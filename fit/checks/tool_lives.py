@@ -113,9 +113,9 @@ def distribution_of_lives(law: LawFit) -> Check | NotAvailable:
     name: Distribution = "weibull" if life.name == "lognormal" else "lognormal"
     other = fit_censored(law.design, np.log(law.observed), _side(law), name)
     more = other.log_likelihood - life.log_likelihood
-    titles = {"weibull": "Weibull", "lognormal": "lognormal"}
+    titles, form = {"weibull": "Weibull", "lognormal": "lognormal"}, "weibull" if name == "weibull" else "power"
     verdict = f"{titles[life.name]} against {titles[name]} lives: log-likelihood {life.log_likelihood:.2f} and " + (
-        f"{other.log_likelihood:.2f}; the lives prefer {titles[name]}: life_law(..., distribution={name!r})."
+        f"{other.log_likelihood:.2f}; the lives prefer {titles[name]}: --form T={form}."
         if more > SURE
         else f"{other.log_likelihood:.2f}: these lives do not contradict {titles[life.name]} ones."
     )
