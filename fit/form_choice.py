@@ -25,6 +25,7 @@ ICCS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49)])  # shares of the var
 ALL = "*"  # stands for the responses that are not named
 LIFE = "T"
 REDUCED = "second-order-reduced"
+TIME = "t"
 WEAR_LAST = ("power_exponential", "additive_wear")  # forms in which the last factor enters as it is
 Unsuited = Callable[[str, tuple[str, ...]], str]  # reason why a form is none of a response on factors, or ""
 Fit = Callable[[Runs, str, tuple[str, ...], Error, str | None], LawFit]
@@ -105,10 +106,25 @@ def _of(form: str) -> Fit:
         if response == LIFE:
             _refuse_bounds(runs, form)
         wear = wear_among(factors) if form in WEAR_LAST else None
-        ordered = (*(name for name in factors if name != wear), *([wear] if wear else []))
-        return fit_form(runs, form, response, ordered, error=error, by=by)
+        lost = 0 if wear is None else _at_time_zero(runs, response, factors, wear)
+        rest = (name for name in factors if name != wear and not (lost and name == TIME))
+        ordered = (*rest, *([wear] if wear else []))
+        law = fit_form(runs, form, response, ordered, error=error, by=by)
+        if not lost:
+            return law
+        why = f"{lost} rows at {TIME} = 0 have no logarithm of it, and {wear} shows what time does"
+        note = f"the time {TIME} is left out: {why}"
+        return replace(law, notes=(*law.notes, note))
 
     return fitted
+
+
+def _at_time_zero(runs: Runs, response: str, factors: tuple[str, ...], wear: str) -> int:
+    """Number of rows of new edges, at time zero, that a factor t would leave out."""
+    if TIME not in factors or set(factors) == {TIME, wear}:
+        return 0
+    known = np.isfinite(runs.values(response)) & np.isfinite(runs.values(wear))
+    return int(np.count_nonzero(known & (runs.values(TIME) == 0)))
 
 
 def _power(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by: str | None) -> LawFit:

@@ -280,18 +280,29 @@ def test_every_form_passes_through_every_check(form):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_has_a_posterior_or_the_reason_why_not(form):
-    """Weak priors: medians within .4 standard errors of least squares on 108 rows; units of every coefficient."""
+    """Weak priors: medians within one standard error of least squares; units of every coefficient."""
     law = fit_form(runs_from_frame(worn()), form, *FORMS[form])
     if form == "additive_wear":
-        with pytest.raises(FitError, match="no posterior is drawn of a law of additive wear"):
+        with pytest.raises(FitError, match="additive wear is not; see the intervals"):
             fit.posterior(law)
         return
     found = fit.posterior(law, draws=2000)
     off = (np.median(found.draws[:, : len(law.theta)], axis=0) - law.theta) / np.sqrt(np.diag(law.covariance()))
-    assert np.abs(off[1:]).max() < 0.4
+    assert np.abs(off[1:]).max() < 1
     assert set(law.theta_names[1:]) <= set(found.priors.units)
 
 
 def test_a_law_with_fixed_exponents_has_no_posterior():
-    with pytest.raises(FitError, match="no posterior is drawn of a law with fixed exponents"):
+    with pytest.raises(FitError, match="d has a fixed one; see the intervals"):
         fit.posterior(fit.kienzle_law(turning(noise=0.02)).law)
+
+
+def test_time_is_left_out_of_additive_wear_where_it_would_cost_the_rows_of_new_edges():
+    from fitmodels.fit.form_choice import fit_in_form
+
+    frame = worn().assign(t=np.tile(np.arange(6) * 2.0, 18))
+    law = fit_in_form(runs_from_frame(frame), "additive", "Fc", ("f", "d", "t", "VB"))
+    assert (law.nobs, law.factors) == (108, ("f", "d", "VB"))
+    assert "18 rows at t = 0" in law.notes[-1]
+    later = fit_in_form(runs_from_frame(frame[frame.t > 0]), "additive", "Fc", ("f", "d", "t", "VB"))
+    assert later.factors == ("f", "d", "t", "VB")

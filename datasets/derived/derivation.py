@@ -42,6 +42,8 @@ def derive(draft: Draft, options: ReadOptions) -> None:
         if given.source == "--value" and role not in used:
             if ROLES[role].kind == "condition":
                 draft.assumed.append(f"{given}: the same in all tests, so that laws hold at this {role} only")
+            elif role in ("kappa", "lead", "sigma"):
+                draft.assumed.append(f"{given}: used by Kienzle's law of the cutting force (--form kienzle)")
             else:
                 draft.warnings.append(f"{given} is not used: no quantity that is not measured follows from it")
 

@@ -275,12 +275,13 @@ def law_density(law: LawFit, priors: Priors, errors: Errors = "normal") -> LawDe
     if law.formula.fixed:
         names = ", ".join(name for name, _ in law.formula.fixed)
         raise FitError(
-            f"{law.response}: no posterior is drawn of a law with fixed exponents ({names}); see its intervals."
+            f"{law.response}: draws are of laws whose exponents are all estimated, and {names} has a "
+            "fixed one; see the intervals."
         )
     if not law.formula.linearisable:
         raise FitError(
-            f"{law.response}: no posterior is drawn of a law of additive wear; fit the power law and draw "
-            "fit.posterior_of_form(law, 'additive in wear'), or see its intervals."
+            f"{law.response}: draws are of laws that are linear or log-linear in their coefficients, and additive wear "
+            "is not; see the intervals, or fit.posterior_of_form(power law, 'additive in wear')."
         )
     edges = "icc" in priors.of
     Z, natural = law.design, law.error == "additive"
