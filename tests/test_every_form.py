@@ -4,6 +4,7 @@ The cases are the forms of `core.formula.FORMS`: a new form without a case here 
 equal those of the fit, which computes them from its own arrays.
 """
 
+import csv
 import json
 
 import numpy as np
@@ -12,6 +13,7 @@ from fitmodels import parameters
 from fitmodels.cli import main
 from fitmodels.core.formula import FORMS
 from fitmodels.datasets import central_composite, read_runs, runs_from_frame, write_csv
+from fitmodels.fit import default_laws
 from fitmodels.fit.form_choice import CHOICES
 from fitmodels.fit.regression import fit_form
 from fitmodels.parameters.exports import VALUES
@@ -214,6 +216,24 @@ def test_new_runs_confirm_laws_of_every_form_that_can_be_chosen(form, halves, ca
     of_power = said.out[said.out.index("P: ") :]
     assert "rows" in of_power
     assert "the law holds" in " ".join(of_power.split()) or form in ("linear", "exponential", "additive")
+
+
+@pytest.mark.parametrize("form", CHOICES)
+def test_the_table_of_a_batch_has_the_law_of_the_chosen_form(form, halves, tmp_path, capsys):
+    out = tmp_path / "out"
+    words = ["batch", str(halves / "old.csv"), "--table-only", "--jobs", "1", "--out", str(out), "--form", f"P={form}"]
+    assert main(words) == 0
+    assert "internal error" not in capsys.readouterr().err
+    with (out / "results.csv").open(newline="") as file:
+        rows = {row["response"]: row for row in csv.DictReader(file)}
+    if form == "taylor":
+        assert "tool lives T" in rows["P"]["reason"]
+        return
+    runs = read_runs(halves / "old.csv")
+    (law,) = (law for law in default_laws(runs, forms={"P": form})[0] if law.response == "P")
+    assert rows["P"]["form"] == law.form
+    for name, value in law.params.items():
+        assert float(rows["P"][f"params_{name}"]) == pytest.approx(value, rel=1e-6)
 
 
 def test_simulated_data_are_read_and_give_the_law_again(case, capsys):
