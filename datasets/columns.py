@@ -11,7 +11,7 @@ from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import closest, did_you_mean
 from .headers import parse_header
-from .tables import Column, is_number
+from .tables import STOPPED, Column, is_number
 from .units import canonical, convert, same_dimension, suggest
 from .vocabulary import ROLES, Role, role_of, role_of_mean, role_of_unit, role_within, suggest_role, understood_unit
 
@@ -281,6 +281,11 @@ def _remedy(text: str, role: Role) -> str:
     """Remedy for a cell that is not a number, where its text shows one."""
     if is_number(text):
         return "It has another decimal mark than the rest of the file: use one throughout."
+    if role.symbol == "T" and (STOPPED.search(text) or text.strip().endswith("+")):
+        return (
+            "Write the time after which a test was stopped, with a plus (60+), and at least one life that ended: "
+            "run-outs alone give no law."
+        )
     if _BOUND.match(text):
         return "Write a number, or leave the cell empty: a value known only by its bound cannot be fitted."
     if role.kind != "time" and _DATE.fullmatch(text):

@@ -199,10 +199,21 @@ def mark_run_outs(draft: Draft) -> None:
             for column, use in zip(draft.columns, draft.uses, strict=True)
         )
         draft.data["censored"] = np.where(run_out, "run-out", "").astype(object)
+    n = int(np.isfinite(lives).sum())
     draft.assumed.append(
-        f"T: {len(rows)} of {int(np.isfinite(lives).sum())} lives are run-outs by column {name!r} "
-        f"({lines_of(draft.lines[rows])}): the lives are longer than the times stated"
+        f"T: {len(rows)} of {n} lives {_are(len(rows))} by column {name!r} ({lines_of(draft.lines[rows])}): longer "
+        "than the time stated"
     )
+    ended = lives[~run_out & np.isfinite(lives)]
+    if 2 * len(rows) > n and ended.size and ended.min() >= lives[rows].max():
+        other = "ended" if "ended" not in draft.data else "censored"
+        draft.doubts.append(
+            Doubt(
+                ("T",),
+                f"T: by column {name!r} {len(rows)} of {n} lives are run-outs and all of them shorter than those that "
+                f'ended; if it is the reverse, give --map "{other}={name}"',
+            )
+        )
 
 
 def _stated_run_outs(draft: Draft) -> tuple[str, NDArray[np.bool_]] | None:
@@ -292,11 +303,17 @@ def keep_marks(draft: Draft) -> None:
             draft.doubts.append(Doubt((role,), _left_out(draft, role, marks)))
 
 
+def _are(n: int) -> str:
+    return "is a run-out" if n == 1 else "are run-outs"
+
+
 def _note_bounds(draft: Draft, marks: Sequence[tuple[int, Mark]]) -> None:
-    for sign, words in ((">", "are run-outs: longer than the time stated"), ("<", "are shorter than the time stated")):
+    for sign in "><":
         rows = np.array([row for row, mark in marks if mark.sign == sign], dtype=np.intp)
         if rows.size:
-            n = len(draft.lines)
+            n, k = len(draft.lines), len(rows)
+            shorter = "is shorter than the time stated" if k == 1 else "are shorter than the time stated"
+            words = f"{_are(k)}: longer than the time stated" if sign == ">" else shorter
             draft.assumed.append(f"T: {len(rows)} of {n} lives ({lines_of(draft.lines[rows])}) {words}")
 
 

@@ -320,3 +320,20 @@ def test_weibull_lives_can_be_asked_for(tmp_path, capsys):
     assert "9 lives ended, 3 are run-outs" in said
     (path,) = (tmp_path / "out").glob("*/params.json")
     assert parameters.read(path).laws["T"].life.distribution == "weibull"
+
+
+def test_run_outs_alone_and_lives_not_reached_are_refused_with_the_remedy(tmp_path):
+    for cells in (["60+"] * 4, ["not reached", "50", "21", "17"]):
+        (tmp_path / "t.csv").write_text("\n".join(["V,T", *(f"{100 + 10 * i},{c}" for i, c in enumerate(cells))]))
+        with pytest.raises(DataError, match=r"with a plus \(60\+\), and at least one life that ended"):
+            datasets.read_runs(tmp_path / "t.csv")
+
+
+def test_codes_that_look_reversed_are_a_doubt():
+    frame = pd.DataFrame({"V": [100, 120, 140, 150, 160], "T": [60.0, 50, 21, 17, 12], "cens": [0, 1, 1, 1, 1]})
+    runs = datasets.runs_from_frame(frame)
+    assert any("all of them shorter than those that ended" in doubt.sentence for doubt in runs.doubts)
+    assert any('--map "ended=cens"' in doubt.sentence for doubt in runs.doubts)
+    reversed_ = datasets.runs_from_frame(frame, map={"ended": "cens"})
+    assert lives_of(reversed_).side.tolist() == [1, 0, 0, 0, 0]
+    assert not reversed_.doubts

@@ -8,7 +8,7 @@ gather     blocks -> columns                   read      the whole way, and what
 """
 
 from .gather import Column, column_of_texts
-from .numerals import is_number
+from .numerals import STOPPED, is_number
 from .read import Table, no_units, read_table
 
-__all__ = ["Column", "Table", "column_of_texts", "is_number", "no_units", "read_table"]
+__all__ = ["STOPPED", "Column", "Table", "column_of_texts", "is_number", "no_units", "read_table"]

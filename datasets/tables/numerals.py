@@ -56,6 +56,7 @@ _STOPPED = (
     r"abgebrochen|abgebr\.?|durchläufer|nicht erreicht|zensiert|interrompu|arrêté|non atteint|censuré|interrumpido|"
     r"censurado|no alcanzado"
 )
+STOPPED = re.compile(_STOPPED, re.IGNORECASE)
 _MARKED = re.compile(
     r"(?P<before>[<>]=?|=?[<>]|[≤≥⩾≧~≈≃*†‡]|(?:ca|approx|env|circa|about|etwa)\b\.?|"
     rf"(?P<least>{'|'.join(map(re.escape, _AT_LEAST))}))?\s*"

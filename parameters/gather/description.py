@@ -75,9 +75,10 @@ def _bounds(runs: "Runs", symbol: str) -> dict[str, int]:
         return {}
     marks = [str(mark) for mark in runs.data[column]]
     found: dict[str, int] = {}
-    for sign, words in ((">", "run-outs of at least"), ("<", "shorter than")):
+    for sign in "><":
         times = [float(mark[1:]) for mark in marks if mark[:1] == sign]
         if times:
+            words = "shorter than" if sign == "<" else f"run-out{'s' if len(times) > 1 else ''} of at least"
             low, high = min(times), max(times)
             span = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
             found[f"{words} {span} {runs.units.get(symbol, '')}".rstrip()] = len(times)
