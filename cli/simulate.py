@@ -59,11 +59,18 @@ def run(args: argparse.Namespace) -> int:
     laws = [_simulated(law, args, notes) for law in chosen]
     timed = any("t" in law.factors for law in laws)
     wear = next((law for law in laws if law.response in WEARS and timed), None)
+    design, planned = _design(pf, chosen, args)
+    timed = timed or planned is not None
     frame = simulate(
-        _design(pf, chosen, args), laws, interval=args.interval if timed else 1.0, t_max=args.t_max if timed else 1.0,
+        design, laws, interval=args.interval if timed else 1.0, t_max=args.t_max if timed else 1.0,
+        times=None if planned is None else np.unique(planned["t"]),
         criterion=None if wear is None else _criterion(args.criterion, wear.unit),
         wear="AW" if wear is None else wear.response, seed=args.seed,
     )  # fmt: skip
+    if planned is not None:
+        kept = frame.set_index(["edge", "t"]).index.isin(planned.set_index(["edge", "t"]).index)
+        frame = frame[kept].reset_index(drop=True)
+        notes.append("times of the plan, not of --interval and --t-max")
     units = {f.symbol: f.unit for law in chosen for f in law.factors if f.unit}
     frame.attrs["units"] = {**frame.attrs["units"], **units, **{law.response: law.unit for law in chosen}}
     if not timed:
@@ -189,7 +196,10 @@ def _extrapolated(frame: "pd.DataFrame", laws: "list[LawSection]", by: str | Non
     return notes
 
 
-def _design(pf: "ParameterFile", laws: "list[LawSection]", args: argparse.Namespace) -> "pd.DataFrame":
+def _design(
+    pf: "ParameterFile", laws: "list[LawSection]", args: argparse.Namespace
+) -> "tuple[pd.DataFrame, pd.DataFrame | None]":
+    """A row for each edge; edge and time of each reading where a plan states them, else None."""
     import pandas as pd
 
     from ..datasets import read_runs
@@ -203,13 +213,19 @@ def _design(pf: "ParameterFile", laws: "list[LawSection]", args: argparse.Namesp
                 both = max(low, f.low), min(high, f.high)  # where every law was tested, if there is such a range
                 ranges[f.symbol] = both if both[0] <= both[1] else (min(low, f.low), max(high, f.high))
     if args.plan is None:
-        return _composite(ranges, args.seed)
+        return _composite(ranges, args.seed), None
     runs = read_runs(args.plan)
     if lacking := [name for name in ranges if not runs.has(name)]:
         raise UsageError(f"{args.plan} has no column {', '.join(lacking)}, which the laws of {pf.identity.tool} need.")
     columns = {name: runs.values(name) for name in ranges}
     edges = runs.labels("edge") if runs.has("edge") else [f"E{i + 1:02d}" for i in range(len(runs))]
-    return pd.DataFrame({"edge": edges, **columns})
+    plan = pd.DataFrame({"edge": edges, **columns})
+    if not runs.has("t"):
+        return plan, None
+    planned = plan[["edge"]].assign(t=runs.values("t"))
+    if not (planned["t"] > 0).all():
+        raise UsageError(f"{args.plan} has rows without a time t above zero; complete them, or leave the column out.")
+    return plan.drop_duplicates("edge").reset_index(drop=True), planned
 
 
 def _composite(ranges: Mapping[str, tuple[float, float]], seed: int) -> "pd.DataFrame":

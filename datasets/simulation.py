@@ -165,6 +165,7 @@ def simulate(
     *,
     interval: float = 2.0,
     t_max: float = 20.0,
+    times: ArrayLike | None = None,
     criterion: float | None = 0.3,
     wear: str = "AW",
     seed: int,
@@ -182,6 +183,8 @@ def simulate(
         in the order in which they depend on each other
     interval, t_max : float
         length of a sub-test and longest time on an edge, min
+    times : array, optional
+        times of all edges, rising, min, in place of equal sub-tests
     criterion : float or None
         wear at which an edge is worn out (its row is kept), in the unit of `wear`; None cuts to `t_max`
     wear : str
@@ -212,9 +215,8 @@ def simulate(
     factors = [c for c in carried if pd.api.types.is_numeric_dtype(design[c])]
     powers = [law for law in laws if isinstance(law, SimulatedLaw)]
     _check_design(design, [factor for factor in factors if any(factor in law.factors for law in powers)])
-    _check_times(interval, t_max, criterion, len(design))
+    t = _times(interval, t_max, criterion, len(design)) if times is None else _rising(times)
     _check_laws(laws, factors, wear if criterion is not None else None)
-    t = _times(interval, t_max)
     grid = {factor: design[factor].to_numpy(dtype=np.float64)[:, None] for factor in factors}
     written = _responses(laws, {**grid, "t": t[None, :]}, (len(design), len(t)), seed)
     keep = np.ones((len(design), len(t)), dtype=bool) if criterion is None else _kept(written[wear], criterion)
@@ -269,8 +271,17 @@ def _shortest(value: object) -> str:
     return str(value).removesuffix(".0")
 
 
-def _times(interval: float, t_max: float) -> Floats:
+def _rising(times: ArrayLike) -> Floats:
+    """The given times, shape (times,), min."""
+    t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    if not (t.ndim == 1 and np.isfinite(t).all() and len(t) and t[0] > 0 and (np.diff(t) > 0).all()):
+        raise UsageError("times: give numbers above zero, min, each greater than the one before.")
+    return t
+
+
+def _times(interval: float, t_max: float, criterion: float | None, edges: int) -> Floats:
     """List the ends of the sub-tests, shape (times,), min; the tolerance keeps 3 * 0.1 within 0.3."""
+    _check_times(interval, t_max, criterion, edges)
     n = int(np.floor(t_max / interval * (1 + 1e-12)))
     return np.asarray(round_significant(interval * np.arange(1, n + 1), 12), dtype=np.float64)
 

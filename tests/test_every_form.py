@@ -268,3 +268,21 @@ def test_a_replay_finds_the_best_pair_within_limits_and_tests_or_names_what_is_m
     assert best["exceeds"] == []
     assert best["responses"]["P"]["value"] <= 5.0 * (1 + 1e-8)
     assert best["tested"] or form == "power"
+
+
+def test_a_plan_with_times_gives_a_row_for_each_of_its_readings(case, tmp_path, capsys):
+    form, _, folder = case
+    if form in LINES:
+        return
+    plan = tmp_path / "plan.csv"
+    ranges = ["--range", "V=60:200", "--range", "f=0.1:0.5", "--range", "d=1:3"]
+    assert main(["plan", *ranges, "--duration", "4:10", "--readings", "3", "--out", str(plan)]) == 0
+    out = tmp_path / "simulated.csv"
+    assert (
+        main(["simulate", str(folder / "params.json"), "--plan", str(plan), "--criterion", "9", "--out", str(out)]) == 0
+    )
+    capsys.readouterr()
+    planned, runs = read_runs(plan), read_runs(out)
+    for name in ("V", "t"):
+        np.testing.assert_array_equal(planned.values(name), runs.values(name))
+    assert planned.labels("edge").tolist() == runs.labels("edge").tolist()
