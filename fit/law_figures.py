@@ -155,9 +155,12 @@ def _life_quantiles(law: LawFit, life: LifeDistribution, ax: Axes) -> Axes:
 def response_surface(law: LawFit, ax: Axes | None = None) -> Axes:
     """The law over its first two factors, the others at the middle of their range; settings as dots.
 
-    A law of one factor is a line through its points.
+    A law of one factor is a line through its points; a law of second order is drawn inside the tested region alone,
+    beyond which its squares dominate.
     """
     ax = new_axes(ax)
+    if not law.formula.first_order and len(law.factors) > 1:
+        return contours_inside(law, (law.factors[0], law.factors[1]), ax)
     return _line(law, ax) if len(law.factors) == 1 else _contours(law, ax)
 
 

@@ -8,12 +8,15 @@ import re
 import shutil
 import warnings
 
+import numpy as np
+import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards.content.card import compose
 from fitmodels.cards.content.profiler import profile_all
 from fitmodels.cards.forms.page import page_html, value_texts
 from fitmodels.core.rounding import format_plain
+from fitmodels.fit.regression import fit_form
 
 pytestmark = pytest.mark.browser
 
@@ -124,11 +127,9 @@ def test_a_slider_moved_by_keyboard_changes_the_predictions_to_what_profile_says
     shown(tab, wear, profiler.start)
 
 
-def test_every_step_of_every_slider_says_what_profile_says(opened, wear):
-    """All 241 positions of each, set by the page's own script in one go; ends of the tests are among them."""
-    tab = opened[0](wear)
-    profiler = compose(wear).profiler
-    found = tab.evaluate(
+def positions(tab):
+    """Texts of each slider at its 241 positions, with the values and bands: lines by slider."""
+    return tab.evaluate(
         """() => [...document.querySelectorAll('input[type=range]')].map((slider, i) => {
           const seen = [];
           const cells = [...document.querySelectorAll('.answers tr[id] .value, .answers tr[id] .band')];
@@ -141,6 +142,38 @@ def test_every_step_of_every_slider_says_what_profile_says(opened, wear):
           return seen;
         })"""
     )
+
+
+@pytest.fixture(scope="module")
+def forms():
+    """Laws of five forms on V, f and wear."""
+    rng = np.random.default_rng(3)
+    V, f, VB = (rng.uniform(low, high, 60) for low, high in ((80, 250), (0.1, 0.4), (0.02, 0.3)))
+    force = (900 * f**0.7 * (V / 100) ** -0.1 + 800 * VB)[:, None] * np.exp(0.05 * rng.standard_normal((60, 5)))
+    frame = pd.DataFrame({"V": V, "f": f, "VB": VB}).join(pd.DataFrame(force, columns=["Fc", "Ff", "Fp", "Fx", "Fy"]))
+    runs = datasets.runs_from_frame(frame)
+    chosen = ("additive_wear", "second_order", "linear", "second_order_original", "power_exponential")
+    laws = [
+        fit_form(runs, form, name, ["V", "f", "VB"])
+        for form, name in zip(chosen, ("Fc", "Ff", "Fp", "Fx", "Fy"), strict=True)
+    ]
+    return parameters.collect(tool="a", work="b", design=runs, laws=laws)
+
+
+def test_every_form_of_law_is_computed_by_the_page_as_by_profile(opened, forms):
+    tab, profiler = opened[0](forms), compose(forms).profiler
+    for factor, seen in zip(profiler.factors, positions(tab), strict=True):
+        for line in seen[::40]:
+            at = {**profiler.start, factor.symbol: float(line[0].split()[0])}
+            expected = [value_texts(answer) for answer in profile_all(profiler, at).values()]
+            assert line[1:] == [text for value, low, high in expected for text in (value, f"{low} to {high}")]
+
+
+def test_every_step_of_every_slider_says_what_profile_says(opened, wear):
+    """All 241 positions of each, set by the page's own script in one go; ends of the tests are among them."""
+    tab = opened[0](wear)
+    profiler = compose(wear).profiler
+    found = positions(tab)
     for factor, seen in zip(profiler.factors, found, strict=True):
         values = [float(line[0].split()[0]) for line in seen]
         assert values == sorted(values)

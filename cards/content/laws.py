@@ -257,8 +257,8 @@ def _edge_words(law: LawSection) -> str:
 
 
 def _cautions(law: LawSection) -> list[str]:
-    """Limitations of the law, one sentence each."""
-    out = []
+    """Meaning of the coefficients where it is not plain, and limitations of the law, one sentence each."""
+    out = [_centred(law)] if law.centres else []
     if not isinstance(law.uncertainty, Covariance):
         out.append(f"{law.uncertainty.reason}: there are no residual degrees of freedom to assess the law.")
     if law.fixed:
@@ -275,6 +275,14 @@ def _cautions(law: LawSection) -> list[str]:
     out += [_dropped_words(rows) for rows in law.dropped_rows]
     out += [f"{note[0].upper()}{note[1:]}." if not note.endswith(".") else note for note in law.notes]
     return out
+
+
+def _centred(law: LawSection) -> str:
+    """What the coefficients of a law of second order are."""
+    units = {f.symbol: f.unit for f in law.factors}
+    at = ", ".join(f"{name} {value:g} {units[name]}".rstrip() for name, value in law.centres.items())
+    kind, by = ("exponent", "ln(factor / this value)") if law.logarithmic else ("slope", "the factor less this value")
+    return f"The coefficient of a factor is its {kind} at {at}; the others are those of squares and products of {by}."
 
 
 def _dropped_words(rows: DroppedRows) -> str:
