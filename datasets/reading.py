@@ -28,10 +28,9 @@ from .notes import pair_name as pair_name
 from .options import ReadOptions
 from .plausibility.judgement import check_signs, check_values, settle_units
 from .plausibility.quantities import table_process
-from .repeated_readings import with_means
 from .runs import UNNAMED, Runs, Source
 from .several_files import files_of_folder, joined_sheets, joined_tables
-from .shapes import long_table
+from .shapes import long_table, with_means
 from .tables import Column, Table, column_of_texts, read_table
 from .units import is_unit
 from .vocabulary import ROLES

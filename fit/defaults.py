@@ -118,11 +118,11 @@ def law_conditions(has: Has, varies: Has | None = None, process: Process | None 
 
 
 def _conditions(held: Held) -> tuple[str, ...]:
-    tool = next((name for name in ("Dc", "D") if held.varies(name)), None) if held.rotating else None
-    others = [name for name in ("z",) if held.varies(name) and held.rotating]
+    of_tool = {name: name for name in ("z", "Dc", "D") if held.rotating and held.varies(name)}
+    diameter = of_tool.get("Dc", of_tool.get("D"))
     found = [
-        _speed(held), _feed(held), *others, *filter(held.has, ("d", "ae")), tool, *filter(held.varies, ("re",)),
-        held.first(CLOCKS),
+        _speed(held), _feed(held), of_tool.get("z"), *filter(held.has, ("d", "ae")), diameter,
+        *filter(held.varies, ("re",)), held.first(CLOCKS),
     ]  # fmt: skip
     conditions = tuple(name for name in found if name is not None)
     return () if conditions == ("fm",) else conditions
@@ -165,8 +165,7 @@ def asked_laws(has: Has, varies: Has | None = None, process: Process | None = No
     >>> [(law.response, *law.factors) for law in asked_laws({"V", "f", "d", "Ra", "T"}.__contains__)]
     [('T', 'V', 'f', 'd'), ('Ra', 'V', 'f', 'd')]
     """
-    held = Held.of(has, varies, process)
-    return _of_columns(held)
+    return _of_columns(Held.of(has, varies, process))
 
 
 def _of_columns(held: Held) -> tuple[Asked, ...]:
@@ -289,22 +288,15 @@ def fit_asked(
 def _empty_responses(runs: Runs) -> tuple[Refused, ...]:
     """Responses whose column holds nothing."""
     lines = ", ".join(map(str, runs.lines[:FEW])) + (", ..." if len(runs.lines) > FEW else "")
-    return tuple(
-        Refused(name, f"{name}: {len(runs)} rows left out: {name} missing (lines {lines}).")
-        for name in RESPONSES
-        if name in runs.data and not runs.data[name].notna().any()
-    )
+    empty = (name for name in RESPONSES if name in runs.data and not runs.data[name].notna().any())
+    return tuple(Refused(name, f"{name}: {len(runs)} rows left out: {name} missing (lines {lines}).") for name in empty)
 
 
 def _wear_of_lives(held: Held, known: Collection[str]) -> tuple[Refused, ...]:
     """Wear that stands beside lives and has no law."""
-    wear = filter(held.has, (*WEAR, *LANDS)) if _at_end_of_life(held) else ()
+    wear = [name for name in (*WEAR, *LANDS) if held.has(name) and name not in known] if _at_end_of_life(held) else []
     why = "without a time or length of cut it is the wear at the end of each life T, no response;"
-    return tuple(
-        Refused(name, f'{name}: {why} --law "{name} ~ V, f" asks for a law of it.')
-        for name in wear
-        if name not in known
-    )
+    return tuple(Refused(name, f'{name}: {why} --law "{name} ~ V, f" asks for a law of it.') for name in wear)
 
 
 def _check_columns(runs: Runs, asked: Asked) -> None:

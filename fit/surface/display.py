@@ -8,8 +8,8 @@ from ...core.display import Display, TextTable, display_of, joined_facts, with_e
 from ...core.rounding import format_plain
 from ..available import NotAvailable
 from ..checks.check import SIGNIFICANT, format_p
+from ..checks.exponent_ranges import usual_exponents
 from ..checks.model_checks import LackOfFit
-from ..checks.physics import usual_exponents
 from ..edges import EdgeInference
 from .canonical import SIDES, CanonicalAnalysis, Side
 from .split_plot import EDGES, WITHIN, EdgeModel, TermTest, error_mean_square
