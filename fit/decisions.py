@@ -171,8 +171,11 @@ def limit_decision(law: LawFit, limit: float, factor: str, at: Mapping[str, floa
     >>> limit_decision(law, 3.0, "f").name
     'f at which P reaches 3 kW, at V 100 m/min, d 2.12 mm'
     """
-    if not law.formula.first_order:
-        raise FitError(f"{law.response}: a limit of a second-order law may be reached at several values of {factor}.")
+    if not (law.formula.first_order and law.formula.linearisable):
+        raise FitError(
+            f"{law.response}: a limit of a law of the form {law.form} has no closed form in {factor}; fit a power "
+            "law, or use fitmodels limits."
+        )
     if factor not in law.factors or law.by is not None:
         why = f"it has no {factor}" if factor not in law.factors else f"it has levels of {law.by and law.by.column}"
         raise FitError(f"the law of {law.response} has no limit of {factor}: {why}.")

@@ -270,7 +270,7 @@ def _plan(law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None)
     point = ["new" if j is None else f"repeat of {cut.label[j]}" for j in same]
     plan = pd.DataFrame({"run": np.arange(1, len(X) + 1), "edge": _new_names(cut, len(X)), "point": point})
     for j, name in enumerate(cut.names):
-        plan[name] = X[:, j]
+        plan[name] = round_significant(X[:, j], 12)
     if level is not None and place.by is not None:
         plan[place.by] = level
     return plan

@@ -25,7 +25,7 @@ from ..core.display import Displayable, TextTable
 from ..core.errors import ParameterError
 from ..core.rounding import format_plain as plain
 from ..core.rounding import format_rounded
-from .evaluation import point_values, region_contains, terms
+from .evaluation import error_gradient, point_values, region_contains, terms
 from .messages import short
 from .sections.base import Covariance, NoCovariance
 from .sections.law_fields import LawFields
@@ -183,19 +183,17 @@ def uncertainty_budget(
     >>> from fitmodels.parameters.sections.law import EXAMPLE, LawSection
     >>> found = uncertainty_budget(LawSection.model_validate(EXAMPLE), {"V": 100.0}, u={"V": 2.0})
     >>> [(line.name, round(line.share, 2)) for line in found.lines]
-    [('constant, at the centre of the tests', 0.45), ('exponent of V', 0.02), ('rows', 0.53), ('setting V', 0.01)]
+    [('constant at the centre', 0.45), ('exponent of V', 0.02), ('rows', 0.53), ('setting V', 0.01)]
     """
     taken, given = dict(sources or {}), dict(u or {})
     at = {**{name: source.value for name, source in taken.items()}, **at}
     _check(law, given, gauge, level, kind)
-    Z = np.atleast_1d(terms(law, by, at)).ravel()
     value = float(point_values(law, by, at))
-    multiplies = law.error == "multiplicative"
-    scale = 1.0 if multiplies or not law.logarithmic else value  # of theta to the scale of the errors
-    unit_scale = value if multiplies else 1.0  # of the scale of the errors to the unit of the response
+    G = error_gradient(law, terms(law, by, at), np.array(value))
+    unit_scale = value if law.error == "multiplicative" else 1.0  # of the scale of the errors to that of the response
     through, total = _slopes(law, by, at, taken)
     parts = [
-        *_of_coefficients(law, Z, scale, scale * unit_scale),
+        *_of_coefficients(law, G / G[0], float(G[0]), float(G[0]) * unit_scale),
         *(_of_scatter(law, unit_scale) if kind == "prediction" else ()),
         *_of_sources(taken, through, unit_scale),
         *_of_settings(law, given, total, taken, unit_scale),
@@ -303,7 +301,7 @@ def _of_coefficients(law: LawFields, Z: Array, scale: float, response: float) ->
     constant = max(float(C[0, 0] + 2 * C[0, 1:] @ centre + centre @ C[1:, 1:] @ centre), 0.0)
     away = Z[1:] - centre
     group, square = "edges" if _by_edge(law) else "rows", scale * scale
-    head, unit = "constant, at the centre of the tests", "ln" if law.logarithmic else law.unit
+    head, unit = "constant at the centre", "ln" if law.logarithmic else law.unit
     parts = [_Part(head, "A", math.sqrt(constant), unit, response, constant * square, group, held.df)]
     known = {f.symbol for f in law.factors} if law.log_factors else set()
     for name, a, s in zip(names[1:], away, se, strict=True):

@@ -173,7 +173,7 @@ def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factor
     with np.errstate(all="ignore"):  # `as_given` refuses what is not finite
         Z = terms(law, by, factors)
         median = response(law, Z)
-        G = _gradient(law, Z, median)
+        G = error_gradient(law, Z, median)
         variance = np.zeros(median.shape) if spread.edge == "same" else _quadratic(law, G)
         value, low, high = value_and_ends(
             asked.kind, median, variance, spread.df, spread.scatter, level=asked.level, coverage=asked.coverage,
@@ -311,7 +311,7 @@ def response(law: LawFields, Z: Array) -> Array:
     return law.formula.response_of(law.theta, Z)
 
 
-def _gradient(law: LawFields, Z: Array, median: Array) -> Array:
+def error_gradient(law: LawFields, Z: Array, median: Array) -> Array:
     """Derivative of the prediction by theta on the scale of the errors, shape (..., p)."""
     if law.error == "additive":
         return law.formula.derivative(law.theta, Z)

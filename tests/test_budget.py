@@ -8,6 +8,7 @@ import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.core.errors import ParameterError
+from fitmodels.fit.regression import fit_form
 from fitmodels.parameters import LawSection
 from fitmodels.parameters.budget import effective_df, uncertainty_budget
 
@@ -21,7 +22,7 @@ SCATTER = 0.0778383
 GTC_LAW = (0.2195049429945927, 0.003609846743901501, 191.71454610821607)
 GTC_READING = (0.2195049429945927, 0.01746306632376482, 82.87091083746178)
 GTC_LINES = {
-    "constant, at the centre of the tests": 0.0018984982519602324,
+    "constant at the centre": 0.0018984982519602324,
     "exponent of V": 0.001279582583233095,
     "exponent of f": 0.0007485293613906047,
     "exponent of d": 0.0011038873326567242,
@@ -123,6 +124,22 @@ def test_contributions_do_not_depend_on_the_units_of_the_factors(simulated):
     other = LawSection.model_validate({**inch, "region": None, "alternative": None})
     again = other.budget({**at, "d": at["d"] / 25.4}, "mean")
     assert [line.contribution for line in again.lines] == pytest.approx([x.contribution for x in found.lines], rel=1e-6)
+
+
+@pytest.mark.parametrize("error", ["multiplicative", "additive"])
+@pytest.mark.parametrize(
+    "form", ["power", "linear", "exponential", "additive_wear", "second_order", "second_order_original"]
+)
+def test_a_law_of_every_form_has_the_budget_of_its_interval(form, error):
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    if form in ("linear", "second_order_original"):
+        error = "additive"
+    fitted = fit_form(runs, form, "P", ["V", "f", "AW"], error=error)
+    law = parameters.collect(laws=[fitted]).laws["P"]
+    at = {"V": 120.0, "f": 0.3, "AW": 0.2}
+    found = law.budget(at, "mean")
+    assert (found.low, found.high) == pytest.approx(law.interval(**at), rel=1e-9)
+    assert sum(line.share for line in found.lines) == pytest.approx(1, abs=1e-9)
 
 
 def test_an_additive_law_adds_in_the_unit_of_the_response():
