@@ -50,6 +50,7 @@ WRAPPED = {
     "without the suspects": "without the\nsuspects",
 }
 WIDEST_TABLE = 100  # characters of a table of coefficients at the narrowest output, of which the last two are blank
+KIENZLE = ("kc1.1 ", "kf1.1 ", "kp1.1 ", "Entering angle kappa")  # notes that stand below the equation
 STYLES = {0: "green", 1: "yellow", 2: "bold red", None: "yellow"}  # of a verdict, by its level
 
 
@@ -242,17 +243,20 @@ def _law_block(law: LawPart, command: Command) -> RenderableType:
     head = Text.assemble((f"{law.response}  {law.quantity}{unit}", "bold"), "   ", _verdict_text(law.verdict))
     edges = f"By edge: {fact_line(law.by_edge)}." if len(law.by_edge) > 1 else fact_line(law.by_edge)
     posterior = [] if law.posterior is None else [s for s in law.posterior.sentences if s not in EXPLANATIONS]
+    constants = [words for words in law.cautions if words.startswith(KIENZLE)]
+    cautions = [words for words in law.cautions if words not in constants]
     return _block(
         head,
         *_reasons(law.verdict),
         *(line for suspect in law.suspects for line in _suspect_lines(suspect, command)),
         Text(law.equation),
+        *_texts(constants),
         Text(f"{law.form}; {law.structure}", style="dim"),
         _table(_narrow(coefficient_table(law.coefficients, law), ("published value", law.other_heading))),
         *_texts([law.without_words, f"{fact_line(law.statistics)}.", edges, law.edge_words]),
         *_texts([law.composite_words, law.printed_words]),
         *([_table(check_table(law.checks))] if law.checks else []),
-        *_texts([*law.check_words, *posterior, *law.cautions]),
+        *_texts([*law.check_words, *posterior, *cautions]),
     )
 
 

@@ -35,9 +35,9 @@ from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..core.rounding import format_decimal, format_plain
 from ..datasets import Runs
-from .chips import TableValue, checked_angle, mean_chip_thickness, table_value
 from .lawfit import LawFit
 from .laws import LawForm
+from .mechanistic import TableValue, checked_angle, mean_chip_thickness, table_value
 from .regression import fit_rows
 from .rows import select
 
@@ -375,7 +375,7 @@ def _unusual(found: KienzleLaw, mc: str) -> tuple[str, ...]:
 
 
 def _angle_note(found: KienzleLaw, origin: str) -> str:
-    angle = f"entering angle kappa {found.entering_angle:g} degrees"
+    angle = f"Entering angle kappa {found.entering_angle:g} degrees"
     if not found.assumed:
         return f"{angle} ({origin}); kappa is 90 less the lead angle."
     by, kappa = f", {origin}" if origin else "", radians(found.entering_angle)

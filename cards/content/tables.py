@@ -18,6 +18,8 @@ from .parts import (
 
 def coefficient_table(lines: Sequence[CoefficientPart], law: LawPart | None = None) -> TextTable:
     """Coefficients with standard errors and intervals; of a law also other error structure and published values."""
+    some = law is not None and any(c.se.text for c in lines)
+    ends = ["fixed" if some and not c.se.text else between(c.low, c.high) for c in lines]
     texts = {field: [getattr(c, field).text for c in lines] for field in ("estimate", "se", "t", "p", "row_se")}
     return _table({
         "coefficient": [c.name for c in lines],
@@ -26,7 +28,7 @@ def coefficient_table(lines: Sequence[CoefficientPart], law: LawPart | None = No
         "SE": texts["se"],
         "t": texts["t"],
         "p": texts["p"],
-        f"{law.level.text if law else 95} % interval": [between(c.low, c.high) for c in lines],
+        f"{law.level.text if law else 95} % interval": ends,
         "SE, rows independent": texts["row_se"],
         law.other_heading if law else "": [c.other.text for c in lines],
         "published value": [c.printed.text for c in lines],

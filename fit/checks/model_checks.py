@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Array
+from ...core.rounding import format_plain
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
@@ -225,6 +226,7 @@ def curvature(law: LawFit, strata: Strata | NotAvailable) -> Curvature | NotAvai
     return _curvature_test(F, df - 1, [law.factors[squared[i]] for i in new], j)
 
 
+LARGE_F = 1e4  # above which F is printed to four digits
 INDEPENDENT = 0.05  # of the length of a square: what must be left of it outside the law
 
 
@@ -254,7 +256,7 @@ def _curvature_test(F: float, df: int, names: list[str], j: int) -> Curvature:
 
     p = min(1.0, len(names) * float(fdtrc(1, df, F)))
     largest = f", the largest of {len(names)}" if len(names) > 1 else ""
-    result = f"F(1, {df}) = {F:.2f}{largest}, {format_p(p)}"
+    result = f"F(1, {df}) = {format_plain(F, 4) if F >= LARGE_F else f'{F:.2f}'}{largest}, {format_p(p)}"
     kept = f"No curvature in {', '.join(names)}: at most, the square of {names[j]} ({result})."
     rejected = (
         f"Curvature: the square of {names[j]} improves the law ({result}), so that its effect changes over its range; "
