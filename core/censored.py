@@ -21,6 +21,7 @@ Distribution: TypeAlias = Literal["lognormal", "weibull"]
 ENDED, RUN_OUT, EARLIER = 0, 1, -1  # the life is T; it is longer than T; it is shorter than T
 Side: TypeAlias = NDArray[np.int8]
 LARGEST_STEPS = 200
+CONVERGED = 1e-13  # expected rise of the log-likelihood: below it rounding decides
 EULER_SD = float(np.pi / np.sqrt(6.0))  # standard deviation of the smallest extreme value, W of a Weibull life
 HALF_LN_TWO_PI = 0.9189385332046727
 
@@ -133,7 +134,7 @@ def _maximum(A: Array, side: Side, distribution: Distribution, x: Array) -> Arra
         except np.linalg.LinAlgError:
             break
         rise = float(gradient @ step)
-        if rise < 1e-18 * max(1.0, abs(value)):
+        if rise < CONVERGED * max(1.0, abs(value)):  # a last step then has all digits
             return x + step
         share = 1.0
         while share > 1e-12:

@@ -82,6 +82,15 @@ class WearCurveLives(Displayable):
         return sum(one.reached == reached for one in self.lives)
 
     @property
+    def contradicts(self) -> bool:
+        """Whether the lives by the curves differ from those by the law by more than scatter makes."""
+        if self.ratio_interval is None or self.expected is None:
+            return False
+        low, high = self.ratio_interval
+        # scatter, which the residuals of a bent curve overstate, only shortens the lives by the curves
+        return not (low <= 1 <= high or self.expected <= high <= 1)
+
+    @property
     def sentences(self) -> tuple[str, ...]:
         """Counts, and what the difference between the two lives means."""
         n, inside = len(self.lives), self.count("interpolated")
@@ -105,7 +114,7 @@ class WearCurveLives(Displayable):
         alone = f"the scatter of the readings alone makes {100 * (self.expected - 1):+.2g} % (simulated)"
         if low <= 1 <= high:
             return (f"{head} ({ends}): they agree.",)
-        if self.expected <= high <= 1:  # scatter, which the residuals of a bent curve overstate, only shortens
+        if not self.contradicts:
             return (f"{head} ({ends}); {alone}, which explains it: the lives of the wear law are the better ones.",)
         bend = "faster" if self.ratio < 1 else "slower"
         return (

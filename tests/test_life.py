@@ -261,3 +261,14 @@ def test_an_interval_that_is_not_bounded_is_said_to_be_so(tmp_path):
     assert "not bounded" in one.words
     assert one.facts()["high"] is None
     parameters.write(pf, tmp_path / "params.json")
+
+
+def test_curves_that_contradict_the_law_qualify_the_tool_life():
+    from fitmodels import parameters
+
+    for bend, level in ((1.5, 1), (0.0, 0)):
+        runs = worn(bend=bend, until=100)
+        law = fit.power_law(runs, "VB", ["V", "t"])
+        section = parameters.collect(laws=[law], tool_life=fit.tool_life(law, 0.45 if bend else 0.3)).tool_life
+        assert any("trust the interpolated lives" in reason for reason in section.verdict.reasons) == bool(level)
+        assert section.verdict.concern >= level

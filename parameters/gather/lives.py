@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +56,11 @@ def tool_life_section(
     if life is None:
         return None
     law = next((law for law in laws if law.response == life.wear), None)
+    curves = _curves(life)
     verdict = None if law is None else _life_verdict(life, law, (sections or {}).get(life.wear), runs)
+    if verdict is not None and curves is not None and curves.pop("contradicts"):
+        reasons = (*verdict.reasons, curves["words"][-1])
+        verdict = replace(verdict, level=max(verdict.level, RESERVATIONS), reasons=reasons)
     return {
         "wear": life.wear,
         "criterion": float(life.criterion),
@@ -69,7 +73,7 @@ def tool_life_section(
         "typical": life.typical,
         "typical_at": dict(life.typical_at),
         "taylor": None if life.law is None else _taylor(life.taylor, life.law),
-        "curves": _curves(life),
+        "curves": None if curves is None else {k: v for k, v in curves.items() if k != "contradicts"},
         "verdict": None if verdict is None else VerdictSection.of(verdict).model_dump(),
     }
 
@@ -90,6 +94,7 @@ def _curves(life: "ToolLife") -> dict[str, Any] | None:
         "ratio_interval": found.ratio_interval,
         "expected": found.expected,
         "words": found.sentences,
+        "contradicts": found.contradicts,
     }
     if isinstance(found.law, NotAvailable) or found.law.no_interval:
         return data
