@@ -264,6 +264,27 @@ def test_ridge_path_of_the_trebuchet_is_that_of_rsm(radius, point, value):
     np.testing.assert_allclose(90 + b @ np.round(u, 3) + np.round(u, 3) @ B @ np.round(u, 3), value, atol=1e-3)
 
 
+def test_the_chemical_process_of_montgomery_has_its_maximum():
+    """Montgomery, Design and Analysis of Experiments, section 11.3: central composite design in time and temperature.
+
+    He prints the stationary point .389, .306 (87 min, 176.5 degrees), 80.21 % yield, the curvatures -.9634, -1.4143.
+    """
+    a = 1.414
+    S = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], *[[0, 0]] * 5, [a, 0], [-a, 0], [0, a], [0, -a]])
+    y = [76.5, 77.0, 78.0, 79.5, 79.9, 80.3, 80.0, 79.7, 79.8, 78.4, 75.6, 78.5, 77.0]
+    frame = pd.DataFrame({"V": 85 + 5 * S[:, 0], "f": 175 + 5 * S[:, 1], "Ra": y})
+    found = fit.response_surface(
+        datasets.runs_from_frame(frame, judge=False), "Ra", ["V", "f"], scale="original", edge=None
+    ).canonical()
+    np.testing.assert_allclose(found.coded * a, [0.389, 0.306], atol=5e-4)
+    np.testing.assert_allclose(list(found.stationary.values()), [86.95, 176.53], atol=5e-3)
+    np.testing.assert_allclose(found.eigenvalues / a**2, [-0.9634, -1.4143], atol=2e-4)
+    assert round(found.value, 2) == 80.21
+    assert found.shape == "maximum"
+    assert found.optimum
+    assert found.verdict.startswith("Maximum of Ra, 80.2 um, at V 86.9, f 177, inside the tested region")
+
+
 CEMENT = [109.5, 117, 110.5, 121, 120, 130, 124, 132, 117, 117, 115, 109.5, 132, 120, 121, 115, 127, 116, 117, 117]
 
 
@@ -288,6 +309,36 @@ def test_blocks_have_a_test_of_their_own_and_adjust_the_others():
         cement(), "Ra", ["V", "f", "d"], model="factorial", scale="original", blocks="day", edge=None
     ).anova(2)
     np.testing.assert_allclose(two.loc[["V", "f", "d"], "F"], [40.85331, 1.20504, 34.83158], rtol=1e-5)
+
+
+L9 = np.array([(0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 0, 1), (1, 1, 2), (1, 2, 0), (2, 0, 2), (2, 1, 0), (2, 2, 1)])
+TWO_LEVELS = np.array([[i, j, k] for i in (0, 2) for j in (0, 2) for k in (0, 2)] + [[1, 1, 1]] * 3)
+
+
+def rows_of(S, times=(2.0, 4.0, 8.0, 16.0), seed=0, blocks=False):
+    """Runs of a power law at settings S (levels 0, 1, 2 of V, f, d) with every edge at these times."""
+    rng = np.random.default_rng(seed)
+    edge, t = np.repeat(np.arange(len(S)), len(times)), np.tile(times, len(S))
+    levels = np.array([[80, 0.1, 0.5], [120, 0.2, 1.0], [180, 0.3, 2.0]])
+    X = np.take_along_axis(levels, S, axis=0)
+    ln = np.log(X[edge]) @ [0.7, 0.3, 0.2] + 0.4 * np.log(t) - 5.5
+    ln = ln + 0.05 * rng.standard_normal(len(S))[edge] + 0.08 * rng.standard_normal(len(t))
+    frame = pd.DataFrame(X[edge], columns=["V [m/min]", "f [mm/rev]", "d [mm]"])
+    frame = frame.assign(**{"edge": [f"E{g}" for g in edge], "t [min]": t, "AW [mm]": np.exp(ln)})
+    if blocks:
+        frame["day"] = np.where(edge < len(S) / 2, "1", "2")
+    return datasets.runs_from_frame(frame, judge=False)
+
+
+def test_blocks_of_edges_are_tested_against_edges():
+    runs = rows_of(np.vstack([L9, L9]), blocks=True)
+    found = fit.response_surface(runs, "AW", ["V", "f", "d", "t"], model="first", blocks="day")
+    table = found.anova()
+    assert table.loc["day", "error"] == "edges"
+    np.testing.assert_allclose(table.loc[["day", "V", "t"], "df_error"], [13, 13, 53])
+    assert "block" in found.frame
+    assert found.formula.endswith("+ C(block, Sum)")
+    assert found.law.predict({"V": 100, "f": 0.2, "d": 1, "t": 8, "day": "2"}).shape == (1,)
 
 
 def test_selection_is_the_smallest_aicc_of_all_sets_with_heredity():
@@ -423,23 +474,6 @@ def test_a_constant_factor_is_left_out_of_every_model(runs):
         found = fit.response_surface(made, "Ra", ["V", "d"], model=model, edge=None)
         assert found.law.factors == ("V",)
         assert [out.factor for out in found.law.left_out] == ["d"]
-
-
-L9 = np.array([(0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 0, 1), (1, 1, 2), (1, 2, 0), (2, 0, 2), (2, 1, 0), (2, 2, 1)])
-TWO_LEVELS = np.array([[i, j, k] for i in (0, 2) for j in (0, 2) for k in (0, 2)] + [[1, 1, 1]] * 3)
-
-
-def rows_of(S, times=(2.0, 4.0, 8.0, 16.0), seed=0):
-    """Runs of a power law at settings S (levels 0, 1, 2 of V, f, d) with every edge at these times."""
-    rng = np.random.default_rng(seed)
-    edge, t = np.repeat(np.arange(len(S)), len(times)), np.tile(times, len(S))
-    levels = np.array([[80, 0.1, 0.5], [120, 0.2, 1.0], [180, 0.3, 2.0]])
-    X = np.take_along_axis(levels, S, axis=0)
-    ln = np.log(X[edge]) @ [0.7, 0.3, 0.2] + 0.4 * np.log(t) - 5.5
-    ln = ln + 0.05 * rng.standard_normal(len(S))[edge] + 0.08 * rng.standard_normal(len(t))
-    frame = pd.DataFrame(X[edge], columns=["V [m/min]", "f [mm/rev]", "d [mm]"])
-    frame = frame.assign(**{"edge": [f"E{g}" for g in edge], "t [min]": t, "AW [mm]": np.exp(ln)})
-    return datasets.runs_from_frame(frame, judge=False)
 
 
 def test_an_array_of_nine_edges_is_reduced_and_tests_the_terms_that_are_kept():

@@ -105,9 +105,11 @@ class CanonicalAnalysis(Plottable):
         """Whether the surface has a proven minimum or maximum inside the tested region."""
         return self.shape in ("minimum", "maximum") and self.inside and self.bounded
 
-    def best(self, side: Side) -> "pd.Series[float]":
-        """Last point inside the tested region of the path to the ``lowest`` or ``highest`` response."""
+    def best(self, side: Side) -> "pd.Series[float] | None":
+        """Point of lowest or highest response on its path inside the tested region; None where it has none there."""
         path = self.paths[(self.paths["side"] == side) & self.paths["inside"]]
+        if path.empty:
+            return None
         at = int(path[self.response].argmin() if side == "lowest" else path[self.response].argmax())
         return path[[*self.factors, self.response]].iloc[at].astype(float)
 

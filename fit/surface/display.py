@@ -57,6 +57,8 @@ def of_canonical(found: CanonicalAnalysis) -> Display:
 
 def _point(found: CanonicalAnalysis, side: Side) -> str:
     best = found.best(side)
+    if best is None:
+        return "no point of its path lies in the tested region"
     at = joined_facts((name, format_plain(float(best[name]), 3)) for name in found.factors)
     value = f"{format_plain(float(best[found.response]), 3)} {found.unit}".rstrip()
     return f"{found.response} {value} at {at}"
@@ -199,8 +201,8 @@ def _not_positive(surface: ResponseSurface) -> list[str]:
     if law.formula.logarithmic or not (law.observed > 0).all():
         return []
     lowest = float(law.fitted.min())
-    if isinstance(canonical, CanonicalAnalysis):
-        lowest = min(lowest, float(canonical.best("lowest")[law.response]))
+    if isinstance(canonical, CanonicalAnalysis) and (best := canonical.best("lowest")) is not None:
+        lowest = min(lowest, float(best[law.response]))
     if lowest > 0:
         return []
     value = f"{format_plain(lowest, 3)} {law.units.get(law.response, '')}".rstrip()

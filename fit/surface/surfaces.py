@@ -315,7 +315,7 @@ def _reduced(
     full, why = surface.full, surface.model
     chosen = selected_terms(full, _model_of(full, saturated=True))
     if chosen is None:
-        return replace(surface, law=replace(full, notes=(*full.notes, f"no selection of terms: {why}")))
+        return replace(surface, law=replace(full, notes=(*full.notes, "too few rows or edges to choose terms by AICc")))
     law = fitted([term for term in full.formula.terms if term.name in chosen.kept], full.left_out)
     notes = [f"{len(chosen.kept)} of {len(full.formula.terms)} {SELECTED}"]
     if isinstance(why, NotAvailable):

@@ -72,8 +72,8 @@ class _Stratum:
 
 def select_terms(
     model: EdgeModel, terms: Mapping[str, Sequence[int]], degrees: Mapping[str, Degrees], forced: Sequence[int] = (0,)
-) -> TermSelection:
-    """Terms of smallest AICc among the sets with strong heredity.
+) -> TermSelection | None:
+    """Terms of smallest AICc among the sets with strong heredity; None where no set leaves enough observations.
 
     Parameters
     ----------
@@ -116,9 +116,13 @@ def select_terms(
     sets = _all_sets(degrees)
     if sets is None:
         best = _one_at_a_time(everything, degrees, aicc)
+        if not np.isfinite(aicc(best)):
+            return None
         return TermSelection(_ordered(terms, best), aicc(best), aicc(everything), 0, {})
     values = np.array([aicc(names) for names in sets])
     lowest = float(values.min())
+    if not np.isfinite(lowest):
+        return None
     weight = np.exp(-(values - lowest) / 2)
     weight = weight / weight.sum()
     weights = {name: float(weight[[name in names for names in sets]].sum()) for name in terms}
@@ -218,7 +222,7 @@ def term_groups(law: LawFit, model: EdgeModel) -> dict[str, list[str]]:
 
 
 def selected_terms(law: LawFit, model: EdgeModel | NotAvailable) -> TermSelection | None:
-    """Terms of a law of second order chosen by AICc, blocks kept; None without a model of its rows."""
+    """Terms of a law of second order chosen by AICc, blocks kept; None where its rows are too few."""
     if isinstance(model, NotAvailable):
         return None
     own, columns = {term.name: term.degrees for term in law.formula.terms}, columns_of(law)
