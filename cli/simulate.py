@@ -131,8 +131,9 @@ def _simulated(law: "LawSection", args: argparse.Namespace, notes: list[str]) ->
         return values
 
     between, within = _deviations(law, args.icc, notes)
+    weibull = law.life is not None and law.life.distribution == "weibull"
     return SimulatedResponse(
-        law.response, law.unit, symbols, response, between, within, adds=law.error == "additive", digits=4
+        law.response, law.unit, symbols, response, between, within, adds=law.error == "additive", weibull=weibull
     )
 
 
@@ -153,6 +154,10 @@ def _level(law: "LawSection", given: str | None, notes: list[str]) -> str | None
 
 def _deviations(law: "LawSection", icc: float | None, notes: list[str]) -> tuple[float, float]:
     """Standard deviations between and within edges, in logarithms or in the unit of the response."""
+    if law.life is not None:
+        name = "Weibull" if law.life.distribution == "weibull" else law.life.distribution
+        notes.append(f"{law.response} scatters as {name} lives of scale {law.life.scale:.3g} in ln")
+        return 0.0, law.life.scale
     held, unit = law.edges, "ln" if law.error == "multiplicative" else law.unit
     if held is not None and held.sd_between is not None and held.sd_within is not None and icc is None:
         return held.sd_between, held.sd_within

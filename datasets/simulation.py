@@ -38,6 +38,17 @@ class Deviations:
             raise UsageError(f"law of {self.response}: digits {self.digits}; give 1 or more.")
 
 
+def weibull_deviation(z: Floats) -> Floats:
+    """Deviation of ln T of a Weibull life of shape 1 from its median, for standard normal deviates of equal rank.
+
+    >>> weibull_deviation(np.array([0.0, -2.0, 2.0])).round(3).tolist()
+    [0.0, -3.405, 1.697]
+    """
+    from scipy.special import log_ndtr
+
+    return np.asarray(np.log(-log_ndtr(-z)) - np.log(np.log(2.0)))
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class SimulatedResponse(Deviations, Displayable):
     """A response by any function of the factors, with normal deviations that multiply it or are added to it.
@@ -54,6 +65,8 @@ class SimulatedResponse(Deviations, Displayable):
         standard deviations between edges and between the rows of an edge: of ln R, or of R where they add
     adds : bool
         whether deviations are added
+    weibull : bool
+        whether lives scatter as Weibull ones about their median: `sd_row` is then the reciprocal shape
     digits : int
         significant digits recorded
 
@@ -77,6 +90,7 @@ class SimulatedResponse(Deviations, Displayable):
     sd_edge: float
     sd_row: float
     adds: bool = False
+    weibull: bool = False
     digits: int = 4
 
     def __post_init__(self) -> None:
@@ -85,7 +99,8 @@ class SimulatedResponse(Deviations, Displayable):
 
     def recorded(self, known: Mapping[str, Floats], edge: ArrayLike, row: ArrayLike) -> Floats:
         """Values as recorded, for standard normal deviations of edges and rows; arrays broadcast."""
-        off = self.sd_edge * np.asarray(edge) + self.sd_row * np.asarray(row)
+        own = weibull_deviation(np.asarray(row, dtype=np.float64)) if self.weibull else np.asarray(row)
+        off = self.sd_edge * np.asarray(edge) + self.sd_row * own
         value = self.function(known)
         return round_significant(value + off if self.adds else value * np.exp(off), self.digits)
 

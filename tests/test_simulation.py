@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.design import central_composite
-from fitmodels.datasets.simulation import SimulatedLaw, simulate, write_csv
+from fitmodels.datasets.simulation import SimulatedLaw, SimulatedResponse, simulate, weibull_deviation, write_csv
+from scipy.stats import norm, weibull_min
 
 WEAR = SimulatedLaw("AW", "mm", 7.62e-3, {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}, 0.07, 0.07)
 POWER = SimulatedLaw("P", "kW", 0.14, {"V": 0.82, "f": 0.627, "d": 0.844, "t": -0.049, "AW": 0.342}, 0.04, 0.03)
@@ -183,3 +184,14 @@ def test_a_stream_and_given_units_and_whole_numbers():
     stream = io.StringIO()
     write_csv(pd.DataFrame({"V": [100.0, 0.1], "n": [1, 2]}), stream, [], units={"V": "m/s"})
     assert stream.getvalue() == "V [m/s],n\n100,1\n0.1,2\n"
+
+
+def test_weibull_lives_have_the_quantiles_of_their_distribution():
+    """Deviations by scipy's weibull_min: ln T less its median, of the shape 1/s, at ranks of normal deviates."""
+    z = np.linspace(-3, 3, 13)
+    shape = 3.7
+    lives = weibull_min(shape, scale=20.0)
+    expected = np.log(lives.ppf(norm.cdf(z)) / lives.median())
+    np.testing.assert_allclose(weibull_deviation(z) / shape, expected, atol=1e-9)
+    law = SimulatedResponse("T", "min", (), lambda _: np.array(lives.median()), 0.0, 1 / shape, weibull=True, digits=12)
+    np.testing.assert_allclose(law.recorded({}, 0.0, z), lives.ppf(norm.cdf(z)), rtol=1e-9)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
+from ...datasets.simulation import weibull_deviation
 from ...parameters.sections.base import Covariance
 from .half_planes import Bools
 from .log_planes import LogPlane, plane, ratio, with_wear
@@ -199,7 +200,9 @@ def _sampled(
     else:
         of, words = _from_covariance(law, count, rng)
         sd, heavy = (_scatter(law) if kind == "prediction" else np.zeros(1)), None
-    z = rng.standard_normal(count) * sd
+    z = rng.standard_normal(count)
+    weibull = law.life is not None and law.life.distribution == "weibull"
+    z = weibull_deviation(z) * law.life.scale if weibull and law.life is not None else z * sd
     if heavy is not None:
         z *= np.sqrt(heavy / rng.chisquare(heavy))
     off, adds, surface = (
