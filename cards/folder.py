@@ -11,7 +11,8 @@ from ..core.errors import UsageError
 from ..core.files import cause, locked_folder, move_folder, staged, swap_folder
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
-from .content.parts import Card, DesignPart, PublicationPart
+from .content.card import Card
+from .content.parts import DesignPart, PublicationPart
 
 if TYPE_CHECKING:
     from ..fit import LawFit

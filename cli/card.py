@@ -11,7 +11,7 @@ from .arguments import Parser
 from .output import print_lines
 
 if TYPE_CHECKING:
-    from ..cards.content.parts import Card
+    from ..cards.content.card import Card
 
 CITATION, ZENODO = "CITATION.cff", ".zenodo.json"
 

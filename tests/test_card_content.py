@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
-from fitmodels.cards.content.card import compose
+from fitmodels.cards.content.card import Card, compose
 from fitmodels.cards.content.identity import slug
 from fitmodels.cards.content.numbers import count, figure, number, percent, places, probability, spread
-from fitmodels.cards.content.parts import Card, NumberPart, PublicationPart
+from fitmodels.cards.content.parts import NumberPart, PublicationPart
 from fitmodels.cards.content.profiler import inside, profile, profile_all, profiled, profiler_part
 from fitmodels.cards.content.uncertainty import of_law, statements
 from fitmodels.cards.content.windows import ENGAGEMENT

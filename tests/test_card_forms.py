@@ -12,8 +12,8 @@ from importlib.resources import files
 import pytest
 import yaml
 from fitmodels import cards, datasets, fit, parameters
-from fitmodels.cards.content.card import compose
-from fitmodels.cards.content.parts import Card, FigurePart, NumberPart, Part, PublicationPart, SensorPart
+from fitmodels.cards.content.card import Card, compose
+from fitmodels.cards.content.parts import FigurePart, NumberPart, Part, PublicationPart, SensorPart
 from fitmodels.cards.folder import markdown
 from fitmodels.cards.forms import card_json
 from fitmodels.cards.forms.citation import author, citation_cff, zenodo_json

@@ -4,6 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from pydantic import ConfigDict, Field
+
+from ...core.display import Display, facts_of
 from ...fit.available import NotAvailable, computed
 from ...parameters import ParameterFile
 from ...parameters.sections.base import Covariance
@@ -14,7 +17,23 @@ from .gains import gains_part
 from .guidance import intended, out_of_scope, safety, summary, title
 from .identity import identity_part, missing_identity, provenance_part, slug
 from .laws import about_intervals, law_part
-from .parts import Card, IdentityPart, PublicationPart
+from .parts import (
+    DesignPart,
+    DoubtPart,
+    DynamicsPart,
+    FigurePart,
+    GainsPart,
+    IdentityPart,
+    LawPart,
+    Part,
+    ProfilerPart,
+    ProvenancePart,
+    PublicationPart,
+    ToolLifePart,
+    UncertaintyPart,
+    VerdictPart,
+    WindowPart,
+)
 from .profiler import profiler_part
 from .tool_life import no_tool_life, tool_life_part
 from .uncertainty import statements
@@ -22,6 +41,51 @@ from .verdicts import verdicts_of, worst
 from .windows import window_parts
 
 NO_LAWS = "The file holds no law; fit a file of cutting tests: fitmodels data.csv."
+
+
+class Card(Part):
+    """A model card of a tool/work pair, schema ``fitmodels.card/5``.
+
+    ``empty``: name of each empty field -> the reason in a sentence.
+    """
+
+    schema_: str = Field(default="fitmodels.card/5", alias="schema")
+    slug: str
+    title: str
+    verdict: str  # the worst of all results, in words; empty where the card has none that is judged
+    summary: str  # one or two sentences
+    identity: IdentityPart
+    publication: PublicationPart = PublicationPart()
+    doubts: tuple[DoubtPart, ...] = ()  # about the data behind the laws
+    design: DesignPart | None = None
+    about_intervals: str = ""
+    laws: tuple[LawPart, ...] = ()
+    tool_life: ToolLifePart | None = None
+    uncertainty: tuple[UncertaintyPart, ...] = ()
+    dynamics: DynamicsPart | None = None
+    gains: GainsPart | None = None
+    windows: tuple[WindowPart, ...] = ()
+    figures: tuple[FigurePart, ...] = ()
+    intended: tuple[str, ...]
+    out_of_scope: tuple[str, ...]
+    safety: tuple[str, ...]
+    provenance: ProvenancePart
+    profiler: ProfilerPart | None = None
+    empty: dict[str, str] = Field(default_factory=dict)
+    end: str  # the end mark
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+    @property
+    def verdicts(self) -> tuple[VerdictPart, ...]:
+        """The verdict of each law, of the tool life, the dynamics and the settings, in this order."""
+        found = [law.verdict for law in self.laws]
+        found += [self.tool_life.verdict] if self.tool_life else []
+        found += [self.dynamics.verdict] if self.dynamics else []
+        return (*found, *(window.verdict for window in self.windows if window.verdict is not None))
+
+    def _display(self) -> Display:
+        return Display(self.summary, tuple(facts_of(self)))
 
 
 def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, folder: Path | None = None) -> Card:

@@ -4,7 +4,7 @@ from textwrap import shorten
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ...core.display import Display, HasRepr, facts_of
+from ...core.display import HasRepr
 
 BRIEF = 110  # characters of a reason in a list of verdicts
 
@@ -375,48 +375,3 @@ class ProfilerPart(Part):
     of: str = "one new observation"  # kind of the bands
     level: float = 0.95
     removal: bool = False  # MRR = 1000 V f d can be computed
-
-
-class Card(Part):
-    """A model card of a tool/work pair, schema ``fitmodels.card/5``.
-
-    ``empty``: name of each empty field -> the reason in a sentence.
-    """
-
-    schema_: str = Field(default="fitmodels.card/5", alias="schema")
-    slug: str
-    title: str
-    verdict: str  # the worst of all results, in words; empty where the card has none that is judged
-    summary: str  # one or two sentences
-    identity: IdentityPart
-    publication: PublicationPart = PublicationPart()
-    doubts: tuple[DoubtPart, ...] = ()  # about the data behind the laws
-    design: DesignPart | None = None
-    about_intervals: str = ""
-    laws: tuple[LawPart, ...] = ()
-    tool_life: ToolLifePart | None = None
-    uncertainty: tuple[UncertaintyPart, ...] = ()
-    dynamics: DynamicsPart | None = None
-    gains: GainsPart | None = None
-    windows: tuple[WindowPart, ...] = ()
-    figures: tuple[FigurePart, ...] = ()
-    intended: tuple[str, ...]
-    out_of_scope: tuple[str, ...]
-    safety: tuple[str, ...]
-    provenance: ProvenancePart
-    profiler: ProfilerPart | None = None
-    empty: dict[str, str] = Field(default_factory=dict)
-    end: str  # the end mark
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
-
-    @property
-    def verdicts(self) -> tuple[VerdictPart, ...]:
-        """The verdict of each law, of the tool life, the dynamics and the settings, in this order."""
-        found = [law.verdict for law in self.laws]
-        found += [self.tool_life.verdict] if self.tool_life else []
-        found += [self.dynamics.verdict] if self.dynamics else []
-        return (*found, *(window.verdict for window in self.windows if window.verdict is not None))
-
-    def _display(self) -> Display:
-        return Display(self.summary, tuple(facts_of(self)))

@@ -8,7 +8,7 @@ import sys
 from typing import Any, Final
 
 from ...parameters.json_schema import DIALECT
-from ..content.parts import Card
+from ..content.card import Card
 
 SCHEMA: Final = "fitmodels.card/5"
 

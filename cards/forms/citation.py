@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...core.errors import UsageError
-from ..content.parts import Card
+from ..content.card import Card
 from .front_matter import KINDS, yaml_text
 
 MESSAGE = "If you use this card, please cite it, and the papers whose laws it refits."

@@ -5,7 +5,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ..content.parts import Card, FactPart
+from ..content.card import Card
+from ..content.parts import FactPart
 
 UNSAFE = re.compile(r"[^\w.-]+", re.ASCII)
 LONGEST = 96  # characters of a name on the hub

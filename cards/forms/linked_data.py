@@ -5,7 +5,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from ..content.parts import Card, FactorRangePart
+from ..content.card import Card
+from ..content.parts import FactorRangePart
 from .citation import author
 
 CONTEXT = "https://schema.org"  # a name, never fetched

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from ...core.display import TextTable
+from ..content.card import Card
 from ..content.numbers import fact_line, fact_text, quantity
-from ..content.parts import Card, DoubtPart, FactorRangePart, LawPart, SuspectPart, VerdictPart
+from ..content.parts import DoubtPart, FactorRangePart, LawPart, SuspectPart, VerdictPart
 from ..content.tables import (
     budget_table,
     check_table,

@@ -10,7 +10,8 @@ from markupsafe import Markup, escape
 
 from ...core.rounding import format_plain, format_rounded
 from ...parameters import ParameterFile
-from ..content.parts import Card, CoefficientPart, FactorRangePart, NumberPart, ProfilerPart
+from ..content.card import Card
+from ..content.parts import CoefficientPart, FactorRangePart, NumberPart, ProfilerPart
 from ..content.profiler import Value, inside, profile_all
 from .page_figures import vector_figures
 from .rendering import asset, checksum, environment

@@ -11,9 +11,10 @@ from ...core.errors import ParameterError
 from ...parameters import LawSection, ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
 from ...parameters.sections.dynamics import DynamicsSection
+from ..content.card import Card
 from ..content.design import middle, reference
 from ..content.figure_texts import response_text
-from ..content.parts import Card, CoefficientPart, FigurePart, LawPart
+from ..content.parts import CoefficientPart, FigurePart, LawPart
 from .svg_panel import (
     BAND,
     INK,

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from pydantic import Field
 
 from ...parameters import ParameterFile
+from ..content.card import Card
 from ..content.laws import degrees
-from ..content.parts import Card, LawPart, NumberPart, Part
+from ..content.parts import LawPart, NumberPart, Part
 
 
 class ExponentEntry(Part):

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from ...core.errors import DataError, FitmodelsError, UsageError
 from ...parameters import ParameterFile, read
-from ..content.card import compose
-from ..content.parts import Card
+from ..content.card import Card, compose
 from ..folder import PAGE, PARAMETERS, PROGRAM, README, card_files
 from .card_toml import read_toml
 from .entries import CardEntry, card_entry

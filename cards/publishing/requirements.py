@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ...datasets.vocabulary import UNNAMED
 from ...parameters import ParameterFile
 from ...parameters.checks import check
-from ..content.parts import Card
+from ..content.card import Card
 from ..forms.markdown import one_line
 
 SENSOR_EXAMPLE = (

@@ -13,12 +13,12 @@ from docutils.parsers.rst import Directive
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-# schema -> its package, its file in it, and the module of its classes
+# schema -> its package, its file in it, and the module of the classes of its parts
 SCHEMAS = {
     "parameters": ("parameters", "schema/parameters-6.json", "fitmodels.parameters"),
     "card": ("cards", "schema/card-5.json", "fitmodels.cards.content.parts"),
 }
-WHOLES = {"parameters": "ParameterFile", "card": "Card"}
+WHOLES = {"parameters": ("fitmodels.parameters", "ParameterFile"), "card": ("fitmodels.cards.content.card", "Card")}
 LIMITS = {"minimum": "≥", "maximum": "≤", "exclusiveMinimum": ">", "exclusiveMaximum": "<"}
 Kind = Mapping[str, Any]
 
@@ -35,8 +35,10 @@ class Schema(Directive):
         name = self.arguments[0]
         package, path, home = SCHEMAS[name]
         schema = json.loads(files(f"fitmodels.{package}").joinpath(path).read_text("utf-8"))
-        module = import_module(home)
-        whole = self._section(name, "The whole file", schema, descriptions(getattr(module, WHOLES[name], None)), name)
+        module, (of, of_class) = import_module(home), WHOLES[name]
+        whole = self._section(
+            name, "The whole file", schema, descriptions(getattr(import_module(of), of_class, None)), name
+        )
         parts = [
             self._section(f"{name}-{part.lower()}", part, body, descriptions(getattr(module, part, None)), name)
             for part, body in schema["$defs"].items()
