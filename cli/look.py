@@ -94,9 +94,9 @@ def _show(runs: "Runs", commands: list[tuple[str, str]], words: list[str]) -> No
 
 def _laws(runs: "Runs") -> str:
     """Responses of the laws that the columns of a pair ask for, with their factors."""
-    from ..fit.defaults import asked_laws
+    from ..fit.defaults import Held, requested_laws
 
-    laws = asked_laws(lambda name: runs.has(name) and bool(runs.data[name].notna().any()))
+    laws = requested_laws(Held.of_runs(runs), ())
     return "; ".join(f"{law.response} of {', '.join(law.factors)}" for law in laws)
 
 

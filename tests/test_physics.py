@@ -129,7 +129,18 @@ def factorial(levels, response, c0, powers, seed=3, sd=0.03):
     grid = dict(zip(levels, (axis.ravel() for axis in np.meshgrid(*axes)), strict=True))
     y = c0 * np.prod([grid[name] ** b for name, b in powers.items()], axis=0)
     noise = np.exp(sd * np.random.default_rng(seed).standard_normal(len(y)))
-    units = {"M": "Nm", "Fxz": "N", "theta": "degC", "Ra": "um", "I": "A", "T": "min", "D": "mm", "re": "mm", **UNITS}
+    units = {
+        "M": "Nm",
+        "P": "kW",
+        "Fxz": "N",
+        "theta": "degC",
+        "Ra": "um",
+        "I": "A",
+        "T": "min",
+        "D": "mm",
+        "re": "mm",
+        **UNITS,
+    }
     return pd.DataFrame({**grid, response: y * noise}).rename(columns=lambda name: f"{name} [{units[name]}]")
 
 
@@ -191,6 +202,34 @@ def test_a_force_in_another_unit_shows_in_the_specific_cutting_force(factor, lev
     found = possible_values(law, runs)
     assert found.concern == level
     assert "kc" in found.verdict
+
+
+@pytest.mark.parametrize(
+    ("response", "levels", "c0", "powers", "process"),
+    [
+        ("M", {"f": (0.1, 0.3), "D": (6.0, 14)}, 2000 / 8000, {"f": 1, "D": 2}, "drilling"),
+        ("P", {"V": (20.0, 40), "f": (0.1, 0.3), "D": (6.0, 14)}, 2000 / 2.4e5, {"V": 1, "f": 1, "D": 1}, "drilling"),
+        ("M", {"f": (0.1, 0.3), "d": (1.0, 2), "ae": (2.0, 8)}, 1 / np.pi, {"f": 1, "d": 1, "ae": 1}, "milling"),
+    ],
+)
+def test_the_specific_force_of_a_torque_and_of_a_drill(response, levels, c0, powers, process):
+    """kc 2000 N/mm2: M = kc f D^2/8000 and P = kc f V D/240000 of a drill, M = kc d ae f/(2000 pi) of a mill."""
+    table = factorial(levels, response, c0, powers, sd=1e-6)
+    runs = datasets.runs_from_frame(table, process=process, judge=False)
+    found = possible_values(fit.power_law(runs, response, list(levels)), runs)
+    assert "kc 2000 to 2000 N/mm2" in found.verdict
+    wrong = table.assign(**{table.columns[-1]: 100 * table[table.columns[-1]]})
+    runs = datasets.runs_from_frame(wrong, process=process, judge=False)
+    assert possible_values(fit.power_law(runs, response, list(levels)), runs).concern == 2
+
+
+def test_a_condition_that_is_left_out_counts_for_the_specific_force():
+    """P = kc V f d/60000 with kc 2000 N/mm2 at one speed."""
+    table = factorial({"f": (0.1, 0.3), "d": (1.0, 2)}, "P", 2000 * 150 / 6e4, {"f": 1, "d": 1}, sd=1e-6)
+    runs = datasets.runs_from_frame(table.assign(**{"V [m/min]": 150.0}), judge=False)
+    law = fit.power_law(runs, "P", ["V", "f", "d"])
+    assert law.factors == ("f", "d")
+    assert "kc 2000 to 2000 N/mm2" in possible_values(law, runs).verdict
 
 
 def test_the_power_of_milling_has_the_kc_of_its_removal_rate():

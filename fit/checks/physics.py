@@ -261,15 +261,33 @@ def _outside(ranges: Plausible, low: float, high: float) -> int:
 
 
 def _specific_force(law: LawFit, runs: Runs | None) -> Range | None:
-    """Specific cutting force at the fitted rows, N/mm2, in turning and of the power in milling; None elsewhere."""
+    """Specific cutting force at the fitted rows, N/mm2, of a force, power or torque; None where it does not follow."""
     if any(law.units.get(name) != role_unit(name) for name in (law.response, *law.factors)):
         return None
-    needed = _AREA.get((law.response, _chip_of(runs)))
-    if needed is None or not set(needed[1]) <= set(law.factors):
-        return None
-    area = np.prod([law.X[:, law.factors.index(name)] for name in needed[1]], axis=0)
-    kc = needed[0] * law.fitted / area
-    return float(kc.min()), float(kc.max())
+    for factor, powers in _AREA.get((law.response, _chip_of(runs)), ()):
+        held = {name: _of_rows(law, runs, name) for name in powers}
+        known = {name: values for name, values in held.items() if values is not None}
+        if len(known) == len(powers):
+            area = np.prod([known[name] ** power for name, power in powers.items()], axis=0)
+            kc = factor * law.fitted / area
+            return (float(np.nanmin(kc)), float(np.nanmax(kc))) if np.isfinite(kc).any() else None
+    return None
+
+
+def _of_rows(law: LawFit, runs: Runs | None, name: str) -> Array | float | None:
+    """A condition at the fitted rows: a factor, another column, or a constant; the diameter is that of the tool."""
+    names = ("Dc", "D") if name == "D" else (name,)
+    for one in names:
+        if one in law.factors:
+            return law.X[:, law.factors.index(one)]
+        known = runs is not None and one in runs.data and runs.units.get(one) == role_unit(one)
+        if known and runs is not None and np.isin(law.lines, runs.lines).all():
+            order = np.argsort(runs.lines)
+            at = order[np.searchsorted(runs.lines, law.lines, sorter=order)]
+            return runs.values(one)[at]
+        if runs is not None and one in runs.constants:
+            return runs.constants[one]
+    return None
 
 
 def _chip_of(runs: Runs | None) -> str:
@@ -280,11 +298,17 @@ def _chip_of(runs: Runs | None) -> str:
     return runs.process or ("milling" if milling else "turning")
 
 
-# Response and process -> kc in N/mm2 = factor x response / product of factors
-_AREA = {
-    ("Fc", "turning"): (1.0, ("f", "d")),
-    ("P", "turning"): (6e4, ("V", "f", "d")),
-    ("P", "milling"): (6e7, ("d", "ae", "fm")),
+# Response and process -> kc in N/mm2 = factor x response / product of powers of conditions
+_AREA: Mapping[tuple[str, str], tuple[tuple[float, Mapping[str, int]], ...]] = {
+    ("Fc", "turning"): ((1.0, {"f": 1, "d": 1}),),
+    ("P", "turning"): ((6e4, {"V": 1, "f": 1, "d": 1}),),
+    ("P", "milling"): (
+        (6e7, {"d": 1, "ae": 1, "fm": 1}),
+        (6e4 * np.pi, {"d": 1, "ae": 1, "f": 1, "V": 1, "D": -1}),
+    ),
+    ("M", "milling"): ((2e3 * np.pi, {"d": 1, "ae": 1, "f": 1}),),
+    ("P", "drilling"): ((2.4e5, {"V": 1, "f": 1, "D": 1}),),
+    ("M", "drilling"): ((8e3, {"f": 1, "D": 2}),),
 }
 
 
