@@ -245,6 +245,7 @@ def listed(names: Sequence[str], most: int = LISTED) -> str:
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
+FEWEST_AT_LIMIT, LIMIT_SHARE = 5, 0.04  # equal largest readings, and their share, of a sensor at its limit
 FEWEST_COPIED = 3  # equal readings in succession
 MOST_ROWS = 20_000  # among which copies are sought
 
@@ -253,7 +254,8 @@ def copies(law: LawFit) -> Check | NotAvailable | None:
     """Rows that stand twice, which needs no test, and edges that have readings of other edges.
 
     Two edges have equal readings by chance with a probability that follows from the resolution of the readings and the
-    scatter of the rows; the p of a sequence is its product times the number of places where it could stand.
+    scatter of the rows, and from equal readings of further edges, as where a sensor is saturated; the p of a sequence
+    is its product times the number of places where it could stand.
     """
     if law.rows is None:
         return NotAvailable(NO_ROWS)
@@ -263,16 +265,16 @@ def copies(law: LawFit) -> Check | NotAvailable | None:
         return NotAvailable(f"copies are sought among {MOST_ROWS} rows at most, and the law has {law.nobs}")
     twice = _rows_twice(law, law.edge)
     blocks, pvalue = _equal_sequences(law, law.edge)
-    kept = "No rows stand twice, and no two edges have the same readings."
+    kept, limit = "No rows stand twice, and no two edges have the same readings.", _limit_words(law)
     suspects = [Suspect(law.response, lines=tuple(int(law.lines[i]) for i in twice), cause="copies")] if twice else []
     suspects += [Suspect(law.response, edges=pair, cause="copies") for pair in dict.fromkeys(b[:2] for b in blocks)]
     return Check(
         null="no readings are copies of others",
         statistic=float(len(twice) + len(blocks)),
         symbol="copies",
-        pvalue=None if twice else pvalue,
-        concern=int(bool(suspects)),
-        verdict=f"{_twice_words(law, twice)} {_block_words(law, blocks)}".strip() or kept,
+        pvalue=None if twice or limit else pvalue,
+        concern=int(bool(suspects or limit)),
+        verdict=f"{_twice_words(law, twice)} {_block_words(law, blocks)} {limit}".strip() or kept,
         kept=kept,
         suspects=tuple(suspects),
     )
@@ -292,7 +294,9 @@ def _equal_sequences(law: LawFit, names: NDArray[np.object_]) -> tuple[list[tupl
     code = units_of(law)[1]
     order = np.argsort(code, kind="stable")
     y, edge, label = law.observed[order], code[order], names[order]
-    chance = np.log(np.minimum(_resolution(y) / (2 * math.sqrt(math.pi) * _row_sd(law) * _size(law, y)), 1.0))
+    sd = _row_sd(law) * _size(law, y)
+    chance = np.minimum(_resolution(y) / (2 * math.sqrt(math.pi) * sd), 1.0)
+    near = np.searchsorted(np.sort(y), y + 2 * sd, "right") - np.searchsorted(np.sort(y), y - 2 * sd)
     k = FEWEST_COPIED
     n = len(y) - k + 1
     if n < 2:
@@ -307,12 +311,29 @@ def _equal_sequences(law: LawFit, names: NDArray[np.object_]) -> tuple[list[tupl
             if edge[a] == edge[b]:
                 continue
             length = _common_length(y, edge, a, b)
-            p = float(min(1.0, pairs * np.exp(chance[a : a + length].sum())))
+            others = ~np.isin(edge, (edge[a], edge[b]))
+            equal = np.array([np.count_nonzero(others & (y == v)) for v in y[a : a + length]])
+            p = float(min(1.0, pairs * np.prod(np.maximum(chance[a : a + length], equal / near[a : a + length]))))
             smallest = min(smallest, p)
             pair = (str(label[a]), str(label[b]))
             if p < min(SIGNIFICANT, best.get(pair, ("", "", 0, 1.0))[3]):
                 best[pair] = (*pair, length, p)
     return list(best.values()), smallest
+
+
+def _limit_words(law: LawFit) -> str:
+    """A sentence on a largest reading that repeats, as of a saturated sensor; empty where none does."""
+    values, counts = np.unique(law.observed, return_counts=True)
+    most = int(counts[-1])
+    if most < max(FEWEST_AT_LIMIT, LIMIT_SHARE * law.nobs) or counts[:-1].max(initial=0) > most / 3:
+        return ""
+    if len(values) < law.nobs / 2:  # readings are coarse, and ties are no sign of a limit
+        return ""
+    unit = law.units.get(law.response, "")
+    return (
+        f"{most} of {law.nobs} readings of {law.response} are {values[-1]:.6g} {unit}".rstrip()
+        + ", the largest: the sensor is probably at its limit, and the true values are higher. Leave these rows out."
+    )
 
 
 def _common_length(y: Array, edge: NDArray[np.intp], a: int, b: int) -> int:
