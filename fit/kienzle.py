@@ -45,6 +45,7 @@ FORCES = ("Fc", "Ff", "Fp", "Fx", "Fy", "Fz", "Fxz", "F")
 SAME = 1e-3  # relative spread of ae/D, or of an entering angle, up to which it is one value
 POINT_ANGLE = 118.0  # degrees, of a drill whose point angle is not known
 MILLING_FACTOR = 1.2  # of kc in tables for milling against turning (shape of the chip)
+IDLE = "P is taken as cutting power: idle power of the spindle in it raises kc1.1, and mc"
 USUAL_MC = (0.1, 0.4)
 
 
@@ -198,7 +199,8 @@ def kienzle_law(
         law=law, process=process, entering_angle=angle, assumed=assumed, constants=constants, offsets=offsets,
         chip_thickness=(float(h.min()), float(h.max())),
     )  # fmt: skip
-    notes = (*law.notes, *_sentences(found), _angle_note(found, origin))
+    idle = (IDLE,) if response == "P" and "P" not in {one.role for one in runs.derived} else ()
+    notes = (*law.notes, *_sentences(found), _angle_note(found, origin), *idle)
     return replace(found, law=replace(law, notes=notes))
 
 
@@ -377,7 +379,12 @@ def _unusual(found: KienzleLaw, mc: str) -> tuple[str, ...]:
 def _angle_note(found: KienzleLaw, origin: str) -> str:
     angle = f"Entering angle kappa {found.entering_angle:g} degrees"
     if not found.assumed:
-        return f"{angle} ({origin}); kappa is 90 less the lead angle."
+        low = (
+            " Below 30 degrees it is rather a lead angle, but for tools of high feed."
+            if found.entering_angle < 30
+            else ""
+        )
+        return f"{angle} ({origin}); kappa is 90 less the lead angle.{low}"
     by, kappa = f", {origin}" if origin else "", radians(found.entering_angle)
     ratio = sin(kappa / 2) / sin(kappa)
     return (

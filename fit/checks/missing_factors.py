@@ -189,6 +189,8 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
     p = min(1.0, first.p * len(tests))
     unit = runs.units.get(first.name, "")
     values = f"{first.span} {unit}".rstrip()
+    # a law with fixed exponents has the factors of its form alone
+    add = "Keep a form that can have it" if law.formula.fixed else f'Add it (--law "{law.response} ~ + {first.name}")'
     size = f"exponent {first.coefficient:.2f}" if law.form == "power" else f"coefficient {first.coefficient:.3g}"
     others = ", ".join(f"{one.name} {format_p(one.p)}" for one in sorted(tests, key=lambda one: one.p))
     many = f"; {len(tests)} columns tested" if len(tests) > 1 else ""
@@ -201,8 +203,7 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
         concern=concern_of(p),
         verdict=(
             f"{first.name} ({values}) is not in the law of {law.response} and matters: {size} when it is added "
-            f'({format_p(p)}{many}). Add it (--law "{law.response} ~ + {first.name}"), or fit the tests at '
-            f"one {first.name}."
+            f"({format_p(p)}{many}). {add}, or fit the tests at one {first.name}."
         ),
         kept=f"Columns that are not in the law have no effect that these tests show ({others}).",
     )
