@@ -22,8 +22,8 @@ from ..core.errors import FitError, UsageError
 from ..datasets import Runs
 from .available import NotAvailable
 from .edges import EdgeInference
-from .group_sums import sums_by
 from .lawfit import LawFit
+from .least_squares import sums_by
 from .prediction import new_edge
 from .rows import Dropped, select
 

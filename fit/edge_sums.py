@@ -32,8 +32,7 @@ from .edges import (
     random_level,
     too_few_edges,
 )
-from .group_sums import products_by, sums_by
-from .least_squares import LinearFit
+from .least_squares import LinearFit, products_by, sums_by
 from .triangle import Summary, least_squares
 
 Array = NDArray[np.float64]

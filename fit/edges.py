@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from .available import NotAvailable
-from .group_sums import sums_by
+from .least_squares import sums_by
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

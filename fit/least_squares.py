@@ -1,4 +1,4 @@
-"""Plain linear least squares: one QR of the centred, column-scaled matrix.
+"""Plain linear least squares: one QR of the centred, column-scaled matrix; sums and products of columns by group.
 
 Every law is fitted by it. Centring takes the constant out of the other columns,
 scaling makes their lengths one, and a Householder QR never squares the condition number; together they
@@ -10,11 +10,13 @@ Source: Golub & Van Loan, Matrix Computations, section 5.3 (QR of the augmented 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import FitError
+
+Index = NDArray[np.intp]
 
 # A scaled column whose part outside the span of the columns before it is shorter than this is no column
 # of its own. Filip's tenth power, the hardest certified set, keeps 6e-8; an exact copy keeps about 1e-16.
@@ -193,3 +195,27 @@ def _back_to_columns(means: Array, lengths: Array, n: int, constant: int | None,
         T[constant, 0] = n**-0.5
         T[constant, 1:] = -means / lengths
     return T
+
+
+def sums_by(group: Index, A: Array, G: int) -> Array:
+    """Sum of each column of A over the rows of each of G groups (edges, levels), shape (G, k).
+
+    Examples
+    --------
+    >>> sums_by(np.array([0, 1, 1]), np.array([[1.0], [2.0], [3.0]]), 2).tolist()
+    [[1.0], [5.0]]
+    """
+    sums = np.empty((G, A.shape[1]))
+    for j, column in enumerate(A.T):
+        sums[:, j] = np.bincount(group, weights=column, minlength=G)
+    return sums
+
+
+def products_by(group: Index, A: Array, G: int) -> Array:
+    """Sums of products ``A_g' A_g`` of the rows of each of G groups, shape (G, k, k)."""
+    k = A.shape[1]
+    out = np.empty((G, k, k))
+    for i in range(k):
+        for j in range(i + 1):
+            out[:, i, j] = out[:, j, i] = np.bincount(group, weights=A[:, i] * A[:, j], minlength=G)
+    return out

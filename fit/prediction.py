@@ -39,9 +39,8 @@ from ..core.intervals import (
 from .available import NotAvailable
 from .edges import EdgeInference
 from .fitted_rows import FittedRows
-from .group_sums import sums_by
 from .laws import Error, LawForm
-from .least_squares import linear
+from .least_squares import linear, sums_by
 from .region import DesignRegion
 from .rows import By, Points, as_table
 

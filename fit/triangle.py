@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .group_sums import sums_by
-from .least_squares import LinearFit, linear
+from .least_squares import LinearFit, linear, sums_by
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

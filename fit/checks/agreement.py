@@ -19,8 +19,8 @@ from ...core.errors import FitError
 from ..available import NotAvailable
 from ..composite_law import without_fixed
 from ..edges import EdgeInference, left_out_moves
-from ..group_sums import sums_by
 from ..lawfit import LawFit
+from ..least_squares import sums_by
 from ..regression import refitted
 from .check import SIGNIFICANT, Check, format_p
 from .strata import no_scatter

@@ -16,8 +16,8 @@ import numpy as np
 from ...core.arrays import Array
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
-from ..group_sums import products_by, sums_by
 from ..lawfit import LawFit
+from ..least_squares import products_by, sums_by
 from .check import Check
 from .strata import Strata, covariance, has_repeated_edges, linear_columns, no_scatter
 

@@ -22,8 +22,8 @@ from ...datasets.units import is_unit
 from ...datasets.vocabulary import ROLES, fits
 from ..available import NotAvailable
 from ..edges import changes_within, left_out_moves
-from ..group_sums import sums_by
 from ..lawfit import LawFit
+from ..least_squares import sums_by
 from .check import Check, concern_of, format_p
 from .strata import Codes, no_scatter, units_of
 

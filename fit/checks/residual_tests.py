@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ..available import NotAvailable
-from ..group_sums import sums_by
 from ..lawfit import LawFit
+from ..least_squares import sums_by
 from .check import STRONG, Check, concern_of, format_p
 from .strata import Strata, has_repeated_edges, no_scatter, orthonormal
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ...core.errors import FitError
 from ..available import NotAvailable
-from ..group_sums import sums_by
 from ..lawfit import LawFit
+from ..least_squares import sums_by
 from ..regression import refitted
 from .check import Suspect
 

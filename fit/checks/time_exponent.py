@@ -18,8 +18,8 @@ import pandas as pd
 from ...core.arrays import Array
 from ...core.display import Plottable
 from ..available import NotAvailable
-from ..group_sums import sums_by
 from ..lawfit import LawFit
+from ..least_squares import sums_by
 from .check import SIGNIFICANT, Check, format_p
 from .strata import NO_ROWS, Codes
 

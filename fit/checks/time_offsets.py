@@ -20,8 +20,8 @@ from ...core.rounding import format_plain
 from ...datasets.edges.merged_cells import lines_text
 from ..available import NotAvailable
 from ..edges import changes_within
-from ..group_sums import sums_by
 from ..lawfit import LawFit
+from ..least_squares import sums_by
 from .check import Check, Suspect, concern_of, format_p
 from .missing_factors import WEAR, added_between, added_within
 from .strata import NO_ROWS, Codes

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
-from ..group_sums import sums_by
+from ..least_squares import sums_by
 from .strata import Codes
 
 SPREAD = 0.05  # of the first times of edges, in ln t, below which they follow one schedule

@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.display import Displayable
 from ..available import NotAvailable
-from ..group_sums import sums_by
-from ..least_squares import linear
+from ..least_squares import linear, sums_by
 
 Type = Literal[2, 3]
 Codes = NDArray[np.intp]
