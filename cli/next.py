@@ -98,11 +98,12 @@ def _law(args: argparse.Namespace) -> "LawFit":
 
 
 def _check(args: argparse.Namespace) -> None:
+    from ..core.arrays import is_positive
     from ..core.errors import UsageError
 
     for name in ("criterion", "within", "longest"):
         value = getattr(args, name)
-        if value is not None and not (np.isfinite(value) and value > 0):
+        if not is_positive(1.0 if value is None else value):
             raise UsageError(f"--{name} {value:g}: give a number above zero.")
     if args.decision == "cost" and args.cost is None:
         raise UsageError("--decision cost: give the costs, for instance --cost Cm=0.5,Ct=3,tc=2.")

@@ -75,13 +75,17 @@ def orthogonal_array(name: str) -> Index:
         wheel = np.array([np.roll(_PALEY, shift) for shift in range(11)])
         return np.vstack([np.zeros((1, 11), dtype=np.intp), wheel])
     if name == "L18":
-        first = np.array([[int(digit) for digit in row] for row in _L18], dtype=np.intp)
-        step = np.array([0, 0, *(1,) * 6])
-        added = [first + shift * step for shift in range(3)]
-        return np.asarray(np.stack(added, axis=1).reshape(rows, 8) % np.array(_LEVELS[name]), dtype=np.intp)
+        return _l18()
     base = 2 if rows in _TWO_LEVELS else 3
     digits = np.array(list(product(range(base), repeat=round(np.log(rows) / np.log(base)))), dtype=np.intp)
     return np.asarray(digits @ _generators(base, digits.shape[1]).T % base, dtype=np.intp)
+
+
+def _l18() -> Index:
+    first = np.array([[int(digit) for digit in row] for row in _L18], dtype=np.intp)
+    step = np.array([0, 0, *(1,) * 6])
+    added = [first + shift * step for shift in range(3)]
+    return np.asarray(np.stack(added, axis=1).reshape(18, 8) % np.array(_LEVELS["L18"]), dtype=np.intp)
 
 
 def _generators(base: int, k: int) -> Index:
@@ -111,17 +115,22 @@ def array_columns(name: str, levels: Sequence[int], block: int = 1) -> tuple[tup
     (((0, 1, 3), None), ((1, 2), 0))
     """
     known = _LEVELS[name]
-    free = [c for c in _order(name, len(levels)) if c < len(known)]
+    free = _order(name, len(levels))
     out: list[int] = []
     for wanted in (*levels, *((block,) if block > 1 else ())):
         found = next((c for c in free if known[c] == wanted), None)
         if found is None:
-            has = ", ".join(f"{known.count(q)} of {q} levels" for q in sorted(set(known)))
-            asked = ", ".join(str(q) for q in levels) + (f", and {block} blocks" if block > 1 else "")
-            raise UsageError(f"design {name}: it has columns: {has}; the factors have {asked}. Choose another array.")
+            raise _too_few(name, levels, block)
         free.remove(found)
         out.append(found)
     return (tuple(out[:-1]), out[-1]) if block > 1 else (tuple(out), None)
+
+
+def _too_few(name: str, levels: Sequence[int], block: int) -> UsageError:
+    known = _LEVELS[name]
+    has = ", ".join(f"{known.count(q)} of {q} levels" for q in sorted(set(known)))
+    asked = ", ".join(str(q) for q in levels) + (f", and {block} blocks" if block > 1 else "")
+    return UsageError(f"design {name}: it has columns: {has}; the factors have {asked}. Choose another array.")
 
 
 def _order(name: str, factors: int) -> list[int]:

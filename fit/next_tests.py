@@ -118,14 +118,13 @@ def next_runs(
     cut, rng = trials(law), np.random.default_rng(seed)
     repeats = candidates is None and decision is None and not replicated(law.region, cut)
     X, level = _candidates(law, cut, repeats) if candidates is None else _given(law, cut, candidates)
-    if decision is not None:
-        X, level = _for_decision(law, decision, n, durations, cut, X, level)
     old = _rows(law, cut, cut.X, cut.level)
-    M, rows = linear(old, np.zeros(len(old))).cov_unscaled, _rows(law, cut, X, level)
+    M = linear(old, np.zeros(len(old))).cov_unscaled
     if decision is None:
-        chosen, gain = d_optimal(M, rows, n, -(-n // len(X)) if repeats else n, rng)
+        chosen, gain = d_optimal(M, _rows(law, cut, X, level), n, -(-n // len(X)) if repeats else n, rng)
     else:
-        chosen, gain = np.arange(len(X)), determinant_gain(M, rows)
+        chosen = _for_decision(law, decision, n, durations, cut, X, level)
+        gain = determinant_gain(M, _rows(law, cut, X, level)[chosen])
     chosen = rng.permutation(chosen)
     plan = _plan(law, cut, X[chosen], None if level is None else level[chosen])
     readings = expected_readings(law, plan, durations)
@@ -325,13 +324,11 @@ def expected_readings(
 def _for_decision(
     law: LawFit, decision: Decision, n: int, durations: Callable[[pd.DataFrame], Array] | None, cut: Trials,
     X: Array, level: NDArray[np.object_] | None,
-) -> tuple[Array, NDArray[np.object_] | None]:  # fmt: skip
-    """The n settings, each at most twice, that leave least variance of a decision."""
+) -> Index:  # fmt: skip
+    """Positions of the n settings, each at most twice, that leave least variance of a decision."""
     keys = _settings(law.region, cut, X, level)
     once = np.array([keys.index(key) for key in dict.fromkeys(keys)], dtype=np.intp)
     kept = once[np.unique(np.linspace(0, len(once) - 1, min(len(once), CHOICES)).astype(np.intp))]
-    X, level = X[kept], None if level is None else level[kept]
-    readings = expected_readings(law, _plan(law, cut, X, level), durations)
-    new = np.array([information_of_test(law, test) for test in readings])
-    chosen = c_optimal(decision.gradient[estimated(law)], information(law), new, n, TWICE)
-    return X[chosen], None if level is None else level[chosen]
+    settings = _plan(law, cut, X[kept], None if level is None else level[kept])
+    new = np.array([information_of_test(law, test) for test in expected_readings(law, settings, durations)])
+    return kept[c_optimal(decision.gradient[estimated(law)], information(law), new, n, TWICE)]

@@ -245,14 +245,11 @@ def effective_df(parts: Sequence[tuple[float, float, str]]) -> float:
     >>> round(effective_df([(0.0130490**2, 76, "fit"), (0.0100085**2, math.inf, "settings")]), 2)  # GTC 1.5.1
     191.72
     """
-    groups: dict[str, list[tuple[float, float]]] = {}
-    for variance, df, group in parts:
-        groups.setdefault(group, []).append((variance, df))
-    total = sum(variance for variance, _, _ in parts)
-    below = 0.0
-    for members in groups.values():
-        df = min(df for variance, df in members if variance or len(members) == 1)
-        below += sum(variance for variance, _ in members) ** 2 / df if math.isfinite(df) else 0.0
+    total, below = sum(variance for variance, _, _ in parts), 0.0
+    for group in {group: None for _, _, group in parts}:
+        members = [(variance, df) for variance, df, of in parts if of == group and variance]
+        df = min((df for _, df in members), default=math.inf)
+        below += sum(variance for variance, _ in members) ** 2 / df
     return total**2 / below if below > 0 else math.inf
 
 
@@ -262,16 +259,21 @@ def _check(law: LawFields, given: Mapping[str, float], gauge: float, level: floa
     if not 0 < level < 1:
         raise ParameterError(f"level = {level:g}: it is between 0 and 1, as 0.95.")
     _covariance(law)
-    if kind == "prediction" and law.residual_se is None and not _by_edge(law):
+    if kind == "prediction":
+        _check_scatter(law)
+    for name, value in {**given, "the gauge": gauge}.items():
+        if not (math.isfinite(value) and value >= 0):
+            raise ParameterError(f"standard uncertainty of {name}: {value:g}; it is zero or more.")
+
+
+def _check_scatter(law: LawFields) -> None:
+    if law.residual_se is None and not _by_edge(law):
         raise ParameterError(f"the law of {law.response} has no scatter of rows: ask for the budget of the mean.")
-    if kind == "prediction" and law.life is not None and law.life.distribution == "weibull":
+    if law.life is not None and law.life.distribution == "weibull":
         raise ParameterError(
             f"the lives of {law.response} have a Weibull distribution: the interval of one life is not k u; ask for "
             "the budget of the mean."
         )
-    for name, value in {**given, "the gauge": gauge}.items():
-        if not (math.isfinite(value) and value >= 0):
-            raise ParameterError(f"standard uncertainty of {name}: {value:g}; it is zero or more.")
 
 
 def _covariance(law: LawFields) -> Covariance:
