@@ -4,6 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .arguments import Parser, values
 from .options import read, reading_options
@@ -173,7 +174,7 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
     return pd.concat([pd.DataFrame([own], dtype=float), reached], ignore_index=True)
 
 
-def _durations(law: "LawFit", args: argparse.Namespace, table: "pd.DataFrame", longest: float) -> "np.ndarray":
+def _durations(law: "LawFit", args: argparse.Namespace, table: "pd.DataFrame", longest: float) -> NDArray[np.float64]:
     """Minutes in cut of each setting: its tool life by the law, at most the longest test."""
     from ..core.errors import FitError
     from ..fit import tool_life

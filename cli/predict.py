@@ -147,7 +147,8 @@ def _budgets(
     pf: "ParameterFile", predictions: "Sequence[Prediction]", args: argparse.Namespace
 ) -> "tuple[list[UncertaintyBudget], dict[str, str]]":
     """Budgets of predictions, and the reasons of those that have none, by response; nothing unless asked for."""
-    budgets, without = [], {}
+    budgets: list[UncertaintyBudget] = []
+    without: dict[str, str] = {}
     for one in predictions if args.budget else ():
         try:
             budgets.append(_budget(pf, one, args))

@@ -10,6 +10,7 @@ Source: Myers, Montgomery & Anderson-Cook 2016, Response Surface Methodology, se
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -299,7 +300,7 @@ def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str
 
 def expected_readings(
     law: LawFit, plan: pd.DataFrame, durations: Callable[[pd.DataFrame], Array] | None = None
-) -> list[dict[str, list[object]]]:
+) -> list[dict[str, list[Any]]]:
     """Readings that each test of a plan is expected to give, by column: as many as an edge has had, at equal steps.
 
     Time steps to the duration of the test, or to the longest test so far; any other factor that changes within an edge
@@ -308,10 +309,10 @@ def expected_readings(
     m = 1 if law.edge is None else max(int(np.median(np.unique(law.edge, return_counts=True)[1])), 1)
     share = np.arange(1, m + 1) / m
     by = None if law.by is None else law.by.column
-    between = [name for name in plan if name in law.factors or name == by]
+    between = [name for name in map(str, plan) if name in law.factors or name == by]
     within = {name: law.domain[name] for name in law.factors if name not in plan}
     steps = {name: (low + share * (high - low)).tolist() for name, (low, high) in within.items() if name != "t"}
-    tests: list[dict[str, list[object]]] = [
+    tests: list[dict[str, list[Any]]] = [
         {**{name: [plan[name].iloc[i]] * m for name in between}, **steps} for i in range(len(plan))
     ]
     if "t" in within:
@@ -331,4 +332,6 @@ def _for_decision(
     kept = once[np.unique(np.linspace(0, len(once) - 1, min(len(once), CHOICES)).astype(np.intp))]
     settings = _plan(law, cut, X[kept], None if level is None else level[kept])
     new = np.array([information_of_test(law, test) for test in expected_readings(law, settings, durations)])
-    return kept[c_optimal(decision.gradient[estimated(law)], information(law), new, n, TWICE)]
+    return np.asarray(
+        kept[c_optimal(decision.gradient[estimated(law)], information(law), new, n, TWICE)], dtype=np.intp
+    )

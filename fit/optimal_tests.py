@@ -166,7 +166,8 @@ def information(law: LawFit) -> Array:
     if not isinstance(law.edges, EdgeInference) or law.rows is None:
         return np.asarray(A.T @ A / within, dtype=float)
     number = law.rows.edge_numbers
-    return np.sum([_of_edge(A[number == g], between, within) for g in range(number.max() + 1)], axis=0)
+    each = [_of_edge(A[number == g], between, within) for g in range(number.max() + 1)]
+    return np.asarray(np.sum(each, axis=0), dtype=float)
 
 
 def information_of_test(law: LawFit, readings: Points) -> Array:

@@ -379,7 +379,7 @@ def _slopes(
     law: LawFields, by: str | None, at: Mapping[str, float], taken: Mapping[str, UncertaintyBudget]
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Change of the response by each factor of another law; by each setting, through those factors too."""
-    each = {}
+    each: dict[str, float] = {}
     for name in (f.symbol for f in law.factors):
         step = STEP * (abs(float(at[name])) or 1.0)
         up, down = (float(point_values(law, by, {**at, name: at[name] + side * step})) for side in (1, -1))
