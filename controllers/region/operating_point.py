@@ -1,6 +1,6 @@
 """Operating points (pairs of V and f) with their responses, and the corners of a region."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from string import ascii_uppercase
 
@@ -133,12 +133,19 @@ def start_at_best(polygon: Array, wear: Surface | None) -> Array:
     return np.roll(polygon, 1 - best_corner(polygon, wear), axis=0)
 
 
+def limit_names(limits: Sequence[Limit]) -> tuple[str, ...]:
+    """Names of limits; laws of the same tests end together, and share a name: ``tested region of P and AW``."""
+    ends = [each.surface.response for each in limits if isinstance(each, RegionLimit)]
+    names = [each.name for each in limits if not isinstance(each, RegionLimit)]
+    return (*names, *([f"tested region of {' and '.join(ends)}"] if ends else []))
+
+
 def label_corners(polygon: Array, limits: tuple[Limit, ...]) -> tuple[Corner, ...]:
     """Corners of a region, A to Z, with all limits that meet in each."""
     out = []
     for letter, x in zip(ascii_uppercase, polygon, strict=False):
-        meet = tuple(each.name for each in limits if abs(float(each.beyond(x))) <= SAME)
-        out.append(Corner(letter, plain(x[0]), plain(x[1]), meet))
+        meet = [each for each in limits if abs(float(each.beyond(x))) <= SAME]
+        out.append(Corner(letter, plain(x[0]), plain(x[1]), limit_names(meet)))
     return tuple(out)
 
 

@@ -30,7 +30,17 @@ from .limits import (
     within_tests,
 )
 from .log_planes import CutSetting, LogPlane, outside_tested_ranges, ratio, within_tested_ranges
-from .operating_point import Corner, OperatingPoint, best_corner, label_corners, ln, plain, sensitivities, start_at_best
+from .operating_point import (
+    Corner,
+    OperatingPoint,
+    best_corner,
+    label_corners,
+    limit_names,
+    ln,
+    plain,
+    sensitivities,
+    start_at_best,
+)
 from .surfaces import Surface, law_surfaces, limits_on, tested_limits
 
 if TYPE_CHECKING:
@@ -194,7 +204,7 @@ class VisibleRegion(Plottable):
     def _at(self, x: Array) -> OperatingPoint:
         V, f = plain(x[0]), plain(x[1])
         values = {name: float(each.value(x)) for name, each in self.planes.items()}
-        over = {each.name: float(each.beyond(x)) for each in self.limits}
+        over = [(each, float(each.beyond(x))) for each in self.limits]
         return OperatingPoint(
             V=V,
             f=f,
@@ -202,8 +212,8 @@ class VisibleRegion(Plottable):
             values=values,
             units={name: each.unit for name, each in self.planes.items()},
             wear_rate=None if self.rate_of_wear is None else values[self.wear or ""] * self.rate_of_wear,
-            held_by=tuple(name for name, by in over.items() if abs(by) <= SAME),
-            exceeds=tuple(name for name, by in over.items() if by > SAME),
+            held_by=limit_names([each for each, by in over if abs(by) <= SAME]),
+            exceeds=limit_names([each for each, by in over if by > SAME]),
             tested=within_tested_ranges(self.laws, self.setting, self.wear, {**values, "V": V, "f": f}),
         )
 
