@@ -744,7 +744,9 @@ def test_next_plans_runs_that_read_back(tmp_path, capsys):
     runs = datasets.read_runs(plan)
     assert len(runs) == 3
     assert {"V", "f", "d"} <= set(runs.units)
-    assert any("D-optimal" in note for note in runs.notes)
+    assert any("Tool life is extrapolated" in note for note in runs.notes)
+    assert main(["next", BUNDLED, "--law", "P"]) == 0
+    assert "D-optimal" in capsys.readouterr().out
     assert main(["next", BUNDLED, "--law", "Ra"]) == 2
     assert "there are laws of AW, Fxz, P" in capsys.readouterr().err
 
