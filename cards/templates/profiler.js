@@ -55,9 +55,9 @@
   const form = (z, M) => z.reduce((sum, a, i) => sum + a * z.reduce((s, b, j) => s + M[i][j] * b, 0), 0);
 
   // 1, then the product of powers of the centred factors of each term
-  const columns = (law, point) => {
-    const u = law.factors.map((name, i) => (law.logs[i] ? Math.log(point[name] / law.centres[i]) : point[name] - law.centres[i]));
-    return [1, ...law.terms.map((degrees) => degrees.reduce((product, d, i) => product * u[i] ** d, 1))];
+  const columns = (law, at) => {
+    const u = law.factors.map((name, i) => (law.logs[i] ? Math.log(at[name] / law.centres[i]) : at[name] - law.centres[i]));
+    return [1, ...law.terms.map((powers) => powers.reduce((x, d, i) => x * u[i] ** d, 1))];
   };
 
   // value, low, high: R, and R exp(+- t sqrt(g'Cg/R^2 + s^2)), or R +- t sqrt(g'Cg + s^2)
@@ -65,13 +65,14 @@
     const z = columns(law, point);
     const last = law.added ? z.pop() : 0;
     const eta = z.reduce((sum, x, i) => sum + x * law.theta[i], 0);
-    const product = law.logarithmic ? Math.exp(eta) : 1;
-    const R = (law.logarithmic ? product : eta) + (law.added ? law.theta[law.theta.length - 1] * last : 0);
-    if (!law.covariance.length || law.scatter === null || law.t === null || (law.multiplies && R <= 0)) return [R, null, null];
-    const g = z.map((x) => product * x);
+    const size = law.logarithmic ? Math.exp(eta) : 1;
+    const R = (law.logarithmic ? size : eta) + (last && last * law.theta[z.length]);
+    const no = [R, null, null];
+    if (!law.covariance.length || law.scatter === null || law.t === null || (law.multiplies && R <= 0)) return no;
+    const g = z.map((x) => size * x);
     if (law.added) g.push(last);
-    const v = Math.max(form(g, law.covariance), 0);
-    const half = law.t * Math.sqrt((law.multiplies ? v / R ** 2 : v) + law.scatter ** 2);
+    const v = Math.max(form(g, law.covariance), 0) / (law.multiplies ? R * R : 1);
+    const half = law.t * Math.sqrt(v + law.scatter ** 2);
     return law.multiplies ? [R, R * Math.exp(-half), R * Math.exp(half)] : [R, R - half, R + half];
   };
 
