@@ -235,7 +235,7 @@ def test_the_checks_of_least_squares_are_not_made_of_run_outs():
     assert "3 of 12 lives are known by a bound alone" in str(found.checks["form"])
     assert found.checks["exponents"].level == found.checks["run-outs"].level == "passed"
     assert found.verdict.level == 0
-    with pytest.raises(FitError, match="no posterior is drawn"):
+    with pytest.raises(FitError, match="draws are of least squares"):
         fit.posterior(fit.life_law(tool_runs()))
 
 

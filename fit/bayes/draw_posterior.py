@@ -127,7 +127,7 @@ def _check(law: LawFit, draws: int, seed: int, errors: str, method: str | None) 
             f"{draws} draws: at least {FEWEST} (fewer cannot pass the convergence checks) and at most {MOST}."
         )
     if law.not_least_squares:
-        raise FitError(f"{law.response}: no posterior is drawn, since {law.not_least_squares}; see its intervals.")
+        raise FitError(f"{law.response}: {law.not_least_squares}; draws are of least squares, so see the intervals.")
     if law.no_interval:
         raise FitError(
             f"{law.response}: no posterior: {law.no_interval.removeprefix('no interval: ')}. Add observations."
