@@ -286,3 +286,19 @@ def test_a_plan_with_times_gives_a_row_for_each_of_its_readings(case, tmp_path, 
     for name in ("V", "t"):
         np.testing.assert_array_equal(planned.values(name), runs.values(name))
     assert planned.labels("edge").tolist() == runs.labels("edge").tolist()
+
+
+def test_exports_of_laws_with_levels_carry_the_shifts(tmp_path, capsys):
+    rows = cutting_tests()
+    soft = rows["edge"].isin(rows["edge"].unique()[::2]).to_numpy()
+    runs = runs_from_frame(rows.assign(work=np.where(soft, "soft", "hard"), P=rows["P"] * np.where(soft, 1, 1.3)))
+    law = fit_form(runs, "second_order", "P", FACTORS["P"], by="work")
+    file = parameters.write(parameters.collect(tool="T1", work="W1", laws=[law]), tmp_path / "params.json")
+    for kind in ("ini", "h", "ngc"):
+        out = tmp_path / f"x.{kind}"
+        assert main(["export", str(file), "--to", kind, "--out", str(out), "--accept-verdict"]) == 0
+        assert "at work hard" in out.read_text()
+    shift = float((tmp_path / "x.ini").read_text().partition("law_p_shift_soft = ")[2].partition("\n")[0])
+    assert np.exp(shift) == pytest.approx(1 / 1.3, rel=0.05)
+    assert shift == float(law.params["work[soft]"])
+    capsys.readouterr()

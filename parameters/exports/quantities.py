@@ -149,6 +149,10 @@ def _of_laws(pf: ParameterFile) -> Found:
         for k, (name, unit) in enumerate(zip(law.coefficient_names, units, strict=True)):
             text = words[k] if law.terms else f"{law.form} law of {symbol}, {name}"
             yield f"law_{symbol}_{_plain_term(name)}", law.coefficients[name], unit, text
+        for level, shift in (law.by.shifts if law.by else {}).items():
+            of, unit = (f"ln {symbol}", "1") if law.logarithmic else (symbol, law.unit)
+            of_levels = "" if law.by is None else f"{law.by.column} {level} against {law.by.reference}"
+            yield f"law_{symbol}_shift_{level}", shift, unit, f"shift of {of} of {of_levels}"
         for factor in law.factors:
             if factor.symbol in law.centres:
                 words_of = f"{symbol} law, centre of {factor.symbol} in its terms"

@@ -161,7 +161,8 @@ def _equation(law: LawSection) -> str:
     """The equation at six digits, at the reference level, with the units of its quantities."""
     right = law.formula.equation([f"{law.coefficients[name]:.6g}" for name in law.coefficient_names])
     units = "; ".join(f"{f.symbol} in {f.unit or '1'}" for f in law.factors)
-    return plain_equation(f"{law.response} = {right}; {law.response} in {law.unit or '1'}; {units}")
+    level = "" if law.by is None else f"; at {law.by.column} {law.by.reference}, others by their shift"
+    return plain_equation(f"{law.response} = {right}; {law.response} in {law.unit or '1'}; {units}{level}")
 
 
 def _gains(pf: ParameterFile) -> TunedGains | None:
