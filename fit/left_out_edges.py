@@ -174,7 +174,7 @@ def _compared(
     if default not in known:
         raise FitError(f"{law.response} without one {left_out} cannot be fitted: {missing[default]}.")
     forms = [_form(name, laws[name], common[name], found, known[default], shared) for name, found in known.items()]
-    tested = {name: _curvature(common[name if name != REDUCED else "second-order"], base) for name in known}
+    tested = {name: _curvature(full if name == REDUCED and full is not None else common[name], base) for name in known}
     forms = [form if (p := tested[form.name]) is None else replace(form, pvalue=p) for form in forms]
     forms.sort(key=lambda form: (form.error if logs else form.error_in_unit, form.parameters))
     behind = {name: shared.difference(found, known[forms[0].name]) for name, found in known.items()}

@@ -150,6 +150,7 @@ def test_terms_are_selected_anew_without_each_edge():
     assert reduced.error > np.sqrt(np.mean(np.log(reduced.law.observed / given) ** 2))
     assert reduced.weight == 0
     assert any("terms were selected by AICc" in words for words in found.remarks)
+    assert compare_laws(runs, "VB ~ V, f, t", forms=["second-order-reduced"]).best.name == "second-order-reduced"
 
 
 def test_forms_of_wear_and_rows_at_zero_wear():
