@@ -1,8 +1,10 @@
 """Display of response surfaces and canonical analyses: tables, verdicts and reservations."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ...core.display import Display, TextTable, display_of, joined_facts, with_error
 from ...core.rounding import format_plain
@@ -263,22 +265,28 @@ def _table(surface: ResponseSurface) -> TextTable:
     law, table, chosen = surface.full, surface.anova(), surface.selection
     unit = "%" if law.formula.logarithmic else law.units.get(law.response, "")
     header = ["term", "coefficient", f"effect {unit}".rstrip(), "error", "df", "F", "p"]
-    columns = [
-        [str(name) for name in table.index],
-        [with_error(b, se) if np.isfinite(se) else "" for b, se in table[["estimate", "se"]].to_numpy(dtype=float)],
-        [_effect(surface, str(name)) for name in table.index],
-        ["within" if error == WITHIN else str(error) for error in table["error"]],
-        [f"{df:g}, {format_plain(of_error, 3)}" for df, of_error in table[["df", "df_error"]].to_numpy(dtype=float)],
-        [format_plain(float(F), 3) for F in table["F"]],
-        [_p_cell(float(p)) for p in table["p"]],
-    ]
+    columns = [_cells(surface, str(name), row) for name, row in table.iterrows()]
     if "p by edge" in table:
-        header, columns = [*header, "by edge"], [*columns, [_p_cell(float(p)) for p in table["p by edge"]]]
+        header = [*header, "by edge"]
+        columns = [[*cells, _p_cell(float(p))] for cells, p in zip(columns, table["p by edge"], strict=True)]
     if chosen is not None:
-        own = {term.name for term in law.formula.terms}
-        kept = [("kept" if name in chosen.kept else "out") if name in own else "" for name in table.index]
-        header, columns = [*header, "AICc"], [*columns, kept]
-    return TextTable(tuple(header), tuple(zip(*columns, strict=True)))
+        header = [*header, "AICc"]
+        columns = [[*cells, _kept_cell(surface, chosen, cells[0])] for cells in columns]
+    return TextTable(tuple(header), tuple(map(tuple, columns)))
+
+
+def _cells(surface: ResponseSurface, name: str, row: "pd.Series[Any]") -> list[str]:
+    """Name, coefficient, effect, error term, degrees of freedom, F and p of one test."""
+    b, se, df, df_error = (float(row[key]) for key in ("estimate", "se", "df", "df_error"))
+    coefficient = with_error(b, se) if np.isfinite(se) else ""
+    error = "within" if row["error"] == WITHIN else str(row["error"])
+    tested = (f"{df:g}, {format_plain(df_error, 3)}", format_plain(float(row["F"]), 3), _p_cell(float(row["p"])))
+    return [name, coefficient, _effect(surface, name), error, *tested]
+
+
+def _kept_cell(surface: ResponseSurface, chosen: TermSelection, name: str) -> str:
+    own = {term.name for term in surface.full.formula.terms}
+    return "" if name not in own else "kept" if name in chosen.kept else "out"
 
 
 def _p_cell(p: float) -> str:
