@@ -306,7 +306,7 @@ def identify(
         part = _parts(whole)
         return search(
             part, most_order=most_order, delays=delays, orders=orders, least_delay=int(loop.found),
-            additional=disturbed.columns_of(part),
+            additional=disturbed.columns_of(part), integrators=not disturbed.drift,
         )  # fmt: skip
 
     found, disturbed = _with_drift(searched, disturbed)

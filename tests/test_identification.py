@@ -1,5 +1,7 @@
 """From a record to a verdict: the published plant is found again, real machines are simulated, doubt is said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fitmodels import datasets, ident
@@ -172,6 +174,15 @@ def test_an_integrator_has_a_pole_at_exactly_one():
     found = identify(of([0.0, 0.0, 0.0, 0.02], [1.0, -1.0], 30))
     assert found.model.integrating
     assert found.model.rate_gain == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_drift_that_is_estimated_leaves_no_integrating_candidate():
+    """A pole at 1 would fit the same drift: a random walk once made an integrator of this plant."""
+    rec = of(G.b, G.a, 30)
+    t = np.linspace(-1, 1, len(rec))
+    found = identify(replace(rec, y=rec.y + 0.3 * np.std(rec.y) * (t + t**2)))
+    assert found.disturbances.drift
+    assert not any(one.integrating for one in found.search.candidates)
 
 
 def test_weights_of_structures_sum_to_one_with_that_of_the_model():

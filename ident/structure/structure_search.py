@@ -96,6 +96,7 @@ def search(
     orders: tuple[int, int, int] | None = None,
     least_delay: int = 0,
     additional: Array | None = None,
+    integrators: bool = True,
 ) -> Search:
     """Candidates of a record.
 
@@ -113,6 +114,8 @@ def search(
         1 for a record in closed loop, where a direct response cannot be separated from the feedback.
     additional : ndarray, shape (N, k), optional
         Additional regressors of the output: lines, drift; estimated simultaneously with the plant.
+    integrators : bool
+        Whether a pole may lie at exactly 1; not where the regressors describe a drift, which such a pole fits too.
 
     Raises
     ------
@@ -133,12 +136,14 @@ def search(
     found += equation_candidates(screen, len(tried), reach.upto(last + AHEAD))
     forms = form_candidates(screen, reach.upto(last + AHEAD))
     found += [one for one in forms if reach.open or one.nk in reach.delays]
+    found = [one for one in found if integrators or not one.integrating] or found
     if not found:
         raise no_model()
     found = sorted(found, key=lambda one: one.total)
     found = [refined(screen, one) for one in found[:REFINED]] + found[REFINED:]
     found = sorted(found, key=lambda one: one.total)
-    found = _without_doubles(sorted(found + integrating_candidates(screen, found), key=lambda one: one.total))
+    slow = integrating_candidates(screen, found) if integrators else []
+    found = _without_doubles(sorted(found + slow, key=lambda one: one.total))
     return _result(rec, _form_first(found), _limits(found, most_order, reach))
 
 
