@@ -200,6 +200,12 @@ def shop():
         return batch.run(datasets.bundled("gc435_709m40"), Path(place, "out"), files=False)
 
 
+def forces():
+    """Cutting forces of exact Kienzle constants, with rounding to 1 N."""
+    table = pd.DataFrame({"d": [1.0, 2.0, 2.5, 1.0, 1.5, 2.0], "f": [0.1, 0.2, 0.3, 0.4, 0.25, 0.15]})
+    return datasets.runs_from_frame(table.assign(Fc=(1780 * table["d"] * table["f"] ** 0.74).round()))
+
+
 RESULTS: dict[str, Callable[[], object]] = {
     "Runs": runs,
     "Record": record,
@@ -235,6 +241,12 @@ RESULTS: dict[str, Callable[[], object]] = {
     "Refused": lambda: Refused("Fxz", "no force in the file"),
     "RobustFit": lambda: fit.robust(law()),
     "ToolLife": lambda: fit.tool_life(law(), 0.3),
+    "WearCurveLives": lambda: fit.wear_curve_lives(law(), 0.3),
+    "ResponseSurface": lambda: fit.response_surface(runs(), "AW", FACTORS),
+    "KienzleLaw": lambda: fit.kienzle_law(forces()),
+    "EndMillForce": lambda: fit.end_mill_force(
+        2500, feed_per_tooth=0.035, axial_depth=0.2, radial_depth=2, diameter=2, teeth=2, helix=38
+    ),
     "CommonExponent": lambda: common_exponent(law()),
     "ErrorStructure": lambda: error_structure(law()),
     "Model": plant,
@@ -299,6 +311,8 @@ PICTURELESS = {
     **dict.fromkeys(("Corner", "OperatingPoint", "Choice", "FixedLife", "StepSize"), POINT),
     **dict.fromkeys(("SimulatedLaw", "Specification", "LifeLaws", "Rules", "CutModel"), GIVEN),
     **dict.fromkeys(("FitOptions",), GIVEN),
+    **dict.fromkeys(("KienzleLaw", "WearCurveLives"), "its law has figures"),
+    **dict.fromkeys(("EndMillForce",), "numbers of one setting"),
     **dict.fromkeys(("Analysis", "PairAnalysis"), "its laws have figures; write draws them"),
 }
 # What read_table gives: Runs and Record, which are made of it, have the manners
