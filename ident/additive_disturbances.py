@@ -180,14 +180,15 @@ def _matched(e: Array, shape: Array) -> Array:
 def _filled(rec: Record, e: Array, a: Array, bad: NDArray[np.bool_]) -> Record:
     """The record with the samples ``bad`` replaced by the values with the smallest innovations."""
     y = rec.y.copy()
-    products = np.r_[np.correlate(a, a, "full")[len(a) - 1 :], 0.0]
     for s in rec.stretches:
         at = np.flatnonzero(bad[s])
-        c = _matched(e[s], a)
         for group in np.split(at, np.flatnonzero(np.diff(at) >= len(a)) + 1):
             if group.size:
-                lag = np.minimum(np.abs(group[:, None] - group), len(a))
-                y[s.start + group] -= np.linalg.solve(products[lag], c[group])
+                first, stop = group[0], min(group[-1] + len(a), s.stop - s.start)
+                effect = np.zeros((stop - first, len(group)))
+                for k, sample in enumerate(group):
+                    effect[sample - first : sample - first + len(a), k] = a[: stop - sample]
+                y[s.start + group] -= np.linalg.lstsq(effect, e[s.start + first : s.start + stop])[0]
     return replace(rec, y=y)
 
 
