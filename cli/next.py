@@ -175,7 +175,7 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
 
 
 def _durations(law: "LawFit", args: argparse.Namespace, table: "pd.DataFrame", longest: float) -> NDArray[np.float64]:
-    """Minutes in cut of each setting: its tool life by the law, at most the longest test."""
+    """Minutes in cut of each setting: its life by the law, others at the middle of the tests, at most the longest."""
     from ..core.errors import FitError
     from ..fit import tool_life
 
@@ -184,5 +184,6 @@ def _durations(law: "LawFit", args: argparse.Namespace, table: "pd.DataFrame", l
     except FitError:  # no law of wear over time
         return np.full(len(table), longest)
     names = [str(name) for name in life.coefficients.index[1:]]
-    lives = [life.predict(**{name: float(row[name]) for name in names}) for _, row in table.iterrows()]
+    given = table.assign(**{name: life.typical_at[name] for name in names if name not in table})
+    lives = [life.predict(**dict(zip(names, row, strict=True))) for row in given[names].to_numpy(dtype=float).tolist()]
     return np.minimum(lives, longest)

@@ -15,7 +15,7 @@ from .columns import ColumnUse
 from .derived.rules import Derived
 from .doubts import Doubt
 from .options import Process
-from .vocabulary import MARK
+from .vocabulary import MARK, ROLES
 from .vocabulary import UNNAMED as UNNAMED
 
 Array = NDArray[np.float64]
@@ -189,8 +189,8 @@ class Runs(Plottable):
         return frame
 
     def _column(self, name: str) -> str | None:
-        if name in self.data:
-            return name
+        if name in self.data or name in ROLES:  # a header that is the symbol of another role does not answer to it
+            return name if name in self.data else None
         return next((use.role for use in self.columns if use.name == name and use.role in self.data), None)
 
     def _known(self, name: str) -> str:

@@ -10,6 +10,7 @@ from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
 from fitmodels.fit.checks.strata import MOST_ROWS, split
+from fitmodels.fit.checks.usefulness import number_of_edges
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -229,3 +230,17 @@ def test_the_order_of_rows_is_not_told_of_a_choice_of_them():
         for said in fit.judge(law).verdicts(20)
     )
     assert "no edge column" in str(fit.judge(law.with_rows(edge=None)).checks["order within edges"])
+
+
+def test_rows_of_numbered_tools_are_no_runs_of_their_own():
+    """Six tools with four rows each and no time: an unused column Tool_ID shows that rows share edges."""
+    rng = np.random.default_rng(2)
+    V, f = rng.uniform(100, 200, 24), rng.uniform(0.1, 0.4, 24)
+    frame = pd.DataFrame({"V": V, "f": f, "Ra": f**1.5 * np.exp(0.05 * rng.normal(size=24))})
+    alone = datasets.runs_from_frame(frame, judge=False)
+    assert number_of_edges(fit.power_law(alone, "Ra", ["V", "f"]), alone).concern == 0
+    several = datasets.runs_from_frame(frame.assign(Tool_ID=np.repeat([21, 31, 41, 51, 61, 71], 4)), judge=False)
+    found = number_of_edges(fit.power_law(several, "Ra", ["V", "f"]), several)
+    assert found.concern == 1
+    assert "Column Tool_ID has 6 values in 24 rows" in found.verdict
+    assert "--edge Tool_ID" in found.verdict

@@ -185,7 +185,8 @@ def test_the_tables_of_the_card_are_well_formed(fitted):
     found = tables(fitted.card)
     heads = [rows[0][0] for rows in found]
     assert heads[:9] == ["coefficient", "check", "parameter"] * len(fitted.pf.laws)  # each law, its checks, its draws
-    assert heads[9:] == ["quantity", "factor", "count"]
+    budgets = ["source"] * len(fitted.pf.laws)
+    assert heads[9:] == ["quantity", *budgets, "factor", "count"]  # tool life, budgets, limits, rows
     for head, rule, *rows in found:
         assert all(len(row) == len(head) == len(rule) for row in rows)
         assert all(re.fullmatch(r"-+:?", cell) for cell in rule)

@@ -153,7 +153,7 @@ def test_a_bent_law_is_found():
     bend = 0.8 * (Z[:, 1] - Z[:, 1].mean()) ** 2
     found = form_of(with_response(law, Z @ THETA + bend + 0.05 * rng.normal(size=len(at))))
     assert found.concern == 1
-    assert "second-order or competing model" in found.verdict
+    assert "compare forms (fitmodels compare)" in found.verdict
 
 
 def test_repeats_that_are_none_are_found():

@@ -95,16 +95,16 @@ def test_map_none_takes_a_role_away(read):
 
 
 @pytest.mark.parametrize(
-    ("text", "options"),
+    ("text", "options", "role"),
     [
-        ("V,P,AW\n100,2,0.1\n200,3,0.2\n", {"map": {"P": "none"}}),
-        ("V,T,AW\nm/min,degC,mm\n100,20,0.1\n200,30,0.2\n", {}),  # a temperature, not a tool life
+        ("V,P,AW\n100,2,0.1\n200,3,0.2\n", {"map": {"P": "none"}}, None),
+        ("V,T,AW\nm/min,degC,mm\n100,20,0.1\n200,30,0.2\n", {}, "theta"),  # a temperature, not a tool life
     ],
 )
-def test_a_column_without_a_role_does_not_answer_to_its_symbol(read, text, options):
+def test_a_column_of_another_role_does_not_answer_to_its_symbol(read, text, options, role):
     runs = read(text, **options)
     symbol = use(runs, 2).header
-    assert use(runs, 2).role is None
+    assert use(runs, 2).role == role
     assert not runs.has(symbol)
     assert symbol not in runs.units
 

@@ -6,6 +6,7 @@ from ...core.arrays import Array
 from ...core.rounding import format_decimal
 from ...datasets import Runs
 from ...datasets.doubts import Doubt
+from ...datasets.edges.columns import meant_by
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..edges import EdgeInference
@@ -167,14 +168,31 @@ def each_row_a_run(law: LawFit, runs: Runs | None) -> bool:
     """Whether rows without edges are runs of their own: no time or length of cut, and settings that hardly repeat."""
     if runs is None or law.rows is None or law.n_edges is not None or any(map(runs.has, CLOCKS)):
         return False
+    if tools_of_rows(runs):
+        return False
     were_set = [j for j, name in enumerate(law.factors) if name not in ROLES or ROLES[name].kind in SET]
     settings = len(np.unique(law.X[:, were_set], axis=0)) if were_set else 0
     return settings >= (SETTINGS_OF_WEAR if law.response in WEAR else SETTINGS_OF_RUNS) * law.nobs
 
 
+def tools_of_rows(runs: Runs) -> str:
+    """Name of an unused column that numbers tools or edges and has each of them in several rows; empty without one."""
+    unused = [use.name for use in runs.columns if use.role is None and use.name in runs.data]
+    numbering = [name for name in unused if meant_by(name) in ("edge", "tool")]
+    repeated = (name for name in numbering if 1 < runs.data[name].nunique() <= len(runs) / 2)
+    return next(repeated, "")
+
+
 def _few_edges(law: LawFit, runs: Runs | None) -> str:
     """What limits inference by edge, empty where nothing does."""
     n = law.n_edges
+    tools = "" if runs is None or n is not None else tools_of_rows(runs)
+    if runs is not None and tools:
+        number = runs.data[tools].nunique()
+        return (
+            f"Column {tools} has {number} values in {len(runs)} rows: rows of one tool are not independent, so that "
+            f"intervals may be too narrow; name its edges with --edge {tools}."
+        )
     if n is None:
         return (
             "No edge is named: rows of an edge are not independent, so that intervals may be too narrow; name the "
