@@ -261,7 +261,7 @@ def _of_range(value: float, law: LawFit) -> list[str]:
         )
     elif value < first:
         out.append(f"This life ends before the first reading ({first:.3g} {unit}): read wear earlier.")
-    if float(law.conf_int().loc["t"].iloc[0]) <= 0:
+    if law.conf_int().loc[["t"]].to_numpy(dtype=float)[0, 0] <= 0:
         out.append("The interval of the exponent of time reaches zero: the life has no upper end.")
     return out
 

@@ -158,11 +158,11 @@ class FormComparison(Plottable):
             return f"{self.response}: no other form than {self.default} can be fitted to these rows."
         left = f"error of left-out {self.left_out}s"
         if preferred is not default:
-            best = (
+            reason = (
                 "" if preferred is self.best else f" as good as the best ({self.best.name}) within chance and simpler,"
             )
             return (
-                f"{self.response}: {preferred.name} is preferred:{best} {left} {self.error_text(preferred)}, against "
+                f"{self.response}: {preferred.name} is preferred:{reason} {left} {self.error_text(preferred)}, against "
                 f"{self.error_text(default)} of {default.name} ({format_p(min(1.0, others * preferred.pvalue))}, "
                 f"corrected for {others} form{'s' if others > 1 else ''})."
             )
@@ -210,16 +210,17 @@ class FormComparison(Plottable):
         names = [form.name for form in self.supported]
         if len(names) < 2:
             return ""
-        values = self.points.iloc[1:][names]
+        tested = self.points.iloc[1:]
+        values = tested[names]
         spread = (values.max(axis=1) - values.min(axis=1)) / values.abs().min(axis=1)
-        worst = spread.idxmax()
-        place = self.points.loc[worst]
+        worst = int(spread.argmax())
+        place = tested.iloc[worst]
         at = ", ".join(f"{name} {format_plain(float(place[name]), 3)}" for name in self.factors)
-        ends = " to ".join(format_plain(float(end), 3) for end in (values.loc[worst].min(), values.loc[worst].max()))
+        ends = " to ".join(format_plain(float(end), 3) for end in (values.iloc[worst].min(), values.iloc[worst].max()))
         ends = f"{ends} {self.unit}".rstrip()
         return (
             f"{', '.join(names)}: their errors differ by no more than chance; at the tested settings below they differ "
-            f"by at most {format_plain(100 * float(spread[worst]), 2)} % ({at}: {ends}), beyond them by more."
+            f"by at most {format_plain(100 * float(spread.iloc[worst]), 2)} % ({at}: {ends}), beyond them by more."
         )
 
     def _of_form(self, form: ComparedForm) -> str:

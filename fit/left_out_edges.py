@@ -146,9 +146,9 @@ def _compared(
     """The comparison of fitted laws on the rows that all of them have."""
     law = laws[default]
     if law.life is not None and law.life.censored:
-        known = law.life.run_outs + law.life.earlier
+        bounds = law.life.run_outs + law.life.earlier
         raise FitError(
-            f"{law.response}: {known} of {law.nobs} lives are known by a bound alone, and only the power law counts "
+            f"{law.response}: {bounds} of {law.nobs} lives are known by a bound alone, and only the power law counts "
             "those. Without them the longest lives would be missing, so that forms cannot be compared."
         )
     if law.rows is None or law.exact:

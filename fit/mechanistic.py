@@ -186,7 +186,7 @@ class EndMillForce(Displayable):
         units = (law.units.get(law.response, ""), law.units.get(law.factors[0], ""))
         if units != UNITS:
             raise FitError(f"the load line is in {units[0]} on {units[1]}; B is computed in A/(mm/min): convert them.")
-        low, high = law.conf_int(level).loc["B"]
+        low, high = law.conf_int(level).loc[["B"]].to_numpy(dtype=float)[0]
         return LoadSlopeComparison(
             predicted=self.load_slope(torque_constant, speed), fitted=float(law.params["B"]), low=float(low),
             high=float(high), level=level, specific_force=self.specific_force, torque_constant=torque_constant,

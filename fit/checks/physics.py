@@ -265,13 +265,22 @@ def _specific_force(law: LawFit, runs: Runs | None) -> Range | None:
     if any(law.units.get(name) != role_unit(name) for name in (law.response, *law.factors)):
         return None
     for factor, powers in _AREA.get((law.response, _chip_of(runs)), ()):
-        held = {name: _of_rows(law, runs, name) for name in powers}
-        known = {name: values for name, values in held.items() if values is not None}
-        if len(known) == len(powers):
-            area = np.prod([known[name] ** power for name, power in powers.items()], axis=0)
+        area = _product_of(law, runs, powers)
+        if area is not None:
             kc = factor * law.fitted / area
             return (float(np.nanmin(kc)), float(np.nanmax(kc))) if np.isfinite(kc).any() else None
     return None
+
+
+def _product_of(law: LawFit, runs: Runs | None, powers: Mapping[str, float]) -> Array | None:
+    """The product of conditions to these powers at the fitted rows; None where one of them is not known."""
+    product = np.ones(law.nobs)
+    for name, power in powers.items():
+        values = _of_rows(law, runs, name)
+        if values is None:
+            return None
+        product = product * values**power
+    return product
 
 
 def _of_rows(law: LawFit, runs: Runs | None, name: str) -> Array | float | None:
