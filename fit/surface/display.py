@@ -111,7 +111,7 @@ def _holm(tests: Sequence[TermTest]) -> tuple[list[TermTest], tuple[TermTest, fl
 
 
 def reservations(surface: ResponseSurface) -> list[str]:
-    """Reservations about the use of the surface: few degrees of freedom, tests that disagree, slopes, impossible values."""
+    """Reservations about the surface: few degrees of freedom, tests that disagree, slopes, impossible values."""
     signs = {name: one.sign for name, one in usual_exponents(surface.law.response, surface.law.factors).items()}
     slopes = surface.local_exponents()
     found = [text for name in slopes.index if (text := _slope_words(surface, str(name), signs.get(str(name), 0)))]
