@@ -281,7 +281,7 @@ def _remedy(text: str, role: Role) -> str:
     """Remedy for a cell that is not a number, where its text shows one."""
     if is_number(text):
         return "It has another decimal mark than the rest of the file: use one throughout."
-    if role.symbol == "T" and (STOPPED.search(text) or text.strip().endswith("+")):
+    if role.symbol == "T" and (STOPPED.search(text) or text.strip().endswith("+") or _BOUND.match(text)):
         return (
             "Write the time after which a test was stopped, with a plus (60+), and at least one life that ended: "
             "run-outs alone give no law."

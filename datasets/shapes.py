@@ -219,10 +219,12 @@ def _is_series(free: Sequence[_Head]) -> bool:
 
 def _refusal(table: Table, free: Sequence[_Head]) -> str:
     names = ", ".join(repr(head.name) for head in free[:4]) + (" ..." if len(free) > 4 else "")
+    stem = _NUMBERED.fullmatch(free[0].name)
+    role = (role_of(stem["stem"], free[0].unit or None) if stem else None) or "VB"
     return (
         f"{table.path.name} seems to be a wide table, with its measurements in the columns {names}, and it is open "
         f"whether these are edges, times or repeated readings. Take one of them, as with --map "
-        f"VB=col{free[0].column.number}, or write one row per measurement, for instance:{EXAMPLE}"
+        f"{role}=col{free[0].column.number}, or write one row per measurement, for instance:{EXAMPLE}"
     )
 
 

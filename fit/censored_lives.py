@@ -129,6 +129,8 @@ def life_law(
     keep, left_out = identifiable(factors, np.log(rows.X), rows.shifts, logs=True)
     law = LawForm("power", response, tuple(factors[j] for j in keep))
     rows = replace(rows, X=rows.factors(keep))
+    if factors and not keep:
+        check_enough(law, rows, left_out)  # refuses a law without factors
     rows, side, notes = _one_life_per_edge(rows, side, response)
     if not side.any() and distribution == "lognormal":
         return _of_least_squares(runs, law, notes, left_out, edge, by)

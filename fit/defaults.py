@@ -129,8 +129,9 @@ def _conditions(held: Held) -> tuple[str, ...]:
 
 
 def _speed(held: Held) -> str | None:
-    """V, but n of a rotating tool where V was constant, and where V is not known."""
-    return held.first(SPEEDS) if held.rotating or not held.has("V") else "V"
+    """V, but n of a rotating tool where V is not known, or constant for another reason than that n follows 1/D."""
+    follows = held.has("V") and any(map(held.varies, ("D", "Dc")))
+    return held.first(SPEEDS) if (held.rotating and not follows) or not held.has("V") else "V"
 
 
 def _feed(held: Held) -> str | None:

@@ -125,6 +125,7 @@ class Shared:
     icc: float
     observed: Array
     logs: bool
+    runs: Runs
 
     def missed(self, predicted: Array) -> Array:
         """Prediction errors, shape (n,), in ln R or in the unit of R; none where a logarithm does not exist."""
@@ -164,7 +165,7 @@ def _compared(
         left_out, codes = "row", np.arange(base.nobs)
     icc = base.edges.icc if left_out == "edge" and isinstance(base.edges, EdgeInference) else 0.0
     logs = law.error == "multiplicative" and bool((base.observed > 0).all())
-    shared = Shared(left_out, codes, icc, base.observed, logs)
+    shared = Shared(left_out, codes, icc, base.observed, logs, runs)
     predicted = {name: _left_out(one, codes) for name, one in common.items()}
     full = common.get("second-order")
     if isinstance(predicted.get(REDUCED), np.ndarray) and isinstance(full, LawFit):
@@ -267,12 +268,12 @@ def _form(
         standard_error=se,
         pvalue=p,
         aicc=SELECTED if name == REDUCED else common if isinstance(common, NotAvailable) else aicc(common),
-        verdict=_verdict(law),
+        verdict=_verdict(law, shared.runs),
     )
 
 
-def _verdict(law: LawFit) -> Verdict | NotAvailable:
-    found = computed(partial(judge, law))
+def _verdict(law: LawFit, runs: Runs) -> Verdict | NotAvailable:
+    found = computed(partial(judge, law, runs=runs))
     return found if isinstance(found, NotAvailable) else found.verdict
 
 

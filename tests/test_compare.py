@@ -88,6 +88,9 @@ def test_curvature_is_tested_by_f_and_not_by_left_out_rows_alone():
     runs = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": f, "d": d, "Ra": Ra}))
     found = fit.compare_laws(runs, "Ra ~ V, f, d")
     assert found.preferred.name == "second-order-reduced"
+    form = found["second-order"]
+    assert form.verdict == fit.judge(form.law, runs=runs).verdict
+    assert form.verdict != fit.judge(form.law).verdict
     assert found["second-order"].pvalue < 1e-4
 
 

@@ -249,3 +249,16 @@ def test_laws_of_an_analysis_are_recorded():
     assert found.parameters.provenance.options["law"] == ["Ra ~ V, f"]
     with pytest.raises(UsageError, match="give a list of texts"):
         analyse(table, laws="Ra ~ V")
+
+
+def test_torque_at_one_cutting_speed_is_of_the_diameter_not_of_the_speed_that_follows_it():
+    table = frame(V=(25.0,), **{"Drill diameter (mm)": (6.0, 8, 10), "f (mm/rev)": (0.1, 0.2, 0.3)})
+    table["M (Nm)"] = 0.44 * table["f (mm/rev)"] ** 0.8 * table["Drill diameter (mm)"] ** 1.9
+    law = laws_of(table)["M"]
+    assert set(law.factors) == {"f", "Dc"}
+    assert law.params["Dc"] == pytest.approx(1.9)
+
+
+def test_lives_at_one_speed_are_refused_by_the_speed():
+    _, refused = fit.default_laws(datasets.runs_from_frame(pd.DataFrame({"V": [200.0] * 4, "T": [12.0, 14, 13, 17]})))
+    assert "V is left out: constant (200 in all 4 rows). Vary at least one condition" in refused[0].reason

@@ -234,9 +234,16 @@ def test_the_checks_of_least_squares_are_not_made_of_run_outs():
     assert not found.checks["form"]
     assert "3 of 12 lives are known by a bound alone" in str(found.checks["form"])
     assert found.checks["exponents"].level == found.checks["run-outs"].level == "passed"
+    assert found.checks["missing conditions"].level == "passed"
     assert found.verdict.level == 0
     with pytest.raises(FitError, match="draws are of least squares"):
         fit.posterior(fit.life_law(tool_runs()))
+
+
+def test_run_outs_do_not_hide_conditions_that_the_file_lacks():
+    runs = datasets.runs_from_frame(tool_table()[["V", "T"]])
+    found = fit.judge(fit.life_law(runs, ["V"]), runs=runs)
+    assert "Feed f and depth of cut d are not in this file" in found.checks["missing conditions"].verdict
 
 
 def test_run_outs_written_as_lives_are_seen():
@@ -323,7 +330,7 @@ def test_weibull_lives_can_be_asked_for(tmp_path, capsys):
 
 
 def test_run_outs_alone_and_lives_not_reached_are_refused_with_the_remedy(tmp_path):
-    for cells in (["60+"] * 4, ["not reached", "50", "21", "17"]):
+    for cells in (["60+"] * 4, [">60"] * 4, ["not reached", "50", "21", "17"]):
         (tmp_path / "t.csv").write_text("\n".join(["V,T", *(f"{100 + 10 * i},{c}" for i, c in enumerate(cells))]))
         with pytest.raises(DataError, match=r"with a plus \(60\+\), and at least one life that ended"):
             datasets.read_runs(tmp_path / "t.csv")

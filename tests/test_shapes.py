@@ -251,6 +251,8 @@ def test_repeated_readings_are_refused_with_a_long_table_as_example(tmp_path):
     with pytest.raises(DataError, match=r"whether these are edges, times or repeated readings") as refusal:
         read(tmp_path, "V,f,d,VB 1,VB 2,VB 3\n100,.1,1,.1,.2,.3\n150,.1,1,.1,.2,.3\n")
     assert str(refusal.value).count("\n") == 4
+    with pytest.raises(DataError, match="--map Ra=col4"):
+        read(tmp_path, "V,f,d,Ra1,Ra2,Ra3\n100,.1,1,1.1,1.2,1.3\n150,.1,1,2.1,2.2,2.3\n")
 
 
 @settings(max_examples=60, deadline=None)

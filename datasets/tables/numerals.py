@@ -52,7 +52,7 @@ _AT_LEAST = (
 _FIRST_LETTERS = ("ca", "ci", "ab", "ap", "en", "et", *sorted({words[:2] for words in _AT_LEAST}))  # ca., circa, about
 # Words of a test that was stopped before the tool failed, in the cell of its time: 60 (run-out), 60 abgebrochen
 _STOPPED = (
-    r"run[- ]?outs?|ro|censored|cens\.?|suspended|susp\.?|stopped|no failure|not failed|not reached|survived|"
+    r"run[- ]?outs?|ro|censored|cens\.?|suspended|susp\.?|stopped|no failure|not failed|not worn|not reached|survived|"
     r"abgebrochen|abgebr\.?|durchläufer|nicht erreicht|zensiert|interrompu|arrêté|non atteint|censuré|interrumpido|"
     r"censurado|no alcanzado"
 )

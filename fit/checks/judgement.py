@@ -342,8 +342,8 @@ CHECKS: Mapping[str, OneCheck] = {
     "agreement": _agreement,
     "reading": lambda given: doubts_of_reading(given.asked, given.runs),
 }
-USUAL = ("missing conditions", "unused columns", "form", "prediction", "normality")
-OF_EVERY_LAW = ("exponents", "possible values", "collinearity", "reading")  # no residuals needed
+USUAL = ("unused columns", "form", "prediction", "normality")
+OF_EVERY_LAW = ("exponents", "possible values", "missing conditions", "collinearity", "reading")  # no residuals needed
 CHECKS_OF_LIVES: Mapping[str, OneCheck] = {
     "number of edges": lambda given: edges_of_lives(given.law),
     "run-outs": lambda given: run_outs(given.law),
