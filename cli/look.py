@@ -149,12 +149,19 @@ def _picture_path(args: argparse.Namespace) -> Path:
     if path.is_dir() or not path.parent.is_dir():
         where = "is a folder" if path.is_dir() else f"cannot be written: there is no folder {path.parent}"
         raise UsageError(f"{path} {where}; choose another file with --out.")
-    if path.exists() and not args.force and MADE_BY.encode() not in path.read_bytes():
+    if not args.force:
+        _check_replaceable(path)
+    return path
+
+
+def _check_replaceable(path: Path) -> None:
+    from ..core.errors import UsageError
+
+    if path.exists() and MADE_BY.encode() not in path.read_bytes():
         raise UsageError(
             f"{path} exists and was not made by {MADE_BY}; replace it with --force, or choose another file with --out "
             f"{shlex.quote(f'{path.stem}-2{path.suffix}')}."
         )
-    return path
 
 
 def _draw(runs: "Runs", path: Path) -> None:

@@ -106,6 +106,12 @@ def _check(args: argparse.Namespace) -> None:
         value = getattr(args, name)
         if not is_positive(1.0 if value is None else value):
             raise UsageError(f"--{name} {value:g}: give a number above zero.")
+    _check_decision(args)
+
+
+def _check_decision(args: argparse.Namespace) -> None:
+    from ..core.errors import UsageError
+
     if args.decision == "cost" and args.cost is None:
         raise UsageError("--decision cost: give the costs, for instance --cost Cm=0.5,Ct=3,tc=2.")
     if args.decision is not None and args.decision not in ("life", "cost") and "=" not in args.decision:
@@ -120,7 +126,6 @@ def _limited(decision: str | None) -> tuple[str, str]:
 
 def _decision(law: "LawFit", args: argparse.Namespace) -> "tuple[Decision | None, str]":
     """The decision asked for; that of tool life, or none with the reason, where none is asked for."""
-    from ..core.errors import FitError
     from ..fit.decisions import cost_decision, life_decision, limit_decision
 
     at = values(args.at, "--at")
@@ -133,6 +138,14 @@ def _decision(law: "LawFit", args: argparse.Namespace) -> "tuple[Decision | None
     if response:
         factor = args.vary or ("f" if "f" in law.factors else law.factors[0])
         return limit_decision(law, _in_unit(text, response, law.units[response]), factor, at), ""
+    return _decision_on_life(law, criterion, at)
+
+
+def _decision_on_life(law: "LawFit", criterion: float, at: dict[str, float]) -> "tuple[Decision | None, str]":
+    """The decision on tool life, or none with the reason."""
+    from ..core.errors import FitError
+    from ..fit.decisions import life_decision
+
     if law.response not in ("T", "AW", "VB"):
         return None, f"give --decision {law.response}=LIMIT for that of a limit."
     try:

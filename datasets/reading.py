@@ -229,11 +229,12 @@ def _assemble(
         fill_down(draft)
     draft.assumed[:0] = _decoded(draft.data, options.ranges)
     _settle(draft, options, judge=judge, sample=sample)
-    if judge and not sample:
+    judged = judge and not sample
+    if judged:
         check_edges(draft)
     if not sample:
         keep_marks(draft)
-    if judge and not sample:
+    if judged:
         check_values(draft, options)
     return _finished(draft, source, options, judged=judge)
 

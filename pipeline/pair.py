@@ -227,9 +227,13 @@ def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "tuple[ToolLife 
         why = f"criterion {criterion}: there is no wear law on time, so no tool life; leave the criterion out."
         return None, "" if criterion is None else why
     life = computed(partial(fit.tool_life, wear, USUAL_CRITERION if criterion is None else criterion), USER_ERRORS)
-    if isinstance(life, fit.NotAvailable):
-        return None, f"No tool life: {life.reason}." if life.failed else "" if criterion is None else f"{life.reason}."
-    return life, ""
+    return (None, _why_no_life(life, criterion)) if isinstance(life, fit.NotAvailable) else (life, "")
+
+
+def _why_no_life(life: "NotAvailable", criterion: float | None) -> str:
+    if life.failed:
+        return f"No tool life: {life.reason}."
+    return "" if criterion is None else f"{life.reason}."
 
 
 def _posteriors(

@@ -87,8 +87,7 @@ def numbered_rows(rows: PairRows, wanted: Collection[Pair]) -> NumberedRows:
     number, pairs = _numbered(rows.frame)
     known = np.array([pair in wanted for pair in pairs], dtype=bool)
     if not known.all():
-        keep = known[number]
-        rows = replace(rows, frame=rows.frame[keep], lines=None if rows.lines is None else rows.lines[keep])
+        rows = _only(rows, known[number])
         number, pairs = _numbered(rows.frame)
     K = len(pairs)
     there = {name: _there(rows.frame[name]) for name in rows.frame if name in ROLES and name not in ("tool", "work")}
@@ -157,6 +156,11 @@ def _there(column: "pd.Series[str]") -> Flags:
 NUMBER = "pair of the row"
 
 
+def _only(rows: PairRows, keep: NDArray[np.bool_]) -> PairRows:
+    """The rows that are kept, with their lines."""
+    return replace(rows, frame=rows.frame[keep], lines=None if rows.lines is None else rows.lines[keep])
+
+
 def laws_of_pairs(of: NumberedRows, options: BatchOptions) -> pd.DataFrame:
     """For each pair a row for each law that its columns ask for, the columns that hold anything of it.
 
@@ -170,11 +174,8 @@ def laws_of_pairs(of: NumberedRows, options: BatchOptions) -> pd.DataFrame:
     DataFrame
         As `law_table`, by pair; a law that the rows of a pair do not allow has its reason. No pair raises.
     """
-    alike: dict[tuple[tuple[Asked, ...], bool], list[Ints]] = {}
-    for held, pairs in of.patterns():
-        alike.setdefault((requested_laws(held, options.laws), held.has("edge")), []).append(pairs)
     found: list[pd.DataFrame] = []
-    for (laws, by_edge), groups in alike.items():
+    for (laws, by_edge), groups in _pairs_by_laws(of, options).items():
         pairs = np.sort(np.concatenate(groups))
         for asked in laws:
             if missing := [name for name in (asked.response, *asked.factors) if name not in of.rows.frame]:
@@ -186,6 +187,14 @@ def laws_of_pairs(of: NumberedRows, options: BatchOptions) -> pd.DataFrame:
             else:
                 found.append(_one_by_one(of, asked, pairs, options))
     return joined_tables(found)
+
+
+def _pairs_by_laws(of: NumberedRows, options: BatchOptions) -> dict[tuple[tuple[Asked, ...], bool], list[Ints]]:
+    """Numbers of pairs by the laws that their columns ask for, and by whether they name edges."""
+    alike: dict[tuple[tuple[Asked, ...], bool], list[Ints]] = {}
+    for held, pairs in of.patterns():
+        alike.setdefault((requested_laws(held, options.laws), held.has("edge")), []).append(pairs)
+    return alike
 
 
 def is_stacked(asked: Asked, options: BatchOptions) -> bool:

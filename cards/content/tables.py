@@ -59,43 +59,31 @@ def posterior_table(of: PosteriorPart) -> TextTable:
 
 def uncertainty_table(statements: Sequence[UncertaintyPart]) -> TextTable:
     """Value, u, U, k and interval of each statement."""
-    return _table({
-        "quantity": [s.symbol for s in statements],
-        "of": [s.of for s in statements],
-        "value": [quantity(s.value) for s in statements],
-        "u": [s.standard.text for s in statements],
-        "U": [s.expanded.text for s in statements],
-        "k": [s.k.text for s in statements],
-        "df": [s.df.text for s in statements],
-        "level": [quantity(s.level) for s in statements],
-        "interval": [between(s.low, s.high) for s in statements],
-    })  # fmt: skip
+    headings = ("quantity", "of", "value", "u", "U", "k", "df", "level", "interval")
+    return _table_of_rows(headings, [
+        (s.symbol, s.of, quantity(s.value), s.standard.text, s.expanded.text, s.k.text, s.df.text, quantity(s.level),
+         between(s.low, s.high))
+        for s in statements
+    ])  # fmt: skip
 
 
 def budget_table(lines: Sequence[BudgetLinePart]) -> TextTable:
     """Contributions to the uncertainty of one prediction."""
     unit = next((line.contribution.unit for line in lines if line.contribution.unit), "")
-    return _table({
-        "source": [line.name for line in lines],
-        "type": [line.evaluation for line in lines],
-        "u": [quantity(line.standard) for line in lines],
-        "sensitivity": [line.sensitivity.text for line in lines],
-        f"contribution, {unit}".rstrip(", "): [line.contribution.text for line in lines],
-        "share": [quantity(line.share) for line in lines],
-        "df": [line.df.text for line in lines],
-    })  # fmt: skip
+    contribution = f"contribution, {unit}".rstrip(", ")
+    return _table_of_rows(("source", "type", "u", "sensitivity", contribution, "share", "df"), [
+        (line.name, line.evaluation, quantity(line.standard), line.sensitivity.text, line.contribution.text,
+         quantity(line.share), line.df.text)
+        for line in lines
+    ])  # fmt: skip
 
 
 def factor_table(factors: Sequence[FactorRangePart]) -> TextTable:
     """Factors of the tests with their ranges and levels."""
-    return _table({
-        "factor": [f.symbol for f in factors],
-        "quantity": [f.quantity for f in factors],
-        "unit": [f.unit for f in factors],
-        "minimum": [f.low.text for f in factors],
-        "maximum": [f.high.text for f in factors],
-        "levels": [", ".join(n.text for n in f.levels) or "many" for f in factors],
-    })  # fmt: skip
+    return _table_of_rows(("factor", "quantity", "unit", "minimum", "maximum", "levels"), [
+        (f.symbol, f.quantity, f.unit, f.low.text, f.high.text, ", ".join(n.text for n in f.levels) or "many")
+        for f in factors
+    ])  # fmt: skip
 
 
 def fact_table(facts: Sequence[FactPart], heading: str) -> TextTable:
@@ -105,6 +93,11 @@ def fact_table(facts: Sequence[FactPart], heading: str) -> TextTable:
         "value": [quantity(item.number) for item in facts],
         "explanation": [item.words for item in facts],
     })  # fmt: skip
+
+
+def _table_of_rows(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> TextTable:
+    """The columns that are not empty, of a table by rows."""
+    return _table({heading: [row[place] for row in rows] for place, heading in enumerate(headings)})
 
 
 def _table(columns: Mapping[str, Sequence[str]]) -> TextTable:

@@ -128,14 +128,18 @@ def yaml_text(data: Mapping[str, Any]) -> str:
     return "".join(f"{line}\n" for line in _lines(data))
 
 
+def _lines_of_mapping(value: Mapping[str, Any]) -> Iterator[str]:
+    for key, item in value.items():
+        if isinstance(item, Mapping | list | tuple) and item:
+            yield f"{key}:"
+            yield from (f"  {line}" for line in _lines(item))
+        else:
+            yield f"{key}: {_scalar(item)}"
+
+
 def _lines(value: Mapping[str, Any] | Sequence[Any]) -> Iterator[str]:
     if isinstance(value, Mapping):
-        for key, item in value.items():
-            if isinstance(item, Mapping | list | tuple) and item:
-                yield f"{key}:"
-                yield from (f"  {line}" for line in _lines(item))
-            else:
-                yield f"{key}: {_scalar(item)}"
+        yield from _lines_of_mapping(value)
         return
     for item in value:
         first, *rest = _lines(item) if isinstance(item, Mapping) else [_scalar(item)]

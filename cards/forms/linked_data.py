@@ -108,10 +108,16 @@ def _creator(written: str) -> dict[str, str]:
     return _stated({"@type": "Person" if a.family else "Organization", "name": a.name, **more, "sameAs": orcid})
 
 
-def _variables(card: Card) -> Iterator[dict[str, Any]]:
-    """Factors with their ranges, then what was measured over them."""
+def _factors_of(card: Card) -> dict[str, FactorRangePart]:
+    """Factors of the laws, and of the design where it is known, by symbol."""
     factors: dict[str, FactorRangePart] = {f.symbol: f for law in card.laws for f in law.domain}
     factors.update({f.symbol: f for f in card.design.factors} if card.design else {})
+    return factors
+
+
+def _variables(card: Card) -> Iterator[dict[str, Any]]:
+    """Factors with their ranges, then what was measured over them."""
+    factors = _factors_of(card)
     for f in factors.values():
         ends = {"minValue": f.low.value, "maxValue": f.high.value}
         yield {**_variable(f.symbol, f.quantity, f.unit), **ends}

@@ -84,15 +84,18 @@ def pair_folders(folder: Path, site: Path | None = None) -> tuple[Path, ...]:
         raise UsageError(
             f"{folder}: is no folder; give the one with the folders of the pairs, each with its {PARAMETERS}."
         )
-    own = None if site is None else site.resolve()
-    found = []
-    for place, below, names in os.walk(folder):
-        below[:] = sorted(n for n in below if not n.startswith(".") and (own is None or _real(place, n) != own))
-        if PARAMETERS in names:
-            found.append(Path(place))
+    found = list(_holding_parameters(folder, None if site is None else site.resolve()))
     if not found:
         raise DataError(f"{folder}: holds no {PARAMETERS}; fit first: fitmodels data.csv --out {folder}.")
     return tuple(sorted(found, key=lambda path: path.relative_to(folder).parts))
+
+
+def _holding_parameters(folder: Path, site: Path | None) -> Iterator[Path]:
+    """Folders in and below this one that hold a parameter file, without hidden ones and the site."""
+    for place, below, names in os.walk(folder):
+        below[:] = sorted(n for n in below if not n.startswith(".") and (site is None or _real(place, n) != site))
+        if PARAMETERS in names:
+            yield Path(place)
 
 
 def _real(place: str, name: str) -> Path:

@@ -184,12 +184,9 @@ def _printed(region: VisibleRegion, marks: Mapping[str, OperatingPoint], chance:
             for each in limits
         ]
         over = f"over {' and '.join(point.exceeds)}" if point.exceeds else "within the limits"
-        kept = (
-            "" if chance is None else f"; it keeps all with probability {_percent(chance.at(*point.xy), chance.count)}"
-        )
         out.append(
             f"{name} ({words}, read off a chart), {point.where}: MRR {point.MRR:.0f} mm3/min, {', '.join(loads)}: "
-            f"{over}{kept}."
+            f"{over}{_kept_words(point, chance)}."
         )
     return out
 
@@ -221,15 +218,30 @@ def _grouped(sources: tuple[str, ...]) -> str:
     return "; ".join(f"{', '.join(names)} {source}" for source, names in by_source.items())
 
 
+def _kept_words(point: OperatingPoint, chance: Feasibility | None) -> str:
+    """The probability that a point keeps all limits; empty where it is not computed."""
+    if chance is None:
+        return ""
+    return f"; it keeps all with probability {_percent(chance.at(*point.xy), chance.count)}"
+
+
+def _is_its_pair(tool: str, work: str) -> bool:
+    return any(name in tool.upper() for name in ("GC435", "GC345")) and work.upper().startswith("709M40")
+
+
 def _is_ac2016(pf: "ParameterFile", held: DefaultSetting) -> bool:
     """Whether this is the paper's case: its file, or its tool, work and limits; at its depth and time."""
     if (held.d, held.t) != (2.5, 10.0):
         return False
     if pf.provenance.options.get("paper") == "AC-2016":
         return True
-    who, limits = pf.identity, pf.limits
-    pair = any(name in who.tool.upper() for name in ("GC435", "GC345")) and who.work.upper().startswith("709M40")
-    if not pair or limits is None or limits.power is None or limits.force is None:
+    limits = pf.limits
+    if (
+        not _is_its_pair(pf.identity.tool, pf.identity.work)
+        or limits is None
+        or limits.power is None
+        or limits.force is None
+    ):
         return False
     asked = (limits.power.value, limits.power.unit, limits.force.value, limits.force.unit)
     return asked == (7.0, "kW", 1300.0, "N")

@@ -48,9 +48,13 @@ def derive(draft: Draft, options: ReadOptions) -> None:
                 draft.warnings.append(f"{given} is not used: no quantity that is not measured follows from it")
 
 
+def _is_wear(role: str) -> bool:
+    return role in ROLES and ROLES[role].kind == "wear"
+
+
 def _life_as_time(draft: Draft) -> None:
     """Take a column T as the cutting time where it and the wear rise along the edges: a tool has one life only."""
-    wear = next((role for role in draft.data if role in ROLES and ROLES[role].kind == "wear"), None)
+    wear = next(filter(_is_wear, draft.data), None)
     if wear is None or "T" not in draft.data or "t" in draft.data:
         return
     if not _both_rise(draft, "T", wear):
