@@ -93,7 +93,7 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
     family = _by_edge(table, heads, free) if key == "edge" else _by_time(table, free)
     if family and not (measured and family.response in {"", *measured}):
         return _unpivoted(table, family, key, conditions)
-    if len(free) >= 3 and held - {"t"} and not measured and _is_series(free):
+    if len(free) >= 3 and held - {"t"} and not measured and _is_series(free) and not _are_readings(free):
         raise DataError(_refusal(table, free))
     return written
 
@@ -215,6 +215,12 @@ def _is_series(free: Sequence[_Head]) -> bool:
     found = [_NUMBERED.fullmatch(head.name) for head in free]
     stems = {match["stem"].casefold() for match in found if match}
     return all(found) and len(stems) == 1
+
+
+def _are_readings(free: Sequence[_Head]) -> bool:
+    """Whether the columns are readings of one response, few enough for their mean (`with_means`)."""
+    roles = {_reading(head.column, head.name, head.unit or None) for head in free}
+    return len(free) <= MOST_READINGS and len(roles) == 1 and "" not in roles
 
 
 def _refusal(table: Table, free: Sequence[_Head]) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import parameters
+from fitmodels import fit, parameters
 from fitmodels.core.errors import ParameterError
 from fitmodels.core.formula import FORMS, FormulaForm, second_order_terms
 from fitmodels.datasets import runs_from_frame
@@ -194,3 +194,4 @@ def test_a_square_of_two_levels_is_left_out_by_name():
     out = {item.factor: item.reason for item in law.left_out}
     assert list(out) == ["V^2"]
     assert out["V^2"].startswith("V has two levels only")
+    assert fit.judge(law).checks["collinearity"].verdict.startswith("Term V^2 was left out: V has two levels only")

@@ -251,8 +251,15 @@ def test_repeated_readings_are_refused_with_a_long_table_as_example(tmp_path):
     with pytest.raises(DataError, match=r"whether these are edges, times or repeated readings") as refusal:
         read(tmp_path, "V,f,d,VB 1,VB 2,VB 3\n100,.1,1,.1,.2,.3\n150,.1,1,.1,.2,.3\n")
     assert str(refusal.value).count("\n") == 4
-    with pytest.raises(DataError, match="--map Ra=col4"):
-        read(tmp_path, "V,f,d,Ra1,Ra2,Ra3\n100,.1,1,1.1,1.2,1.3\n150,.1,1,2.1,2.2,2.3\n")
+    with pytest.raises(DataError, match="--map VB=col4"):
+        read(tmp_path, "V,f,d,VB 1,VB 2,VB 3\n100,.1,1,.1,.2,.3\n150,.1,1,.1,.2,.3\n")
+
+
+@pytest.mark.parametrize("unit", ["", " (µm)"])
+def test_three_readings_of_the_roughness_are_averaged_as_two_are(tmp_path, unit):
+    header = ",".join(f"Ra {i}{unit}" for i in (1, 2, 3))
+    runs = read(tmp_path, f"V,f,d,{header}\n100,.1,1,1.1,1.2,1.3\n150,.1,1,2.1,2.2,2.3\n")
+    np.testing.assert_allclose(runs.values("Ra"), [1.2, 2.2])
 
 
 @settings(max_examples=60, deadline=None)

@@ -338,8 +338,9 @@ def collinearity(law: LawFit) -> Collinearity | NotAvailable:
         concern = max(concern, 1)
         several = len(hidden) > 1
         which = "; ".join(f"{out.factor} was left out: {out.reason}" for out in hidden)
+        what, values = ("Factor", "exponents") if law.formula.first_order else ("Term", "coefficients")
         verdict = (
-            f"Factor{'s' if several else ''} {which}. The exponents of the others include "
+            f"{what}{'s' if several else ''} {which}. The {values} of the others include "
             f"{'their effects' if several else 'its effect'}, and hold only where "
             f"{'they follow' if several else 'it follows'} them as in the tests."
         )
