@@ -132,12 +132,7 @@ def of_life(life: ToolLife) -> Display:
 @display_of.register
 def of_checks(found: Judgement) -> Display:
     """The verdict with its reasons; each check with its statistic, p and level; corrections; what was not tested."""
-    rows = tuple(
-        (TITLES[name], check.statistic_text, "" if check.pvalue is None else format_p(check.pvalue), check.level)
-        if isinstance(check, Check)
-        else (TITLES[name], "", "", "not testable")
-        for name, check in found.checks.items()
-    )
+    rows = tuple((TITLES[name], *_cells_of_check(check)) for name, check in found.checks.items())
     levels = [level for *_, level in rows]
     counts = ", ".join(f"{n} {level}" for level in (*LEVELS, "not testable") if (n := levels.count(level)))
     verdict = found.verdict
@@ -147,6 +142,13 @@ def of_checks(found: Judgement) -> Display:
     table = TextTable(("check", "statistic", "p", "result"), rows)
     head = f"{verdict.words}: {len(rows)} checks on {found.nobs} rows, {counts}"
     return Display(head, (), table, (*verdict.reasons, *corrections, *without, *missing))
+
+
+def _cells_of_check(check: Check | NotAvailable) -> tuple[str, str, str]:
+    """Statistic, p and level of a check."""
+    if not isinstance(check, Check):
+        return "", "", "not testable"
+    return check.statistic_text, "" if check.pvalue is None else format_p(check.pvalue), check.level
 
 
 @display_of.register(RobustFit)

@@ -319,6 +319,17 @@ def _points(found: FormComparison, runs: Runs) -> pd.DataFrame:
     return out
 
 
+def _refitted_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
+    """Predictions of left-out units by one refit for each."""
+    out = np.empty(law.nobs)
+    for g in range(int(codes.max()) + 1):
+        found = computed(partial(refitted, law, law.error, codes != g))
+        if isinstance(found, NotAvailable):
+            return found
+        out[codes == g] = law.formula.response_at(found.theta, law.design[codes == g])
+    return out
+
+
 def left_out_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
     """What a law predicts for each row when its unit is left out of the fit, shape (n,), in the unit of the response.
 
@@ -330,13 +341,7 @@ def left_out_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
     """
     nonlinear = not law.formula.linearisable or (law.error == "additive" and law.formula.logarithmic)
     if nonlinear and codes.max() < MOST_REFITS:
-        out = np.empty(law.nobs)
-        for g in range(int(codes.max()) + 1):
-            found = computed(partial(refitted, law, law.error, codes != g))
-            if isinstance(found, NotAvailable):
-                return found
-            out[codes == g] = law.formula.response_at(found.theta, law.design[codes == g])
-        return out
+        return _refitted_predictions(law, codes)
     G = free_gradient(law)
     missed = prediction_errors(FittedForm(law.form, "", {}, G, law.residuals, G, law.residuals), codes)
     if isinstance(missed, NotAvailable):

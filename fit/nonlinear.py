@@ -83,6 +83,15 @@ def _triangle(A: Array) -> Array:
     return np.asarray(np.linalg.qr(A, mode="r"))
 
 
+def _centre(law: LawForm, Z: Array) -> Array:
+    """Means of the columns that stand within the product, zero of the others."""
+    centre = np.zeros(Z.shape[1])
+    centre[1:] = Z[:, 1:].mean(axis=0)
+    if not law.linearisable:
+        centre[len(law.factors)] = 0.0  # it is added to the product, not within it
+    return centre
+
+
 def minimise(law: LawForm, Z: Array, y: Array, start: Array, error: Error = "additive") -> tuple[Array, Array | None]:
     """Parameters (p,) of least squares on the scale of the errors, and their covariance (p, p), None without df.
 
@@ -91,10 +100,7 @@ def minimise(law: LawForm, Z: Array, y: Array, start: Array, error: Error = "add
     """
     from scipy.optimize import least_squares
 
-    centre = np.zeros(Z.shape[1])
-    centre[1:] = Z[:, 1:].mean(axis=0)
-    if not law.linearisable:
-        centre[len(law.factors)] = 0.0  # it is added to the product, not within it
+    centre = _centre(law, Z)
     logs = error == "multiplicative"
     C = Z - centre
     back = np.eye(Z.shape[1])

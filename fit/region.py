@@ -164,6 +164,11 @@ class DesignRegion(Plottable):
         return X, level_names(table[self.by], self.levels, self.by)
 
 
+def _on_own_scale(formula: LawForm, X: Array) -> Array:
+    """Factors X (n, k), those that the law takes the logarithm of as logarithms."""
+    return np.column_stack([np.log(x) if log else x for x, log in zip(X.T, formula.logs, strict=True)])
+
+
 def design_region(
     formula: LawForm,
     X: Array,
@@ -181,7 +186,7 @@ def design_region(
     >>> law.region.inside({"V": [100, 200], "f": [0.2, 0.6], "d": [2, 3], "t": 8}).tolist()
     [True, False]
     """
-    T = np.column_stack([np.log(x) if log else x for x, log in zip(X.T, formula.logs, strict=True)])
+    T = _on_own_scale(formula, X)
     low, high = T.min(axis=0), T.max(axis=0)
     free = np.array(formula.estimated)[1:] if formula.first_order else np.full(len(low), True)
     # a fixed factor may be constant: then it was tested at that value alone

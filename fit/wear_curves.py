@@ -187,6 +187,10 @@ def _check(law: LawFit, criterion: float) -> None:
         raise FitError(f"lives from wear curves need a power law of wear that grows with t; {law.response} has none.")
     if not (criterion > 0 and np.isfinite(criterion)):
         raise FitError(f"wear criterion {criterion}: it needs a value above zero, for instance 0.3 mm.")
+    _check_edges(law)
+
+
+def _check_edges(law: LawFit) -> None:
     if law.rows is None or law.edge is None or law.n_edges == law.nobs:
         raise FitError("lives from wear curves need several readings of each edge: name the edges with --edge.")
 

@@ -144,10 +144,13 @@ def content_sha256(data: Mapping[str, Any]) -> str:
     return hashlib.sha256(canonical_bytes(data)).hexdigest()
 
 
+def _is_written_whole(value: float) -> bool:
+    return value.is_integer() and abs(value) < WHOLE and str(value) != "-0.0"
+
+
 def _plain(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, float):
-        whole = value.is_integer() and abs(value) < WHOLE and str(value) != "-0.0"
-        return int(value) if whole else value
+        return int(value) if _is_written_whole(value) else value
     if isinstance(value, Mapping):
         return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):

@@ -169,12 +169,7 @@ class Prediction(Plottable):
     def _where(self, i: int) -> str:
         if _one(self.inside, i):
             return "inside the tested region"
-        why = [
-            f"{g.symbol} {_with(plain(_one(g.value, i), 6 if g.source is None else 3), g.unit)} is {SIDES[side]} "
-            f"{_with(plain(g.high if side > 0 else g.low), g.unit)}, the {'highest' if side > 0 else 'lowest'} tested"
-            for g in self.given
-            if (side := int(_one(g.beyond, i)))
-        ]
+        why = [_beyond_words(g, i, side) for g in self.given if (side := int(_one(g.beyond, i)))]
         why += [
             f"{g.symbol} comes from outside the region of its own law"
             for g in self.given
@@ -347,3 +342,10 @@ def _plain(number: Any) -> Any:  # noqa: ANN401
 
 def _with(number: str, unit: str) -> str:
     return f"{number} {unit}".rstrip()
+
+
+def _beyond_words(given: GivenFactor, i: int, side: int) -> str:
+    """A factor beyond its tested range, above it where ``side`` is positive."""
+    value = _with(plain(_one(given.value, i), 6 if given.source is None else 3), given.unit)
+    end, which = (given.high, "highest") if side > 0 else (given.low, "lowest")
+    return f"{given.symbol} {value} is {SIDES[side]} {_with(plain(end), given.unit)}, the {which} tested"

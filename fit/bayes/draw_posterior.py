@@ -126,6 +126,10 @@ def _check(law: LawFit, draws: int, seed: int, errors: str, method: str | None) 
         raise UsageError(
             f"{draws} draws: at least {FEWEST} (fewer cannot pass the convergence checks) and at most {MOST}."
         )
+    _check_law(law)
+
+
+def _check_law(law: LawFit) -> None:
     if law.not_least_squares:
         raise FitError(f"{law.response}: {law.not_least_squares}; draws are of least squares, so see the intervals.")
     if law.no_interval:

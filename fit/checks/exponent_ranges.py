@@ -118,6 +118,11 @@ SAME = {
 }  # factors with the range of another
 
 
+def _is_drilled(factors: tuple[str, ...], process: Process | None) -> bool:
+    """Whether the process is drilling, by its name or, without one, by a diameter without a depth of cut."""
+    return process == "drilling" or (process is None and "d" not in factors and bool({"D", "Dc"} & set(factors)))
+
+
 def usual_exponents(
     response: str, factors: tuple[str, ...], process: Process | None = None, tool: str = ""
 ) -> dict[str, Exponent]:
@@ -134,8 +139,7 @@ def usual_exponents(
     >>> usual_exponents("T", ("V",), tool="HSS")["V"].usual
     (-12.5, -5.0)
     """
-    drilled = process == "drilling" or (process is None and "d" not in factors and {"D", "Dc"} & set(factors))
-    of_drilling = _DRILLING.get(response, {}) if drilled else {}
+    of_drilling = _DRILLING.get(response, {}) if _is_drilled(factors, process) else {}
     ranges = {**_TABLE.get(response, {}), **_of_tool(response, tool), **of_drilling}
     if process == "grinding":
         ranges = {name: one for name, one in ranges.items() if name == "t"}

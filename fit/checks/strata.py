@@ -312,13 +312,19 @@ def without_found(
 LARGEST = 0.4  # share of the rows that the suspects may have in a comparison without them
 
 
-def without_suspects(law: LawFit, suspects: "tuple[Suspect, ...]") -> LawFit | None:
-    """The law refitted without the rows and edges that are suspected; None where too few are left for it."""
+def _rows_of(law: LawFit, suspects: "tuple[Suspect, ...]") -> NDArray[np.bool_]:
+    """Whether a row of the law is one of the suspects or belongs to an edge that is one."""
     edges = {edge for one in suspects for edge in one.edges}
     lines = [line for one in suspects if not one.edges for line in one.lines]
     out = np.isin(law.lines, lines)
     if law.edge is not None:
         out |= np.isin(np.asarray(law.edge, dtype=str), sorted(edges))
+    return out
+
+
+def without_suspects(law: LawFit, suspects: "tuple[Suspect, ...]") -> LawFit | None:
+    """The law refitted without the rows and edges that are suspected; None where too few are left for it."""
+    out = _rows_of(law, suspects)
     if not 0 < out.mean() <= LARGEST or np.count_nonzero(~out) <= len(law.theta):
         return None
     try:

@@ -164,9 +164,13 @@ def number_of_edges(law: LawFit, runs: Runs | None = None) -> Check:
     )
 
 
+def _has_edges_or_time(law: LawFit, runs: Runs) -> bool:
+    return law.rows is None or law.n_edges is not None or any(map(runs.has, CLOCKS))
+
+
 def each_row_a_run(law: LawFit, runs: Runs | None) -> bool:
     """Whether rows without edges are runs of their own: no time or length of cut, and settings that hardly repeat."""
-    if runs is None or law.rows is None or law.n_edges is not None or any(map(runs.has, CLOCKS)):
+    if runs is None or _has_edges_or_time(law, runs):
         return False
     if tools_of_rows(runs):
         return False

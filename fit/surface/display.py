@@ -21,6 +21,10 @@ from .term_selection import TermSelection
 FEW_DF = 5.0  # degrees of freedom of an error term below which a test finds large effects alone
 
 
+def _canonical_words(found: CanonicalAnalysis | NotAvailable) -> str:
+    return f"No canonical analysis: {found}." if isinstance(found, NotAvailable) else found.verdict
+
+
 @display_of.register
 def of_surface(surface: ResponseSurface) -> Display:
     """Terms with their tests; error terms, lack of fit, slopes; verdict, reservations and the canonical analysis."""
@@ -33,7 +37,7 @@ def of_surface(surface: ResponseSurface) -> Display:
     shown = isinstance(surface.model, EdgeModel)
     sentences = [
         verdict_of(surface), *reservations(surface), *_selection_words(chosen),
-        *([f"No canonical analysis: {canonical}."] if isinstance(canonical, NotAvailable) else [canonical.verdict]),
+        _canonical_words(canonical),
         *(f"Left out: {item.factor}, {item.reason}." for item in law.left_out),
         *(f"{item.count} row{'s' if item.count > 1 else ''} left out: {item.reason}." for item in law.dropped),
         *law.notes,
@@ -234,16 +238,18 @@ def _selection_words(found: TermSelection | None) -> list[str]:
     ]
 
 
+def _errors_of_strata(model: EdgeModel) -> list[tuple[str, str]]:
+    if not model.n_edges:
+        return []
+    return [("error between edges", _error_text(model, EDGES)), ("error within edges", _error_text(model, WITHIN))]
+
+
 def _facts(surface: ResponseSurface) -> list[tuple[str, str]]:
     model, law, lack = surface.model, surface.law, surface.lack_of_fit
     facts = [("effect", "by the term alone, from the centre of the tests to its farthest value")]
     if isinstance(surface.full.edges, EdgeInference):
         facts.append(("by edge", "p of the inference by edge of the law (CR3)"))
-    if isinstance(model, EdgeModel) and model.n_edges:
-        facts += [
-            ("error between edges", _error_text(model, EDGES)),
-            ("error within edges", _error_text(model, WITHIN)),
-        ]
+    facts += [] if isinstance(model, NotAvailable) else _errors_of_strata(model)
     facts += [("lack of fit", lack.result)] if isinstance(lack, LackOfFit) else []
     unit = "exponent" if law.formula.logarithmic else "slope"
     for name, ends in surface.local_exponents().iterrows():

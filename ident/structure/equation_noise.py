@@ -32,8 +32,12 @@ def equation_candidates(screen: Screen, most_order: int, delays: Sequence[int]) 
         slow = slow or bool((np.abs(np.roots(a) - 1) < SLOW / longest).any())
         if is_stable(a, EDGE):
             found.append(_candidate(screen, (na, nb, nk), theta, variance, False))
-    if not slow:
-        return found
+    return found + _integrating_candidates(screen, rec, most_order, delays) if slow else found
+
+
+def _integrating_candidates(screen: Screen, rec: Record, most_order: int, delays: Sequence[int]) -> list[Candidate]:
+    """The best orders with a pole at exactly 1, by least squares of the differences."""
+    found = []
     change = differenced(rec)
     for na, nb, nk in _best_orders(change, range(most_order), delays):
         theta, variance = _least_squares(change, na, nb, nk)

@@ -157,10 +157,16 @@ def judge_handover(
     return Handover(structure, own, where, _apart(model, trained, where))
 
 
+def _has_last_run(rec: Record) -> bool:
+    """Whether the last run of the record can be held out: it and the others are long enough, and of their own."""
+    last = rec.starts[-1]
+    return len(rec.starts) > 1 and min(last, len(rec) - last) >= FEWEST and _two_runs(rec, last)
+
+
 def _split(rec: Record, states: int) -> tuple[tuple[list[Span], list[Span]] | tuple[()], str]:
     """Samples to fit and to validate on, none where the record is too short, and a description of the latter."""
     last, n = rec.starts[-1], len(rec)
-    if len(rec.starts) > 1 and min(last, n - last) >= FEWEST and _two_runs(rec, last):
+    if _has_last_run(rec):
         words = f"run {len(rec.starts)} of {len(rec.starts)}, the same structure fitted to the others"
         return ([(0, last)], [(last, n)]), words
     if n // 3 < FEWEST:

@@ -107,6 +107,14 @@ def _integrator(model: DynamicsSection) -> Iterator[FileFinding]:
     yield FileFinding("dynamics", True, f"dynamics: for a constant input the output rises by {gain:.4g}{unit}{known}.")
 
 
+def _gain_slope(name: str, gain: float, *, integrating: bool) -> float:
+    """Derivative of b(1)/a(1) by a coefficient, times a(1)."""
+    if not name.startswith("a"):
+        return 1.0
+    # a(1) without the pole at 1 is -sum k a_k: the derivative of a(z) at z = 1
+    return -gain * (-float(name[1:]) if integrating else 1.0)
+
+
 def _gain_se(model: DynamicsSection) -> float | None:
     """Standard error of b(1)/a(1), of an integrating model without its pole at 1, by the delta method."""
     held = model.uncertainty
@@ -115,9 +123,7 @@ def _gain_se(model: DynamicsSection) -> float | None:
     inner = model.without_integrator() if model.integrating else model
     below, gain, slope = float(np.sum(inner.a)), inner.dc_gain, np.zeros(len(held.of))
     for k, name in enumerate(held.of):
-        # a(1) without the pole at 1 is -sum k a_k: the derivative of a(z) at z = 1
-        weight = (-float(name[1:]) if model.integrating else 1.0) if name.startswith("a") else 1.0
-        slope[k] = (-gain * weight if name.startswith("a") else 1.0) / below
+        slope[k] = _gain_slope(name, gain, integrating=model.integrating) / below
     with np.errstate(all="ignore"):
         variance = float(slope @ np.array(held.matrix) @ slope)
     return float(np.sqrt(variance)) if np.isfinite(variance) and variance >= 0 else None

@@ -1,5 +1,6 @@
 """Text files of single numbers: a C header, an ini file, and G-code parameters."""
 
+from collections.abc import Sequence
 from decimal import Decimal
 from textwrap import wrap
 
@@ -45,16 +46,18 @@ NOT_IN_INI = (
 )
 
 
+def _numbered(name: str, sentences: Sequence[str]) -> dict[str, str]:
+    return {f"{name}_{place}": words for place, words in enumerate(sentences, 1)}
+
+
 def ini_file(view: ExportView) -> str:
     """Content of the ini file."""
     about = {
         "made_by": view.made_by, "parameter_file": view.checksum, "tool": view.tool, "work": view.work,
         "machine": view.machine, "simulated": {True: "yes", False: "no", None: "unknown"}[view.simulated],
-        **{f"verdict_{place}": words for place, words in enumerate(view.verdicts, 1)},
-        **{f"equation_{place}": words for place, words in enumerate(view.equations, 1)},
-        **{f"limit_of_use_{place}": words for place, words in enumerate(view.limits_of_use, 1)},
-        **{f"assumed_{place}": words for place, words in enumerate(view.assumed, 1)},
-        **{f"not_carried_{place}": words for place, words in enumerate(NOT_IN_INI, 1)},
+        **_numbered("verdict", view.verdicts), **_numbered("equation", view.equations),
+        **_numbered("limit_of_use", view.limits_of_use), **_numbered("assumed", view.assumed),
+        **_numbered("not_carried", NOT_IN_INI),
     }  # fmt: skip
     return "\n".join((
         _ini_section("about", about),

@@ -204,6 +204,11 @@ def require_check(pf: ParameterFile) -> tuple[str, ...]:
         first, *others = failed
         more = f" {len(others)} more: see `fitmodels check`." if others else ""
         raise GateError(f"not exported, the file fails the check: {first.words}{more}")
+    return _not_checked(pf)
+
+
+def _not_checked(pf: ParameterFile) -> tuple[str, ...]:
+    """What an export assumes because the file does not hold what would show it."""
     line, pi = pf.load_line, pf.pi
     unknown = line is not None and line.law not in pf.laws
     untried = pi is not None and pf.dynamics is None

@@ -84,9 +84,10 @@ def _curves(life: "ToolLife") -> dict[str, Any] | None:
     from ...fit.life import taylor_constants
     from ...fit.wear_curves import wear_curve_lives
 
-    law = life.law
-    found = None if law is None else computed(partial(wear_curve_lives, law, life.criterion))
-    if law is None or found is None or isinstance(found, NotAvailable):
+    if life.law is None:
+        return None
+    found = computed(partial(wear_curve_lives, life.law, life.criterion))
+    if isinstance(found, NotAvailable):
         return None
     data: dict[str, Any] = {
         "lives": [asdict(one) for one in found.lives[:MOST_CURVES]],
