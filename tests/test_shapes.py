@@ -255,6 +255,11 @@ def test_repeated_readings_are_refused_with_a_long_table_as_example(tmp_path):
         read(tmp_path, "V,f,d,VB 1,VB 2,VB 3\n100,.1,1,.1,.2,.3\n150,.1,1,.1,.2,.3\n")
 
 
+def test_a_parameter_file_in_place_of_the_measurements_is_named(tmp_path):
+    with pytest.raises(DataError, match="is a parameter file, no table of tests"):
+        read(tmp_path, '{\n  "schema_version": "fitmodels.parameters/6",\n  "laws": {"a": 1,5}\n}\n')
+
+
 @pytest.mark.parametrize("unit", ["", " (µm)"])
 def test_three_readings_of_the_roughness_are_averaged_as_two_are(tmp_path, unit):
     header = ",".join(f"Ra {i}{unit}" for i in (1, 2, 3))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import UsageError
+from ...core.errors import DataError, UsageError
 from ...core.suggestions import did_you_mean
 from ..doubts import Doubt
 from .averages import average_rows, average_sentences
@@ -145,6 +145,8 @@ def read_table(
         raise UsageError(f"--decimal {decimal!r} is not a decimal mark: give point or comma.")
     path = Path(path)
     data = load_bytes(path)
+    if data.lstrip().startswith(b'{\n  "schema_version"'):
+        raise DataError(f"{path.name} is a parameter file, no table of tests: give the file with the measurements.")
     source: TextSource | WorkbookSheet
     words = Words(is_unit, is_name)
     kind = encoding = book_format(data, path.name)
