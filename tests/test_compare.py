@@ -8,7 +8,7 @@ import pytest
 import statsmodels.api as sm
 from fitmodels import batch, cli, datasets, fit
 from fitmodels.core.errors import FitError, UsageError
-from fitmodels.fit.form_choice import CHOICES, aicc, form_named, log_likelihood
+from fitmodels.fit.form_choice import CHOICES, aicc, fit_in_form, form_named, log_likelihood
 from fitmodels.fit.left_out_edges import compare_laws, left_out_predictions
 from fitmodels.fit.regression import fit_form, refitted
 from fitmodels.pipeline import FitOptions
@@ -92,6 +92,18 @@ def test_curvature_is_tested_by_f_and_not_by_left_out_rows_alone():
     assert form.verdict == fit.judge(form.law, runs=runs).verdict
     assert form.verdict != fit.judge(form.law).verdict
     assert found["second-order"].pvalue < 1e-4
+
+
+def test_rows_that_differ_in_a_factor_without_terms_are_runs_of_their_own():
+    """The selection leaves d out; settings of V and f alone repeat, those of the tests do not."""
+    levels = [(V, f, d) for V in (100.0, 150.0, 220.0) for f in (0.1, 0.2, 0.4) for d in (0.5, 1.0, 2.0)]
+    V, f, d = np.array(levels).T
+    scatter = 0.03 * np.random.default_rng(4).standard_normal(27)
+    Ra = 2 * f * np.exp(-0.2 * np.log(V / 150) + 0.4 * np.log(f / 0.2) ** 2 + scatter)
+    runs = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": f, "d": d, "Ra": Ra}))
+    law = fit_in_form(runs, "second-order-reduced", "Ra", ("V", "f", "d"))
+    assert law.factors == ("V", "f")
+    assert fit.judge(law, runs=runs).checks["number of edges"].concern == 0
 
 
 def test_aicc_of_forms_on_one_scale(measurements):

@@ -174,8 +174,9 @@ def each_row_a_run(law: LawFit, runs: Runs | None) -> bool:
         return False
     if tools_of_rows(runs):
         return False
-    were_set = [j for j, name in enumerate(law.factors) if name not in ROLES or ROLES[name].kind in SET]
-    settings = len(np.unique(law.X[:, were_set], axis=0)) if were_set else 0
+    were_set = [law.X[:, j] for j, name in enumerate(law.factors) if name not in ROLES or ROLES[name].kind in SET]
+    were_set += _set_but_left_out(law, runs)
+    settings = len(np.unique(np.column_stack(were_set), axis=0)) if were_set else 0
     return settings >= (SETTINGS_OF_WEAR if law.response in WEAR else SETTINGS_OF_RUNS) * law.nobs
 
 
@@ -185,6 +186,16 @@ def tools_of_rows(runs: Runs) -> str:
     numbering = [name for name in unused if meant_by(name) in ("edge", "tool")]
     repeated = (name for name in numbering if 1 < runs.data[name].nunique() <= len(runs) / 2)
     return next(repeated, "")
+
+
+def _set_but_left_out(law: LawFit, runs: Runs) -> list[Array]:
+    """Settings at the rows of the law that it has no term of, such as a factor that the selection of terms left out."""
+    names = [out.factor for out in law.left_out if out.factor in runs.data and out.factor in ROLES]
+    if not np.isin(law.lines, runs.lines).all():
+        return []
+    order = np.argsort(runs.lines)
+    at = order[np.searchsorted(runs.lines, law.lines, sorter=order)]
+    return [runs.values(name)[at] for name in names if ROLES[name].kind in SET]
 
 
 def _few_edges(law: LawFit, runs: Runs | None) -> str:
