@@ -69,15 +69,23 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _ends(texts: list[str] | None) -> dict[str, tuple[float, float]]:
+    """Low and high end of each range."""
+    from ..core.errors import UsageError
+
+    found = ranges(texts)
+    for name, ends in found.items():
+        if len(ends) != 2:
+            raise UsageError(f"--range {name}: a plan needs low:high, two numbers.")
+    return {name: (ends[0], ends[1]) for name, ends in found.items()}
+
+
 def _factors(args: argparse.Namespace) -> dict[str, tuple[float, float] | list[float] | list[str]]:
     """Factors in the order given: ranges, then levels."""
     from ..core.errors import UsageError
 
     out: dict[str, tuple[float, float] | list[float] | list[str]] = {}
-    for name, ends in ranges(args.range).items():
-        if len(ends) != 2:
-            raise UsageError(f"--range {name}: a plan needs low:high, two numbers.")
-        out[name] = (ends[0], ends[1])
+    out.update(_ends(args.range))
     for name, text in pairs(args.levels, "--levels", "f=0.1,0.2,0.4").items():
         if name in out:
             raise UsageError(f"--levels {name}: its range is given too; leave one out.")

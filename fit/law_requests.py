@@ -55,7 +55,7 @@ def parse_law(text: str) -> LawRequest:
     if not isinstance(text, str):
         raise UsageError(f"law {text!r}: {EXAMPLE}.")
     response, tilde, right = (part.strip() for part in text.partition("~"))
-    if not (response and tilde and right):
+    if not all((response, tilde, right)):
         raise UsageError(f"law {text!r}: {EXAMPLE}.")
     if _FUNCTION.search(text):
         raise UsageError(

@@ -7,7 +7,7 @@ from ...core.rounding import format_plain
 from ...parameters import LawSection, ParameterFile
 from ...parameters.evaluation import IntervalOptions
 from ...parameters.prediction import predict_life
-from ...parameters.sections.law_parts import TaylorSection, ToolLifeSection
+from ...parameters.sections.law_parts import LifeSection, TaylorSection, ToolLifeSection
 from .parts import ToolLifePart
 from .verdicts import TOOL_LIFE, verdict_part
 
@@ -114,10 +114,14 @@ def lives_words(law: LawSection) -> str:
         parts.append(f"{life.run_outs} {'is a run-out' if life.run_outs == 1 else 'are run-outs'}")
     if life.earlier:
         parts.append(f"{life.earlier} {'is' if life.earlier == 1 else 'are'} shorter than the time stated")
-    shape = f" of shape {1 / life.scale:.3g}" if life.distribution == "weibull" and life.scale > 0 else ""
-    spread = f"{DISTRIBUTIONS[life.distribution][0].upper()}{DISTRIBUTIONS[life.distribution][1:]} lives{shape}."
     taylor = "" if life.taylor is None else taylor_words(life.taylor)
-    return " ".join(filter(None, [f"{', '.join(parts)}.", spread, taylor, _at_middle(law)]))
+    return " ".join(filter(None, [f"{', '.join(parts)}.", _distribution_words(life), taylor, _at_middle(law)]))
+
+
+def _distribution_words(life: LifeSection) -> str:
+    shape = f" of shape {1 / life.scale:.3g}" if life.distribution == "weibull" and life.scale > 0 else ""
+    name = DISTRIBUTIONS[life.distribution]
+    return f"{name[0].upper()}{name[1:]} lives{shape}."
 
 
 def _at_middle(law: LawSection) -> str:

@@ -115,8 +115,13 @@ def _point(profiler: ProfilerPart, at: Mapping[str, float]) -> ProfiledPoint:
         ProfiledValue(*value_texts(answers[name]), known[name] and (not law.wear or known[law.wear]))
         for name, law in laws.items()
     )
-    removal = f"{float(format_plain(1000 * at['V'] * at['f'] * at['d'], 4)):.12g}" if profiler.removal else ""
-    return ProfiledPoint(tuple(format_plain(at[f.symbol], 4) for f in profiler.factors), values, removal)
+    settings = tuple(format_plain(at[f.symbol], 4) for f in profiler.factors)
+    return ProfiledPoint(settings, values, _removal_rate(profiler, at))
+
+
+def _removal_rate(profiler: ProfilerPart, at: Mapping[str, float]) -> str:
+    """Material removal rate, mm3/min; empty where the settings do not give it."""
+    return f"{float(format_plain(1000 * at['V'] * at['f'] * at['d'], 4)):.12g}" if profiler.removal else ""
 
 
 def value_texts(answer: Value) -> tuple[str, str, str]:

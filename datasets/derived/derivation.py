@@ -66,12 +66,15 @@ def _life_as_time(draft: Draft) -> None:
     draft.assumed.append(f"{header} rises with {wear} along the edges: it is the cutting time t, not a tool life T")
 
 
+def _may_be_feed_force(draft: Draft, options: ReadOptions) -> bool:
+    """Whether a resultant force may be the feed force of drilling: neither force is named by the user or the file."""
+    return "Fxz" not in options.map and "Ff" not in draft.data and table_process(draft, options) == "drilling"
+
+
 def _thrust_of_drill(draft: Draft, options: ReadOptions) -> None:
     """Take a thrust in drilling as the feed force: Fxz is the resultant of two forces of turning."""
     use = next((use for use in draft.uses if use.role == "Fxz"), None)
-    if use is None or use.name == "Fxz" or "Fxz" in options.map or "Ff" in draft.data:
-        return
-    if table_process(draft, options) != "drilling":
+    if use is None or use.name == "Fxz" or not _may_be_feed_force(draft, options):
         return
     draft.data["Ff"], draft.units["Ff"] = draft.data.pop("Fxz"), draft.units.pop("Fxz")
     draft.uses = tuple(replace(one, role="Ff") if one is use else one for one in draft.uses)
