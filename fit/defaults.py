@@ -1,9 +1,8 @@
 """Laws of a file by its columns: which responses are fitted, on which factors, and in which form.
 
-A response is fitted on the conditions of the cut (`law_conditions`) and, but for wear and tool life, on the wear.
-Forms that papers give: the load line of current on feed and wear (Tai, Tsai & Li 2023, doi
-10.1109/ACCESS.2023.3330587, eq. 14), and roughness as an exponential of the resultant force where only the feed was
-changed (eq. 5 of the constant-roughness paper).
+A response is fitted on the conditions of the cut (`law_conditions`) and, but for wear and tool life, on the wear. Forms
+of papers: the load line of current on feed and wear (Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 14);
+roughness as an exponential of the resultant force where only the feed changed (eq. 5 of the constant-roughness paper).
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -272,8 +271,13 @@ def fit_asked(
     form = forms.get(asked.response, forms.get(ALL))
     if form is not None:
         reason = form_named(form).unsuited(asked.response, asked.factors)
-        if not reason or asked.response in forms:
-            return fit_in_form(runs, form, asked.response, asked.factors, error=error, by=by)
+        try:
+            if not reason or asked.response in forms:
+                return fit_in_form(runs, form, asked.response, asked.factors, error=error, by=by)
+        except UsageError as unsuited:  # known from the process of the file alone
+            if asked.response in forms:
+                raise
+            reason = str(unsuited).rstrip(".")
         law = fit_asked(runs, asked, error=error, by=by)
         return replace(law, notes=(*law.notes, f"not in the form {form}, but in its usual one: {reason}"))
     if asked.form == "load_line":
@@ -382,10 +386,8 @@ def fit_law(
 
     Raises
     ------
-    UsageError
-        The text is no law, names a column that the runs do not have, or there is no such form.
-    FitError
-        It is no form of this response on these factors, or the rows do not allow it.
+    UsageError, FitError
+        No such law, column or form; the form does not suit the law, or the rows do not allow it.
 
     Examples
     --------

@@ -184,8 +184,10 @@ def kienzle_law(
     process = process or _process_of(runs)
     rule = RULES.get((process, response))
     if rule is None:
-        known = ", ".join(f"{name} in {of}" for of, name in RULES)
-        raise UsageError(f"there is no Kienzle law of {response} in {process}; there are those of {known}.")
+        known = ", ".join(name for of, name in RULES if of == process)
+        others = [of for of, name in RULES if name == response]
+        remedy = f" --process {others[0]} reads the file as {others[0]}." if others else ""
+        raise UsageError(f"there is no Kienzle law of {response} in {process}, but of {known}.{remedy}")
     angle, assumed, origin = _entering_angle(runs, process, entering_angle)
     columns, constant = _columns(runs, rule, response)
     law, X = _fitted(runs, response, columns, rule.feed, edge, by)

@@ -15,6 +15,7 @@ from fitmodels.core.errors import FitError, UsageError
 from fitmodels.datasets import runs_from_frame
 from fitmodels.fit.available import NotAvailable
 from fitmodels.fit.composite_law import without_fixed
+from fitmodels.fit.form_choice import ALL
 from fitmodels.fit.mechanistic import mean_chip_thickness, table_value, turning_chip
 from fitmodels.fit.regression import fit_form
 from scipy.optimize import curve_fit
@@ -309,3 +310,15 @@ def test_time_is_left_out_of_additive_wear_where_it_would_cost_the_rows_of_new_e
     assert "18 rows at t = 0" in law.notes[-1]
     later = fit_in_form(runs_from_frame(frame[frame.t > 0]), "additive", "Fc", ("f", "d", "t", "VB"))
     assert later.factors == ("f", "d", "t", "VB")
+
+
+def test_a_form_for_all_laws_that_the_process_does_not_have_keeps_the_usual_one():
+    """A torque without a process is read as turning, which has no Kienzle law of it; asked by name it is refused."""
+    f, D = np.repeat([0.1, 0.2, 0.3, 0.4], 3), np.tile([6.0, 8.0, 10.0], 4)
+    frame = pd.DataFrame({"V": 80.0, "f": f, "D": D, "M": 0.03 * D**2 * f**0.74})
+    runs = runs_from_frame(frame, judge=False)
+    (law,), _ = fit.default_laws(runs, laws=["M ~ f, D"], forms={ALL: "kienzle"})
+    assert law.form == "power"
+    assert any("not in the form kienzle" in note for note in law.notes)
+    with pytest.raises(UsageError, match="--process drilling"):
+        fit.fit_law(runs, "M ~ f, D", form="kienzle")

@@ -7,6 +7,7 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.core.censored import EARLIER, fit_censored, standard_quantile
 from fitmodels.core.errors import DataError, FitError
 from fitmodels.fit.censored_lives import lives_of
+from fitmodels.fit.checks.tool_lives import run_outs
 
 TABLE = [
     (120, 0.15, 1, "60+"), (120, 0.3, 1, "60+"), (180, 0.15, 1, "44.5"), (180, 0.3, 1, "21.6"),
@@ -362,3 +363,12 @@ def test_the_likelihood_has_its_maximum_in_every_table():
         z = (np.minimum(y, stop) - Z @ found.beta) / found.scale
         slope = np.where(side == 0, z, norm.pdf(z) / norm.sf(z))
         np.testing.assert_allclose(Z.T @ slope, 0, atol=1e-6)
+
+
+def test_run_outs_beyond_all_lives_that_ended_are_a_reservation():
+    """All four tests at V 150 ran out: no life is known below V 200, where the law would be used most."""
+    ended = {200: (21.6, 25, 23.5, 22), 250: (9.1, 10.2, 9.6, 8.8), 300: (4.9, 4.4, 5, 4.7)}
+    rows = [(150.0, "40+")] * 4 + [(float(V), str(T)) for V, lives in ended.items() for T in lives]
+    found = run_outs(fit.life_law(datasets.runs_from_frame(pd.DataFrame(rows, columns=["V", "T"])), ["V"]))
+    assert found.concern == 1
+    assert "No life ended below V 200 m/min, where all 4 tests are run-outs" in found.verdict

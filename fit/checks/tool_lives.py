@@ -13,6 +13,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.censored import (
     ENDED,
+    RUN_OUT,
     Distribution,
     LifeDistribution,
     Side,
@@ -26,6 +27,7 @@ from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check
 
 MOST_CENSORED, FEW_DF = 0.5, 3
+SEVERAL = 3  # run-outs beyond all lives that ended: one or two may be the corner of a plan
 SURE = 3.0  # difference of log-likelihoods beyond which lives prefer a distribution
 MOVED = 2.0  # standard errors that one life may move an exponent by
 EQUAL_BY_CHANCE = 1.15  # ratio of expected lives above which equal ones are no chance
@@ -51,9 +53,27 @@ def run_outs(law: LawFit) -> Check:
     words = f"{life.ended} of {n} lives ended" + (f", {bounds} are known by a bound alone" if bounds else "")
     concern = int(share > MOST_CENSORED or df < FEW_DF)
     remedy = " Run more tests to the end of the life." if concern else ""
-    verdict = f"{words}; {df} degrees of freedom.{remedy}"
+    beyond = _beyond_ended(law)
+    concern = max(concern, int(bool(beyond)))
+    verdict = f"{words}; {df} degrees of freedom.{beyond}{remedy}"
     return Check(null="At least half of the lives end, with 3 degrees of freedom.", statistic=share,
                  symbol="share of bounds", concern=concern, verdict=verdict)  # fmt: skip
+
+
+def _beyond_ended(law: LawFit) -> str:
+    """Where several run-outs lie beyond all lives that ended, with the remedy; empty where they do not."""
+    side = _side(law)
+    if law.rows is None or not (side == ENDED).any():
+        return ""
+    for j, name in enumerate(law.factors):
+        ended, run_outs = law.X[side == ENDED, j], law.X[side == RUN_OUT, j]
+        sides = (("below", ended.min(), run_outs < ended.min()), ("above", ended.max(), run_outs > ended.max()))
+        for word, end, beyond in sides:
+            if (n := int(beyond.sum())) >= SEVERAL:
+                at = f"{name} {end:.4g} {law.units.get(name, '')}".rstrip()
+                where = f"No life ended {word} {at}, where all {n} tests are run-outs"
+                return f" {where}: the law is extrapolated there. Test longer there."
+    return ""
 
 
 def edges_of_lives(law: LawFit) -> Check:
