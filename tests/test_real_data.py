@@ -221,17 +221,22 @@ def test_default_laws_of_the_turning_of_h13(measurements):
     assert found["Ra"][["V", "f"]].tolist() == pytest.approx([-0.444, 1.471], abs=6e-4)
 
 
-def test_the_load_law_of_the_milling_of_nasa_is_on_the_feed_per_revolution(measurements):
-    """ln I = 2.840 + .402 ln f + .511 ln d + .312 ln VB + .034 (material 2), n 137, R2 .943; I from its AC part."""
+@pytest.mark.parametrize(("header", "feed", "teeth"), [("feed", "f", 1), ("fz (mm/tooth)", "fz", 6)])
+def test_the_load_law_of_the_milling_of_nasa_is_on_feed_per_revolution_or_tooth(measurements, header, feed, teeth):
+    """ln I = 2.840 + .402 ln f + .511 ln d + .312 ln VB + .034 (material 2), n 137, R2 .943; I from its AC part.
+
+    The face mill has six inserts: the feed per tooth is a sixth, and its exponent is the same.
+    """
     frame = pd.read_csv(measurements / "nasa_milling" / "nasa_mill_runs.csv")
     frame["current [A]"] = (frame["smcAC_mid_std"] + 0.00419) / 0.25309
     frame = frame[(frame["VB"] > 0) & (frame["time"] > 0)]
+    frame = frame.assign(feed=frame["feed"] / teeth).rename(columns={"feed": header})
     runs = datasets.runs_from_frame(frame, process="milling")
     law = next(law for law in fit.default_laws(runs, by="work")[0] if law.response == "I")
-    assert (law.factors, law.nobs) == (("f", "d", "VB"), 137)
-    assert law.params[["f", "d", "VB"]].tolist() == pytest.approx([0.402, 0.511, 0.312], abs=6e-4)
+    assert (law.factors, law.nobs) == ((feed, "d", "VB"), 137)
+    assert law.params[[feed, "d", "VB"]].tolist() == pytest.approx([0.402, 0.511, 0.312], abs=6e-4)
     assert law.rsquared == pytest.approx(0.943, abs=6e-4)
-    assert law.notes[-1].endswith('--law "I ~ f, VB"')
+    assert law.notes[-1].endswith(f'--law "I ~ {feed}, VB"')
 
 
 def test_the_current_of_a_drive_on_feed_alone_is_a_straight_line(measurements):
