@@ -305,7 +305,7 @@ def _of_coefficients(law: LawFields, Z: Array, scale: float, response: float) ->
     group, square = "edges" if _by_edge(law) else "rows", scale * scale
     head, unit = "constant at the centre", "ln" if law.logarithmic else law.unit
     parts = [_Part(head, "A", math.sqrt(constant), unit, response, constant * square, group, held.df)]
-    known = {f.symbol for f in law.factors} if law.log_factors else set()
+    known = {f.symbol for f in law.factors} if law.log_factors and not law.terms else set()
     for name, a, s in zip(names[1:], away, se, strict=True):
         label = f"exponent of {name}" if name in known else f"coefficient of {name}"
         variance = float((a * s) ** 2) * square

@@ -145,6 +145,8 @@ def _check_law(law: LawFit) -> None:
 
 def _edges(law: LawFit) -> tuple[bool, tuple[str, ...]]:
     """Whether edges have random levels, with a note where they do not."""
+    if law.life is not None:  # each life is that of an edge of its own
+        return False, ()
     if law.edge is None:
         return False, ("rows are assumed independent: the data name no edges",)
     G = len(set(law.edge))
