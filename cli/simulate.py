@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Mapping
-from math import sqrt
+from math import e, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -240,7 +240,7 @@ def _composite(ranges: Mapping[str, tuple[float, float]], seed: int) -> "pd.Data
     varied = {name: ends for name, ends in ranges.items() if ends[0] < ends[1]}
     if not varied:
         raise UsageError("no factor of the laws varies in the tests; give --plan with the settings to simulate.")
-    logged = {name: ends if ends[0] > 0 else (1.0, float(np.e)) for name, ends in varied.items()}
+    logged = {name: ends if ends[0] > 0 else (1.0, e) for name, ends in varied.items()}
     plan = central_composite(logged, seed=seed)
     for name, (low, high) in varied.items():
         if low <= 0:

@@ -25,6 +25,7 @@ doi 10.15242/IIE.E1216006; exponential law: eq. 5 of the constant-roughness pape
 Montgomery & Anderson-Cook, Response Surface Methodology, ch. 6.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -217,7 +218,7 @@ class Formula(Displayable):
         log = self.logs[place]
         g = self.centres[place] if self.centres else 1.0 if log else 0.0
         others = X.copy()
-        others[:, place] = g * np.e if log else g + 1.0
+        others[:, place] = g * math.e if log else g + 1.0
         return (np.log(values / g) if log else values - g), self.columns(others)
 
     def predictor(self, theta: ArrayLike, Z: Array) -> Array:
