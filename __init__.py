@@ -56,7 +56,10 @@ _MODULES = {
 
 def __getattr__(name: str) -> object:
     if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from .core.suggestions import did_you_mean
+
+        hint = did_you_mean(name, __all__, 0.7, names="Its public names: ")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}. {hint}", name=name)
     module = import_module(f".{_MODULES.get(name, name)}", __name__)
     return getattr(module, name) if name in _MODULES else module
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from ..core.calls import check_share
 from ..core.errors import UsageError
 from ..core.verdict import DO_NOT_USE, LEVELS
 from ..fit import pooled_exponents
@@ -135,8 +136,7 @@ def family_names(values: pd.Series, header: str) -> pd.Series:
 
 
 def _check(results: pd.DataFrame, groups: Sequence[str], level: float) -> None:
-    if not 0 < level < 1:
-        raise UsageError(f"level={level}: it must be between 0 and 1, for instance 0.95.")
+    check_share("level", level)
     missing = [name for name in groups if group_column(name) not in results]
     if missing and len(results):
         raise UsageError(

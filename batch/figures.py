@@ -13,12 +13,12 @@ from matplotlib.ticker import MaxNLocator
 from ..core.arrays import Array
 from ..core.display import plot
 from ..core.errors import UsageError
-from ..core.plotting import BLUE, GREY, ORANGE, whiskers
+from ..core.figure_style import BLUE, DPI, GREY, LINE, ORANGE, RED, SMALL, TEXT, THICK, THIN, TITLE
+from ..core.plotting import NotebookFigure, whiskers
 from ..fit.many.pooling import WHOLE
 from .comparison import Comparison, largest_families
 from .result import Batch
 
-RED = "#a33"  # simulated data
 MOST_FAMILIES, MOST_PAIRS = 40, 60
 STRETCH, FEWEST, MOST = 8, 12, 60  # pairs of a stretch that is drawn at its medians; stretches of a picture
 WIDTH, ROW, LEAST, ABOVE, BELOW = 11.5, 0.21, 3.2, 1.25, 0.6  # inches: rows and panels, and what stands around them
@@ -47,8 +47,8 @@ def write_figures(comparison: Comparison, folder: Path, banner: str = "") -> lis
         pairs = held[(held["response"] == response) & (held["factor"] == factor)]
         path = folder / _free(f"exponents_{_plain(response)}_{_plain(factor)}", {path.stem.casefold() for path in made})
         figure = _figure(families, pairs, f"{response}", f"{factor}", comparison.level)
-        figure.text(0.988, 1 - 0.1 / figure.get_figheight(), banner, fontsize=10, color=RED, ha="right", va="top")
-        figure.savefig(path, dpi=110, metadata={"Software": None})
+        figure.text(0.988, 1 - 0.1 / figure.get_figheight(), banner, fontsize=TITLE, color=RED, ha="right", va="top")
+        figure.savefig(path, dpi=DPI, metadata={"Software": None})
         made.append(path)
     return made
 
@@ -59,18 +59,18 @@ def _figure(families: pd.DataFrame, pairs: pd.DataFrame, response: str, factor: 
     rows = list(_rows(families))
     names = [[name for name, _ in rows], _pair_names(alone) if few else ["pairs"]]
     tall = [ROW * max(len(names[0]), 4), ROW * max(len(names[1]), 4) if few else LEAST]
-    figure = Figure(figsize=(WIDTH, max(tall) + ABOVE + BELOW))
+    figure = NotebookFigure(figsize=(WIDTH, max(tall) + ABOVE + BELOW))
     FigureCanvasAgg(figure)
     _head(figure, f"Exponent of {factor} in the law of {response}: {len(alone)} pairs", level)
     left, right = _panels(figure, [LETTER * max(map(len, some)) + 0.25 for some in names], tall)
     _families(left, rows, len(families) - sum(row is not None for _, row in rows))
     (_few_pairs if few else _many_pairs)(right, alone, _with(grouping))
     for ax in (left, right):
-        ax.set_xlabel(f"exponent of {factor} (no unit)", fontsize=9)
+        ax.set_xlabel(f"exponent of {factor} (no unit)", fontsize=TEXT)
         ax.xaxis.set_major_locator(MaxNLocator(6))
-        ax.tick_params(axis="x", labelsize=8)
+        ax.tick_params(axis="x", labelsize=SMALL)
         ax.spines[["top", "right"]].set_visible(False)
-        ax.grid(axis="x", color="0.92", lw=0.8)
+        ax.grid(axis="x", color="0.92", lw=THIN)
         ax.set_axisbelow(True)
         _zero(ax)
         _legend(ax)
@@ -79,12 +79,12 @@ def _figure(families: pd.DataFrame, pairs: pd.DataFrame, response: str, factor: 
 
 def _head(figure: Figure, title: str, level: float) -> None:
     high, ends = figure.get_figheight(), f"{100 * level:g} %"
-    figure.text(0.012, 1 - 0.1 / high, title, fontsize=12, va="top")
+    figure.text(0.012, 1 - 0.1 / high, title, fontsize=TITLE + 2, va="top")
     legend = (
         f"Lines and bands are {ends} intervals: of a pair alone the t interval of its own fit, of families and pooled"
         " pairs the posterior interval of partial pooling. An arrow stands for a value outside its panel."
     )
-    figure.text(0.012, 1 - 0.37 / high, legend, fontsize=8, color="0.35", va="top")
+    figure.text(0.012, 1 - 0.37 / high, legend, fontsize=SMALL, color=GREY, va="top")
 
 
 def _panels(figure: Figure, names: Sequence[float], tall: Sequence[float]) -> tuple[Axes, Axes]:
@@ -114,8 +114,8 @@ def _families(ax: Axes, rows: Sequence[tuple[str, "pd.Series[float] | None"]], r
     value = {
         name: held[name].to_numpy(dtype=float) for name in ("mean", "mean_low", "mean_high", "new_low", "new_high")
     }
-    ax.hlines(at, value["new_low"], value["new_high"], color=ORANGE, lw=1.3, label="a new pair of the family")
-    ax.hlines(at, value["mean_low"], value["mean_high"], color=BLUE, lw=4.5, label="mean of the family")
+    ax.hlines(at, value["new_low"], value["new_high"], color=ORANGE, lw=LINE, label="a new pair of the family")
+    ax.hlines(at, value["mean_low"], value["mean_high"], color=BLUE, lw=THICK, label="mean of the family")
     ax.plot(value["mean"], at, "o", ms=5.5, mfc="white", mec=BLUE, mew=1.4, zorder=4)
     ax.set_xlim(*_reach(held, "mean", ("new_low", "new_high")))
     _beyond(ax, held["mean"].astype(float), at, BLUE)
@@ -126,16 +126,16 @@ def _families(ax: Axes, rows: Sequence[tuple[str, "pd.Series[float] | None"]], r
     _title(ax, "Families (number of pairs), by their mean")
     if rest:
         note = f"the {len(held)} largest; {rest} more in comparison.csv"
-        ax.annotate(note, (0, 0), (0, -34), "axes fraction", "offset points", fontsize=8, va="top")
+        ax.annotate(note, (0, 0), (0, -34), "axes fraction", "offset points", fontsize=SMALL, va="top")
 
 
 def _few_pairs(ax: Axes, pairs: pd.DataFrame, with_words: str) -> None:
     """Each pair alone (grey) and with its family (blue), in rising order."""
     some = pairs.sort_values(["estimate", "tool", "work"])
     at = np.arange(len(some), dtype=np.float64)
-    ax.hlines(at - 0.16, some["low"], some["high"], color=GREY, lw=1.2)
+    ax.hlines(at - 0.16, some["low"], some["high"], color=GREY, lw=LINE)
     ax.plot(some["estimate"], at - 0.16, "s", ms=3.8, color=GREY, label="alone", ls="none")
-    ax.hlines(at + 0.16, some["pooled_low"], some["pooled_high"], color=BLUE, lw=1.8)
+    ax.hlines(at + 0.16, some["pooled_low"], some["pooled_high"], color=BLUE, lw=LINE)
     ax.plot(some["pooled"], at + 0.16, "o", ms=4.2, color=BLUE, label=with_words, ls="none")
     ax.set_xlim(*_reach(some, "estimate", POOLED))
     _beyond(ax, some["estimate"], at - 0.16, GREY)
@@ -154,16 +154,16 @@ def _many_pairs(ax: Axes, pairs: pd.DataFrame, with_words: str) -> None:
     }
     rank = np.array([at.mean() + 1 for at in each])
     ax.fill_betweenx(rank, middle["low"], middle["high"], color=GREY, alpha=0.3, lw=0, label="interval alone")
-    ax.plot(middle["estimate"], rank, color="0.3", lw=1.6, ls="--", label="alone")
+    ax.plot(middle["estimate"], rank, color=GREY, lw=LINE, ls="--", label="alone")
     ax.fill_betweenx(
         rank, middle["pooled_low"], middle["pooled_high"], color=BLUE, alpha=0.3, lw=0, label="interval pooled"
     )
-    ax.plot(middle["pooled"], rank, color=BLUE, lw=1.8, label=with_words)
+    ax.plot(middle["pooled"], rank, color=BLUE, lw=LINE, label=with_words)
     ax.set_ylim(0.5, len(some) + 0.5)
     ax.set_xlim(*_reach(some, "estimate", POOLED))
     ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    ax.tick_params(axis="y", labelsize=8)
-    ax.set_ylabel("pairs, in rising order of their own exponents", fontsize=9)
+    ax.tick_params(axis="y", labelsize=SMALL)
+    ax.set_ylabel("pairs, in rising order of their own exponents", fontsize=TEXT)
     _title(ax, f"Pairs, medians of {len(each[-1])} neighbours{_not_pooled(some)}")
 
 
@@ -209,7 +209,7 @@ def _beyond(ax: Axes, values: "pd.Series[float]", at: Array, colour: str) -> Non
 
 
 def _name_rows(ax: Axes, names: Sequence[str]) -> None:
-    ax.set_yticks(range(len(names)), list(names), fontsize=8)
+    ax.set_yticks(range(len(names)), list(names), fontsize=SMALL)
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(max(len(names), 3) - 0.4, -0.6)
 
@@ -217,7 +217,7 @@ def _name_rows(ax: Axes, names: Sequence[str]) -> None:
 def _zero(ax: Axes) -> None:
     low, high = ax.get_xlim()
     if low < 0 < high:
-        ax.axvline(0, color="0.55", lw=1, zorder=0)
+        ax.axvline(0, color=GREY, lw=THIN, zorder=0)
 
 
 def _not_pooled(pairs: pd.DataFrame) -> str:
@@ -226,12 +226,12 @@ def _not_pooled(pairs: pd.DataFrame) -> str:
 
 
 def _title(ax: Axes, words: str) -> None:
-    ax.set_title(words, fontsize=10, loc="left", pad=36)
+    ax.set_title(words, loc="left", pad=36)
 
 
 def _legend(ax: Axes) -> None:
     """Over the panel, beneath its title: inside it would hide rows."""
-    ax.legend(fontsize=8, frameon=False, ncols=2, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2)
+    ax.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2)
 
 
 def _short(name: str) -> str:

@@ -55,7 +55,6 @@ def defect_sentence(error: Exception) -> str:
 
 Cell = str | float | int | bool | None
 
-NOT_JUDGED = "not judged"  # a law without a parameter file, whose checks were not computed
 NO_LAW, REFUSED, NOT_CONVERGED = "no law", "law refused", "not converged"  # kinds of concern used in several modules
 
 

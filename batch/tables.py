@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic_core import to_json
 
 from ..core.progress import grouped
+from ..core.verdict import NOT_JUDGED
 from ..datasets.vocabulary import ROLES
 from .attention import Attention, attention_frame, attention_summary, with_families
 from .comparison import Comparison, compare
@@ -30,7 +31,7 @@ from .law_rows import (
     renumbered,
     texts,
 )
-from .outcomes import NOT_JUDGED, BlockOutcome, PairOutcome, cell
+from .outcomes import BlockOutcome, PairOutcome, cell
 from .output_folder import claim, claimed, holds, put, retire
 from .pair_table import unknown_pairs, with_groups
 from .plan import Plan

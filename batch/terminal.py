@@ -12,13 +12,12 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.progress import grouped
-from ..core.rounding import decimals, format_plain, format_rounded
-from ..core.verdict import DO_NOT_USE, LEVELS, RESERVATIONS, USABLE
+from ..core.rounding import count, decimals, format_plain, format_rounded
+from ..core.verdict import DO_NOT_USE, LEVELS, NOT_JUDGED, RESERVATIONS, USABLE
 from ..datasets.columns import ColumnUse
 from ..datasets.vocabulary import ROLES
 from ..fit.many.pooling import WHOLE
 from .comparison import LAW, Comparison, largest_families
-from .outcomes import NOT_JUDGED
 from .plan import Plan
 from .result import Batch, Effort
 
@@ -30,8 +29,8 @@ NAMED = 20  # unreadable parts that are named without their reason
 QUARTERS = (0.25, 0.5, 0.75)
 
 
-def source_block(plan: Plan) -> RenderableType:
-    """Contents of the source."""
+def source_block(plan: Plan, most: int = MOST_LISTED) -> RenderableType:
+    """Contents of the source, with at most so many sentences of a kind."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim", no_wrap=True)
     table.add_column()
@@ -46,22 +45,22 @@ def source_block(plan: Plan) -> RenderableType:
     if unused:
         table.add_row("not used", Text(", ".join(map(repr, unused))))
     if plan.assumed:
-        table.add_row("assumed", Text("\n".join(_shortened(plan.assumed))))
+        table.add_row("assumed", Text("\n".join(_shortened(plan.assumed, most))))
     if plan.unreadable:
-        table.add_row("not read", Text("\n".join(_not_read(plan.unreadable))))
+        table.add_row("not read", Text("\n".join(_not_read(plan.unreadable, most))))
     return _section(Text("Input", style="bold"), table)
 
 
-def batch_blocks(made: Batch) -> Iterator[RenderableType]:
-    """Results of a batch: laws, comparison, attention, files."""
+def batch_blocks(made: Batch, most: int = MOST_LISTED) -> Iterator[RenderableType]:
+    """Results of a batch: laws, comparison, attention, files; at most so many kinds of attention."""
     yield laws_block(made)
     if len(made.comparison.families):
         yield comparison_block(made.comparison)
     if made.concerns:
-        yield attention_block(made)
+        yield attention_block(made, most)
     late = {name: why for name, why in made.unreadable.items() if name not in made.plan.unreadable}
     if late:
-        yield _section(Text("Not readable during the fit", style="bold"), Text("\n".join(_not_read(late))))
+        yield _section(Text("Not readable during the fit", style="bold"), Text("\n".join(_not_read(late, most))))
     verb = "Written" if made.changed else "Unchanged"
     yield Text("\n".join([*made.warnings, *_effort(made.effort), f"{verb}: {made.out}/ ({', '.join(made.written)})"]))
     yield from _site(made)
@@ -126,17 +125,17 @@ def _right_aligned(*heads: str) -> Table:
     return table
 
 
-def attention_block(made: Batch) -> RenderableType:
+def attention_block(made: Batch, most: int = MOST_LISTED) -> RenderableType:
     """Kinds of concern, the number of pairs with each, and one example."""
     needing = made.attention[["tool", "work"]].drop_duplicates()
     table = _table()
     table.add_column("why", no_wrap=True)
     table.add_column("pairs", justify="right", no_wrap=True)
     table.add_column("example")
-    for item in made.concerns[:MOST_LISTED]:
+    for item in made.concerns[:most]:
         table.add_row(item.kind, grouped(item.pairs), Text(f"{item.examples[0]}: {item.words[0]}"))
-    rest = len(made.concerns) - MOST_LISTED
-    more = [Text(f"{rest} more kinds in attention.csv")] if rest > 0 else []
+    rest = len(made.concerns) - most
+    more = [Text(f"{count(rest, 'more kind')} in attention.csv")] if rest > 0 else []
     verb = "needs" if len(needing) == 1 else "need"
     head = Text(f"{grouped(len(needing))} of {_pairs(made.pairs)} {verb} attention", style="bold")
     return _section(head, table, *more)
@@ -265,19 +264,17 @@ def _kind(plan: Plan) -> str:
     return f"{grouped(n)} lab file{'' if n == 1 else 's'}"
 
 
-def _not_read(reasons: Mapping[str, str]) -> list[str]:
+def _not_read(reasons: Mapping[str, str], most: int) -> list[str]:
     """Each unreadable part of a source with its reason; of many the rest by name only."""
     lines = [why if name.split("/")[-1] in why else f"{name}: {why}" for name, why in reasons.items()]
-    rest = list(reasons)[MOST_LISTED:]
+    rest = list(reasons)[most:]
     others = f" and {grouped(len(rest) - NAMED)} others" if len(rest) > NAMED else ""
-    return (
-        [*lines[:MOST_LISTED], f"and {grouped(len(rest))} more: {', '.join(rest[:NAMED])}{others}"] if rest else lines
-    )
+    return [*lines[:most], f"and {grouped(len(rest))} more: {', '.join(rest[:NAMED])}{others}"] if rest else lines
 
 
-def _shortened(sentences: Sequence[str]) -> list[str]:
-    rest = len(sentences) - MOST_LISTED
-    return list(sentences) if rest <= 0 else [*sentences[:MOST_LISTED], f"and {grouped(rest)} more"]
+def _shortened(sentences: Sequence[str], most: int = MOST_LISTED) -> list[str]:
+    rest = len(sentences) - most
+    return list(sentences) if rest <= 0 else [*sentences[:most], f"and {grouped(rest)} more"]
 
 
 def _table(between: int = 2) -> Table:

@@ -70,7 +70,7 @@ def study(n, distribution, draws, seed, step):
         band = law.conf_int().iloc[1:].to_numpy()
         corrected.append((band[:, 0] <= TRUTH[1:]) & (band[:, 1] >= TRUTH[1:]))
         plain.append(plain_covers(X, T, cut, distribution))
-        one = law.predict(AT, "prediction").iloc[0]
+        one = law.predict(AT, "prediction").to_frame().iloc[0]
         life = lives(rng, np.array([tuple(AT.values())]), distribution)[0]
         new.append(one["low"] <= life <= one["high"])
         lower.append(life < one["low"])

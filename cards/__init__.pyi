@@ -1,5 +1,6 @@
 from .folder import files as files
 from .folder import write as write
+from .forms.page import profiler as profiler
 from .publishing import site as site
 
-__all__ = ["files", "site", "write"]
+__all__ = ["files", "profiler", "site", "write"]

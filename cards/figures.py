@@ -1,6 +1,6 @@
 """Figures in the folder of a card: laws as panels, posteriors, and an identification."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from textwrap import wrap
@@ -11,46 +11,76 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ..core.display import draw_figure
+from ..core.figure_style import DPI, SMALL
+from ..core.plotting import Limit, NotebookFigure, Styles, edge_legend, mark_simulated
 from ..fit import LawFit, NotAvailable
 from ..fit.available import computed
 from ..fit.bayes.posterior import Posterior
+from ..fit.figures import form_curves
 from ..fit.form_comparison import FormComparison
-from ..fit.law_figures import form_curves, normal_quantiles, observed_against_predicted, residuals, response_surface
+from ..fit.law_figures import (
+    identified,
+    normal_quantiles,
+    observed_against_predicted,
+    residuals,
+    residuals_by_edge,
+    response_surface,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.gridspec import SubplotSpec
+
     from ..ident.identification import Identification
     from ..ident.physical_models.drive import DriveFit
     from ..ident.physical_models.force_process import ForceProcess
     from ..ident.physical_models.step_response import StepFit
 
 NAMES = ("response_surfaces.png", "observed_predicted.png", "residuals.png")
-Panel = Callable[[LawFit, Axes], Axes]
+WIDE, TALL = 3.5, 3.3  # inches of a panel; two side by side are read on a phone
+Panel = Callable[[LawFit, Axes], object]
 
 
-def draw_figures(laws: Sequence[LawFit], folder: Path, banner: str = "") -> tuple[str, ...]:
-    """Write the three figures to ``folder`` and return their names; ``banner`` is drawn over each of them."""
+def draw_figures(
+    laws: Sequence[LawFit], folder: Path, banner: str = "", limits: Mapping[str, Limit] | None = None
+) -> tuple[str, ...]:
+    """Write the three figures to ``folder`` and return their names.
+
+    ``banner`` is drawn over each of them; ``limits`` of responses are drawn in surfaces and observed values.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    rows: dict[str, tuple[Panel, ...]] = {
-        NAMES[0]: (response_surface,),
-        NAMES[1]: (observed_against_predicted,),
-        NAMES[2]: (residuals, normal_quantiles),
-    }
-    for name, panels in rows.items():
-        _save(_compose(laws, panels, banner), folder / name)
+    limits, styles = limits or {}, identified(laws)
+    surfaces = [[partial(_surface, limits=limits)]]
+    observed = [[partial(_observed, styles=styles, limits=limits)]]
+    _save(_compose(laws, surfaces, banner, {}), folder / NAMES[0])
+    _save(_compose(laws, observed, banner, styles), folder / NAMES[1])
+    pair: list[list[Panel]] = [[partial(residuals, styles=styles), normal_quantiles]]
+    by_edge: list[list[Panel]] = [[partial(residuals_by_edge, styles=styles)]] if styles else []
+    _save(_compose(laws, [*by_edge, *pair], banner, {}), folder / NAMES[2])
     return NAMES
+
+
+def _surface(law: LawFit, ax: Axes, limits: Mapping[str, Limit]) -> object:
+    return response_surface(law, ax, limit=limits.get(law.response))
+
+
+def _observed(law: LawFit, ax: Axes, styles: Styles, limits: Mapping[str, Limit]) -> object:
+    return observed_against_predicted(law, ax, styles=styles, limit=limits.get(law.response))
 
 
 def form_panels(comparisons: Sequence[FormComparison]) -> Figure:
     """Forms of each law over each of its factors: a row of panels for each law."""
     across = max(len(found.preferred.law.factors) for found in comparisons)
-    figure = Figure(figsize=(4.6 * across, 3.9 * len(comparisons)), layout="constrained")
+    figure = NotebookFigure(figsize=(4.6 * across, 3.9 * len(comparisons)), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(comparisons), across, squeeze=False)
     for found, row in zip(comparisons, axes, strict=True):
         names = found.preferred.law.factors
         for j, ax in enumerate(row):
             if j < len(names):
-                form_curves(found, names[j], ax)
+                legend = form_curves(found, names[j], ax).get_legend()
+                if j and legend is not None:  # one for each row
+                    legend.remove()
             else:
                 ax.set_axis_off()
     return figure
@@ -62,7 +92,7 @@ def draw_posteriors(posteriors: Sequence[Posterior], folder: Path, banner: str =
         name = "".join(letter if letter.isalnum() else "-" for letter in post.response)
         for what in ("marginals", "pairs", "predictive", "curves"):
             path = folder / f"posterior_{name}_{what}.png"
-            drawn = computed(partial(post.plot, what, banner=banner))
+            drawn = computed(partial(draw_figure, post, what, banner=banner))
             if isinstance(drawn, NotAvailable):
                 _save_note(f"{what} of {post.response}: not drawn, as {drawn}", path)
                 continue
@@ -72,29 +102,39 @@ def draw_posteriors(posteriors: Sequence[Posterior], folder: Path, banner: str =
                 _save(figure, path)
 
 
-def _compose(laws: Sequence[LawFit], panels: Sequence[Panel], banner: str) -> Figure:
-    """One column for each law, at most four in a row; the kinds of panel below each other."""
-    blocks = -(-len(laws) // 4)
-    across = -(-len(laws) // blocks)
-    down = blocks * len(panels)
-    width, height = 3.7 * across, 3.4 * down
-    figure = Figure(figsize=(width, height))
+def _compose(laws: Sequence[LawFit], rows: Sequence[Sequence[Panel]], banner: str, styles: Styles) -> Figure:
+    """Panels of each law: a single one two in a row, others as a block of rows over the whole width; legend below."""
+    single = [len(row) for row in rows] == [1]
+    across = min(len(laws), 2) if single else 2
+    down = -(-len(laws) // across) if single else len(laws) * len(rows)
+    names_across = max(int(across * WIDE / (0.42 + 0.075 * max(map(len, styles), default=1))), 1)
+    below = 0.22 * -(-len(styles) // names_across) + 0.25 if styles else 0.0
+    width, height = WIDE * across + 0.2, TALL * down + 0.25 + below
+    figure = NotebookFigure(figsize=(width, height))
     FigureCanvasAgg(figure)
     figure.subplots_adjust(
-        left=0.75 / width, right=1 - 0.25 / width, bottom=0.6 / height, top=1 - 0.65 / height, wspace=0.36,
-        hspace=0.42,
+        left=0.72 / width, right=1 - 0.2 / width, bottom=(0.55 + below) / height, top=1 - 0.75 / height, wspace=0.33,
+        hspace=0.52,
     )  # fmt: skip
     grid = figure.add_gridspec(down, across)
     for i, law in enumerate(laws):
-        for k, panel in enumerate(panels):
-            ax = figure.add_subplot(grid[i // across * len(panels) + k, i % across])
-            ax.tick_params(labelsize=8)
-            ax.xaxis.set_major_locator(MaxNLocator(5))
-            ax.yaxis.set_major_locator(MaxNLocator(5))
-            _drawn(panel, law, ax)
+        for k, row in enumerate(rows):
+            for j, panel in enumerate(row):
+                place = grid[divmod(i, across)] if single else grid[i * len(rows) + k, j if len(row) > 1 else slice(2)]
+                _drawn(panel, law, _panel(figure, place))
+    if styles:
+        edge_legend(figure, styles, names_across, loc="lower center")
     if banner:
-        figure.text(0.995, 0.995, banner, ha="right", va="top", fontsize=8, color="#a33", wrap=True)
+        mark_simulated(figure, banner)
     return figure
+
+
+def _panel(figure: Figure, place: "SubplotSpec") -> Axes:
+    """Axes at a place of the grid with few ticks."""
+    ax: Axes = figure.add_subplot(place)
+    ax.xaxis.set_major_locator(MaxNLocator(5))
+    ax.yaxis.set_major_locator(MaxNLocator(5))
+    return ax
 
 
 def _drawn(panel: Panel, law: LawFit, ax: Axes) -> None:
@@ -106,22 +146,22 @@ def _drawn(panel: Panel, law: LawFit, ax: Axes) -> None:
 
 
 def _note(ax: Axes, words: str) -> None:
-    ax.text(0.5, 0.5, "\n".join(wrap(words, 40)), ha="center", va="center", fontsize=8, transform=ax.transAxes)
+    ax.text(0.5, 0.5, "\n".join(wrap(words, 40)), ha="center", va="center", fontsize=SMALL, transform=ax.transAxes)
     ax.set_axis_off()
 
 
 def _save(figure: Figure, path: Path) -> None:
     """Write a figure; where it cannot be rendered, a figure with the reason."""
-    found = computed(partial(figure.savefig, path, dpi=110, metadata={"Software": None}))
+    found = computed(partial(figure.savefig, path, dpi=DPI, metadata={"Software": None}))
     if isinstance(found, NotAvailable):
         _save_note(f"{path.stem}: not drawn, as {found}", path)
 
 
 def _save_note(words: str, path: Path) -> None:
-    instead = Figure(figsize=(5.0, 2.0))
+    instead = NotebookFigure(figsize=(5.0, 2.0))
     FigureCanvasAgg(instead)
     _note(instead.add_subplot(), words)
-    instead.savefig(path, dpi=110, metadata={"Software": None})
+    instead.savefig(path, dpi=DPI, metadata={"Software": None})
 
 
 def draw_dynamics(found: "Identification", folder: Path, caption: str = "") -> None:
@@ -154,7 +194,7 @@ def draw_physical(fit: "StepFit | DriveFit | ForceProcess", folder: Path, captio
     names = {"StepFit": "step_response", "DriveFit": "drive", "ForceProcess": "force_process"}
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{names[type(fit).__name__]}.png"
-    _draw_one(fit.plot, path, caption)
+    _draw_one(partial(draw_figure, fit), path, caption)
     return path
 
 
@@ -168,5 +208,5 @@ def _draw_one(draw: Callable[[], Axes], path: Path, caption: str) -> None:
     if not isinstance(figure, Figure):
         return
     if caption:
-        figure.text(0.99, 0.005, caption, ha="right", va="bottom", fontsize=7, color="0.4")
+        mark_simulated(figure, caption)
     _save(figure, path)

@@ -12,6 +12,7 @@ from ..core.files import cause, locked_folder, move_folder, staged, swap_folder
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
 from .content.card import Card
+from .content.figure_texts import limits_of
 from .content.parts import DesignPart, PublicationPart
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def files(pf: ParameterFile) -> tuple[str, ...]:
 
 
 def markdown(pf: ParameterFile, *, folder: Path | None = None, publication: PublicationPart | None = None) -> str:
-    """The card of a parameter file as README.md, schema ``fitmodels.card/5``: Markdown with YAML front matter.
+    """The card of a parameter file as README.md, schema ``fitmodels.card/6``: Markdown with YAML front matter.
 
     Parameters
     ----------
@@ -223,9 +224,10 @@ def _draw(
 
         draw_dynamics(identification, folder, banner)
     if laws:
+        from ..core.plotting import Limit
         from .figures import draw_figures, draw_posteriors
 
-        draw_figures(laws, folder, banner)
+        draw_figures(laws, folder, banner, {name: Limit(*limit) for name, limit in limits_of(pf).items()})
         draw_posteriors(posteriors, folder, banner)
 
 

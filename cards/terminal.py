@@ -1,16 +1,17 @@
 """Terminal output of the main job and of an identification, from the same parts as the card."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from ..core.display import TextTable, display_of
-from ..core.verdict import USABLE, Verdict
+from ..core.verdict import MARKS, RESERVATIONS, USABLE, Verdict
 from ..datasets import Runs
 from ..fit import LawFit
 from ..fit.available import computed
@@ -25,7 +26,7 @@ from .content.laws import about_intervals, law_part
 from .content.numbers import fact_line, sentence
 from .content.parts import LawPart, SuspectPart, VerdictPart
 from .content.posterior import EXPLANATIONS
-from .content.tables import check_table, coefficient_table
+from .content.tables import check_table, coefficient_table, holds_words
 from .content.tool_life import tool_life_part
 from .content.verdicts import sorted_by_level, verdicts_of
 from .reading_terminal import Command, count_rows, lines_of
@@ -49,9 +50,9 @@ WRAPPED = {
     "published value": "published\nvalue",
     "without the suspects": "without the\nsuspects",
 }
-WIDEST_TABLE = 100  # characters of a table of coefficients at the narrowest output, of which the last two are blank
+DISPENSABLE = ("published value", "SE, rows independent", "without the suspects")  # columns, in the order they go
 KIENZLE = ("kc1.1 ", "kf1.1 ", "kp1.1 ", "Entering angle kappa")  # notes that stand below the equation
-STYLES = {0: "green", 1: "yellow", 2: "bold red", None: "yellow"}  # of a verdict, by its level
+MOST_WRAPPED = 15  # columns by which the names of checks are wrapped, before statistics stand below them
 
 
 def pair_head(runs: Runs) -> RenderableType:
@@ -99,16 +100,24 @@ def verdicts_reminder(pf: ParameterFile) -> str:
 
 def comparison_block(comparisons: "Sequence[StatsmodelsComparison]") -> RenderableType:
     """Largest relative differences of the laws from statsmodels, and what was not compared."""
-    largest = max(one.largest for one in comparisons)
     rows = tuple((one.response, name, f"{value:.1e}") for one in comparisons for name, value in one.differences.items())
     missing = (
         f"{one.response}: {name} not compared: {reason}."
         for one in comparisons for name, reason in one.not_compared.items()
     )  # fmt: skip
-    head = Text(f"Comparison with statsmodels {comparisons[0].version}", style="bold")
-    head.append(f"   largest relative difference {largest:.1e}, limit {TOLERANCE:.0e}" if rows else "", "not bold")
+    head = comparison_line(comparisons)
     table = [_table(TextTable(("law", "compared", "relative difference"), rows))] if rows else []
     return _block(head, *table, *_texts(missing))
+
+
+def comparison_line(comparisons: "Sequence[StatsmodelsComparison]") -> Text:
+    """The largest relative difference of the laws from statsmodels."""
+    line = Text(f"Comparison with statsmodels {comparisons[0].version}", style="bold")
+    largest = max(one.largest for one in comparisons)
+    compared = any(one.differences for one in comparisons)
+    return line.append(
+        f"   largest relative difference {largest:.1e}, limit {TOLERANCE:.0e}" if compared else "", "not bold"
+    )
 
 
 def surface_blocks(laws: Sequence[LawFit]) -> list[RenderableType]:
@@ -134,7 +143,7 @@ def forms_block(found: FormComparison) -> RenderableType:
     head = Text(f"{found.response} of {', '.join(found.factors)}", style="bold")
     edges = f" of {found.units} edges" if found.left_out == "edge" else ", no edges"
     head.append(f"   {found.rows} rows{edges}", style="not bold")
-    style = STYLES[0] if found.preferred.name == found.default else STYLES[1]
+    style = MARKS[USABLE if found.preferred.name == found.default else RESERVATIONS].colour
     missing = tuple(f"{name} cannot be fitted: {sentence(why.reason)}" for name, why in found.not_fitted.items())
     unit = f", {found.unit}" if found.unit else ""
     return _block(
@@ -220,13 +229,12 @@ def physical_block(
     from scipy.special import stdtrit
 
     from ..core.display import estimates
-    from ..core.verdict import LEVELS
 
     rec = records[0]
     runs = f", {len(records)} runs" if len(records) > 1 else ""
     head = Text(f"{rec.output} from {rec.input}", style="bold")
     head.append(f"   {sum(map(len, records))} samples at {rec.rate:g} Hz{runs}   ", style="not bold")
-    head.append(LEVELS[verdict.level], style=STYLES[verdict.level])
+    head.append(f"{verdict.mark.icon} {verdict.words}", style=verdict.mark.colour)
     names = [str(name).replace("_", " ") for name in fit.params.index]
     half = float(stdtrit(fit.df, 0.975)) * fit.bse
     low, high = ((fit.params + sign * half).tolist() for sign in (-1, 1))
@@ -252,7 +260,7 @@ def _law_block(law: LawPart, command: Command) -> RenderableType:
         Text(law.equation),
         *_texts(constants),
         Text(f"{law.form}; {law.structure}", style="dim"),
-        _table(_narrow(coefficient_table(law.coefficients, law), ("published value", law.other_heading))),
+        _table(coefficient_table(law.coefficients, law), (*DISPENSABLE[:1], law.other_heading, *DISPENSABLE[1:])),
         *_texts([law.without_words, f"{fact_line(law.statistics)}.", edges, law.edge_words]),
         *_texts([law.composite_words, law.printed_words]),
         *([_table(check_table(law.checks))] if law.checks else []),
@@ -261,7 +269,7 @@ def _law_block(law: LawPart, command: Command) -> RenderableType:
 
 
 def _verdict_text(verdict: VerdictPart) -> Text:
-    return Text(verdict.words, style=STYLES[verdict.level])
+    return Text(f"{verdict.mark.icon} {verdict.words}", style=verdict.mark.colour)
 
 
 def _reasons(verdict: VerdictPart) -> list[RenderableType]:
@@ -284,13 +292,40 @@ def _suspect_lines(suspect: SuspectPart, command: Command) -> list[RenderableTyp
     return [_item(f"{suspect.words}:"), shown]
 
 
-def _table(table: TextTable) -> Table:
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """A table that is made for the width at which it is printed.
+
+    Where the width does not suffice, dispensable columns go, the first ones first; then the statistic of a check stands
+    below its name, and intervals and words are wrapped. No digit is cut off.
+    """
+
+    table: TextTable
+    dispensable: tuple[str, ...] = ()
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        table = _narrow(self.table, self.dispensable, options.max_width)
+        if _width(table) - options.max_width > MOST_WRAPPED and table.header[:2] == ("check", "statistic"):
+            rows = ((f"{name}\n  {value}" if value else name, *rest) for name, value, *rest in table.rows)
+            table = TextTable((table.header[0], *table.header[2:]), tuple(rows))
+        yield _grid(table, fits=_width(table) <= options.max_width)
+
+
+def _table(table: TextTable, dispensable: Sequence[str] = ()) -> _Fitted:
+    """The table at the width of the output, without dispensable columns where that is narrow."""
+    return _Fitted(table, tuple(dispensable))
+
+
+def _grid(table: TextTable, *, fits: bool) -> Table:
     """Names and words aligned left, numbers right; the first column without a heading where it names coefficients."""
     shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for j, heading in enumerate(table.header):
-        left = j == 0 or any(row[j][:1].isalpha() for row in table.rows)
+        left = holds_words(table, j)
+        whole = fits or table.header[0] == "check" or not any(" " in row[j].strip() for row in table.rows)
         words = _wrapped(heading)
-        shown.add_column(words, justify="left" if left else "right", no_wrap=heading != "check")
+        shown.add_column(
+            words, justify="left" if left else "right", no_wrap=whole and heading != "check", overflow="fold"
+        )
     for row in table.rows:
         shown.add_row(*map(Text, row))
     return shown
@@ -301,17 +336,23 @@ def _wrapped(heading: str) -> str:
     return WRAPPED.get(heading, heading.replace(" (", "\n("))
 
 
-def _narrow(table: TextTable, dispensable: Sequence[str]) -> TextTable:
-    """The table without those dispensable columns, first ones first, that the narrowest output has no space for."""
+def _narrow(table: TextTable, dispensable: Sequence[str], width: int) -> TextTable:
+    """The table without those dispensable columns, first ones first, that the width has no space for."""
     for name in dispensable:
-        columns = zip(*table.rows, strict=True)
-        heads = (max(map(len, _wrapped(heading).split("\n"))) for heading in table.header)
-        wide = sum(2 + max(head, *map(len, cells)) for head, cells in zip(heads, columns, strict=True))
-        if wide > WIDEST_TABLE and name in table.header:
+        if _width(table) > width and name in table.header:
             j = table.header.index(name)
             header, *rows = (row[:j] + row[j + 1 :] for row in (table.header, *table.rows))
             table = TextTable(header, tuple(rows))
     return table
+
+
+def _width(table: TextTable) -> int:
+    """Columns of the terminal that a table needs."""
+    columns = zip(*table.rows, strict=True)
+    heads = (max(map(len, _wrapped(heading).split("\n"))) for heading in table.header)
+    cells = ((head, *(len(line) for cell in column for line in cell.split("\n")))
+             for head, column in zip(heads, columns, strict=True))  # fmt: skip
+    return sum(2 + max(lengths) for lengths in cells) - 2
 
 
 def _block(head: Text, *lines: RenderableType) -> RenderableType:

@@ -7,7 +7,6 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -20,13 +19,17 @@ COMMANDS = (
         "card",
         "check",
         "compare",
+        "completion",
         "confirm",
+        "costs",
         "excite",
         "export",
+        "help",
         "ident",
         "limits",
         "look",
         "next",
+        "optimum",
         "plan",
         "predict",
     ),
@@ -44,6 +47,10 @@ def entry() -> int:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller, as in `fitmodels data.csv >&-`
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115  open as long as the process
+    if "_ARGCOMPLETE" in os.environ:
+        from .completion import complete
+
+        complete(COMMANDS)
     return main()
 
 
@@ -58,7 +65,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if argv[:1] in (["--version"], ["-V"]):
         print(f"fitmodels {__version__}")  # noqa: T201
         return 0
-    name, rest = (argv[0], argv[1:]) if argv and argv[0] in COMMANDS else ("wear", argv)
+    if not argv or argv in (["-h"], ["--help"]):
+        return _overview(2 if not argv else 0)
+    if argv[0] in ("-h", "--help") and argv[1] in COMMANDS:  # the command first is as good
+        argv = [argv[1], argv[0], *argv[2:]]
+    name, rest = (argv[0], argv[1:]) if argv[0] in COMMANDS else ("wear", argv)
+    if name == "wear" and (sentence := _misspelt(argv)):
+        return _fail(sentence, 2)
     command = import_module(f".{name}", __name__)
     try:
         args = command.parser().parse_args(rest)
@@ -68,9 +81,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return _guarded(command.run, args)
 
 
+def _overview(code: int) -> int:
+    """Print the commands; nothing was asked for with exit code 2."""
+    from .help import overview
+
+    print(overview(), end="")  # noqa: T201
+    return code
+
+
+def _misspelt(argv: Sequence[str]) -> str:
+    """A sentence on a first word that is no file but close to a command, or a command after an option."""
+    from .help import unknown_command
+
+    first = argv[0]
+    if first.startswith("-") and first != "-":
+        after = [word for word in argv[1:] if word in COMMANDS and not Path(word).exists()]
+        return f"the command comes first: fitmodels {after[0]} {first} ..." if after else ""
+    return "" if Path(first).exists() else unknown_command(first, argv[1:2])
+
+
 def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
     """Turn every error into one sentence on standard error."""
     from ..core.errors import FitmodelsError
+    from .output import drop_output
 
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
@@ -81,10 +114,10 @@ def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
     except FitmodelsError as error:
         return _fail(str(error), error.exit_code)
     except BrokenPipeError:  # the reader of the pipe has closed it
-        _drop_output()
+        drop_output()
         return 0
     except OSError as error:
-        _drop_output()
+        drop_output()
         return _fail(f"{error.filename or 'the output'} cannot be written: {error.strerror or error}.", 2)
     except KeyboardInterrupt as stop:  # a command may state what it keeps
         return _fail(str(stop) or "interrupted; no file is incomplete.", 130)
@@ -97,12 +130,6 @@ def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
             DEFECT,
         )
     return code
-
-
-def _drop_output() -> None:
-    """Redirect what is still to be printed, so that it does not fail again when the process ends."""
-    with suppress(OSError, ValueError):  # standard output is no file
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(sentence: str, code: int) -> int:

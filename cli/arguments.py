@@ -3,9 +3,11 @@
 import argparse
 import re
 import shlex
+import shutil
 import sys
+import textwrap
 from argparse import ArgumentTypeError
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,7 +16,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from ..core.errors import DataError, UsageError
 from ..core.files import STANDARD_INPUT
 from ..core.suggestions import closest
+from .output import WIDEST
 
+WITH_UNIT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")
 MARK = "-"  # standard input as the file of a command
 STEM = "stdin"  # of what is written by default
 ONE_TABLE = "several files that are one table go into a folder: fitmodels FOLDER"
@@ -23,21 +27,103 @@ if TYPE_CHECKING:
     from ..parameters import ParameterFile
 
 
+class Layout(argparse.HelpFormatter):
+    """Help as wide as the terminal: paragraphs are filled, indented lines keep their indent, defaults are shown."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, max_help_position=26, width=min(shutil.get_terminal_size().columns, WIDEST) - 2)
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        paragraphs, table = [], []
+        for part in re.split(r"\n\n+", text):
+            if part.startswith("  "):
+                table = [
+                    textwrap.fill(line, width, subsequent_indent=" " * 8, break_on_hyphens=False)
+                    for line in part.split("\n")
+                ]
+                paragraphs.append("\n".join(table))
+            else:
+                text = " ".join(part.split())
+                paragraphs.append(
+                    textwrap.fill(text, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
+                )
+        return "\n\n".join(paragraphs)
+
+    def _get_help_string(self, action: argparse.Action) -> str:
+        return with_default(action)
+
+
+def with_default(action: argparse.Action) -> str:
+    """The help of an option; its default is added where the help does not state it."""
+    text = action.help or ""
+    if "default" in text or action.default in (None, False, argparse.SUPPRESS) or not action.option_strings:
+        return text
+    return f"{text} (default: {action.default})".replace("%", "%%").replace("%%%%", "%%")
+
+
+class _HelpAll(argparse.Action):
+    """``--help-all``: print every option with its default."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        assert isinstance(parser, Parser)  # noqa: S101  only added there
+        sys.stdout.write(parser.format_all())
+        parser.exit()
+
+
 class Parser(argparse.ArgumentParser):
     """A parser whose help begins with an example and whose errors are one sentence.
 
-    ``more_files`` is the remedy for a second file where the command reads one.
+    Parameters
+    ----------
+    prog, example, description : str
+    more_files : str
+        Remedy for a second file where the command reads one.
+    main : str
+        Options that ``-h`` explains, with blanks between, for a command with many; ``--help-all`` explains all of them.
     """
 
-    def __init__(self, prog: str, example: str, description: str, more_files: str = "") -> None:
-        layout = argparse.RawDescriptionHelpFormatter
-        super().__init__(prog=prog, description=description, allow_abbrev=False, formatter_class=layout)
+    def __init__(self, prog: str, example: str, description: str, more_files: str = "", main: str = "") -> None:
+        super().__init__(prog=prog, description=description, allow_abbrev=False, add_help=False, formatter_class=Layout)
         self.example = example
         self.more_files = more_files
+        self.main = main.split()
+        self._positionals.title = "arguments"
+        self.add_argument("-h", "--help", action="help", help="explain the arguments and main options")
+        self.add_argument("--help-all", action=_HelpAll, nargs=0, help="explain every option, with its default")
 
     def format_help(self) -> str:
-        """The example, then the help of argparse."""
-        return f"example: {self.example}\n\n{super().format_help()}"
+        """The example, and the help of arguments and main options; the others are named."""
+        return self._help(self.main)
+
+    def format_all(self) -> str:
+        """The example, and the help of all arguments and options."""
+        return self._help(())
+
+    def _help(self, main: Sequence[str]) -> str:
+        layout = self._get_formatter()
+        layout.add_text(self.description)
+        layout.add_text(f"usage: {' '.join([self.prog, '[options]', *self._arguments()])}")
+        named = []
+        for group in self._action_groups:
+            listed = [one for one in group._group_actions if one.dest not in ("help", "help_all")]
+            shown = [one for one in listed if _is_shown(one, main)]
+            named += [one.option_strings[0] for one in listed if one not in shown]
+            if shown:
+                layout.start_section(group.title)
+                layout.add_text(group.description)
+                layout.add_arguments(shown)
+                layout.end_section()
+        layout.add_text(f"further options, explained by --help-all: {' '.join(named)}" if named else None)
+        return f"example: {self.example}\n\n{layout.format_help()}"
+
+    def _arguments(self) -> Iterator[str]:
+        """Names of required options and of arguments, as in a usage line."""
+        for action in self._actions:
+            name = action.metavar if isinstance(action.metavar, str) else action.dest
+            if action.option_strings:
+                yield from [f"{action.option_strings[0]} {name}"] if action.required else ()
+            else:
+                yield {"+": f"{name} ...", "*": f"[{name} ...]", "?": f"[{name}]"}.get(str(action.nargs), name)
 
     def error(self, message: str) -> NoReturn:
         """Print one sentence, with the closest option, and end with exit code 2."""
@@ -48,8 +134,13 @@ class Parser(argparse.ArgumentParser):
                 break
         if self.more_files and re.match(r"unrecognized arguments: [^-]", message):
             message += f"; {self.more_files}"
-        sys.stderr.write(f"{self.prog}: {message}; see '{self.prog} -h'.\n")
+        sys.stderr.write(f"{self.prog}: {message}; see '{self.prog}{' FILE' * (' ' not in self.prog)} -h'.\n")
         raise SystemExit(2)
+
+
+def _is_shown(action: argparse.Action, main: Collection[str]) -> bool:
+    """Whether the help explains an argument or option."""
+    return not main or not action.option_strings or action.required or bool({*action.option_strings} & {*main})
 
 
 def seed(text: str) -> int:
@@ -106,6 +197,15 @@ def pairs(words: list[str] | None, option: str, example: str) -> dict[str, str]:
     return out
 
 
+def check_apart(word: str, unit: str | None) -> None:
+    """Refuse a unit that begins with a slash: 40001/min is 4000 1/min or 40001 /min.
+
+    >>> check_apart("n=4000rpm", "rpm")
+    """
+    if unit is not None and unit.startswith("/"):
+        raise UsageError(f"{word}: number and unit {unit} cannot be separated for sure; write rpm, or no unit.")
+
+
 def ranges(words: list[str] | None, option: str = "--range") -> dict[str, tuple[float, ...]]:
     """``["V=50:200"]`` as numbers.
 
@@ -138,6 +238,45 @@ def values(words: list[str] | None, option: str = "--value") -> dict[str, float]
         except ValueError:
             raise UsageError(f"{option} {key}={text}: give a number with a decimal point, as D=80.") from None
     return out
+
+
+def constants(words: list[str] | None) -> dict[str, float]:
+    """Numbers of ``--value`` in the canonical unit of their quantity, which may be written.
+
+    >>> constants(["d=1.5mm", "D=8cm", "z=2"])
+    {'d': 1.5, 'D': 80.0, 'z': 2.0}
+    """
+    from ..datasets.vocabulary import ROLES
+
+    found = pairs(words, "--value", "D=80")
+    units = {name: ROLES[name].unit if name in ROLES else "" for name in found}
+    plain = [f"{name}={_in_unit(text, units[name]) if units[name] else text}" for name, text in found.items()]
+    return values(plain)
+
+
+def criterion(text: str) -> float:
+    """A wear criterion, mm.
+
+    >>> criterion("0.3"), criterion("VB=0.2mm"), criterion("200um")
+    (0.3, 0.2, 0.2)
+    """
+    try:
+        return float(_in_unit(text.rpartition("=")[2], "mm"))
+    except ValueError:
+        raise ArgumentTypeError(f"{text}: give the wear in mm, for instance 0.2, or with its unit: 200um") from None
+
+
+def _in_unit(text: str, unit: str) -> str:
+    """A number written with a unit, in another unit; the text itself where it is no such number."""
+    import numpy as np
+
+    from ..datasets.units import canonical, convert, same_dimension
+
+    found = WITH_UNIT.fullmatch(text.strip())
+    given = canonical(found[2]) if found else None
+    if found is None or given is None or not (given == unit or same_dimension(given, unit)):
+        return text
+    return f"{float(convert(np.array(float(found[1])), given, unit)):.12g}"
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ..core.errors import UsageError
 from ..core.files import write_whole
 from .arguments import Parser
-from .output import print_lines
+from .output import Printer, output_options
 
 if TYPE_CHECKING:
     from ..cards.content.card import Card
@@ -20,7 +20,7 @@ def parser() -> Parser:
     """Arguments of ``fitmodels card``."""
     p = Parser(
         "fitmodels card",
-        "fitmodels card data-fit/GC435_709M40/params.json",
+        "fitmodels card data-fit/GC435_709M40-En-19/params.json",
         "Write the card of a parameter file to its folder: README.md for reading, card.html for a browser, card.json\n"
         "for programs. Licence, authors, machine and set-up are read from card.toml.",
     )
@@ -29,7 +29,7 @@ def parser() -> Parser:
     p.add_argument("--citation", action="store_true", help="write CITATION.cff too")
     p.add_argument("--zenodo", action="store_true", help="write .zenodo.json too")
     p.add_argument("--force", action="store_true", help="replace existing files with other content")
-    p.add_argument("--json", action="store_true", help="print card.json (fitmodels.card/5), and write nothing")
+    output_options(p, "print card.json (fitmodels.card/6), and write nothing")
     return p
 
 
@@ -50,9 +50,13 @@ def run(args: argparse.Namespace) -> int:
     made = {**card_files(card, pf), **_cited(card, args)}
     new = {name: content for name, content in made.items() if _differs(file.parent / name, content)}
     _write(file.parent, new, force=args.force)
-    lines = [f"wrote {file.parent / name}" for name in new] or [f"unchanged: {', '.join(made)}"]
-    lacking = ", ".join(item.field for item in missing_fields(card))
-    print_lines(lines + ([f"missing: {lacking}; fitmodels publish asks for it in card.toml"] if lacking else []))
+    out = Printer(quiet=args.quiet)
+    for path in (file.parent / name for name in new):
+        out.wrote(f"wrote {path}", path)
+    if not new:
+        out.show(f"unchanged: {', '.join(made)}")
+    if lacking := ", ".join(item.field for item in missing_fields(card)):
+        out.show(f"missing: {lacking}; fitmodels publish needs it in card.toml")
     return 0
 
 

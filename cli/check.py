@@ -2,9 +2,14 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from ..core.rounding import count
 from .arguments import Parser
-from .output import print_json, print_lines
+from .output import output_options, print_json, print_lines
+
+if TYPE_CHECKING:
+    from ..parameters.checks.report import FileFinding
 
 MARKS = {True: "ok    ", False: "FAIL  ", None: "note  "}
 DOUBT = "doubt "
@@ -14,7 +19,7 @@ def parser() -> Parser:
     """Arguments of ``fitmodels check``."""
     p = Parser(
         "fitmodels check",
-        "fitmodels check data-fit/GC435_709M40/params.json",
+        "fitmodels check data-fit/GC435_709M40-En-19/params.json",
         "Check a parameter file before a controller uses it: checksum, verdicts of laws and dynamics, doubts about\n"
         "the data, units, covariances, draws, stability, gains against their specification, feed limits, windows.\n"
         "Where the file has gains and settings of constant load, the control that an export would write is simulated\n"
@@ -22,7 +27,7 @@ def parser() -> Parser:
         "Exit code 0, or 5 where a check fails; a doubt or a reservation is shown and does not fail the file.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json; the draws are expected in the same folder")
-    p.add_argument("--json", action="store_true", help="print the findings as JSON (fitmodels.check/1)")
+    output_options(p, "print the findings as JSON (fitmodels.check/1)")
     return p
 
 
@@ -38,7 +43,12 @@ def run(args: argparse.Namespace) -> int:
         print_json("check", {"file": Path(args.file).name, **report.facts()})
     else:
         last = "all checks passed" if report.ok else f"{len(report.failed)} failed"
-        marks = (DOUBT if finding.name == "doubt" else MARKS[finding.passed] for finding in report.findings)
-        lines = (mark + finding.words for mark, finding in zip(marks, report.findings, strict=True))
-        print_lines([*lines, f"{len(report.findings)} findings, {last}."])
+        shown = report.failed if args.quiet else report.findings
+        lines = [_mark(finding) + finding.words for finding in shown]
+        print_lines([*lines, *([] if args.quiet else [f"{count(len(report.findings), 'finding')}, {last}."])])
     return 0 if report.ok else 5
+
+
+def _mark(finding: "FileFinding") -> str:
+    """Word before a finding: ok, FAIL, note or doubt."""
+    return DOUBT if finding.name == "doubt" else MARKS[finding.passed]

@@ -4,7 +4,7 @@ import argparse
 
 from .arguments import Parser
 from .options import form_option, forms, law_option, read, reading_options
-from .output import print_lines
+from .output import complain, output_options, print_json, print_lines
 
 
 def parser() -> Parser:
@@ -13,10 +13,14 @@ def parser() -> Parser:
         "fitmodels confirm",
         "fitmodels confirm new.csv --data data.csv",
         "Fit the laws of DATA, and test whether the runs of NEW are inside their prediction intervals.",
+        main="--level --quiet --json --law --form --map --unit",
     )
     p.add_argument("file", metavar="NEW", help="table of new runs")
     p.add_argument("--data", metavar="DATA", required=True, help="table of the runs that the laws are fitted to")
-    p.add_argument("--level", type=float, default=0.95, help="level of the prediction intervals (default: 0.95)")
+    p.add_argument(
+        "--level", type=float, default=0.95, metavar="LEVEL", help="level of the prediction intervals (default: 0.95)"
+    )
+    output_options(p, "print the verdicts as JSON (fitmodels.confirm/1)")
     group = p.add_argument_group("laws of DATA, as the main command fits them")
     law_option(group)
     form_option(group)
@@ -37,13 +41,18 @@ def run(args: argparse.Namespace) -> int:
     laws, refused = fit.default_laws(old, laws=asked.laws, forms=asked.forms)
     if not laws:
         raise FitError("; ".join(item.reason for item in refused) or f"{args.data} contains no law to confirm.")
-    lines, tested = [], 0
+    verdicts: dict[str, str] = {}
+    untested = {item.response: item.reason for item in refused}
     for law in laws:
         try:
-            lines.append(fit.confirm(law, new, args.level).verdict)
-            tested += 1
+            verdicts[law.response] = fit.confirm(law, new, args.level).verdict
         except (FitError, UsageError) as reason:
-            lines.append(f"{law.response} is not tested: {reason}")
-    lines += [f"{item.response} is not tested: {item.reason}" for item in refused]
-    print_lines(lines)
-    return 0 if tested else 4
+            untested[law.response] = str(reason)
+    if args.json:
+        print_json("confirm", {"level": args.level, "verdicts": verdicts, "not_tested": untested})
+    else:
+        print_lines(verdicts.values(), quiet=args.quiet)
+        print_lines((f"{name} is not tested: {why}" for name, why in untested.items()), quiet=args.quiet)
+    if not verdicts and args.quiet:
+        complain("; ".join(f"{name} is not tested: {why}" for name, why in untested.items()))
+    return 0 if verdicts else 4

@@ -17,7 +17,7 @@ OPTION = re.compile(
     r"""--(?:map|unit|range|value|correct|leave-out|edge|process|decimal|sheet) """
     r"""(?!names |gives )(?:"[^"]*"|'[^']*'|[^\s"']+)|--hidden\b"""
 )
-BARE = ("--force", "--json")  # not part of how a file is read
+BARE = ("--force", "--json", "--full", "--quiet", "-q")  # not part of how a file is read
 
 
 def corrected(words: Sequence[str], remedy: str) -> str:

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..core.errors import UsageError
-from .arguments import Parser
-from .output import print_lines
+from .arguments import Parser, seed
+from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
     from ..ident import Model
@@ -24,23 +24,33 @@ def parser() -> Parser:
         "noise of the sensor (--noise), print the predicted standard error of the gain, to choose band and length.",
     )
     p.add_argument("--kind", choices=KINDS, default="chirp", help="chirp: linear sweep (CLM-2023 eq. 17; default)")
-    p.add_argument("--amplitude", type=float, default=2.5, help="in the unit of the input (default: 2.5)")
-    p.add_argument("--offset", type=float, default=0.0, help="operating point of the input (default: 0)")
+    p.add_argument("--amplitude", type=float, default=2.5, metavar="A", help="in the unit of the input (default: 2.5)")
+    p.add_argument("--offset", type=float, default=0.0, metavar="A", help="operating point of the input (default: 0)")
     p.add_argument("--band", metavar="LOW:HIGH", default="0.1:2", help="Hz (default: 0.1:2)")
     p.add_argument("--duration", type=float, default=15.0, metavar="S", help="seconds (default: 15)")
     p.add_argument("--rate", type=float, default=50.0, metavar="HZ", help="samples per second (default: 50)")
-    p.add_argument("--low", type=float, help="lowest permitted level")
-    p.add_argument("--high", type=float, help="highest permitted level")
-    p.add_argument("--max-rate", type=float, metavar="PER_S", help="largest permitted change per second")
-    p.add_argument("--seed", type=int, default=1, help="of the two levels of prbs (default: 1)")
-    p.add_argument("--unit", default="V", help="unit of the input (default: V)")
-    p.add_argument("--like", metavar="FILE", help="params.json with dynamics, the guess of the plant")
+    p.add_argument("--low", type=float, metavar="A", help="lowest permitted level (default: none)")
+    p.add_argument("--high", type=float, metavar="A", help="highest permitted level (default: none)")
     p.add_argument(
-        "--noise", type=float, metavar="SD", help="standard deviation of the sensor noise, unit of the output"
+        "--max-rate", type=float, metavar="PER_S", help="largest permitted change per second (default: none)"
     )
-    p.add_argument("--for", dest="form", choices=["csv", "octave", "labview", "linuxcnc"], default="csv")
-    p.add_argument("--out", metavar="FILE", help="file to write; without it only the description is printed")
+    p.add_argument("--seed", type=seed, default=1, metavar="N", help="of the two levels of prbs (default: 1)")
+    p.add_argument("--unit", default="V", metavar="UNIT", help="unit of the input (default: V)")
+    p.add_argument(
+        "--like", metavar="FILE", help="params.json with dynamics, the guess of the plant (default: no prediction)"
+    )
+    p.add_argument(
+        "--noise",
+        type=float,
+        metavar="SD",
+        help="with --like: standard deviation of the sensor noise, unit of the output (default: must be given)",
+    )
+    p.add_argument(
+        "--for", dest="form", choices=["csv", "octave", "labview", "linuxcnc"], default="csv", help="program"
+    )
+    p.add_argument("--out", metavar="FILE", help="file to write (default: none, the description is printed)")
     p.add_argument("--force", action="store_true", help="replace an existing file")
+    output_options(p, "print the description as JSON (fitmodels.excitation/1)")
     return p
 
 
@@ -57,10 +67,18 @@ def run(args: argparse.Namespace) -> int:
     ]
     if args.like is not None:
         lines.append(_predicted(args, u - args.offset, _guess(args)))
+    path = None
     if args.out is not None:
         path = ident.write_excitation(u, args.rate, Path(args.out), args.form, args.unit, force=args.force)
-        lines.append(f"Written: {path}")
-    print_lines(lines)
+    if args.json:
+        print_json("excitation", {"file": None if path is None else str(path), "words": lines, "rate": args.rate,
+                                  "samples": len(u), "unit": args.unit})  # fmt: skip
+        return 0
+    out = Printer(quiet=args.quiet)
+    for line in lines:
+        out.show(line)
+    if path is not None:
+        out.wrote(f"Written: {path}", path)
     return 0
 
 
@@ -83,6 +101,11 @@ def _made(args: argparse.Namespace) -> Any:  # noqa: ANN401
         return ident.steps([args.amplitude * (k % 2) for k in range(count)], hold=hold, **frame)
     first = 1 / args.duration
     lines = [k * first for k in range(1, int(high / first + 1e-9) + 1) if k * first >= low - 1e-9]
+    if not lines:
+        raise UsageError(
+            f"--band {args.band}: no frequency of it fits a whole number of periods into {args.duration:g} s; give a "
+            "wider band, or a longer --duration."
+        )
     return ident.multisine(args.amplitude, lines, **frame)
 
 

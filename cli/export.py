@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..core.errors import UsageError
 from .arguments import Parser
-from .output import print_lines
+from .output import Printer, output_options, print_json
 
 SIMULATED = ("simulation", "draws", "fault")  # findings that state how the control was tried
 
@@ -27,6 +27,7 @@ def parser() -> Parser:
     accept = "export parts that must not be used for control all the same; the exported file names them and the reasons"
     p.add_argument("--accept-verdict", action="store_true", help=accept)
     p.add_argument("--force", action="store_true", help="replace an existing file")
+    output_options(p, "print the path and the notes as JSON (fitmodels.export/1)")
     return p
 
 
@@ -41,20 +42,26 @@ def run(args: argparse.Namespace) -> int:
     kind = export_format(args.to)
     loop_only = isinstance(kind, ControlFormat)
     name = kind.file_name if isinstance(kind, ControlFormat) else ""
-    out = Path(args.out or name or Path(args.file).stem + kind.suffix)
-    if out.is_dir():
-        raise UsageError(f"--out {out}: is a folder; give the name of the file.")
+    path = Path(args.out or name or Path(args.file).stem + kind.suffix)
+    if path.is_dir():
+        raise UsageError(f"--out {path}: is a folder; give the name of the file.")
     pf = parameters.read(args.file)
-    written = export(pf, args.to, out, force=args.force, accept_verdict=args.accept_verdict)
+    written = export(pf, args.to, path, force=args.force, accept_verdict=args.accept_verdict)
     view = export_view(pf, accept_verdict=args.accept_verdict, loop_only=loop_only)
     control = check_control(pf).findings
-    print_lines([
-        f"wrote {written}",
-        *(f"  {words}" for words in require_verdicts(pf, args.accept_verdict, loop_only=loop_only)),
-        *(f"  VERDICT ACCEPTED - {f.words}" for f in control if f.passed is False),
-        *(f"  {f.name}: {f.words}" for f in control if f.passed and f.name in SIMULATED),
-        *(f"  not known: {f.words}" for f in control if f.passed is None),
-        *(f"  assumed: {words}" for words in view.assumed),
-        *(f"  not included: {words}" for words in kind.not_carried),
-    ])  # fmt: skip
+    notes = [
+        *require_verdicts(pf, args.accept_verdict, loop_only=loop_only),
+        *(f"VERDICT ACCEPTED - {f.words}" for f in control if f.passed is False),
+        *(f"{f.name}: {f.words}" for f in control if f.passed and f.name in SIMULATED),
+        *(f"not known: {f.words}" for f in control if f.passed is None),
+        *(f"assumed: {words}" for words in view.assumed),
+        *(f"not included: {words}" for words in kind.not_carried),
+    ]
+    if args.json:
+        print_json("export", {"file": str(written), "to": args.to, "notes": notes})
+        return 0
+    out = Printer(quiet=args.quiet)
+    out.wrote(f"wrote {written}", written)
+    for words in notes:
+        out.show(f"  {words}")
     return 0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from .arguments import Parser, pairs, traced, typed
-from .output import Printer, print_json
+from .output import Printer, output_options, print_json
 from .physical import SECTION, check_options, physical_options, report
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def parser() -> Parser:
         "fitmodels ident run.csv --input u --output y",
         "Identify the dynamics of a machine from uniformly sampled input and output, validate the model by simulation\n"
         "of samples that it was not fitted to, and write params.json, a card and figures. Several runs may be given.",
+        main="--input --output --rate --unit --held-out --as --params --tool --out --force --quiet --json",
     )
     p.add_argument(
         "file",
@@ -49,19 +50,34 @@ def parser() -> Parser:
         nargs="+",
         help="table of samples: CSV, TXT, .xlsx, .xls, .xlsb, .ods, .lvm, .tdms or .mat",
     )
-    p.add_argument("--input", metavar="COLUMN", help="commanded signal: header, or col2")
-    p.add_argument("--output", metavar="COLUMN", help="measured signal: header, or col3")
-    p.add_argument("--reference", metavar="COLUMN", help="set point of the controller, of a run in closed loop")
-    p.add_argument("--time", metavar="COLUMN", help="column of times, where the headers are ambiguous")
-    p.add_argument("--rate", type=float, metavar="HZ", help="samples per second, where there is no column of times")
-    p.add_argument("--sample-time", type=float, metavar="S", help="seconds between samples, instead of --rate")
-    p.add_argument("--resample", type=float, metavar="HZ", help="resample uneven samples to this rate")
-    p.add_argument("--unit", action="append", metavar="time=ms", help="unit of a column that has none")
-    p.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file is ambiguous")
-    p.add_argument("--delimiter", metavar="MARK", help="delimiter of cells, where the file is ambiguous")
-    p.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")
-    p.add_argument("--held-out", metavar="RUN", help="a further run for validation")
-    p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay, where they are known")
+    p.add_argument(
+        "--input", metavar="COLUMN", help="commanded signal: header, or col2 (default: by its name and unit)"
+    )
+    p.add_argument(
+        "--output", metavar="COLUMN", help="measured signal: header, or col3 (default: by its name and unit)"
+    )
+    p.add_argument(
+        "--reference", metavar="COLUMN", help="set point of the controller, of a run in closed loop (default: none)"
+    )
+    p.add_argument("--time", metavar="COLUMN", help="column of times (default: by its name)")
+    p.add_argument("--rate", type=float, metavar="HZ", help="samples per second (default: from the column of times)")
+    p.add_argument(
+        "--sample-time",
+        type=float,
+        metavar="S",
+        help="seconds between samples, instead of --rate (default: from the column of times)",
+    )
+    p.add_argument(
+        "--resample", type=float, metavar="HZ", help="resample uneven samples to this rate (default: not resampled)"
+    )
+    p.add_argument(
+        "--unit", action="append", metavar="time=ms", help="unit of a column that has none (default: from the header)"
+    )
+    p.add_argument("--decimal", choices=["point", "comma"], help="decimal mark (default: found in the file)")
+    p.add_argument("--delimiter", metavar="MARK", help="delimiter of cells (default: found in the file)")
+    p.add_argument("--sheet", metavar="NAME", help="sheet of a workbook (default: the one that holds a record)")
+    p.add_argument("--held-out", metavar="RUN", help="a further run for validation (default: the last part of the run)")
+    p.add_argument("--orders", metavar="NA,NB,NK", help="orders and delay (default: chosen by the record)")
     by_choice = (
         "model that is written to the file: the one chosen, or ARX of the same orders as in papers, with its warning"
     )
@@ -70,14 +86,14 @@ def parser() -> Parser:
     p.add_argument("--amplitudes", action="store_true", default=None, help=amplitudes)
     p.add_argument("--trend", action="store_true", default=None, help="subtract a straight line, not only the mean")
     physical_options(p)
-    p.add_argument("--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis")
-    p.add_argument("--work", metavar="NAME", default="unnamed", help="name of the work material")
-    p.add_argument("--params", metavar="FILE", help="parameter file to add the dynamics to")
+    p.add_argument(
+        "--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis (default: unnamed)"
+    )
+    p.add_argument("--work", metavar="NAME", default="unnamed", help="name of the work material (default: unnamed)")
+    p.add_argument("--params", metavar="FILE", help="parameter file to add the dynamics to (default: a new one)")
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
     p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
-    p.add_argument(
-        "--json", action="store_true", help="print the report as JSON; writes nothing unless --out or --params"
-    )
+    output_options(p, "print the report as JSON; writes nothing unless --out or --params")
     return p
 
 
@@ -110,10 +126,10 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}, version=4)
     else:
-        Printer().show(terminal.identification_block(found, pf))
+        Printer(quiet=args.quiet).show(terminal.identification_block(found, pf))
     written = _written(found, pf, former, target, args)
     if written and not args.json:
-        Printer().show(written)
+        Printer(quiet=args.quiet).wrote(written, args.params or str(target))
     return 0
 
 
@@ -124,6 +140,8 @@ def _orders(text: str | None) -> tuple[int, int, int] | None:
     if len(parts) != 3 or not all(part.isdecimal() for part in parts):
         raise UsageError(f"--orders {text}: give three whole numbers na,nb,nk, for instance 3,3,1.")
     na, nb, nk = (int(part) for part in parts)
+    if nb < 1:
+        raise UsageError(f"--orders {text}: nb is 1 or more, the number of coefficients of the input.")
     return na, nb, nk
 
 
@@ -163,6 +181,7 @@ def _collected(
 ) -> "ParameterFile":
     """A new parameter file, or the given one with its dynamics replaced."""
     from .. import parameters
+    from ..datasets.runs import disclaimers
     from ..parameters.file import sealed
     from ..parameters.gather.control import dynamics_section
 
@@ -175,6 +194,7 @@ def _collected(
         dynamics=found,
         data_file=args.file[0] if source is None else Path(source).name,
         data_sha256=records[0].sha256,
+        simulated=True if disclaimers(note for rec in records for note in rec.notes) else None,
         n_rows=len(found.record),
         command=typed(args.words),
         options={name: value for name in RECORDED if (value := getattr(args, name)) is not None},

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import Parser, pairs, traced
-from .output import print_json, print_lines
+from .arguments import Parser, check_apart, pairs, traced
+from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
@@ -32,7 +32,7 @@ def parser() -> Parser:
     p.add_argument("file", metavar="PARAMS", help="params.json")
     p.add_argument("limits", nargs="+", metavar="P=7kW", help=f"{WRITTEN}; the default unit where none is given")
     p.add_argument("--force", action="store_true", help="replace limits in the file")
-    p.add_argument("--json", action="store_true", help="print the section as JSON")
+    output_options(p, "print the section as JSON (fitmodels.limits/2)")
     return p
 
 
@@ -65,7 +65,10 @@ def run(args: argparse.Namespace) -> int:
         facts = {"file": Path(args.file).name, "limits": section.model_dump(), "verdicts": verdicts}
         print_json("limits", facts, version=2)
     else:
-        print_lines([*_sentences(section.model_dump()), *verdicts, f"Written: limits in {args.file}"])
+        out = Printer(quiet=args.quiet)
+        for line in (*_sentences(section.model_dump()), *verdicts):
+            out.show(line)
+        out.wrote(f"Written: limits in {args.file}", args.file)
     return 0
 
 
@@ -83,6 +86,7 @@ def _limit(symbol: str, text: str, pf: "ParameterFile") -> tuple[str, dict[str, 
     if found is None or not shaped:
         shape = "low:high with a unit, V=50:200m/min" if symbol in RANGES else "one number with a unit, P=7kW"
         raise UsageError(f"limit {symbol}={text}: give {shape}.")
+    check_apart(f"limit {symbol}={text}", found[3])
     ends = tuple(float(end) for end in (found[1], found[2]) if end)
     positive = ends[0] >= 0 if symbol in RANGES else ends[0] > 0
     if not positive:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from .arguments import ONE_TABLE, Parser, opened, stem
 from .corrections import corrected, explicit, remedies_in
 from .options import read_keywords, reading_options
-from .output import Printer, print_json
+from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
     from ..core.errors import FitmodelsError
@@ -28,11 +28,12 @@ def parser() -> Parser:
         "print the whole command that fits it as read, or corrected. Nothing is fitted. Where the reading is refused,\n"
         "the columns are printed as found.",
         ONE_TABLE,
+        main="--out --force --quiet --json --map --unit --value --edge --tool --work",
     )
     p.add_argument("file", metavar="FILE", help="table of tests, as of fitmodels FILE; - reads standard input")
     p.add_argument("--out", metavar="FILE", help="the picture (default: ./<file>-look.png)")
     p.add_argument("--force", action="store_true", help="replace a picture that another program made")
-    p.add_argument("--json", action="store_true", help="print the reading as JSON (fitmodels.look/1); no picture")
+    output_options(p, "print the reading as JSON (fitmodels.look/1); no picture")
     reading_options(p)
     return p
 
@@ -49,17 +50,18 @@ def run(args: argparse.Namespace) -> int:
         try:
             runs = read_tests(path, options)
         except (DataError, UsageError) as refusal:
-            if not args.json:
+            if not (args.json or args.quiet):
                 _show_columns(path, options, refusal, args.words)
             raise
     commands = _commands(runs, args.words)
     if args.json:
         print_json("look", {**facts(runs), "commands": [{"purpose": why, "command": how} for why, how in commands]})
         return 0
-    _show(runs, commands, args.words)
+    out = Printer(quiet=args.quiet)
+    _show(runs, commands, args.words, out)
     if picture is not None:
         _draw(runs, picture)
-        Printer().show(f"Picture: {picture}")
+        out.wrote(f"Picture: {picture}", picture)
     return 0
 
 
@@ -81,10 +83,9 @@ def facts(runs: "Runs") -> dict[str, Any]:
     }
 
 
-def _show(runs: "Runs", commands: list[tuple[str, str]], words: list[str]) -> None:
+def _show(runs: "Runs", commands: list[tuple[str, str]], words: list[str], out: Printer) -> None:
     from ..cards import reading_terminal as shown
 
-    out = Printer()
     out.show(shown.reading_notes(runs, partial(corrected, words)))
     out.show(shown.pairs_block(tuple(runs.pairs()), _laws))
     if (edges := shown.edges_block(runs)) is not None:

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import Parser, values
+from .arguments import Parser, criterion, seed, values
 from .options import read, reading_options
-from .plan import target
+from .output import output_options
+from .plan import write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
 
 TIMES_LONGER = 3.0  # longest of further tests over the longest so far, unless given
 CRITERION = 0.3  # mm, ISO 3685
+DELTA = (
+    "These intervals are by the delta method, in which tests add up; those of the first screen and of predict are by "
+    "the theorem of Fieller and reach higher where the exponent of time is uncertain: decide by those."
+)
 
 
 def parser() -> Parser:
@@ -28,9 +33,11 @@ def parser() -> Parser:
         "Plan further tests: repeats where no setting was repeated, else the settings that are most informative for\n"
         "the law (D-optimal); longer tests where tool life is extrapolated; or those that narrow the interval of a\n"
         "decision most. States what they are expected to narrow and when to stop. Without --out the plan is printed.",
+        main="--runs --law --decision --at --cost --criterion --within --longest --out --force --quiet --json "
+        "--map --unit",
     )
     p.add_argument("file", metavar="FILE", help="table of the tests so far")
-    p.add_argument("--runs", type=int, default=4, help="number of edges to add (default: 4)")
+    p.add_argument("--runs", type=int, default=4, metavar="N", help="number of edges to add (default: 4)")
     p.add_argument("--law", metavar="AW", help="response of the law to improve (default: the wear law)")
     p.add_argument(
         "--decision", metavar="life",
@@ -38,20 +45,26 @@ def parser() -> Parser:
     )  # fmt: skip
     p.add_argument("--at", action="append", metavar="V=120", help="condition of the decision (default: the middle)")
     p.add_argument("--vary", metavar="V", help="factor of which a limit is found (default: f, or the first of the law)")
-    p.add_argument("--cost", metavar="Cm=0.5,Ct=3,tc=2", help="cost per minute, of an edge, and minutes of its change")
-    p.add_argument("--criterion", type=float, metavar="MM", help="wear at the end of tool life (default: 0.3)")
-    p.add_argument("--within", type=float, metavar="15", help="half width of the interval asked for, per cent")
+    p.add_argument(
+        "--cost",
+        metavar="Cm=0.5,Ct=3,tc=2",
+        help="cost per minute, of an edge, and minutes of its change (default: none)",
+    )
+    p.add_argument("--criterion", type=criterion, metavar="MM", help="wear at the end of tool life (default: 0.3)")
+    p.add_argument(
+        "--within", type=float, metavar="15", help="half width of the interval asked for, per cent (default: none)"
+    )
     p.add_argument("--longest", type=float, metavar="MIN", help="longest test (default: 3 times the longest so far)")
-    p.add_argument("--seed", type=int, default=1, help="seed of the run order (default: 1)")
-    p.add_argument("--out", metavar="PLAN", help="file to write")
+    p.add_argument("--seed", type=seed, default=1, metavar="N", help="seed of the run order (default: 1)")
+    p.add_argument("--out", metavar="PLAN", help="file to write (default: none, the plan is printed)")
     p.add_argument("--force", action="store_true", help="replace an existing file")
+    output_options(p, "print the plan and its notes as JSON (fitmodels.plan/1)")
     reading_options(p)
     return p
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the plan, and return the exit code."""
-    from ..datasets import write_csv
     from ..fit import next_runs
     from ..fit.optimal_tests import narrowing
 
@@ -63,7 +76,9 @@ def run(args: argparse.Namespace) -> int:
     candidates = _reaching(law, args, decision, longest) if decision is not None and extrapolated else None
     direct = decision if args.decision is not None or extrapolated else None
     ends = (lambda table: _durations(law, args, table, longest)) if direct and "t" in law.factors else None
-    plan = next_runs(law, args.runs, candidates=candidates, decision=direct, durations=ends, seed=args.seed)
+    plan = next_runs(
+        law, args.runs, candidates=candidates, decision=direct, durations=ends, longest=args.longest, seed=args.seed
+    )
     notes = [f"plan: {plan.attrs['words']}"]
     if extrapolated:
         notes.append(
@@ -73,12 +88,13 @@ def run(args: argparse.Namespace) -> int:
     if decision is not None:
         within = None if args.within is None else args.within / 100
         notes += narrowing(law, decision, plan.attrs["readings"], within).words
+        notes += [DELTA] if decision.name.startswith("tool life to") else []
     notes += [f"No interval of a decision: {why}"] if why else []
     if "t" in plan:
         notes.append(f"{plan['t'].sum():.4g} min in cut; stop an edge that reaches the wear criterion before its time.")
     notes.append(f"for the law of {law.response}; cut in the order of run")
     plan.attrs = {"units": plan.attrs["units"]}
-    write_csv(plan, target(args.out, args.force), notes)
+    write_table(plan, args, notes)
     return 0
 
 
@@ -94,18 +110,22 @@ def _law(args: argparse.Namespace) -> "LawFit":
         return chosen[0]
     known = ", ".join(law.response for law in laws)
     if known:
-        raise UsageError(f"--law {name}: there are laws of {known}.")
+        asked = f"--law {name}" if args.law else f"--decision {args.decision}"
+        raise UsageError(f"{asked}: there are laws of {known}.")
     raise FitError("; ".join(item.reason for item in refused) or f"{args.file} contains no law to add runs to.")
 
 
 def _check(args: argparse.Namespace) -> None:
     from ..core.arrays import is_positive
     from ..core.errors import UsageError
+    from ..fit.next_tests import MOST
 
     for name in ("criterion", "within", "longest"):
         value = getattr(args, name)
         if not is_positive(1.0 if value is None else value):
             raise UsageError(f"--{name} {value:g}: give a number above zero.")
+    if not 1 <= args.runs <= MOST:
+        raise UsageError(f"--runs {args.runs}: give a number of tests from 1 to {MOST}.")
     _check_decision(args)
 
 
@@ -158,7 +178,7 @@ def _in_unit(text: str, name: str, unit: str) -> float:
     """A limit in the unit of the law."""
     from ..core.errors import UsageError
     from ..datasets.units import canonical, convert, same_dimension
-    from .predict import NUMBER
+    from .conditions import NUMBER
 
     found = NUMBER.fullmatch(text)
     given = canonical(found[2]) if found and found[2] else unit
@@ -198,5 +218,5 @@ def _durations(law: "LawFit", args: argparse.Namespace, table: "pd.DataFrame", l
         return np.full(len(table), longest)
     names = [str(name) for name in life.coefficients.index[1:]]
     given = table.assign(**{name: life.typical_at[name] for name in names if name not in table})
-    lives = [life.predict(**dict(zip(names, row, strict=True))) for row in given[names].to_numpy(dtype=float).tolist()]
+    lives = [life.values(dict(zip(names, row, strict=True))) for row in given[names].to_numpy(dtype=float).tolist()]
     return np.minimum(lives, longest)

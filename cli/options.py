@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import Parser, pairs, ranges, values
+from .arguments import Parser, constants, criterion, pairs, ranges, seed
 from .output import complain
 
 if TYPE_CHECKING:
@@ -15,23 +15,43 @@ if TYPE_CHECKING:
 def reading_options(parser: Parser) -> None:
     """Add the options of reading a file."""
     group = parser.add_argument_group("reading")
-    group.add_argument("--map", action="append", metavar="VB=COLUMN", help="column of a role, by name or as col7")
-    group.add_argument("--unit", action="append", metavar="t=s", help="unit of a column that has none, or a wrong one")
-    group.add_argument("--range", action="append", metavar="V=50:200", help="values of the coded levels -1 and 1")
-    group.add_argument("--value", action="append", metavar="D=80", help="a constant that the file does not contain")
+    group.add_argument(
+        "--map",
+        action="append",
+        metavar="VB=COLUMN",
+        help="column of a role, by name or as col7 (default: by the headers)",
+    )
+    group.add_argument(
+        "--unit",
+        action="append",
+        metavar="t=s",
+        help="unit of a column that has none, or a wrong one (default: from the header)",
+    )
+    group.add_argument(
+        "--range", action="append", metavar="V=50:200", help="values of the coded levels -1 and 1 (default: none)"
+    )
+    group.add_argument(
+        "--value", action="append", metavar="D=80", help="a constant that the file does not contain (default: none)"
+    )
     group.add_argument(
         "--correct", action="append", metavar="E07:f*25.4",
-        help="correct a quantity of edges (E07,E11), of 'lines 12,14-16' or of all, by * / + or -",
+        help="correct a quantity of edges (E07,E11), of 'lines 12,14-16' or of all, by * / + or - (default: none)",
     )  # fmt: skip
-    group.add_argument("--leave-out", action="append", metavar="TARGET", help="edges or lines that are not used")
-    group.add_argument("--edge", metavar="COLUMN", help="column of the cutting edges; none: do not infer edges")
+    group.add_argument(
+        "--leave-out", action="append", metavar="TARGET", help="edges or lines that are not used (default: none)"
+    )
+    group.add_argument(
+        "--edge", metavar="COLUMN", help="column of the cutting edges; none: do not infer edges (default: found)"
+    )
     processes = ["turning", "milling", "drilling", "grinding"]
-    group.add_argument("--process", choices=processes, help="process whose plausible ranges apply")
-    group.add_argument("--tool", metavar="NAME", help="name of the tool")
-    group.add_argument("--work", metavar="NAME", help="name of the work material")
-    group.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file is ambiguous")
-    group.add_argument("--delimiter", metavar="MARK", help="delimiter of cells, where the file is ambiguous")
-    group.add_argument("--sheet", metavar="NAME", help="sheet of a workbook")
+    group.add_argument(
+        "--process", choices=processes, help="process whose plausible ranges apply (default: by the columns)"
+    )
+    group.add_argument("--tool", metavar="NAME", help="name of the tool (default: from the file)")
+    group.add_argument("--work", metavar="NAME", help="name of the work material (default: from the file)")
+    group.add_argument("--decimal", choices=["point", "comma"], help="decimal mark (default: found in the file)")
+    group.add_argument("--delimiter", metavar="MARK", help="delimiter of cells (default: found in the file)")
+    group.add_argument("--sheet", metavar="NAME", help="sheet of a workbook (default: the one that holds tests)")
     group.add_argument("--hidden", action="store_true", help="read hidden rows and columns of a workbook too")
 
 
@@ -43,10 +63,12 @@ def fitting_options(parser: Parser) -> None:
         "--error", choices=["multiplicative", "additive"], default="multiplicative",
         help="multiplicative error (log scale; default), or additive error (original scale)",
     )  # fmt: skip
-    group.add_argument("--criterion", type=float, metavar="MM", help="wear at the end of tool life (default: 0.3)")
-    group.add_argument("--gauge-sd", type=float, metavar="MM", help="standard deviation of the wear gauge")
+    group.add_argument("--criterion", type=criterion, metavar="MM", help="wear at the end of tool life (default: 0.3)")
+    group.add_argument(
+        "--gauge-sd", type=float, metavar="MM", help="standard deviation of the wear gauge (default: not known)"
+    )
     group = parser.add_argument_group("posterior")
-    group.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the draws (default: 1)")
+    group.add_argument("--seed", type=seed, default=1, metavar="N", help="seed of the draws (default: 1)")
     group.add_argument("--draws", type=int, default=4000, metavar="N", help="number of draws (default: 4000)")
     group.add_argument(
         "--priors", metavar="FILE", default="weak", help='TOML file, or "reference": flat (default: weak, proper)'
@@ -56,13 +78,19 @@ def fitting_options(parser: Parser) -> None:
 
 def law_option(group: argparse._ArgumentGroup) -> None:
     """Add the option of laws in place of the default ones."""
-    words = 'law in place of the default one of this response; "Ra ~ + VB" and "Ra ~ - t" change its factors'
+    words = (
+        'law in place of the default one of this response; "Ra ~ + VB" and "Ra ~ - t" change its factors (default: all '
+        "usual ones)"
+    )
     group.add_argument("--law", action="append", dest="laws", metavar='"Ra ~ V, f, d"', help=words)
 
 
 def form_option(parser: Parser | argparse._ArgumentGroup) -> None:
     """Add the option of the forms that laws are kept in."""
-    words = 'form of the laws, or of one law ("Ra=linear"): power, exponential, linear, second-order, ...; see compare'
+    words = (
+        'form of the laws, or of one law ("Ra=linear"): power, linear, second-order, ...; see compare (default: the '
+        "usual one)"
+    )
     parser.add_argument("--form", action="append", metavar="FORM", help=words)
 
 
@@ -83,7 +111,7 @@ def read_keywords(args: argparse.Namespace) -> dict[str, Any]:
         "map": pairs(args.map, "--map", "VB=col7"),
         "units": pairs(args.unit, "--unit", "t=s"),
         "ranges": ranges(args.range),
-        "constants": values(args.value),
+        "constants": constants(args.value),
         "correct": tuple(args.correct or ()),
         "leave_out": tuple(args.leave_out or ()),
         "tool": args.tool,
@@ -112,6 +140,6 @@ def read(file: str | Path, args: argparse.Namespace) -> "Runs":
     from ..datasets import read_runs
 
     runs = read_runs(file, **read_keywords(args))
-    for doubt in runs.doubts:
+    for doubt in () if args.quiet else runs.doubts:
         complain(f"doubt about {runs.source.name}: {doubt}")
     return runs

@@ -40,20 +40,33 @@ class Found(NamedTuple):
 def physical_options(p: Parser) -> None:
     """Add ``--as`` and the options of its models."""
     group = p.add_argument_group(
-        "physical models, instead of a transfer function of free order",
-        "step: first or second order with delay, written as dynamics; drive: inertia and friction from force and\n"
-        "motion; force-process: the estimates of adaptive force control from feed command and cutting force.",
+        "physical models",
+        "Instead of a transfer function of free order. step: first or second order with delay, written as dynamics;\n"
+        "drive: inertia and friction from force and motion; force-process: the estimates of adaptive force\n"
+        "control from feed command and cutting force.",
     )
-    group.add_argument("--as", dest="model", choices=[STEP, DRIVE, FORCE], help="the model that is fitted")
-    group.add_argument("--order", type=int, choices=[1, 2], help="step: the order (default: chosen by the record)")
-    group.add_argument("--delay", type=float, metavar="S", help="step: the delay, where it is known")
     group.add_argument(
-        "--force-per-unit", type=float, metavar="N", help="drive: N (or N m) for one unit of the input, as 35.2 for V"
+        "--as",
+        dest="model",
+        choices=[STEP, DRIVE, FORCE],
+        help="the model that is fitted (default: a transfer function)",
+    )
+    group.add_argument("--order", type=int, choices=[1, 2], help="step: the order (default: chosen by the record)")
+    group.add_argument("--delay", type=float, metavar="S", help="step: the delay (default: estimated)")
+    group.add_argument(
+        "--force-per-unit",
+        type=float,
+        metavar="N",
+        help="drive: N (or N m) for one unit of the input, as 35.2 for V (default: 1)",
     )
     group.add_argument("--cutoff", type=float, metavar="HZ", help="drive: low-pass (default: 0.04 of the sample rate)")
-    group.add_argument("--depth", type=float, metavar="MM", help="force-process: depth of cut of the run")
-    group.add_argument("--given", action="append", metavar="m=2.0", help="force-process: one of m, k and d, if known")
-    pole = "force-process: the pole of the drive is the faster or the slower one, with --given"
+    group.add_argument(
+        "--depth", type=float, metavar="MM", help="force-process: depth of cut of the run (default: not stated)"
+    )
+    group.add_argument(
+        "--given", action="append", metavar="m=2.0", help="force-process: one of m, k and d (default: none is known)"
+    )
+    pole = "force-process: which pole is that of the drive (default: by --given)"
     group.add_argument("--drive-pole", choices=["faster", "slower"], help=pole)
 
 
@@ -161,10 +174,10 @@ def report(
         facts = {"model": args.model, "section": name, "verdict": verdict, "words": fit.words, "estimates": estimates}
         print_json("physical-model", {**facts, "parameters": pf.model_dump(mode="json")})
     else:
-        Printer().show(terminal.physical_block(found.fit, found.verdict, records, found.held_out))
+        Printer(quiet=args.quiet).show(terminal.physical_block(found.fit, found.verdict, records, found.held_out))
     written = _written(found, records, pf, former, folder, args)
     if written and not args.json:
-        Printer().show(written)
+        Printer(quiet=args.quiet).wrote(written, args.params or str(folder))
     return 0
 
 
@@ -173,6 +186,7 @@ def _collected(
 ) -> "ParameterFile":
     """A new parameter file, or the given one with its section replaced; gains tuned on other dynamics are removed."""
     from .. import parameters
+    from ..datasets.runs import disclaimers
     from ..parameters.file import sealed
 
     section: dict[str, Any] = {SECTION[args.model]: found.section}
@@ -187,6 +201,7 @@ def _collected(
         **section,
         data_file=args.file[0] if source is None else Path(source).name,
         data_sha256=records[0].sha256,
+        simulated=True if disclaimers(note for rec in records for note in rec.notes) else None,
         n_rows=sum(map(len, records)),
         command=typed(args.words),
         options={name: value for name in options if (value := getattr(args, name)) is not None},

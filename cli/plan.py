@@ -1,11 +1,16 @@
 """``fitmodels plan``: a design for a user's own ranges, in run order, as a CSV to fill in."""
 
 import argparse
+import json
 import sys
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
-from .arguments import Parser, pairs, ranges, seed, values
+from .arguments import Parser, constants, pairs, ranges, seed
+from .output import Printer, output_options, print_json
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def parser() -> Parser:
@@ -16,12 +21,19 @@ def parser() -> Parser:
         "Plan tests in the logarithms of the conditions, one edge per row (or a row per reading), with the run order\n"
         "drawn at random. Filled in, the file is read by 'fitmodels plan.csv'. Without --out the plan is printed.",
     )
-    p.add_argument("--range", action="append", metavar="V=50:200", help="a condition and its range; up to six")
     p.add_argument(
-        "--levels", action="append", metavar="f=0.1,0.2,0.4", help="levels of an array: numbers, or words (dry,flood)"
+        "--range", action="append", metavar="V=50:200", help="a condition and its range; up to six (default: none)"
     )
-    p.add_argument("--process", choices=["turning", "milling", "drilling"], help="checks names, adds n and fm")
-    p.add_argument("--value", action="append", metavar="Dc=20", help="what is the same in all tests")
+    p.add_argument(
+        "--levels",
+        action="append",
+        metavar="f=0.1,0.2,0.4",
+        help="levels of an array: numbers, or words, dry,flood (default: none)",
+    )
+    p.add_argument(
+        "--process", choices=["turning", "milling", "drilling"], help="checks names, adds n and fm (default: none)"
+    )
+    p.add_argument("--value", action="append", metavar="Dc=20", help="what is the same in all tests (default: none)")
     p.add_argument(
         "--design", default="composite", metavar="NAME",
         help="composite (default), factorial, or an orthogonal array: L4, L8, L9, L12, L16, L18, L27",
@@ -31,29 +43,34 @@ def parser() -> Parser:
         help="distance of the axial points, coded: a number, rotatable, face-centred or orthogonal (default: 2)",
     )  # fmt: skip
     p.add_argument("--half", action="store_true", help="half of the factorial; its aliases are printed")
-    p.add_argument("--blocks", type=int, default=1, help="blocks, such as days or bars (default: 1)")
-    p.add_argument("--centre", type=int, help="edges at the centre (default: 4; of an array: 0)")
-    p.add_argument("--axial", type=int, default=2, help="edges at each axial point (default: 2)")
-    p.add_argument("--repeats", type=int, default=1, help="edges at each point of a factorial or array (default: 1)")
-    p.add_argument("--duration", metavar="5:20", help="minutes in cut of an edge: one number, or a range to vary")
-    p.add_argument("--readings", type=int, default=1, help="readings of an edge up to its duration (default: 1)")
-    p.add_argument("--measure", metavar="VB,Fc", help="empty columns to fill in")
-    p.add_argument("--seed", type=seed, default=1, help="seed of the run order (default: 1)")
-    p.add_argument("--out", metavar="FILE", help="file to write")
+    p.add_argument("--blocks", type=int, default=1, metavar="N", help="blocks, such as days or bars (default: 1)")
+    p.add_argument("--centre", type=int, metavar="N", help="edges at the centre (default: 4; of an array: 0)")
+    p.add_argument("--axial", type=int, default=2, metavar="N", help="edges at each axial point (default: 2)")
+    p.add_argument("--repeats", type=int, default=1, metavar="N", help="edges at each point of a factorial or array")
+    p.add_argument(
+        "--duration", metavar="5:20", help="minutes in cut of an edge: a number, or a range to vary (default: none)"
+    )
+    p.add_argument(
+        "--readings", type=int, default=1, metavar="N", help="readings of an edge up to its duration (default: 1)"
+    )
+    p.add_argument("--measure", metavar="VB,Fc", help="empty columns to fill in (default: none)")
+    p.add_argument("--seed", type=seed, default=1, metavar="N", help="seed of the run order (default: 1)")
+    p.add_argument("--out", metavar="FILE", help="file to write (default: none, the plan is printed)")
     p.add_argument("--force", action="store_true", help="replace an existing file")
+    output_options(p, "print the plan and its notes as JSON (fitmodels.plan/1)")
     return p
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the plan, and return the exit code."""
-    from ..datasets import plan_tests, write_csv
+    from ..datasets import plan_tests
 
     plan = plan_tests(
         _factors(args),
         design=args.design, alpha=_alpha(args.alpha), centre=args.centre, axial_repeats=args.axial, half=args.half,
         repeats=args.repeats, blocks=args.blocks, duration=_duration(args.duration), readings=args.readings,
         measure=[name.strip() for name in args.measure.split(",")] if args.measure else (), process=args.process,
-        constants=values(args.value), seed=args.seed,
+        constants=constants(args.value), seed=args.seed,
     )  # fmt: skip
     coded = [name for name in map(str, plan) if name.endswith("_coded")]
     plan[coded] = plan[coded].round(3) + 0.0  # no minus before a zero
@@ -65,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
         *plan.attrs["notes"],
         "Cut the edges in the order of run; measure wear, forces and power after each sub-test, a row each.",
     ]
-    write_csv(plan, target(args.out, args.force), notes)
+    write_table(plan, args, notes)
     return 0
 
 
@@ -116,7 +133,27 @@ def _duration(text: str | None) -> tuple[float, ...] | None:
     numbers = tuple(_numbers(text.split(":")))
     if len(numbers) not in (1, 2):
         raise UsageError(f"--duration {text}: give minutes in cut as 12, or a range as 5:20.")
+    if not 0 < numbers[0] <= numbers[-1] or (len(numbers) == 2 and numbers[0] == numbers[1]):
+        raise UsageError(f"--duration {text}: minutes lie above zero, and the first of a range below the second.")
     return numbers
+
+
+def write_table(frame: "pd.DataFrame", args: argparse.Namespace, notes: list[str], schema: str = "plan") -> None:
+    """Write a table with its notes to standard output, or to the file of --out and then print the notes."""
+    from ..datasets import write_csv
+
+    place = target(args.out, args.force)
+    if args.out is not None or not args.json:
+        write_csv(frame, place, notes)
+    if args.json:
+        rows = json.loads(frame.to_json(orient="records", double_precision=15))
+        facts = {"file": args.out, "simulated": schema == "simulation", "units": frame.attrs.get("units", {})}
+        print_json(schema, {**facts, "notes": notes, "rows": rows})
+    elif args.out is not None:
+        out = Printer(quiet=args.quiet)
+        for line in notes:
+            out.show(line)
+        out.wrote(f"Written: {args.out}", args.out)
 
 
 def target(out: str | None, force: bool) -> Path | TextIO:

@@ -1,74 +1,79 @@
 """``fitmodels predict``: predictions of the laws of a parameter file, and whether they extrapolate."""
 
 import argparse
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.errors import FitmodelsError, ParameterError, UsageError
-from ..core.suggestions import closest
 from .arguments import Parser, pairs
-from .output import print_json, print_lines
+from .conditions import NUMBER, Value, in_unit, known_level, meant, typed_conditions
+from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:
+    from ..core.predictions import Prediction
     from ..parameters import LawSection, ParameterFile
     from ..parameters.budget import UncertaintyBudget
     from ..parameters.evaluation import IntervalOptions
-    from ..parameters.prediction import Prediction
-    from ..parameters.sections.law_parts import Factor
+    from ..parameters.sections.law_parts import Factor, ToolLifeSection
 
 WEAR = ("AW", "VB")
-NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 
 
 class _Parser(Parser):
     """Conditions and options in any order."""
 
     def parse_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        if {"-h", "--help", "--help-all"} & {*(args or ())}:  # intermixed parsing hides arguments from the help
+            return super().parse_args(args, namespace)
         return self.parse_intermixed_args(args, namespace)
-
-
-@dataclass(frozen=True, slots=True)
-class _Value:
-    """A number from the command line and its unit, "" where none was written."""
-
-    number: float
-    unit: str
-    text: str
 
 
 def parser() -> Parser:
     """Arguments of ``fitmodels predict``."""
     p = _Parser(
         "fitmodels predict",
-        "fitmodels predict data-fit/GC435_709M40/params.json V=120 f=0.2 d=2 t=8",
+        "fitmodels predict data-fit/GC435_709M40-En-19/params.json V=120 f=0.2 d=2 t=8",
         "Predict with each law of PARAMS at these conditions, with an interval, and whether they are in the tested\n"
         "region. A law on wear takes AW as given, or from the wear law at these conditions.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
     p.add_argument(
         "at", metavar="V=120", nargs="*",
-        help="a condition, with its unit if it differs: V=400ft/min; or a response to predict, T for the tool life",
+        help="a condition, by symbol or by its header in the fitted file (vc=120), with its unit if it differs: "
+        "V=400ft/min; or a response to predict, T for the tool life",
     )  # fmt: skip
     p.add_argument("--law", metavar="AW", help="response to predict (default: all)")
     p.add_argument(
         "--interval", choices=["mean", "prediction", "tolerance"], default="prediction",
         help="of the law, of one new row (default), or of a share of all rows",
     )  # fmt: skip
-    p.add_argument("--level", type=float, default=0.95, help="confidence of the interval (default: 0.95)")
-    p.add_argument("--coverage", type=float, default=0.95, help="share of rows in a tolerance interval (default: 0.95)")
-    p.add_argument("--by", metavar="LEVEL", help="level of the category that shifts the laws")
+    p.add_argument(
+        "--level", type=float, default=0.95, metavar="LEVEL", help="confidence of the interval (default: 0.95)"
+    )
+    p.add_argument(
+        "--coverage", type=float, default=0.95, metavar="SHARE", help="share of rows in a tolerance interval"
+    )
+    p.add_argument(
+        "--by",
+        metavar="LEVEL",
+        help="level of the category that shifts the laws (default: none; asked for where a law has one)",
+    )
     p.add_argument("--budget", action="store_true", help="print the uncertainty budget of each prediction (GUM)")
     p.add_argument(
         "--u", action="append", metavar="V=1.5",
-        help="standard uncertainty of a setting, for the budget: 1.5, 1.5m/min, 1%%, or a tolerance +-3",
+        help="standard uncertainty of a setting, for the budget: 1.5, 1.5m/min, 1%%, or a tolerance +-3 "
+        "(default: exact)",
     )  # fmt: skip
-    p.add_argument("--gauge", action="append", metavar="AW=0.003", help="standard uncertainty of a gauge's calibration")
-    p.add_argument("--json", action="store_true", help="print the same facts as JSON")
+    p.add_argument(
+        "--gauge",
+        action="append",
+        metavar="AW=0.003",
+        help="standard uncertainty of a gauge's calibration (default: 0)",
+    )
+    output_options(p, "print the same facts as JSON (fitmodels.prediction/2)")
     return p
 
 
@@ -85,9 +90,9 @@ def run(args: argparse.Namespace) -> int:
     pf = parameters.read(args.file)
     responses = [word for word in args.at if word in (*pf.laws, "T")]
     names = [*([] if args.law is None else [args.law]), *responses]
-    given = _given([word for word in args.at if word not in responses])
+    given, remarks = typed_conditions(pf, [word for word in args.at if word not in responses])
     laws, life = _chosen(pf, names, given)
-    _all_known(pf, given, args.by)
+    known_level(pf, args.by)
     asked = IntervalOptions(args.interval, args.level, "new", args.coverage)
     predictions: list[Prediction] = []
     failed: dict[str, FitmodelsError] = {}
@@ -105,21 +110,30 @@ def run(args: argparse.Namespace) -> int:
         raise next(iter(failed.values()))
     reasons = {name: str(reason) for name, reason in failed.items()}
     wears = [given.symbol for one in predictions for given in one.given if given.source is not None]
-    verdicts = cautions(pf, *(one.response for one in predictions), *wears)
+    solved = [pf.tool_life] if life and pf.tool_life is not None else []
+    verdicts = cautions(pf, *(one.response for one in predictions), *wears, *(one.wear for one in solved))
+    verdicts += [_life_caution(one) for one in solved if one.verdict is not None and one.verdict.reasons]
     budgets, without = _budgets(pf, predictions[: len(predictions) - life], args)
     if args.json:
         more = {"budgets": [budget.facts() for budget in budgets], "no_budget": without} if args.budget else {}
-        report = {**_report(pf, args.file, predictions, reasons), **more, "verdicts": verdicts}
+        report = {**_report(pf, args.file, predictions, reasons), **more, "verdicts": verdicts, "remarks": remarks}
         print_json("prediction", report, version=2)
         return 0
-    lines = [prediction.words for prediction in predictions]
+    lines = [*remarks, *(prediction.words for prediction in predictions)]
     lines += [line for budget in budgets for line in _budget_lines(budget)]
     lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items()]
     lines += [f"{name} has no uncertainty budget: {reason}" for name, reason in without.items()]
     simulated = ["Not measured: the laws were fitted to a simulation."] if pf.identity.simulated else []
     doubts = [] if pf.reading is None else [f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts]
-    print_lines(verdicts + lines + simulated + doubts)
+    print_lines(verdicts + lines + simulated + doubts, quiet=args.quiet)
     return 0
+
+
+def _life_caution(life: "ToolLifeSection") -> str:
+    """The verdict on a tool life with its reasons but that on its wear law, which is printed before it."""
+    level, reasons = (life.verdict.level, life.verdict.reasons) if life.verdict is not None else ("", ())
+    own = [reason for reason in reasons if not reason.startswith(f"Verdict on the law of {life.wear}:")]
+    return " ".join([f"Verdict on the tool life to {life.wear} {life.criterion:g} {life.unit_of_wear}: {level}.", *own])
 
 
 def _report(
@@ -215,28 +229,26 @@ def _of_unit(text: str, name: str, unit: str, option: str) -> float:
         raise UsageError(
             f"{option} {name}={text}: give a number of zero or more, and a unit if it differs from {unit}."
         )
-    value = _Value(float(found[1]), found[2], f"{option} {name}={text}")
-    return _in_unit(value, Factor(symbol=name, quantity="", unit=unit, low=0.0, high=0.0))
+    value = Value(float(found[1]), found[2], f"{option} {name}={text}")
+    return in_unit(value, Factor(symbol=name, quantity="", unit=unit, low=0.0, high=0.0))
 
 
-def _chosen(pf: "ParameterFile", names: Sequence[str], given: Mapping[str, _Value]) -> "tuple[list[LawSection], bool]":
+def _chosen(pf: "ParameterFile", names: Sequence[str], given: Mapping[str, Value]) -> "tuple[list[LawSection], bool]":
     """Laws to predict with, and whether the tool life is solved from the wear law.
 
     Without names it is where no time is given; the tool life is T, as the response of a law of lives is.
     """
-    if not pf.laws:
-        raise UsageError("the parameter file has no law; fit one with `fitmodels data.csv`.")
     life = pf.tool_life is not None and pf.tool_life.wear in pf.laws
     known = {**dict.fromkeys(pf.laws), **({"T": None} if life else {})}
     for name in names:
         if name not in known:
-            raise UsageError(f"--law {name}: the file has laws of {', '.join(known)}{_meant(name, known)}.")
+            raise UsageError(f"--law {name}: the file has laws of {', '.join(known)}{meant(name, known)}.")
     if not names:
         return list(pf.laws.values()), life and "t" not in given
     return [pf.laws[name] for name in dict.fromkeys(names) if name in pf.laws], life and "T" in names
 
 
-def _life(pf: "ParameterFile", given: Mapping[str, _Value], asked: "IntervalOptions") -> "Prediction":
+def _life(pf: "ParameterFile", given: Mapping[str, Value], asked: "IntervalOptions") -> "Prediction":
     """The tool life by inverting the wear law."""
     from ..parameters.prediction import predict_life
 
@@ -247,51 +259,15 @@ def _life(pf: "ParameterFile", given: Mapping[str, _Value], asked: "IntervalOpti
     missing = [f for f in law.factors if f.symbol != "t" and f.symbol not in given]
     if missing:
         raise UsageError(f"the tool life needs {_needed(pf, missing, given)}.")
-    factors = {f.symbol: _in_unit(given[f.symbol], f) for f in law.factors if f.symbol != "t"}
+    factors = {f.symbol: in_unit(given[f.symbol], f) for f in law.factors if f.symbol != "t"}
     try:
         return predict_life(law, life, asked, factors)
     except ParameterError as reason:  # the request is wrong, not the file
         raise UsageError(str(reason)) from None
 
 
-def _given(words: Sequence[str]) -> dict[str, _Value]:
-    out = {}
-    for name, text in pairs(list(words), "condition", "V=120 or V=400ft/min").items():
-        found = NUMBER.fullmatch(text)
-        if found is None or found[2].startswith(","):
-            raise UsageError(
-                f"{name}={text}: give a number with a decimal point, and a unit if it differs: {name}=0.2."
-            )
-        out[name] = _Value(float(found[1]), found[2], f"{name}={text}")
-    return out
-
-
-def _all_known(pf: "ParameterFile", given: Mapping[str, _Value], by: str | None) -> None:
-    """Reject a condition or a level that no law of the file has."""
-    known = {f.symbol: None for law in pf.laws.values() for f in law.factors}
-    for name in given:
-        if name not in known:
-            raise UsageError(
-                f"{given[name].text}: no law of the file has a factor {name}; they have "
-                f"{', '.join(known)}{_meant(name, known)}."
-            )
-    levels = {level: None for law in pf.laws.values() if law.by for level in (law.by.reference, *law.by.shifts)}
-    if by is not None and by not in levels:
-        there = f"there are {', '.join(levels)}{_meant(by, levels)}" if levels else "no law has levels; leave it out"
-        raise UsageError(f"--by {by}: {there}.")
-
-
-def _meant(name: str, known: Mapping[str, object]) -> str:
-    """A suggestion at the end of an error: the same letters, the role of this name, or the closest name."""
-    from ..datasets.vocabulary import roles_named, suggest_role
-
-    roles = [role for role in (*roles_named(name), suggest_role(name)) if role in known]
-    found = closest(name, known, 1.0) or next(iter(roles), None) or closest(name, known)
-    return f" (did you mean {found}?)" if found else ""
-
-
 def _predicted(
-    pf: "ParameterFile", law: "LawSection", given: Mapping[str, _Value], by: str | None, asked: "IntervalOptions"
+    pf: "ParameterFile", law: "LawSection", given: Mapping[str, Value], by: str | None, asked: "IntervalOptions"
 ) -> "Prediction":
     """The prediction of one law, its wear from the file's wear law where it is not given."""
     from ..parameters.prediction import predict_with_interval
@@ -309,25 +285,25 @@ def _predicted(
     missing = [f for name, f in lacking.items() if name not in sources]
     if missing:
         raise UsageError(f"the law of {law.response} needs {_needed(pf, missing, given)}.")
-    factors = {f.symbol: _in_unit(given[f.symbol], f) for f in law.factors if f.symbol in given}
+    factors = {f.symbol: in_unit(given[f.symbol], f) for f in law.factors if f.symbol in given}
     try:
-        law.predict(level, **factors, **{name: source.value for name, source in sources.items()})
+        law.values({**factors, **{name: source.value for name, source in sources.items()}}, by=level)
     except ParameterError as reason:  # the request is wrong, not the file
         raise UsageError(str(reason)) from None
     return predict_with_interval(law, asked, level, factors, sources)
 
 
-def _gives(pf: "ParameterFile", wear: "Factor", given: Mapping[str, _Value]) -> bool:
+def _gives(pf: "ParameterFile", wear: "Factor", given: Mapping[str, Value]) -> bool:
     """Whether the file's law of this wear predicts it, in the same unit, from the given factors."""
     law = pf.laws.get(wear.symbol)
     return law is not None and law.unit == wear.unit and not _lacks(law, given)
 
 
-def _lacks(law: "LawSection", given: Mapping[str, _Value]) -> list[str]:
+def _lacks(law: "LawSection", given: Mapping[str, Value]) -> list[str]:
     return [f.symbol for f in law.factors if f.symbol not in given]
 
 
-def _needed(pf: "ParameterFile", missing: "Sequence[Factor]", given: Mapping[str, _Value]) -> str:
+def _needed(pf: "ParameterFile", missing: "Sequence[Factor]", given: Mapping[str, Value]) -> str:
     """Factors that are missing, and those of the law that would predict wear."""
     from_law = {f.symbol: _lacks(pf.laws[f.symbol], given) for f in missing if f.symbol in WEAR and f.symbol in pf.laws}
     plain = [f for f in missing if f.symbol not in from_law]
@@ -347,22 +323,3 @@ def _middle(factor: "Factor") -> float:
     """Centre of the tested range, in logarithms where possible, to two digits."""
     low, high = factor.low, factor.high
     return float(f"{np.sqrt(low * high) if low > 0 else (low + high) / 2:.2g}")
-
-
-def _in_unit(value: _Value, factor: "Factor") -> float:
-    """The number in the law's unit."""
-    from ..datasets.units import canonical, convert, same_dimension, suggest
-
-    if not value.unit or value.unit == factor.unit:
-        return value.number
-    unit = canonical(value.unit)
-    if unit is None:
-        raise UsageError(f"{value.text}: unit {value.unit!r} is not listed; {suggest(value.unit)}")
-    if not factor.unit:
-        raise UsageError(f"{value.text}: {factor.symbol} has no unit in the law; give the number alone.")
-    if canonical(factor.unit) is None or not same_dimension(unit, factor.unit):
-        raise UsageError(
-            f"{value.text}: {factor.symbol} of the law is in {factor.unit}, and {value.unit} measures another "
-            f"quantity; give it in {factor.unit}."
-        )
-    return float(convert(np.array(value.number), unit, factor.unit))

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
-from .arguments import Parser, pairs, values
-from .output import print_json, print_lines
+from ..core.rounding import count
+from .arguments import Parser, constants, pairs, values
+from .output import Printer, output_options, print_json
 from .plan import target
 
 if TYPE_CHECKING:
@@ -25,24 +26,38 @@ def parser() -> Parser:
         "their load, entry and exit are left out, and the zero is taken from the air before and after. Mean, peak\n"
         "per revolution and standard deviation are joined to the rows of the plan. Each record is drawn in\n"
         "<out>-records/; look at the pictures. An interrupted run continues where it stopped.",
+        main="--force --full --quiet --json --map --unit --scale --rate --channel --shortest --join --value",
     )
     p.add_argument("folder", metavar="FOLDER", help="records: CSV, TXT, .lvm, .tdms, .mat or .xlsx")
     p.add_argument("--plan", metavar="FILE", required=True, help="table of tests, a row a cut")
     p.add_argument("--out", metavar="FILE", required=True, help="table to write, for fitmodels FILE")
     p.add_argument("--force", action="store_true", help="replace an existing file")
-    p.add_argument("--json", action="store_true", help="print the cuts as JSON")
+    output_options(
+        p, "print the cuts as JSON (fitmodels.reduction/1)", f"name all records and remarks, not only {SHOWN} of them"
+    )
     group = p.add_argument_group("records")
     group.add_argument(
-        "--map", action="append", metavar="Fc=COLUMN", help="column of a channel or of time; none: not read"
+        "--map",
+        action="append",
+        metavar="Fc=COLUMN",
+        help="column of a channel or of time, none: not read (default: by its name)",
     )
     group.add_argument(
-        "--unit", action="append", metavar="Fc=N", help="unit of a channel or of time, where it has none"
+        "--unit", action="append", metavar="Fc=N", help="unit of a channel or of time (default: from the header)"
     )
-    group.add_argument("--scale", action="append", metavar="Fc=200", help="sensitivity of a channel in volts, N per V")
-    group.add_argument("--rate", type=float, metavar="HZ", help="samples per second, where there is no column of times")
-    group.add_argument("--decimal", choices=["point", "comma"], help="decimal mark, where the file is ambiguous")
-    group.add_argument("--delimiter", metavar="MARK", help="delimiter of cells, where the file is ambiguous")
-    group.add_argument("--sheet", metavar="NAME", help="sheet of a workbook, or group of a .tdms file")
+    group.add_argument(
+        "--scale", action="append", metavar="Fc=200", help="sensitivity of a channel in volts, N per V (default: none)"
+    )
+    group.add_argument(
+        "--rate", type=float, metavar="HZ", help="samples per second (default: from the column of times)"
+    )
+    group.add_argument("--decimal", choices=["point", "comma"], help="decimal mark (default: found in the file)")
+    group.add_argument("--delimiter", metavar="MARK", help="delimiter of cells (default: found in the file)")
+    group.add_argument(
+        "--sheet",
+        metavar="NAME",
+        help="sheet of a workbook, or group of a .tdms file (default: the one that holds a record)",
+    )
     group = p.add_argument_group("cuts")
     group.add_argument("--channel", metavar="Fc", help="channel on which cuts are found (default: highest contrast)")
     group.add_argument("--shortest", type=float, default=1.0, metavar="S", help="shortest cut (default: 1)")
@@ -59,7 +74,7 @@ def parser() -> Parser:
         "--join", choices=["name", "time", "order"], help="how cuts find their rows (default: first possible)"
     )
     group.add_argument(
-        "--value", action="append", metavar="n=800", help="n (1/min), or V and D, where the plan has none"
+        "--value", action="append", metavar="n=800", help="n (1/min), or V and D (default: from the plan)"
     )
     return p
 
@@ -80,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     if out.resolve() == Path(args.plan).resolve():
         raise UsageError("--out is the plan itself: choose another name.")
     try:
-        with progress_bar(unit="records", lines=len(record_files(folder)) > SHOWN) as meter:
+        with progress_bar(unit="records", lines=len(record_files(folder)) > SHOWN and not args.quiet) as meter:
             found = reduce_folder(folder, Path(args.plan), how, kept, besides=(out,), meter=meter)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted; the records reduced so far are kept in {kept}: run it again.") from None
@@ -89,7 +104,12 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json("reduction", _facts(found, out, kept))
     else:
-        print_lines(_report(found, notes, remarks, out, kept))
+        lines = _report(found, notes, remarks, kept, None if args.full else SHOWN)
+        printer = Printer(quiet=args.quiet)
+        for line in lines:
+            printer.show(line)
+        head = f"Written: {out} ({count(len(found.plan), 'row')}); pictures of the records in {kept}/."
+        printer.wrote(f"{head} Next: fitmodels {out}", out)
     return 0
 
 
@@ -98,42 +118,48 @@ def _options(args: argparse.Namespace) -> "ReduceOptions":
 
     return ReduceOptions(
         map=pairs(args.map, "--map", "Fc=col2"), units=pairs(args.unit, "--unit", "Fc=N"),
-        scales=values(args.scale, "--scale"), constants=values(args.value), rate=args.rate, shortest=args.shortest,
+        scales=values(args.scale, "--scale"), constants=constants(args.value), rate=args.rate, shortest=args.shortest,
         guard=args.guard, threshold=args.threshold, channel=args.channel, join=args.join, decimal=args.decimal,
         delimiter=args.delimiter, sheet=args.sheet,
     )  # fmt: skip
 
 
-def _report(found: "Reduction", notes: list[str], remarks: list[str], out: Path, kept: Path) -> list[str]:
-    """What was found, what is to be judged, and what was written."""
+def _report(found: "Reduction", notes: list[str], remarks: list[str], kept: Path, most: int | None) -> list[str]:
+    """What was found and what is to be judged, at most so many records and remarks."""
     records = found.records
     cuts = sum(len(record.cuts) for record in records)
-    lines = [f"{cuts} cuts in {len(records)} records, joined to {len(found.plan)} rows by {found.how}"]
+    what = f"{count(cuts, 'cut')} in {count(len(records), 'record')}"
+    lines = [f"{what}, joined to {count(len(found.plan), 'row')} by {found.how}"]
     if found.resumed:
-        lines.append(f"{found.resumed} file(s) were reduced by an earlier run")
-    for record in records[:SHOWN]:
+        lines.append(
+            f"{count(found.resumed, 'file')} {'was' if found.resumed == 1 else 'were'} reduced by an earlier run"
+        )
+    for record in records[:most]:
         levels = ", ".join(f"{state} {level:.3g}" for state, level in record.levels.items())
         lines.append(
-            f"  {record.name}: {len(record.cuts)} cut(s) in {record.length:.4g} s at {record.rate:.6g} Hz, found on "
-            f"{record.signal} ({levels})"
+            f"  {record.name}: {count(len(record.cuts), 'cut')} in {record.length:.4g} s at {record.rate:.6g} Hz, "
+            f"found on {record.signal} ({levels})"
         )
-    if len(records) > SHOWN:
-        lines.append(f"  and {len(records) - SHOWN} more")
+    lines += _and_more(len(records), most)
     common = dict.fromkeys(note for record in records for note in record.notes)
     lines += [
         f"  {note}: {_named([r.name for r in records if note in r.notes], len(records))}"
-        for note in list(common)[:SHOWN]
+        for note in list(common)[:most]
     ]
     doubted = [(k, text) for k, text in enumerate(remarks) if text]
     if doubted:
-        lines.append(f"remarks on {len(doubted)} of {len(remarks)} rows, in the column remarks:")
+        lines.append(f"remarks on {len(doubted)} of {count(len(remarks), 'row')}, in the column remarks:")
         held = found.plan.table.lines
-        lines += [f"  line {held[k]} of the plan: {text}" for k, text in doubted[:SHOWN]]
-        lines += [f"  and {len(doubted) - SHOWN} more"] if len(doubted) > SHOWN else []
+        lines += [f"  line {held[k]} of the plan: {text}" for k, text in doubted[:most]]
+        lines += _and_more(len(doubted), most)
     shown = ("less the idle level", "sign is reversed", "signs are", "does not rise")
     lines += [note for note in notes if note.startswith(("peak:", "t:")) or any(words in note for words in shown)]
-    lines.append(f"Written: {out} ({len(found.plan)} rows); pictures of the records in {kept}/. Next: fitmodels {out}")
     return lines
+
+
+def _and_more(n: int, most: int | None) -> list[str]:
+    """A line on what is not listed."""
+    return [f"  and {n - most} more; --full lists all"] if most is not None and n > most else []
 
 
 def _named(names: list[str], of: int) -> str:

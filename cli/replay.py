@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from ..cards.replays import SYSTEMS
 from ..core.errors import ParameterError, UsageError
 from ..core.files import write_whole
-from ..core.suggestions import did_you_mean
+from ..core.suggestions import closest, did_you_mean
 from .arguments import Parser, seed
-from .output import Printer, print_json
+from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,16 +25,16 @@ def parser() -> Parser:
     """Arguments of ``fitmodels replay``."""
     p = Parser(
         "fitmodels replay",
-        "fitmodels replay params.json --system recursion",
+        "fitmodels replay AC-2017 --system recursion",
         "Run the controllers of the papers from a parameter file alone, on simulated machines, and draw the results:\n"
         "region and optimum, recursion to the end of tool life, constant load, constant roughness, adaptive force.\n"
         "Instead of a file: AC-2016, AC-2017, CLM-2023, CLM-2023-slot, SURF or LYAP, the published values.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json, or the short name of a paper")
     p.add_argument("--system", metavar="NAME", help=f"{', '.join(SYSTEMS)}; default: all that the file supports")
-    p.add_argument("--seed", type=seed, default=1, help="random seed (default: 1)")
+    p.add_argument("--seed", type=seed, default=1, metavar="N", help="random seed (default: 1)")
     p.add_argument("--out", metavar="FOLDER", help="folder of the figures (default: figures/ next to the file)")
-    p.add_argument("--json", action="store_true", help="print the same facts as JSON; draws figures only with --out")
+    output_options(p, "print the same facts as JSON (fitmodels.replay/2); draws figures only with --out")
     return p
 
 
@@ -60,13 +60,16 @@ def run(args: argparse.Namespace) -> int:
         report = {"file": Path(args.file).name, "simulated": True, "seed": args.seed, "systems": facts}
         print_json("replay", {**report, "verdicts": verdicts}, version=2)
         return 0
-    out = Printer()
+    out = Printer(quiet=args.quiet)
     for line in verdicts:
         out.show(Text(line))
     for one in results:
         out.show(_block(one))
-    for line in (*_not_replayed(pf, args.system, systems), *written):
+    for line in _not_replayed(pf, args.system, systems):
         out.show(line)
+    if written:
+        folder = written[0].parent
+        out.wrote(f"Figures: {folder}/ ({', '.join(path.name for path in written)})", *written)
     return 0
 
 
@@ -77,6 +80,8 @@ def _given(file: str) -> "tuple[ParameterFile, Mapping[str, Draws], Path]":
 
     if file in PAPERS and not Path(file).exists():
         return published(file), {}, Path(f"{file}-replay")
+    if not Path(file).exists() and (near := closest(file, PAPERS, 0.7)):
+        raise UsageError(f"{file}: there is no such file, nor a paper of this name; did you mean {near}?")
     pf = parameters.read(file)
     return pf, parameters.read_draws(pf, Path(file).parent), Path(file).parent / "figures"
 
@@ -120,7 +125,7 @@ def _marked(line: str) -> str:
     return line if line.startswith("Reconstruction: ") else f"Assumed: {line.removeprefix('Assumption: ')}"
 
 
-def _drawn(results: "list[Replayed]", folder: Path) -> list[str]:
+def _drawn(results: "list[Replayed]", folder: Path) -> list[Path]:
     """Figures as files, each written whole over the last of its name."""
     import io
 
@@ -131,5 +136,5 @@ def _drawn(results: "list[Replayed]", folder: Path) -> list[str]:
             with io.BytesIO() as content:
                 figure.savefig(content, format="png", dpi=110, metadata={"Software": None})
                 write_whole(folder / f"{name}.png", content.getvalue())
-            names.append(f"{name}.png")
-    return [f"Figures: {folder}/ ({', '.join(names)})"] if names else []
+            names.append(folder / f"{name}.png")
+    return names

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.errors import UsageError
 from .arguments import Parser, traced
-from .output import print_json, print_lines
+from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
@@ -32,7 +32,11 @@ OF_CUT: Final = (
     ("--sample-time", "S", "period of the thread, no longer than that of the gains (default: that of the gains)"),
 )
 OF_MONITORING: Final = (
-    ("--idle", "A", "load of the running spindle in air; half of it is the smallest valid reading"),
+    (
+        "--idle",
+        "A",
+        "load of the running spindle in air; half of it is the smallest valid reading (default: not known)",
+    ),
     ("--load-low", "A", "smallest valid reading, above zero (default: half of the load in air)"),
     ("--load-high", "A", "largest valid reading (default: 10 times the reference)"),
     ("--arm-after", "S", "time that the spindle runs before the load is monitored, at most 10 (default: 0.5)"),
@@ -51,10 +55,13 @@ def parser() -> Parser:
         "Set up milling at constant load by the rules of Tai, Tsai & Li 2023 (doi 10.1109/ACCESS.2023.3330587), and\n"
         "write the settings into the parameter file: the reference is the load limit of a worn tool times a safety\n"
         "factor; feed limits are the feeds at that load with a sharp tool and at the wear limit.",
+        main="--safety-factor --window --wear-limit --law --by --dwell --idle --on-fault --force --quiet --json",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json with a load law (load on feed and wear)")
     p.add_argument("--worn", type=float, metavar="A", required=True, help="load limit of a worn tool, from wear tests")
-    p.add_argument("--safety-factor", type=float, default=0.85, metavar="K", help="default: 0.85")
+    p.add_argument(
+        "--safety-factor", type=float, default=0.85, metavar="K", help="reference over the limit (default: 0.85)"
+    )
     p.add_argument(
         "--round", type=float, default=0.01, metavar="A", help="step of the reference (default: 0.01; 0: none)"
     )
@@ -62,23 +69,28 @@ def parser() -> Parser:
         "--window", default="180:220um", metavar="LOW:HIGH[UNIT]", help="wear at tool change (default: 180:220um)"
     )
     p.add_argument("--wear-limit", metavar="VB[UNIT]", help="wear of the lower limit (default: the top of the window)")
-    p.add_argument("--law", metavar="NAME", help="load law, where there are several")
-    p.add_argument("--by", metavar="LEVEL", help="level of the law")
-    p.add_argument("--level", type=float, default=0.95, help="level of the intervals (default: 0.95)")
-    p.add_argument("--dwell", type=float, metavar="S", help="seconds on the lower limit before the tool counts as worn")
+    p.add_argument("--law", metavar="NAME", help="load law (default: the only one of the file)")
+    p.add_argument("--by", metavar="LEVEL", help="level of the law (default: none; asked for where it has several)")
+    p.add_argument("--level", type=float, default=0.95, metavar="LEVEL", help="level of the intervals (default: 0.95)")
+    p.add_argument(
+        "--dwell",
+        type=float,
+        metavar="S",
+        help="seconds on the lower limit before the tool counts as worn (default: as before, or not used)",
+    )
     _engagement_options(p)
     p.add_argument("--force", action="store_true", help="replace settings in the file")
-    p.add_argument("--json", action="store_true", help="print the section as JSON")
+    output_options(p, "print the section as JSON (fitmodels.settings/2)")
     return p
 
 
 def _engagement_options(p: Parser) -> None:
     """Options of the engagement: what is not given stays as the file has it, or is assumed and printed."""
-    kept = f"'{DEFAULT}' undoes an earlier one"
-    group = p.add_argument_group(f"cut: when the loop controls, and how fast the feed changes; {kept}")
+    words = f"When the loop controls, and how fast the feed changes; '{DEFAULT}' undoes an earlier value."
+    group = p.add_argument_group("cut", words)
     for option, metavar, words in OF_CUT:
         group.add_argument(option, type=_number, metavar=metavar, help=words)
-    group = p.add_argument_group("monitoring of the load: what is a fault, and what it does")
+    group = p.add_argument_group("monitoring", "What is a fault of the load, and what it does.")
     for option, metavar, words in OF_MONITORING:
         group.add_argument(option, type=_number, metavar=metavar, help=words)
     does = "feed to its lower limit, or stop by inhibiting the feed (default: lower-limit)"
@@ -124,7 +136,10 @@ def run(args: argparse.Namespace) -> int:
         print_json("settings", {**facts, "verdicts": verdicts}, version=2)
     else:
         loop = _of_loop(line, set(_kept(pf)) - set(given), assumed, lacking)
-        print_lines([*verdicts, *_sentences(line), *loop, f"Written: load_line in {args.file}"])
+        out = Printer(quiet=args.quiet)
+        for words in (*verdicts, *_sentences(line), *loop):
+            out.show(words)
+        out.wrote(f"Written: load_line in {args.file}", args.file)
     return 0
 
 

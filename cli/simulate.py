@@ -11,7 +11,8 @@ import numpy as np
 from ..core.errors import DataError, UsageError
 from ..core.version import __version__
 from .arguments import Parser, seed
-from .plan import target
+from .output import output_options
+from .plan import write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,29 +29,32 @@ def parser() -> Parser:
     """Arguments of ``fitmodels simulate``."""
     p = Parser(
         "fitmodels simulate",
-        "fitmodels simulate data-fit/GC435_709M40/params.json --out simulated.csv",
+        "fitmodels simulate data-fit/GC435_709M40-En-19/params.json --out simulated.csv",
         "Simulate wear tests from the laws of a parameter file, of whatever form: every edge of the plan is cut in\n"
         "sub-tests to the wear criterion or the longest time; one row an edge where no law is on time. Without\n"
         "--plan: a central composite design over the laws' ranges. What was assumed is in the notes of the data.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
-    p.add_argument("--plan", metavar="FILE", help="plan of edges, as `fitmodels plan` writes it")
+    p.add_argument(
+        "--plan", metavar="FILE", help="plan of edges, as `fitmodels plan` writes it (default: central composite)"
+    )
     p.add_argument("--interval", type=float, default=2.0, metavar="MIN", help="length of a sub-test (default: 2)")
     p.add_argument("--t-max", type=float, default=20.0, metavar="MIN", help="longest time on an edge (default: 20)")
     p.add_argument("--criterion", type=float, default=0.3, metavar="MM", help="wear that ends an edge (default: 0.3)")
     icc = "intraclass correlation: share of the variance between edges (default: as in the file, 0.5 where it has none)"
-    p.add_argument("--icc", type=float, help=icc)
+    p.add_argument("--icc", type=float, metavar="SHARE", help=icc)
     p.add_argument("--by", metavar="LEVEL", help="level of the laws that have levels (default: the reference)")
-    p.add_argument("--seed", type=seed, default=1, help="seed of everything drawn (default: 1)")
-    p.add_argument("--out", metavar="FILE", help="file to write; without it the data are printed")
+    p.add_argument("--seed", type=seed, default=1, metavar="N", help="seed of everything drawn (default: 1)")
+    p.add_argument("--out", metavar="FILE", help="file to write (default: none, the data are printed)")
     p.add_argument("--force", action="store_true", help="replace an existing file")
+    output_options(p, "print the data and its notes as JSON (fitmodels.simulation/1)")
     return p
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the simulated data, and return the exit code."""
     from .. import parameters
-    from ..datasets import simulate, write_csv
+    from ..datasets import simulate
 
     if args.icc is not None and not 0 <= args.icc <= 1:
         raise UsageError(f"--icc {args.icc:g}: a share is between 0 and 1.")
@@ -84,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         *notes,
     ]
     who = [f"tool: {pf.identity.tool}", f"work: {pf.identity.work}"]
-    write_csv(frame, target(args.out, args.force), [*(f"simulated: {line}" for line in head), *who])
+    write_table(frame, args, [*(f"simulated: {line}" for line in head), *who], schema="simulation")
     return 0
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import GateError, UsageError
-from .arguments import Parser, traced
-from .output import print_json, print_lines
+from .arguments import Parser, seed, traced
+from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
     from ..ident.pi.tuning import TunedPi
@@ -32,45 +32,74 @@ def parser() -> Parser:
         "Find PI gains that meet a specification for the dynamics of a parameter file, as the controller runs them,\n"
         "and add them to the file, with the probability that the specification holds, given the uncertainty of the\n"
         "dynamics. Times on the unit step of the reference: rise 10-90 %, settling within 2 %.",
+        main="--rise --settle --overshoot --ms --probability --nominal --aim --delay --low --high --rate "
+        "--scaling --unit --force --quiet --json",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json with dynamics (fitmodels ident)")
-    asked = p.add_argument_group("specification; a quantity that is not given is not constrained")
-    asked.add_argument("--rise", type=float, metavar="S", help="rise time at most")
-    asked.add_argument("--settle", type=float, metavar="S", help="settling time at most")
+    asked = p.add_argument_group("specification")
+    asked.add_argument("--rise", type=float, metavar="S", help="rise time at most (default: no limit)")
+    asked.add_argument("--settle", type=float, metavar="S", help="settling time at most (default: no limit)")
     asked.add_argument("--overshoot", type=float, metavar="FRACTION", help="at most, as a fraction (default: 0.02)")
-    asked.add_argument("--undershoot", type=float, metavar="FRACTION", help="largest undershoot")
-    asked.add_argument("--ms", type=float, help="maximum sensitivity Ms at most; 1.3 is conservative")
-    asked.add_argument("--phase-margin", type=float, metavar="DEG", help="at least")
-    asked.add_argument("--gain-margin", type=float, metavar="FACTOR", help="at least")
-    asked.add_argument("--travel", type=float, help="total variation of the command at most")
-    asked.add_argument("--noise-gain", type=float, help="rms command per rms sensor noise at most")
+    asked.add_argument(
+        "--undershoot", type=float, metavar="FRACTION", help="at most, as a fraction (default: no limit)"
+    )
+    ms = "maximum sensitivity at most; 1.3 is conservative (default: no limit)"
+    asked.add_argument("--ms", type=float, metavar="MS", help=ms)
+    asked.add_argument("--phase-margin", type=float, metavar="DEG", help="at least (default: no limit)")
+    asked.add_argument("--gain-margin", type=float, metavar="FACTOR", help="at least (default: no limit)")
+    asked.add_argument(
+        "--travel", type=float, metavar="U", help="total variation of the command at most (default: no limit)"
+    )
+    noise = "rms command per rms sensor noise at most (default: no limit)"
+    asked.add_argument("--noise-gain", type=float, metavar="GAIN", help=noise)
     chance = asked.add_mutually_exclusive_group()
     words = "required probability that the specification holds, given the model uncertainty (default: 0.9)"
     chance.add_argument("--probability", type=float, metavar="P", help=words)
     chance.add_argument("--nominal", action="store_true", help="require no probability: gains for the estimate alone")
     asked.add_argument(
-        "--aim", default="ms", help="criterion minimised among admissible gains (default: ms; iae, travel ...)"
+        "--aim",
+        default="ms",
+        metavar="NAME",
+        help="criterion minimised among admissible gains (default: ms; iae, travel ...)",
     )
-    runs = p.add_argument_group("implementation of the controller")
-    runs.add_argument("--form", choices=["position", "incremental"], help="default: position")
-    runs.add_argument("--integration", choices=["backward", "forward", "trapezoidal"], help="default: backward")
-    runs.add_argument("--delay", type=int, metavar="SAMPLES", help="computational delay")
-    runs.add_argument("--filter-time", type=float, metavar="S", help="first-order low-pass of the measurement")
-    runs.add_argument("--average", type=int, metavar="SAMPLES", help="moving average of the measurement")
-    runs.add_argument("--low", type=float, help="lowest command")
-    runs.add_argument("--high", type=float, help="highest command")
-    runs.add_argument("--rate", type=float, metavar="PER_S", help="largest change of the command per second")
-    weight = "share of the reference in the proportional part, 0 to 1 (default: 1); less overshoot, the same loop"
-    runs.add_argument("--setpoint-weight", type=float, metavar="SHARE", help=weight)
-    runs.add_argument("--anti-windup", choices=["clamping", "back_calculation", "none"])
-    scaling = "units of the command per unit of the model's input: static gain over the slope of the load law"
-    runs.add_argument("--scaling", type=float, help=scaling)
-    runs.add_argument("--unit", metavar="UNIT", help="unit of the command, with --scaling: mm/min")
-    p.add_argument("--seed", type=int, default=1, help="seed of the draws (default: 1)")
+    _controller_options(p)
+    p.add_argument("--seed", type=seed, default=1, metavar="N", help="seed of the draws (default: 1)")
     force = "replace existing gains; write gains that miss the specification, marked as such"
     p.add_argument("--force", action="store_true", help=force)
-    p.add_argument("--json", action="store_true", help="print the section as JSON")
+    output_options(p, "print the section as JSON (fitmodels.tune/3)")
     return p
+
+
+def _controller_options(p: Parser) -> None:
+    """Options of the controller that the gains are for."""
+    runs = p.add_argument_group("implementation of the controller")
+    runs.add_argument("--form", choices=["position", "incremental"], help="of the algorithm (default: position)")
+    runs.add_argument(
+        "--integration", choices=["backward", "forward", "trapezoidal"], help="of the error (default: backward)"
+    )
+    runs.add_argument("--delay", type=int, metavar="SAMPLES", help="computational delay (default: 0)")
+    runs.add_argument(
+        "--filter-time", type=float, metavar="S", help="first-order low-pass of the measurement (default: none)"
+    )
+    runs.add_argument(
+        "--average", type=int, metavar="SAMPLES", help="moving average of the measurement (default: none)"
+    )
+    runs.add_argument("--low", type=float, metavar="U", help="lowest command (default: none)")
+    runs.add_argument("--high", type=float, metavar="U", help="highest command (default: none)")
+    runs.add_argument(
+        "--rate", type=float, metavar="PER_S", help="largest change of the command per second (default: none)"
+    )
+    weight = "share of the reference in the proportional part, 0 to 1 (default: 1); less overshoot, the same loop"
+    runs.add_argument("--setpoint-weight", type=float, metavar="SHARE", help=weight)
+    windup = "of the integral where the command is limited (default: back_calculation)"
+    runs.add_argument("--anti-windup", choices=["clamping", "back_calculation", "none"], help=windup)
+    scaling = (
+        "units of the command per unit of the model's input: static gain over the slope of the load law (default: 1)"
+    )
+    runs.add_argument("--scaling", type=float, metavar="U", help=scaling)
+    runs.add_argument(
+        "--unit", metavar="UNIT", help="unit of the command, with --scaling: mm/min (default: of the input)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -106,7 +135,8 @@ def run(args: argparse.Namespace) -> int:
     section = pi_section(tuned, scaling_u=args.scaling or 1.0, forced=forced)
     changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
     figure = Path(args.file).parent / PI_FIGURE
-    replace(changed, args.file, pf, {figure: _picture(tuned, _reference_step(pf))})
+    picture = _picture(tuned, _reference_step(pf), simulated=bool(pf.identity.simulated))
+    replace(changed, args.file, pf, {figure: picture})
     verdicts = cautions(pf, "dynamics")
     if args.json:
         facts = {"file": Path(args.file).name, "pi": section, "words": tuned.words, "margins": _margins(tuned)}
@@ -114,7 +144,11 @@ def run(args: argparse.Namespace) -> int:
         return 0
     simulated = [*_simulated(tuned, _reference_step(pf)), *_beyond_limits(tuned, pf)]
     lines = [*verdicts, *_sentences(tuned, changed), *simulated, *_scaling_by_load_law(changed, args)]
-    print_lines([*lines, f"Figure: {figure}", f"Written: pi in {args.file}"])
+    out = Printer(quiet=args.quiet)
+    for line in lines:
+        out.show(line)
+    out.wrote(f"Figure: {figure}", figure)
+    out.wrote(f"Written: pi in {args.file}", args.file)
     return 0
 
 
@@ -262,7 +296,9 @@ def _check_scaling(args: argparse.Namespace) -> None:
 
 
 def _check_limits(pf: "ParameterFile", args: argparse.Namespace) -> None:
-    """Raise UsageError where the limits of the command leave nothing of the feed limits of the file."""
+    """Raise UsageError where the limits of the command leave nothing, alone or of the feed limits of the file."""
+    if None not in (args.low, args.high) and args.low >= args.high:
+        raise UsageError(f"--low {args.low:g}, --high {args.high:g}: the lowest command lies below the highest.")
     line = pf.load_line
     factor = None if line is None or args.unit is None else _factor(line.unit_feed, args.unit)
     if line is None or factor is None:
@@ -330,12 +366,16 @@ def _unit(pi: Any) -> str:  # noqa: ANN401
     return f"{pi.unit_u or 'command'}/{pi.unit_y or 'measurement'}"
 
 
-def _picture(tuned: "TunedPi", step: float) -> bytes:
-    """Gains, trade-off and simulated steps as a PNG."""
+def _picture(tuned: "TunedPi", step: float, *, simulated: bool = False) -> bytes:
+    """Gains, trade-off and simulated steps as a PNG, marked where the dynamics are of simulated data."""
     from io import BytesIO
 
+    from ..core.figure_style import DPI
+    from ..core.plotting import mark_simulated
     from ..ident.pi.figures import tuning_figure
 
-    out = BytesIO()
-    tuning_figure(tuned, step).savefig(out, format="png", dpi=110, metadata={"Software": None})
+    out, figure = BytesIO(), tuning_figure(tuned, step)
+    if simulated:
+        mark_simulated(figure)
+    figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None})
     return out.getvalue()

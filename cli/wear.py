@@ -1,6 +1,7 @@
 """The main job: read a file of wear tests, fit its laws, check them, write a folder for each pair."""
 
 import argparse
+import shlex
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,18 +12,22 @@ from .arguments import MARK, ONE_TABLE, Parser, opened, stem, typed
 from .corrections import corrected
 from .look import facts
 from .options import fit_options, fitting_options, form_option, reading_options
-from .output import Printer, complain, print_json
+from .output import Printer, complain, output_options, print_json
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
+    from ..core.errors import UsageError
+    from ..core.progress import Meter
     from ..datasets import Runs
+    from ..parameters import ParameterFile
     from ..pipeline import FitOptions
     from ..pipeline.folders import Folder
     from ..pipeline.pair import PairAnalysis
 
 
 LISTED = 5  # folders that are named
+OF_OUTPUT = ("--full", "--quiet", "-q")  # options that change no result
 
 
 def parser() -> Parser:
@@ -31,10 +36,10 @@ def parser() -> Parser:
         "fitmodels",
         "fitmodels data.csv",
         "Fit wear, force and power laws to a file of cutting tests, and write a folder for each tool/work\n"
-        "pair with params.json, a model card (README.md) and figures.\n"
-        "Other commands, each with -h: look, reduce, compare; predict, plan, next, confirm, simulate; ident, excite,\n"
-        "tune; limits, settings, replay, check, export; card, publish; batch",
+        "pair with params.json, a model card (README.md) and figures. 'fitmodels help' lists the other commands.",
         ONE_TABLE,
+        main="--out --force --full --quiet --json --map --unit --value --leave-out --edge --tool --work --law "
+        "--form --criterion --by",
     )
     kinds = "CSV, TXT, TSV, .xlsx, .xls, .xlsb or .ods"
     p.add_argument(
@@ -42,11 +47,15 @@ def parser() -> Parser:
     )
     p.add_argument("--out", metavar="DIR", help="where to write (default: ./<file>-fit)")
     p.add_argument("--force", action="store_true", help="replace what an earlier run wrote there")
-    p.add_argument("--json", action="store_true", help="print the report as JSON; writes nothing unless --out")
+    output_options(
+        p, "print the report as JSON; writes nothing unless --out", "print all tables, checks and assumptions"
+    )
     reading_options(p)
     fitting_options(p)
     form_option(p)
-    p.add_argument("--by", metavar="COLUMN", help="a category whose levels shift the laws, fitted together")
+    p.add_argument(
+        "--by", metavar="COLUMN", help="a category whose levels shift the laws, fitted together (default: none)"
+    )
     verify = "compare laws with statsmodels, and posteriors with chains of another sampler (a few seconds per law)"
     p.add_argument("--verify", action="store_true", help=verify)
     pictures = "four figures of each posterior: marginals, pairs, by edge, curves"
@@ -76,40 +85,144 @@ def run(args: argparse.Namespace) -> int:
 
 def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> int:
     """Analyse the runs, print and write the results, and return the exit code."""
-    from ..cards.reading_terminal import reading_notes
     from ..core.progress import progress_bar
-    from ..pipeline.analysis import analyse_runs
     from ..pipeline.folders import left_folders
 
-    out = Printer()
-    folders = _folders(runs, options, args)
-    if not args.json:
-        out.show(reading_notes(runs, partial(corrected, args.words)))
-    with progress_bar(lines=False) as step:
-        analysis = analyse_runs(runs, options, command=typed(args.words), step=step.say)
+    out = Printer(quiet=args.quiet or args.json)
+    folders, refusal = _folders_or_refusal(runs, options, args)
+    screen = (_Full if args.full else _First)(args, runs, out, len(folders))
+    screen.read()
+    pairs: list[PairAnalysis] = []
+    for pair, complete in _stages(runs, options, args):
+        screen.pair(pair, folders[len(pairs)], complete=complete)
+        pairs += [pair] if complete else []
     reports, written = [], []
-    for pair, folder in zip(analysis.pairs, folders, strict=True):
-        _show(pair, folder, args, out)
-        if folder is not None:
+    for pair, folder in zip(pairs, folders, strict=True):
+        if folder is not None and pair.parameters is not None and refusal is None:
             with progress_bar(lines=False) as step:
-                step.say(f"writing {folder.path}")
+                step.say(f"drawing figures and the card in {folder.path}")
                 folder.write(pair, options, force=args.force)
-        if not args.json and folder is not None and pair.parameters is not None:
-            out.show(_written(pair, folder))
-        if folder is not None and pair.parameters is not None:
             written.append(folder.path)
+            if not args.json:
+                screen.wrote(pair, folder)
         reports.append(_report(pair, folder))
+    if refusal is not None:
+        raise refusal
     left = left_folders(_root(args), runs, written) if written else ()
-    if left and not args.json:
+    if left:
         out.show(_left(left, runs))
-    if not args.json:
-        for line in _reminders(runs, analysis.pairs):
-            out.show(line)
+    screen.end(pairs)
     if args.json:
         print_json("report", {"understood": facts(runs), "pairs": reports, "left": list(map(str, left))}, version=4)
-    if any(pair.failed for pair in analysis.pairs):
+    if any(pair.failed for pair in pairs):
         return 5
-    return 4 if any(pair.parameters is None for pair in analysis.pairs) else 0
+    return 4 if any(pair.parameters is None for pair in pairs) else 0
+
+
+def _stages(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> "Iterator[tuple[PairAnalysis, bool]]":
+    """Each pair as soon as it is analysed, under a bar of progress that ends before anything is printed."""
+    from ..core.progress import progress_bar
+    from ..pipeline.analysis import analysis_stages
+
+    bar: list[Meter] = []
+    command = typed([word for word in args.words if word not in OF_OUTPUT])
+    stages = analysis_stages(runs, options, command=command, step=lambda words: bar[-1].say(words))
+    while True:
+        with progress_bar(lines=False) as meter:
+            bar.append(meter)
+            found = next(stages, None)
+        if found is None:
+            return
+        yield found
+
+
+class _Full:
+    """All of it: how the file was read, each law with its tables, the files written, and what must not be missed."""
+
+    def __init__(self, args: argparse.Namespace, runs: "Runs", out: Printer, number: int) -> None:
+        self.args, self.runs, self.out, self.number = args, runs, out, number
+
+    def read(self) -> None:
+        """Print how the file was read."""
+        from ..cards.reading_terminal import reading_notes
+
+        self.out.show(reading_notes(self.runs, partial(corrected, self.args.words)))
+
+    def pair(self, pair: "PairAnalysis", folder: "Folder | None", *, complete: bool) -> None:
+        """Print a pair that is complete."""
+        if complete:
+            _show(pair, folder, self.args, self.out)
+
+    def wrote(self, pair: "PairAnalysis", folder: "Folder") -> None:
+        """Print the files of a folder."""
+        self.out.wrote(_written(pair, folder), folder.path)
+
+    def end(self, pairs: "Sequence[PairAnalysis]") -> None:
+        """Print what must not be missed."""
+        for line in _reminders(self.runs, pairs):
+            self.out.show(line)
+
+
+class _First(_Full):
+    """The first screen."""
+
+    def read(self) -> None:
+        """Print the file, units that are assumed, doubts."""
+        from ..cards.first_screen import FirstScreen, rendered
+
+        doubts = sorted(self.runs.doubts, key=lambda doubt: not doubt.unsettled)
+        words = [shlex.split(corrected(self.args.words, one.remedy)) if one.remedy else [] for one in doubts[:1]]
+        self.judged: list[object] = []
+        self.screen = FirstScreen(self.out.width, self.number, ascii=self.out.ascii)
+        self.out.show(rendered(self.screen.input_lines(self.runs, words[0] if words else [])))
+
+    def pair(self, pair: "PairAnalysis", folder: "Folder | None", *, complete: bool) -> None:
+        """Print a pair as soon as its laws are judged; on standard error why it has none, or none that may be used."""
+        from ..cards import terminal
+        from ..cards.first_screen import rendered
+
+        if failure := _failure(pair, folder):
+            complain(failure)
+        if complete and pair.comparisons:
+            self.out.show(terminal.comparison_line(pair.comparisons))
+        if pair.parameters is not None and not self._unchanged(pair.name, pair.parameters):
+            path = "params.json" if folder is None else str(folder.path / "params.json")
+            lines = self.screen.pair_lines(pair.parameters, pair.runs, pair.refused, path, pair.no_life)
+            if lines:
+                self.out.show(rendered(lines))
+
+    def _unchanged(self, name: str, pf: "ParameterFile") -> bool:
+        """Whether the pair stands on the screen already, with the same verdicts."""
+        now: list[object] = [name, [law.verdict for law in pf.laws.values()]]
+        same = self.judged == now
+        self.judged = now
+        return same
+
+    def wrote(self, pair: "PairAnalysis", folder: "Folder") -> None:
+        """Print the folder, of many pairs at the end."""
+        from ..cards.first_screen import rendered
+        from ..cards.reading_terminal import wrapped
+
+        if self.number == 1:
+            instead = " in place of the former reading" if folder.former else ""
+            words = f"{folder.path}: unchanged" if folder.unchanged else f"Written: {folder.path}/{instead}"
+            lines = wrapped(f"{words} (card.html; tables: --full)", self.out.width)
+            self.out.wrote(rendered(lines), folder.path)
+        elif self.out.quiet:
+            self.out.wrote("", folder.path)
+
+    def end(self, pairs: "Sequence[PairAnalysis]") -> None:
+        """Print where the folders of several pairs are, and how many are not on the screen."""
+        from ..cards.first_screen import rendered
+        from ..cards.reading_terminal import wrapped
+
+        written = sum(pair.parameters is not None for pair in pairs)
+        more = max(0, self.screen.used - self.screen.height)
+        if self.number > 1 and written:
+            rest = f"... and {more} more pairs. " if more else ""
+            count = f"{written} folder{'s' if written > 1 else ''}"
+            words = f"{rest}Written: {count} in {_root(self.args)}/ (card.html in each; tables: --full)"
+            self.out.show(rendered(wrapped(words, self.out.width)))
 
 
 def _reminders(runs: "Runs", pairs: "Sequence[PairAnalysis]") -> list[str]:
@@ -127,7 +240,7 @@ def _identify(args: argparse.Namespace, path: Path) -> int:
     from ..core.errors import DataError, UsageError
     from . import ident
 
-    shared = ("out", "tool", "work", "decimal", "delimiter", "unit", "force", "json", "words")
+    shared = ("out", "tool", "work", "decimal", "delimiter", "unit", "force", "json", "full", "quiet", "words")
     options = ident.parser().parse_args(["--", str(path)])
     options.out = f"{stem(args.file)}-fit" if not args.json else None
     vars(options).update({name: value for name in shared if (value := getattr(args, name)) is not None})
@@ -151,6 +264,21 @@ def _folders(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> "
     return pair_folders(each, _root(args), options, force=args.force)
 
 
+def _folders_or_refusal(
+    runs: "Runs", options: "FitOptions", args: argparse.Namespace
+) -> "tuple[Sequence[Folder | None], UsageError | None]":
+    """Folder of each pair, and why nothing is written there; raised at once where no screen is shown before it."""
+    from ..core.errors import UsageError
+
+    try:
+        return _folders(runs, options, args), None
+    except UsageError as error:
+        if args.quiet or args.json or args.student or args.force:
+            raise
+        folders = _folders(runs, options, argparse.Namespace(**{**vars(args), "force": True}))
+        return folders, UsageError(f"nothing was written: {error}\n  {typed([*args.words, '--force'])}")
+
+
 def _root(args: argparse.Namespace) -> str:
     return args.out or f"{stem(args.file)}-fit"
 
@@ -165,24 +293,30 @@ def _left(left: "Sequence[Path]", runs: "Runs") -> str:
     )
 
 
+def _failure(pair: "PairAnalysis", folder: "Folder | None") -> str:
+    """Why a pair has no laws, or no complete folder; empty for one that has both."""
+    from ..cards.terminal import nothing_fitted
+
+    if pair.failed:
+        return f"{pair.name}: {pair.failed}{_kept(pair, folder)}"
+    return "" if pair.parameters is not None else nothing_fitted(pair.runs, pair.refused)
+
+
 def _show(pair: "PairAnalysis", folder: "Folder | None", args: argparse.Namespace, out: Printer) -> None:
     """Print the laws of a pair; on standard error why it has none, or none that may be used."""
     from ..cards import terminal
 
-    if not args.json:
-        out.show(terminal.pair_head(pair.runs))
-    if pair.failed:
-        complain(f"{pair.name}: {pair.failed}{_kept(pair, folder)}")
-    elif pair.parameters is None:
-        complain(terminal.nothing_fitted(pair.runs, pair.refused))
-    elif not args.json:
+    out.show(terminal.pair_head(pair.runs))
+    if failure := _failure(pair, folder):
+        complain(failure)
+    if pair.parameters is not None and not pair.failed:
         for block in terminal.pair_blocks(pair.runs, pair.parameters, pair.refused, partial(corrected, args.words)):
             out.show(block)
         for block in terminal.surface_blocks(pair.laws):
             out.show(block)
         if pair.no_life:
             out.show(pair.no_life)
-    if pair.comparisons and not args.json:
+    if pair.comparisons:
         out.show(terminal.comparison_block(pair.comparisons))
 
 

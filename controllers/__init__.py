@@ -1,11 +1,11 @@
 """Controllers made from a parameter file alone, the plants they act on, and one simulation loop that runs both.
 
-    loop                     protocols of controller and plant, replay, Trace
+    loop                     protocols of controller and plant, replay, Trace; plants with a fault
     sensor_check             validity of a sensor reading
-    faults                   plants with a fault of sensor, sign or stiffness
     region/                  AC-2016: the visible region of V and f, its best point, its probability
     recursion/               AC-2017: the best pair minute by minute, to the end of tool life
     constant_load_milling/   CLM-2023: PI on spindle load, feed limits, tool change
+    economics/               cost of a part: settings of least cost and greatest rate, change of edges
     roughness/               SURF: constant roughness through constant force
     adaptive_force/          LYAP: adaptive force control, and a fixed PI for comparison
 

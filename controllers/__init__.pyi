@@ -2,6 +2,7 @@ from .adaptive_force.controller import AdaptiveForceControl as AdaptiveForceCont
 from .constant_load_milling.controller import ConstantLoad as ConstantLoad
 from .constant_load_milling.plant import MillingCut as MillingCut
 from .constant_load_milling.runs import constant_load_run as constant_load_run
+from .economics.optimum import economic_settings as economic_settings
 from .exports import export as export
 from .gate import check_control as check_control
 from .loop import replay as replay
@@ -23,6 +24,7 @@ __all__ = [
     "best_point",
     "check_control",
     "constant_load_run",
+    "economic_settings",
     "export",
     "feasibility",
     "life_draws",

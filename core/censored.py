@@ -105,6 +105,15 @@ def fit_censored(Z: Array, ln_life: Array, side: Side, distribution: Distributio
     return CensoredFit(beta + _of_constant(Z, shift), scale, covariance, total)
 
 
+def log_likelihoods(z: Array, side: Side, distribution: Distribution, scale: float) -> Array:
+    """Log density of each ln T that ended, and log probability of each bound, at standardised residuals z, shape (n,).
+
+    >>> log_likelihoods(np.zeros(2), np.array([0, 1], dtype=np.int8), "lognormal", 1.0).round(4).tolist()
+    [-0.9189, -0.6931]
+    """
+    return np.asarray(_terms(z, side, distribution)[0] - np.where(side == ENDED, np.log(scale), 0.0))
+
+
 def _of_constant(Z: Array, shift: float) -> Array:
     """Coefficients of a constant in the columns of Z, the first of which is the constant."""
     out = np.zeros(Z.shape[1])

@@ -11,20 +11,27 @@ neither::
     @plot.register
     def _(law: LawFit, ax: Axes | None = None) -> Axes: ...
 
+    @figures_of.register  # where there are several kinds of figure
+    def _(law: LawFit) -> Mapping[str, Drawing]: ...
+
 These modules are imported when the first result of their package is shown or drawn.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache, singledispatch
 from html import escape
 from importlib import import_module
 from importlib.util import find_spec
+from inspect import signature
+from itertools import zip_longest
 from re import fullmatch, sub
 from textwrap import fill, wrap
 from typing import TYPE_CHECKING, Any
 
+from .errors import UsageError
 from .rounding import format_plain, format_rounded
+from .suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -49,6 +56,7 @@ class TextTable:
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    tones: tuple[str, ...] = ()  # colour of the last cell of each row in a notebook, "" for that of the text
 
     def text(self) -> str:
         """Rows in columns: names and sentences to the left, numbers to the right."""
@@ -66,22 +74,33 @@ class TextTable:
         return column == 0 or any(len(row[column]) > SENTENCE for row in self.rows)
 
     def html(self) -> str:
-        """An HTML table without colours of its own."""
+        """An HTML table without colours but those of its last column."""
         left = [self._left(j) for j in range(len(self.header))]
         head = "".join(_cell("th", *of, RULE) for of in zip(self.header, left, strict=True)) if any(self.header) else ""
-        body = ("".join(_cell("td", *of) for of in zip(row, left, strict=True)) for row in self.rows)
+        body = (
+            "".join(_cell("td", *of) for of in zip(row[:-1], left, strict=False))
+            + _cell("td", row[-1], left[-1] or bool(tone), f"; color: {tone}" if tone else "")
+            for row, tone in zip_longest(self.rows, self.tones[: len(self.rows)])
+        )
         rows = "".join(f"<tr>{row}</tr>" for row in (head, *body) if row)
         return f'<table style="border-collapse: collapse; margin: 0.4em 0">{rows}</table>'
 
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """What is shown of a result: ``head`` with its main numbers and units, then table, facts and sentences."""
+    """What is shown of a result: ``head`` with its main numbers and units, then tables, facts and sentences."""
 
     head: str
     facts: tuple[tuple[str, str], ...] = ()
     table: TextTable | None = None
     sentences: tuple[str, ...] = ()
+    checks: TextTable | None = None
+
+    @property
+    def tables(self) -> tuple[TextTable, ...]:
+        """Table, facts and checks, those that there are."""
+        facts = TextTable(("", ""), self.facts) if self.facts else None
+        return tuple(table for table in (self.table, facts, self.checks) if table is not None)
 
 
 def by_fields(result: object) -> Display:
@@ -110,6 +129,50 @@ def plot(result: object, ax: Any = None, **options: Any) -> Any:  # noqa: ANN401
     raise TypeError(f"{type(result).__name__} has no figure; see summary().")
 
 
+Drawing = Callable[..., Any]  # (result, ax or None, **options) -> Axes, or an array of them
+
+
+@singledispatch
+def figures_of(result: object) -> Mapping[str, Drawing]:
+    """Figures of a result by kind, the default first; registered per class where there are several."""
+    return {}
+
+
+def drawing_of(result: object, kind: str | None, options: Iterable[str] = ()) -> Drawing:
+    """The function that draws a kind of figure of a result, by default the first kind.
+
+    Raises
+    ------
+    UsageError
+        There is no such kind, or the figure does not have one of the ``options``.
+    """
+    kinds, name = figures_of(result), _spaced(type(result).__name__)
+    if kind is not None and kind not in kinds:
+        others = did_you_mean(kind, kinds, names="There are ") if kinds else "It has one figure: omit the kind."
+        raise UsageError(f"{name}: no figure of kind {kind!r}. {others}")
+    function = kinds[kind or next(iter(kinds))] if kinds else plot.dispatch(type(result))
+    known = [*signature(function).parameters][1:]
+    for option in options:
+        if option not in known and "options" not in known:
+            others = did_you_mean(option, known, names="Its options are ")
+            raise UsageError(f"{name}: no option {option!r} of {f'the figure {kind!r}' if kind else 'plot'}. {others}")
+    return function
+
+
+def draw_figure(result: object, kind: str | None = None, ax: Any = None, **options: Any) -> Any:  # noqa: ANN401
+    """Draw a figure of a result on ``ax`` or on a figure that pyplot does not know; the axes are returned.
+
+    Raises
+    ------
+    UsageError
+        No such kind or option, or ``ax`` is no Axes.
+    """
+    from .plotting import checked_axes
+
+    _load("figures", type(result).__module__)
+    return drawing_of(result, kind, options)(result, checked_axes(ax), **options)
+
+
 class HasRepr:
     """Base of what has a one-line ``repr`` and a notebook view from its `Display`."""
 
@@ -125,10 +188,7 @@ class HasRepr:
     def _repr_html_(self) -> str:
         shown = self._display()
         parts = [f"<p><strong>{escape(_spaced(type(self).__name__))}</strong>: {escape(shown.head)}</p>"]
-        if shown.table is not None:
-            parts.append(shown.table.html())
-        if shown.facts:
-            parts.append(TextTable(("", ""), shown.facts).html())
+        parts += [table.html() for table in shown.tables]
         parts += [f"<p>{escape(sentence)}</p>" for sentence in shown.sentences]
         return f"<div>{''.join(parts)}</div>"
 
@@ -150,11 +210,10 @@ class Displayable(HasRepr):
     def summary(self) -> str:
         """The result as plain text."""
         shown = self._display()
-        table = [shown.table.text()] if shown.table is not None else []
-        facts = [TextTable(("", ""), shown.facts).text()] if shown.facts else []
+        tables = (table.text() for table in shown.tables)
         lines = (f"{_spaced(type(self).__name__)}: {shown.head}", *shown.sentences)
         head, *sentences = (fill(text, WIDTH) for text in lines)
-        return "\n".join([head, *table, *facts, *sentences])
+        return "\n".join([head, *tables, *sentences])
 
 
 class Plottable(Displayable):
@@ -162,10 +221,30 @@ class Plottable(Displayable):
 
     __slots__ = ()
 
-    def plot(self, ax: Any = None, **options: Any) -> Any:  # noqa: ANN401
-        """Draw the figure of the result on ``ax``, or on axes of its own; the axes are returned."""
-        _load("figures", type(self).__module__)
-        return plot(self, ax, **options)
+    def plot(self, kind: Any = None, ax: Any = None, **options: Any) -> Any:  # noqa: ANN401
+        """Draw a figure of the result; its axes are returned.
+
+        Parameters
+        ----------
+        kind : str, optional
+            Which figure, where the result has several. ``plot(ax)`` is accepted as ``plot(ax=ax)``.
+        ax : Axes, optional
+            Axes to draw on. Without them the figure is new and known to pyplot, as is one of ``plt.figure``: a notebook
+            shows it once, ``plt.show()`` shows it, ``plt.savefig`` writes it, ``plt.close()`` closes it.
+        **options
+            Of this kind of figure.
+
+        Raises
+        ------
+        UsageError
+            No such kind or option, or ``ax`` is no Axes; the message names those that exist.
+        """
+        from .plotting import to_pyplot
+
+        if ax is None and kind is not None and not isinstance(kind, str):
+            kind, ax = None, kind
+        drawn = draw_figure(self, kind, ax, **options)
+        return to_pyplot(drawn) if ax is None else drawn
 
 
 @lru_cache(maxsize=256)
@@ -223,16 +302,6 @@ def format_value(value: object) -> str:
     return _many(value)
 
 
-def with_error(value: float, error: float | None, unit: str = "") -> str:
-    """A value with its standard error, rounded by it, and its unit.
-
-    >>> with_error(0.577123, 0.0213), with_error(95.1089, 0.0213, "kg"), with_error(2.0, None, "A")
-    ('0.577 ± 0.021', '95.109 ± 0.021 kg', '2 A')
-    """
-    number, plus = format_rounded(value, error)
-    return " ".join(filter(None, (f"{number} ± {plus}" if plus else number, unit)))
-
-
 def estimates(
     names: Sequence[str],
     values: Iterable[float],
@@ -260,11 +329,6 @@ def estimates(
         rows.append((name, *format_rounded(float(value), error), *ends, *([units[j]] if units else []), *extra))
     interval = [] if not len(low) else [f"{100 * level:g} % low", "high"]
     return TextTable(("", "estimate", "se", *interval, *(["unit"] if units else []), *(more or {})), tuple(rows))
-
-
-def with_unit(symbol: str, unit: str) -> str:
-    """A symbol with its unit in brackets, where it has one."""
-    return f"{symbol} [{unit}]" if unit else symbol
 
 
 def _known(value: float | None) -> bool:

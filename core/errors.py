@@ -59,3 +59,7 @@ class GateError(ParameterError):
     """A quality gate refuses to write; the message says what to do first."""
 
     exit_code = 5
+
+
+class ReadingWarning(UserWarning):
+    """Warning on tests that a call has read: what was assumed, and what is doubtful."""

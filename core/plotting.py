@@ -1,45 +1,179 @@
 """Figures and axes that a notebook shows: ``result.plot()`` as the last line of a cell is its figure.
 
-Nothing here uses pyplot, so nothing is shown twice, kept open or shown by a script. A notebook shows what has a
-``_repr_png_``; matplotlib's own figures have none until pyplot gives them one, and its axes never do.
+Functions that draw make figures without pyplot, so that the command and the card keep none open. ``result.plot()``
+without ``ax`` then hands its figure to pyplot (`to_pyplot`). A notebook shows what has a ``_repr_png_``; matplotlib's
+own figures have none until pyplot gives them one, and its axes never do.
 """
 
-from collections.abc import Mapping, Sequence
+import sys
+import threading
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from io import BytesIO
-from typing import Any
+from itertools import pairwise
+from re import findall, split
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-BLUE, ORANGE, GREY = "#1f5fa8", "#c8551b", "#8a8a8a"
+from .errors import UsageError
+from .figure_style import BLUE, DOT, GREY, LIGHT, LINE, MARKERS, RED, SERIES, SMALL, TEXT, THIN, TITLE
+
 SHARP = 2  # pixels drawn for each that is laid out: screens of notebooks are fine
+CONSTANT = 1e-9  # relative spread of a surface below which there are no contours
+LEGEND: dict[str, Any] = {"fontsize": SMALL, "frameon": False}
+# Steps within a decade, coarse to fine
+STEPS = (
+    (1.0,),
+    (1.0, 3.0),
+    (1.0, 2.0, 5.0),
+    (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
+    (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
+)
 MOST = 60  # estimates in one picture
 
 
 def png(figure: Any) -> tuple[bytes, dict[str, int]]:  # noqa: ANN401  Figure or SubFigure
     """A figure as a PNG and the size it is shown at, as notebooks take it."""
-    held = BytesIO()
-    whole = figure.get_figure(root=True) or figure
+    held, whole = BytesIO(), figure.figure
     whole.savefig(held, format="png", dpi=SHARP * whole.dpi)
     width, height = (round(side * whole.dpi) for side in whole.get_size_inches())
     return held.getvalue(), {"width": width, "height": height}
 
 
+HALO: Any = [withStroke(linewidth=2.0, foreground="white", alpha=0.8)]
+Styles = Mapping[str, Mapping[str, Any]]
+
+
+def dress(ax: Any) -> None:  # noqa: ANN401  Axes of any projection
+    """Give axes the style of the package: frame on two sides, a light grid, colours and sizes of text."""
+    ax.tick_params(which="both", labelsize=SMALL, color=GREY, labelcolor=LIGHT.ink, width=THIN, length=3)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.label.set(fontsize=TEXT, color=LIGHT.ink)
+    if ax.name != "rectilinear":
+        return
+    for name, spine in ax.spines.items():
+        spine.set(color=GREY, linewidth=THIN, visible=name in ("left", "bottom"))
+    ax.set_prop_cycle(color=SERIES)
+    ax.grid(visible=True, which="major", color=LIGHT.rule, linewidth=THIN, linestyle="-")
+    ax.set_axisbelow(True)
+
+
+class Limit(NamedTuple):
+    """A limit of a response, with its words: ``wear criterion 0.3 mm``."""
+
+    value: float
+    words: str
+
+
+def to_pyplot(drawn: Any) -> Any:  # noqa: ANN401  Axes, or an array of them
+    """The same axes, their figure known to pyplot as its current one.
+
+    Only in the main thread, outside of which pyplot is not safe, and where its backend works: without a screen the
+    figure can still be saved by its own method.
+    """
+    first = drawn.ravel()[0] if isinstance(drawn, np.ndarray) else drawn
+    if isinstance(first, Axes) and threading.current_thread() is threading.main_thread():
+        from matplotlib import pyplot
+
+        figure: Any = first.figure.figure
+        if not _is_open(figure):
+            existing: Any = lambda *_, **__: figure  # noqa: E731  in place of a class that makes a new one
+            with suppress(ImportError):
+                pyplot.figure(FigureClass=existing)
+    return drawn
+
+
+def checked_axes(ax: Any) -> Axes | None:  # noqa: ANN401
+    """Axes to draw on, or None.
+
+    Raises
+    ------
+    UsageError
+        It is something else.
+    """
+    if ax is None or isinstance(ax, Axes):
+        return ax
+    raise UsageError(f"ax={ax!r:.60}: it is no Axes of matplotlib; give one of plt.subplots(), or omit ax.")
+
+
+def _is_open(figure: Any) -> bool:  # noqa: ANN401
+    """Whether pyplot manages a figure, which becomes its current one."""
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    number = getattr(figure, "number", None)
+    return pyplot is not None and number in pyplot.get_fignums() and pyplot.figure(number) is figure
+
+
+def _shown(axes: Axes) -> tuple[bytes, dict[str, int]] | None:
+    """PNG of the figure of axes, unless pyplot's backend shows it.
+
+    The inline backend of notebooks shows open figures at the end of a cell. One that is shown here is therefore
+    closed, after those that were drawn before it are shown.
+    """
+    figure: Any = axes.figure.figure
+    if not _is_open(figure):
+        return png(figure)
+    from matplotlib import get_backend, pyplot
+
+    backend = get_backend().lower()
+    if "inline" not in backend:
+        return png(figure) if backend == "agg" else None
+    pyplot.close(figure)
+    pyplot.show()
+    return png(figure)
+
+
 class NotebookFigure(Figure):
-    """A figure that a notebook shows."""
+    """A figure that a notebook shows, its axes in the style of the package."""
+
+    def add_subplot(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401
+        """Axes in the style of the package."""
+        dress(ax := super().add_subplot(*args, **_own_class(kwargs)))
+        return ax
+
+    def add_axes(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401
+        """Axes in the style of the package at a place of the figure."""
+        dress(ax := super().add_axes(*args, **_own_class(kwargs)))
+        return ax
+
+    def suptitle(self, t: str, **kwargs: Any) -> Any:  # noqa: ANN401
+        """A title over all axes, by default of the size of their own titles."""
+        return super().suptitle(t, **{"fontsize": TITLE, "color": LIGHT.ink, **kwargs})
+
+    def legend(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401
+        """A legend, by default small and without a frame."""
+        return super().legend(*args, **{**LEGEND, **kwargs})
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         return png(self)
 
 
 class NotebookAxes(Axes):
-    """Axes that a notebook shows, with all of their figure."""
+    """Axes that a notebook shows, with all of their figure; titles and legends have the style of the package."""
 
-    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-        return png(self.figure)
+    def set_title(self, label: str, fontdict: dict[str, Any] | None = None, **kwargs: Any) -> Any:  # type: ignore[override]  # noqa: ANN401
+        """A title, by default at the left."""
+        left = {} if "loc" in kwargs else {"x": 0, "ha": "left"}
+        return super().set_title(label, fontdict, **{"fontsize": TITLE, "color": LIGHT.ink, **left, **kwargs})
+
+    def twinx(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401
+        """Axes on the same x, without a second grid."""
+        other = super().twinx(*args, **kwargs)
+        other.grid(visible=False)
+        return other
+
+    def legend(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401
+        """A legend, by default small and without a frame."""
+        return super().legend(*args, **{**LEGEND, **kwargs})
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]] | None:
+        return _shown(self)
 
 
 class NotebookAxesArray(np.ndarray[Any, Any]):
@@ -47,7 +181,13 @@ class NotebookAxesArray(np.ndarray[Any, Any]):
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]] | None:
         first = self.ravel()[0] if self.size else None
-        return png(first.figure) if isinstance(first, Axes) else None
+        return _shown(first) if isinstance(first, Axes) else None
+
+
+def _own_class(kwargs: dict[str, Any]) -> dict[str, Any]:
+    """Options of new axes with `NotebookAxes` as their class, where no other projection is asked for."""
+    given = {name: value for name, value in kwargs.items() if value is not None}
+    return given if {"projection", "polar", "axes_class"} & set(given) else {**given, "axes_class": NotebookAxes}
 
 
 def new_axes(ax: Axes | None, width: float = 4.8, height: float = 4.2) -> Axes:
@@ -55,7 +195,23 @@ def new_axes(ax: Axes | None, width: float = 4.8, height: float = 4.2) -> Axes:
     if ax is not None:
         return ax
     figure = NotebookFigure(figsize=(width, height), layout="constrained")
-    return figure.add_subplot(axes_class=NotebookAxes)
+    made: Axes = figure.add_subplot()
+    return made
+
+
+def new_panels(n: int, across: int, side: tuple[float, float], *, share_y: bool = False) -> list[Axes]:
+    """Axes of one figure, ``across`` in a row, each of ``side`` inches."""
+    across = min(n, across)
+    down = -(-n // across)
+    figure = NotebookFigure(figsize=(max(across * side[0], 4.8), down * side[1] + 0.5), layout="constrained")
+    grid = figure.add_gridspec(down, across)
+    panels: list[Axes] = []
+    for i in range(n):
+        first = panels[0] if panels and share_y else None
+        panels.append(figure.add_subplot(grid[divmod(i, across)], sharey=first))
+        if share_y and i % across:
+            panels[i].tick_params(labelleft=False)
+    return panels
 
 
 def axes_array(panels: Sequence[Axes]) -> NDArray[np.object_]:
@@ -63,6 +219,93 @@ def axes_array(panels: Sequence[Axes]) -> NDArray[np.object_]:
     held = np.empty(len(panels), dtype=object)
     held[:] = panels
     return held.view(NotebookAxesArray)
+
+
+def natural_key(name: str) -> list[str | int]:
+    """Sort key by the numbers in a name.
+
+    Examples
+    --------
+    >>> sorted(["E10", "E2"], key=natural_key)
+    ['E2', 'E10']
+    """
+    return [int(part) if part.isdecimal() else part for part in split(r"(\d+)", name)]
+
+
+def edge_styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Colour and marker of each cutting edge in the order of their numbers; beyond 48 edges they repeat.
+
+    Examples
+    --------
+    >>> styles = edge_styles(f"E{k}" for k in range(1, 25))
+    >>> len({(style["color"], style["marker"]) for style in styles.values()})
+    24
+    """
+    ordered = sorted(dict.fromkeys(names), key=natural_key)
+    n = len(SERIES)
+    return {
+        name: {"color": SERIES[k % n], "marker": MARKERS[k // n % len(MARKERS)], "mec": SERIES[k % n], "mew": THIN,
+               "mfc": "none" if k // n % 2 else SERIES[k % n], "ls": "none", "ms": DOT}
+        for k, name in enumerate(ordered)
+    }  # fmt: skip
+
+
+def mark_simulated(figure: Any, words: str = "not measured") -> None:  # noqa: ANN401  Figure
+    """Mark a figure of simulated data at its top; a layout that is computed keeps a place for the mark."""
+    style: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": SMALL, "color": RED, "weight": "bold"}
+    if figure.get_layout_engine() is None or figure.get_suptitle():
+        figure.text(0.995, 0.998, f"SIMULATED DATA, {words}", **style)
+    else:
+        figure.suptitle(f"SIMULATED DATA, {words}", x=0.995, **style)
+
+
+def titled(ax: Axes, title: str, notes: Iterable[str] = ()) -> None:
+    """A title, and below it a line for each note, small and grey."""
+    held = [note for note in notes if note]
+    ax.set_title(title, pad=4 + 1.35 * SMALL * len(held))
+    if held:
+        ax.annotate("\n".join(held), (0, 1), (0, 3), "axes fraction", "offset points", fontsize=SMALL, color=GREY,
+                    va="bottom", linespacing=1.15)  # fmt: skip
+
+
+def edge_legend(owner: Any, styles: Styles, across: int = 1, **place: Any) -> None:  # noqa: ANN401
+    """Legend of edges with so many names in a row."""
+    handles = [Line2D([], [], label=name, **style) for name, style in styles.items()]
+    gaps = {"columnspacing": 1.0, "handletextpad": 0.1, "labelspacing": 0.3}
+    owner.legend(handles=handles, title="edge", title_fontsize=SMALL, ncols=across, **gaps, **place)
+
+
+def draw_limit(ax: Axes, limit: Limit | None, which: str = "y") -> None:
+    """A limit as a dashed line with its words, where it lies on the axis."""
+    low, high = sorted(ax.get_ylim() if which == "y" else ax.get_xlim())
+    if limit is None or not low <= limit.value <= high:
+        return
+    (ax.axhline if which == "y" else ax.axvline)(limit.value, color=RED, lw=LINE, ls=(0, (5, 2)), zorder=1.5)
+    ax.annotate(limit.words, (0.01, limit.value), (0, 3), ("axes fraction", "data"), "offset points", fontsize=SMALL,
+                color=RED, va="bottom", path_effects=HALO)  # fmt: skip
+
+
+def _are_successive(names: Sequence[str]) -> bool:
+    """Whether the names have the same first letters and successive numbers after them."""
+    parts = [findall(r"^(\D*)(\d+)", name) for name in names]
+    if not all(parts):
+        return False
+    numbers = [int(number) for ((_, number),) in parts]
+    return len({letters for ((letters, _),) in parts}) == 1 and all(b - a == 1 for a, b in pairwise(numbers))
+
+
+def short_names(names: Iterable[str], most: int = 3) -> str:
+    """Names in a few letters: successive numbers as a range, many names as their number.
+
+    Examples
+    --------
+    >>> short_names(["E15", "E16", "E17"]), short_names(["E1", "E5"]), short_names(f"E{2 * k}" for k in range(9))
+    ('E15–E17', 'E1, E5', '9 edges')
+    """
+    ordered = sorted(dict.fromkeys(names), key=natural_key)
+    if len(ordered) > 2 and _are_successive(ordered):
+        return f"{ordered[0]}–{ordered[-1]}"
+    return ", ".join(ordered) if len(ordered) <= most else f"{len(ordered)} edges"
 
 
 def whiskers(
@@ -73,13 +316,45 @@ def whiskers(
     ax = new_axes(ax, 4.8, 1.1 + 0.34 * max(len(shown), 3))
     for at, (value, low, high) in enumerate(shown.values()):
         if np.isfinite([low, high]).all():
-            ax.plot([low, high], [at, at], color=BLUE, lw=1.4, solid_capstyle="butt")
-        ax.plot([value], [at], "o", ms=5, color=BLUE)
+            ax.plot([low, high], [at, at], color=BLUE, lw=LINE, solid_capstyle="butt")
+        ax.plot([value], [at], "o", ms=DOT + 1, color=BLUE)
     ax.set_yticks(range(len(shown)), list(shown))
     ax.set_ylim(len(shown) - 0.5, -0.5)
     if any(value * low <= 0 or value * high <= 0 for value, low, high in shown.values()):
-        ax.axvline(0, color=GREY, lw=0.8, zorder=0)
+        ax.axvline(0, color=GREY, lw=THIN, zorder=0)
     ax.xaxis.set_major_locator(MaxNLocator(6))
     ax.set_xlabel(label)
-    ax.set_title(title, fontsize=9)
+    ax.set_title(title)
+    ax.grid(visible=False, axis="y")
     return ax
+
+
+def plain_ticks(ax: Axes, which: str, x: list[float], y: list[float]) -> None:
+    """Ticks of a logarithmic axis at round numbers, without exponents."""
+    for name, axis, ends in (("x", ax.xaxis, x), ("y", ax.yaxis, y)):
+        if name in which:
+            ticks = round_numbers(ends[0], ends[1])
+            axis.set_ticks(ticks, [f"{v:g}" for v in ticks])
+            axis.set_ticks([], minor=True)
+
+
+def round_numbers(low: float, high: float, fewest: int = 3, most: int = 9) -> list[float]:
+    """Round numbers between two ends of a logarithmic axis, at least ``fewest`` where possible."""
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    ticks: list[float] = []
+    for steps in STEPS:
+        ticks = [float(f"{d * s:.6g}") for d in decades for s in steps if low * 0.999 <= d * s <= high * 1.001]
+        if fewest <= len(ticks) <= most:
+            return ticks
+    return ticks if 2 <= len(ticks) <= most else [float(f"{v:.2g}") for v in np.geomspace(low, high, 4)]
+
+
+def contour_levels(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """About seven contour levels at round numbers; none of a surface that is constant or not finite."""
+    low, high = float(z.min()), float(z.max())
+    if not (np.isfinite(z).all() and high - low > CONSTANT * max(abs(low), abs(high))):
+        return np.empty(0)
+    if low > 0 and high / low > 8:
+        inside = [v for v in round_numbers(low, high, fewest=5) if low < v < high]
+        return np.array(inside) if len(inside) > 2 else np.geomspace(low, high, 8)[1:-1]
+    return np.array([v for v in MaxNLocator(8).tick_values(low, high) if low < v < high])

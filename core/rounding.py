@@ -71,3 +71,27 @@ def p_value(p: float) -> str:
     ('0.041', '<0.001')
     """
     return "" if not math.isfinite(p) else "<0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def count(n: int, what: str, several: str = "") -> str:
+    """A number of things, with the noun in the right number.
+
+    >>> count(1, "row"), count(0, "edge"), count(2, "analysis", "analyses")
+    ('1 row', '0 edges', '2 analyses')
+    """
+    return f"{n} {what}" if n == 1 else f"{n} {several or f'{what}s'}"
+
+
+def with_error(value: float, error: float | None, unit: str = "") -> str:
+    """A value with its standard error, rounded by it, and its unit.
+
+    >>> with_error(0.577123, 0.0213), with_error(95.1089, 0.0213, "kg"), with_error(2.0, None, "A")
+    ('0.577 ± 0.021', '95.109 ± 0.021 kg', '2 A')
+    """
+    number, plus = format_rounded(value, error)
+    return " ".join(filter(None, (f"{number} ± {plus}" if plus else number, unit)))
+
+
+def with_unit(symbol: str, unit: str) -> str:
+    """A symbol with its unit in brackets, where it has one."""
+    return f"{symbol} [{unit}]" if unit else symbol

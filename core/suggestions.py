@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
 
 
 def closest(name: object, known: Iterable[str], cutoff: float = 0.5) -> str | None:
@@ -26,3 +27,23 @@ def did_you_mean(name: object, known: Iterable[str], cutoff: float = 0.5, *, nam
     known = list(known)
     near = closest(name, known, cutoff)
     return f"Did you mean {near!r}?" if near else f"{names}{', '.join(known)}."
+
+
+def near_path(path: Path) -> Path | None:
+    """The existing path most like one that does not exist: its first wrong part is replaced; None without one.
+
+    >>> here = Path(__file__)
+    >>> near_path(here.parent / "sugestions.py").name
+    'suggestions.py'
+    >>> near_path(here.parent.parent / "croe" / "suggestions.py") == here
+    True
+    """
+    folder = path.parent if path.parent.is_dir() else near_path(path.parent)
+    if folder is None or not folder.is_dir():
+        return None
+    if (folder / path.name).exists():
+        return folder / path.name
+    near = closest(path.name, (entry.name for entry in folder.iterdir()), cutoff=0.6)
+    if near is None or closest(path.stem, [Path(near).stem], cutoff=0.6) is None:  # alike in the suffix alone
+        return None
+    return folder / near

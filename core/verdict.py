@@ -1,8 +1,8 @@
 """The verdict on a result: how far it can be used, the reasons, what was checked and what was not."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from .display import Display, Displayable
 
@@ -10,6 +10,26 @@ USABLE, RESERVATIONS, DO_NOT_USE = 0, 1, 2
 PROBABILITY: Final = 0.9  # of a specification: required by default, and below which gains are used with reservations
 EVEN: Final = 0.5  # where the whole interval lies below it, the specification fails more often than it holds
 LEVELS: Final = ("usable inside the tested region", "usable with reservations", "do not use for control")
+NOT_JUDGED: Final = "not judged"
+
+
+class Mark(NamedTuple):
+    """Icon, colour and words of a level on terminal, card, notebook and widget: none of the three stands alone."""
+
+    icon: str
+    ascii: str  # the icon where an encoding has no other
+    colour: str  # ANSI base colour of a terminal, legible on light and dark
+    css: str  # class of a page
+    tone: str  # colour in a notebook, legible on light and dark
+    words: str
+
+
+MARKS: Final[Mapping[int | None, Mark]] = {  # level of a result -> its mark; None: not judged
+    USABLE: Mark("✓", "+", "green", "usable", "#218739", LEVELS[USABLE]),
+    RESERVATIONS: Mark("!", "!", "yellow", "reservations", "#a36a00", LEVELS[RESERVATIONS]),
+    DO_NOT_USE: Mark("✗", "x", "bold red", "do-not-use", "#d73a49", LEVELS[DO_NOT_USE]),
+    None: Mark("?", "?", "yellow", "not-judged", "#a36a00", NOT_JUDGED),
+}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -42,6 +62,11 @@ class Verdict(Displayable):
     def words(self) -> str:
         """The level in words."""
         return LEVELS[self.level]
+
+    @property
+    def mark(self) -> Mark:
+        """Icon, colour and words of the level."""
+        return MARKS[self.level]
 
     def _display(self) -> Display:
         facts = (("checked", ", ".join(self.checked)), ("not checked", "; ".join(self.not_checked)))

@@ -208,7 +208,7 @@ def _composite_notes(
     aliases = alias_sentences(points.coded, names)
     if half:
         alone = [words for words in alias_sentences(factorial, names) if words not in aliases]
-        out += [f"Of the factorial points alone: {words}" for words in alone]
+        out += [f"Of the factorial points alone: {words[0].lower()}{words[1:]}" for words in alone]
     return (*out, *aliases, *block_sentences(points, names))
 
 

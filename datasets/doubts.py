@@ -1,8 +1,11 @@
 """Doubts about a file of tests: unusual values, columns that contradict each other, choices that it does not settle."""
 
+import re
 from dataclasses import dataclass
 
 from ..core.display import Display, Displayable
+
+KEYWORDS = {"unit": "units", "map": "map", "value": "constants"}  # options of the command -> of datasets.read_runs
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -17,6 +20,8 @@ class Doubt(Displayable):
         One sentence with the values, the lines and the usual range.
     remedy : str
         Options of the command that correct the reading, as typed (``--unit VB=um``); "" where there is none.
+    unsettled : bool
+        Whether the values may be wrong by a factor of 10 or more, so that no law on the columns is to be used.
 
     Examples
     --------
@@ -27,10 +32,24 @@ class Doubt(Displayable):
     columns: tuple[str, ...]
     sentence: str
     remedy: str = ""
+    unsettled: bool = False
 
     def __str__(self) -> str:
         """The sentence with its remedy."""
         return f"{self.sentence}: {self.remedy}" if self.remedy else self.sentence
+
+    @property
+    def in_python(self) -> str:
+        """The sentence with its remedy as a keyword of `datasets.read_runs`.
+
+        >>> Doubt(("VB",), "VB 120 to 190 mm is above the usual .02 to .6 mm", "--unit VB=um").in_python
+        "VB 120 to 190 mm is above the usual .02 to .6 mm: units={'VB': 'um'}"
+        """
+        one = re.fullmatch(r"--(unit|map|value) (\w+)=(\S+)", self.remedy)
+        if one is None:
+            return str(self)
+        value = one[3] if one[1] == "value" else repr(one[3])
+        return f"{self.sentence}: {KEYWORDS[one[1]]}={{{one[2]!r}: {value}}}"
 
     def _display(self) -> Display:
         return Display(str(self))

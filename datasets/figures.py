@@ -3,8 +3,10 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..core.display import plot, with_unit
-from ..core.plotting import BLUE, GREY, ORANGE, new_axes
+from ..core.display import plot
+from ..core.figure_style import BLUE, GREY, ORANGE, SMALL, THIN
+from ..core.plotting import new_axes
+from ..core.rounding import with_unit
 from .records.record import Record
 from .runs import Runs
 
@@ -25,13 +27,13 @@ def runs_figure(runs: Runs, ax: Axes | None = None) -> Axes:
     for name in names if joined else [None]:
         rows = edges == name if joined else np.ones(len(runs), dtype=bool)
         order = np.argsort(runs.values(x)[rows], kind="stable")
-        ax.plot(runs.values(x)[rows][order], runs.values(y)[rows][order], "o-" if joined else "o", ms=3, lw=0.7,
+        ax.plot(runs.values(x)[rows][order], runs.values(y)[rows][order], "o-" if joined else "o", ms=3, lw=THIN,
                 color=BLUE, alpha=0.7)  # fmt: skip
     ax.set_xlabel(with_unit(x, runs.units.get(x, "")))
     ax.set_ylabel(with_unit(y, runs.units.get(y, "")))
     lines = f", {len(names)} edges" if joined else ""
     ax.set_title(f"{runs.tool} on {runs.work}: {len(runs)} rows{lines}" + (", simulated" if runs.simulated else ""),
-                 fontsize=9)  # fmt: skip
+                 fontsize=SMALL)  # fmt: skip
     return ax
 
 
@@ -40,14 +42,14 @@ def record_figure(rec: Record, ax: Axes | None = None) -> Axes:
     """Output and input against time on two axes; the stretches are separated by lines."""
     ax = new_axes(ax, 7.2, 3.6)
     time = rec.sample_time * np.arange(len(rec))
-    ax.plot(time, rec.y, color=BLUE, lw=1.0)
+    ax.plot(time, rec.y, color=BLUE, lw=THIN)
     for start in rec.starts[1:]:
-        ax.axvline(time[start], color="black", lw=0.6, ls=":")
+        ax.axvline(time[start], color="black", lw=THIN, ls=":")
     ax.set(xlabel="time [s]")
     ax.set_ylabel(with_unit(rec.output, rec.unit_y), color=BLUE)
     ax.margins(x=0)
     other = ax.twinx()
-    other.plot(time, rec.u, color=ORANGE, lw=0.7, alpha=0.7)
+    other.plot(time, rec.u, color=ORANGE, lw=THIN, alpha=0.7)
     other.set_ylabel(with_unit(rec.input, rec.unit_u), color=ORANGE)
     ax.set_zorder(other.get_zorder() + 1)
     ax.patch.set_visible(False)

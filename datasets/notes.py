@@ -1,7 +1,7 @@
 """What the notes of a file, its name and its headers state: pair, conditions, constants, response and unit of time."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
@@ -24,6 +24,12 @@ IN_NOTES = ("D", "Dc", "z", "n", "V")  # quantities that are constant in a serie
 NEED_UNIT = ("n", "V")  # n = 3 is a number of repeats
 _NUMBER = r"([-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+))(?![\d.,]*\d)"
 _UNIT = r"[ \t]*([^\s,;:()\[\]|]*)"
+_MACHINES = (
+    "machine", "machine tool", "lathe", "milling machine", "Maschine", "Werkzeugmaschine", "Drehmaschine",
+    "Fräsmaschine", "machine-outil", "máquina", "máquina herramienta", "máquina-herramienta",
+)  # fmt: skip
+_MACHINE = re.compile(rf"[\s#%]*(?:{'|'.join(map(re.escape, _MACHINES))})\s*[:;|=\t]\s*(.*\S)", flags=re.IGNORECASE)
+_NEXT_ENTRY = re.compile(r"[;|\t](?=[^;|\t:=]*[:=])")  # between the entries of one note: "work: C45; machine: CTX"
 _RANGE = re.compile(r"\s*(?:to|bis|à|hasta|-|–|\.\.|…|±|/|and|und|et|y)\s*[\d.]")
 
 
@@ -32,16 +38,33 @@ def pair_name(role: str, frame: pd.DataFrame, notes: tuple[str, ...]) -> str:
 
     >>> pair_name("tool", pd.DataFrame(), ("Werkzeug: GC435",))
     'GC435'
+    >>> [pair_name(role, pd.DataFrame(), ("Werkstoff: C45; Werkzeug: P25",)) for role in ("work", "tool")]
+    ['C45', 'P25']
     """
     if role in frame:
         names = [name for name in dict.fromkeys(frame[role]) if name]
         return names[0] if len(names) == 1 else "several" if names else UNNAMED[role]
-    for note in notes:
-        if match := _entry(role).match(note):
+    for entry in _entries(notes):
+        if match := _entry(role).match(entry):
             name = match[1].strip(" ;,|\t:")
             if name:
                 return name
     return UNNAMED[role]
+
+
+def machine_name(notes: Iterable[str]) -> str:
+    """The machine that a note names (``machine: Makino V33``); empty where none does.
+
+    >>> machine_name(("# Werkzeugmaschine: Gildemeister CTX", "machine time 5 min"))
+    'Gildemeister CTX'
+    """
+    found = (match[1].strip(" ;,|\t:") for entry in _entries(notes) if (match := _MACHINE.match(entry)))
+    return next(filter(None, found), "")
+
+
+def _entries(notes: Iterable[str]) -> Iterator[str]:
+    """The entries of notes, of which a line may hold several."""
+    return (entry for note in notes for entry in _NEXT_ENTRY.split(note))
 
 
 @cache
@@ -165,7 +188,7 @@ def given_values(constants: Mapping[str, float], notes: Iterable[str]) -> dict[s
         if role not in ROLES or ROLES[role].kind == "label":
             near = closest(role, ROLES)
             hint = f"did you mean {near}? " if near else ""
-            raise UsageError(f"--value {role}={value:g}: {role} is no quantity; {hint}Usual are D, Dc, z, n and V.")
+            raise UsageError(f"--value {role}={value:g}: {role} is no quantity; {hint}usual are D, Dc, z, n and V.")
         if value <= 0:
             raise UsageError(f"--value {role}={value:g}: give a number above zero, in {ROLES[role].unit}.")
         found[role] = Given(role, float(value), "--value")

@@ -12,8 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
-from ..core.display import with_unit
-from ..core.plotting import BLUE, GREY, ORANGE
+from ..core.figure_style import BLUE, GREY, ORANGE, SERIES, SMALL, THICK, THIN
+from ..core.plotting import NotebookFigure, dress
+from ..core.rounding import with_unit
 from .figures import RESPONSES
 from .runs import Array, Runs
 from .vocabulary import ROLES
@@ -26,7 +27,7 @@ MOST_EDGES = 200  # drawn as lines
 MOST_POINTS = 20_000
 Rows = NDArray[np.intp]
 LOG_SPAN = 3.0  # times and responses that span more are drawn on logarithmic axes, where a power law is straight
-PAIR_COLOURS = ("#1f5fa8", "#c8551b", "#2a8c4a", "#8a4fa3", "#b8860b", "#0f8b8d", "#a83250", "#5f5f5f")
+PAIR_COLOURS = SERIES
 
 
 def overview_figure(runs: Runs) -> Figure:
@@ -48,24 +49,28 @@ def overview_figure(runs: Runs) -> Figure:
     5
     """
     factors, measured = _factors(runs), _measured(runs)
-    figure = Figure(figsize=(10.5, 6.8 if factors and measured else 4.6 if measured else 2.6), layout="constrained")
+    figure = NotebookFigure(
+        figsize=(10.5, 6.8 if factors and measured else 4.6 if measured else 2.6), layout="constrained"
+    )
     parts: Any = figure.subfigures(2, 1, height_ratios=(1, 2.6)) if factors and measured else (figure, figure)
     above, below = parts
     doubted = {name for doubt in runs.doubts for name in doubt.columns}
     if factors:
         for symbol, ax in zip(factors, np.atleast_1d(above.subplots(1, len(factors))), strict=True):
+            dress(ax)
             _levels(runs, symbol, ax)
             _mark(ax, doubted.intersection([symbol]))
     if measured:
         colours, legend = _colours(runs)
         for symbol, ax in zip(measured, np.atleast_1d(below.subplots(1, len(measured))), strict=True):
+            dress(ax)
             _curves(runs, symbol, ax, colours)
             _mark(ax, doubted.intersection([symbol, "t"]))
         handles = [Line2D([], [], color=colour, marker="o", ms=3, label=text) for text, colour in legend]
         figure.legend(
-            handles=handles, loc="outside lower center", ncols=max(len(handles), 1), fontsize=8, frameon=False
+            handles=handles, loc="outside lower center", ncols=max(len(handles), 1), fontsize=SMALL, frameon=False
         )
-    figure.suptitle(_title(runs), fontsize=10)
+    figure.suptitle(_title(runs))
     return figure
 
 
@@ -80,7 +85,7 @@ def _title(runs: Runs) -> str:
 def _mark(ax: Axes, doubted: set[str]) -> None:
     """An orange frame and title where the panel shows columns that are doubted."""
     if doubted:
-        ax.set_title(f"{', '.join(sorted(doubted))} doubted", color=ORANGE, fontsize=9, loc="left")
+        ax.set_title(f"{', '.join(sorted(doubted))} doubted", color=ORANGE, loc="left")
         for spine in ax.spines.values():
             spine.set_color(ORANGE)
 
@@ -110,20 +115,20 @@ def _levels(runs: Runs, symbol: str, ax: Axes) -> None:
     values = values[np.isfinite(values)]
     levels, counts = np.unique(values, return_counts=True)
     if len(levels) <= FEW_LEVELS:
-        ax.vlines(levels, 0, counts, color=BLUE, lw=2)
+        ax.vlines(levels, 0, counts, color=BLUE, lw=THICK)
         ax.plot(levels, counts, "o", ms=4, color=BLUE)
     else:
         ax.hist(values, bins=30, color=BLUE)
     ax.set_ylim(0, None)
     ax.margins(x=0.12)
-    ax.set_xlabel(with_unit(f"{symbol}, {ROLES[symbol].quantity}", runs.units.get(symbol, "")), fontsize=8)
-    ax.set_ylabel("rows", fontsize=8)
+    ax.set_xlabel(with_unit(f"{symbol}, {ROLES[symbol].quantity}", runs.units.get(symbol, "")), fontsize=SMALL)
+    ax.set_ylabel("rows", fontsize=SMALL)
     ax.yaxis.set_major_locator(MaxNLocator(3, integer=True))
     if len(levels) <= NAMED_LEVELS:
         ax.set_xticks(levels, [f"{level:.4g}" for level in levels])
     else:
         ax.xaxis.set_major_locator(MaxNLocator(4))
-    ax.tick_params(labelsize=8)
+    ax.tick_params(labelsize=SMALL)
 
 
 def _curves(runs: Runs, symbol: str, ax: Axes, colours: NDArray[np.object_]) -> None:
@@ -158,11 +163,11 @@ def _lines(
     rows = np.split(drawn, np.cumsum(np.bincount(codes))[:-1])
     if len(names) > MOST_EDGES:
         rows = [rows[i] for i in _some(np.arange(len(names)), MOST_EDGES)]
-        ax.set_title(f"{MOST_EDGES} of {len(names)} edges, drawn at random", fontsize=8, loc="right")
+        ax.set_title(f"{MOST_EDGES} of {len(names)} edges, drawn at random", fontsize=SMALL, loc="right")
     step = max(1, sum(map(len, rows)) // MOST_POINTS)
     for at in rows:
         few = np.append(at[:-1:step], at[-1])
-        ax.plot(x[few], y[few], "o-", ms=3, lw=0.9, color=colours[at[0]], alpha=0.85)
+        ax.plot(x[few], y[few], "o-", ms=3, lw=THIN, color=colours[at[0]], alpha=0.85)
     if len(names) <= NAMED_EDGES:
         last = [at[-1] for at in rows]
         _names_beside(ax, [str(name) for name in names], x[last], y[last], colours[last])
@@ -193,7 +198,7 @@ def _names_beside(ax: Axes, names: list[str], x: Array, y: Array, colours: NDArr
         ax.annotate(
             names[i][:14], xy=tuple(ends[i]), xytext=(1.03, height), xycoords="axes fraction",
             textcoords="axes fraction", fontsize=size, color=colours[i], va="center", annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "lw": 0.4, "color": colours[i], "alpha": 0.5, "shrinkA": 0, "shrinkB": 1},
+            arrowprops={"arrowstyle": "-", "lw": THIN, "color": colours[i], "alpha": 0.5, "shrinkA": 0, "shrinkB": 1},
         )  # fmt: skip
 
 
@@ -259,4 +264,4 @@ def _plain_ticks(ax: Axes) -> None:
             FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "235" else "") if short
             else NullFormatter()
         )  # fmt: skip
-        axis.set_tick_params(which="both", labelsize=8)
+        axis.set_tick_params(which="both", labelsize=SMALL)

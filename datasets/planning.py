@@ -281,7 +281,7 @@ def _check(
         raise UsageError(f"design {design!r}: it is one of {', '.join(DESIGNS)}.")
     if process is not None:
         _check_process(ranges, process, constants)
-    if not ranges:
+    if not ranges or not all(hasattr(levels, "__len__") for levels in ranges.values()):
         raise UsageError('no range: name each factor with its range, such as {"V": (50, 200)}.')
     twice = [name for name in (*constants, *measure) if name in ranges or name in RESERVED]
     if twice:
@@ -307,7 +307,7 @@ def _check_process(ranges: Mapping[str, Levels], process: str, constants: Mappin
     if known is None:
         raise UsageError(f"process {process!r}: plans are made for {', '.join(PROCESSES)}.")
     quantities = ", ".join(f"{name} ({ROLES[name].quantity}, {ROLES[name].unit})" for name in known.usual)
-    if not ranges:
+    if not ranges or not all(hasattr(levels, "__len__") for levels in ranges.values()):
         example = " ".join(f"--range {name}=low:high" for name in known.usual)
         raise UsageError(f"a plan of {process} varies {quantities}: give {example}.")
     strange = [name for name in ranges if name in ROLES and ROLES[name].kind != "label" and name not in known.factors]

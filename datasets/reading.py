@@ -143,7 +143,8 @@ def runs_from_frame(
     Parameters
     ----------
     frame : DataFrame
-        A sequence of texts in ``frame.attrs["notes"]`` counts as the notes of a file.
+        A sequence of texts in ``frame.attrs["notes"]`` counts as the notes of a file, ``attrs["units"]`` gives the
+        units of columns by their names, ``attrs["tool"]`` and ``attrs["work"]`` the pair, unless the options do.
     options, **given
         Options of `read_runs`, without ``decimal``, ``delimiter``, ``sheet`` and ``hidden``.
     judge : bool
@@ -157,10 +158,22 @@ def runs_from_frame(
     >>> datasets.runs_from_frame(frame).values("V").tolist()
     [60.0, 120.0]
     """
-    columns = tuple(_column_of(i, str(name), frame.iloc[:, i]) for i, name in enumerate(frame.columns))
+    stated = frame.attrs.get("units")
+    units: Mapping[object, str] = stated if isinstance(stated, Mapping) else {}
+    columns = tuple(
+        replace(_column_of(i, str(name), frame.iloc[:, i]), unit_cell=str(units.get(name) or ""))
+        for i, name in enumerate(frame.columns)
+    )
     source = Source("DataFrame", "", len(frame), "in memory")
-    how = read_options(given) if options is None else options
+    how = _with_pair(read_options(given) if options is None else options, frame)
     return _assemble(columns, np.arange(len(frame)), source, tuple(frame.attrs.get("notes", ())), (), how, judge=judge)
+
+
+def _with_pair(options: ReadOptions, frame: pd.DataFrame) -> ReadOptions:
+    """Options completed by the tool and work in ``attrs`` of a frame of `Runs.to_frame`."""
+    pair = {role: frame.attrs[role] for role in UNNAMED if isinstance(frame.attrs.get(role), str)}
+    named = {role: name for role, name in pair.items() if role not in frame and getattr(options, role) is None}
+    return replace(options, **named) if named else options
 
 
 def runs_of_sample(frame: pd.DataFrame, options: ReadOptions) -> Runs:

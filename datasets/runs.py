@@ -1,15 +1,20 @@
 """Measurements of cutting tests: columns with roles and units, one row per measurement."""
 
-from collections.abc import Iterable, Iterator, Mapping
+import os
+import re
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
+from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.display import Display, Displayable, Plottable, TextTable
-from ..core.errors import UsageError
+from ..core.errors import DataError, ReadingWarning, UsageError
 from ..core.rounding import format_plain
 from .columns import ColumnUse
 from .derived.rules import Derived
@@ -126,6 +131,17 @@ class Runs(Plottable):
         """Whether a role or column of this name exists."""
         return self._column(name) is not None
 
+    def symbol(self, name: str) -> str:
+        """Symbol of a column that is named by its header, with or without its unit; a symbol as it is.
+
+        >>> from fitmodels import datasets
+        >>> frame = pd.DataFrame({"cutting speed [m/s]": [1.0, 2.0], "flank wear [mm]": [0.1, 0.2]})
+        >>> datasets.runs_from_frame(frame).symbol("cutting speed [m/s]")
+        'V'
+        """
+        bare = re.sub(r"\s*[\[(][^\])]*[\])]$", "", str(name))
+        return next((found for one in (name, bare) if (found := self._column(one))), name)
+
     def values(self, name: str) -> Array:
         """Numbers of a role or column, shape (n,), NaN where missing."""
         column = self._known(name)
@@ -153,8 +169,9 @@ class Runs(Plottable):
             tool, work = (str(group[role].iloc[0]) if role in group else getattr(self, role) for role in UNNAMED)
             yield replace(self, data=self.data.iloc[rows], lines=self.lines[rows], tool=tool, work=work)
 
-    def join(self, other: "Runs") -> "Runs":
+    def join(self, other: "Readable") -> "Runs":
         """Runs of both as one file; only columns that both have are kept."""
+        other = as_runs(other)
         shared = [name for name in self.data if name in other.data]
         if not shared:
             raise UsageError(f"{self.source.name} and {other.source.name} have no column in common.")
@@ -183,9 +200,18 @@ class Runs(Plottable):
         )
 
     def to_frame(self) -> pd.DataFrame:
-        """A copy of the rows, one column per role, with the units in ``attrs["units"]``."""
+        """A copy of the rows, one column per role; ``attrs`` holds units, notes, tool and work, which are read again.
+
+        Examples
+        --------
+        >>> from fitmodels import datasets, fit
+        >>> frame = datasets.read_runs(datasets.bundled("gc435_709m40")).to_frame()
+        >>> frame.attrs["units"]["V"], fit.power_law(frame[frame["V"] < 200], "AW", ["V", "t"]).source.simulated
+        ('m/min', True)
+        """
         frame = self.data.copy()
-        frame.attrs["units"] = dict(self.units)
+        named = {role: name for role in UNNAMED if (name := getattr(self, role)) not in (UNNAMED[role], "several")}
+        frame.attrs.update(named, units=dict(self.units), notes=list(self.notes))
         return frame
 
     def _column(self, name: str) -> str | None:
@@ -198,3 +224,69 @@ class Runs(Plottable):
         if column is None:
             raise UsageError(f"no column {name!r}; there are {', '.join(map(str, self.data.columns))}.")
         return column
+
+
+Readable: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | pd.DataFrame | Runs
+
+
+def as_runs(source: Readable) -> Runs:
+    """Runs of whatever holds tests: the path of a file or folder, a list of paths, a DataFrame, or Runs as they are.
+
+    A DataFrame is read as a file is: its column names are headers (``V``, ``f [mm/rev]``), ``attrs["units"]`` names
+    units by header. Units that had to be assumed, and doubts about the values, are a `ReadingWarning`.
+
+    Raises
+    ------
+    UsageError
+        The source is none of these.
+    DataError
+        It cannot be read, or has no rows.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets
+    >>> frame = pd.DataFrame({"V [m/min]": [100.0, 200.0], "AW [mm]": [0.1, 0.2]})
+    >>> as_runs(frame).units
+    {'V': 'm/min', 'AW': 'mm'}
+    """
+    from .reading import read_runs, runs_from_frame
+
+    if isinstance(source, Runs):
+        return source
+    frame = isinstance(source, pd.DataFrame)
+    if not frame and not _is_path(source):
+        kind = type(source).__name__
+        raise UsageError(f"tests as {kind}: give the path of a file, a DataFrame or Runs (of datasets.read_runs).")
+    runs = runs_from_frame(source) if isinstance(source, pd.DataFrame) else read_runs(source)
+    if not len(runs):
+        raise DataError(f"{runs.source.name} has no rows; give the rows of tests.")
+    for text in _remarks(runs, frame=frame):
+        warnings.warn(f"{runs.source.name}: {text}", ReadingWarning, stacklevel=_outside())
+    return runs
+
+
+def _remarks(runs: Runs, *, frame: bool) -> tuple[str, ...]:
+    """Units of a DataFrame that had to be assumed, and doubts."""
+    remedy = 'name units in the headers, as "V [m/min]", or read it with datasets.runs_from_frame(df, units={...})'
+    found = [
+        f"{text.replace('the file does', 'its columns do')}; {remedy}."
+        for text in runs.assumed
+        if frame and text.startswith("units")
+    ]
+    return (*found, *(f"Doubt: {doubt.in_python}" for doubt in runs.doubts))
+
+
+def _is_path(source: object) -> bool:
+    if isinstance(source, list | tuple):
+        return all(isinstance(file, str | os.PathLike) for file in source)
+    return isinstance(source, str | os.PathLike)
+
+
+def _outside() -> int:
+    """Level of the caller outside the package, for a warning."""
+    import sys
+
+    root, level, frame = str(Path(__file__).parent.parent), 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(root):
+        frame, level = frame.f_back, level + 1
+    return level

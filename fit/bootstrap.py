@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ..core.arrays import Array
+from ..core.calls import check_share
 from ..core.display import Plottable
 from ..core.threads import one_thread
 from .available import NotAvailable, computed
@@ -50,6 +51,7 @@ class EdgeBootstrap(Plottable):
 
     def interval(self, level: float = 0.95) -> pd.DataFrame:
         """Percentile intervals of ``theta`` at ``level``."""
+        check_share("level", level)
         tails = np.quantile(self.draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
         return pd.DataFrame({"low": tails[0], "high": tails[1]}, index=list(self.names))
 

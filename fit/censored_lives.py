@@ -27,13 +27,15 @@ from ..core.censored import (
     LifeDistribution,
     Side,
     fit_censored,
+    log_likelihoods,
     standard_deviation,
     standard_quantile,
 )
+from ..core.display import TextTable
 from ..core.errors import FitError, UsageError
 from ..core.threads import one_thread
-from ..datasets import Runs
 from ..datasets.draft import mark_column
+from ..datasets.runs import Readable, Runs, as_runs
 from .available import NotAvailable
 from .fitted_rows import FittedRows, LawSource
 from .lawfit import LawFit
@@ -86,7 +88,7 @@ def lives_of(runs: Runs, response: str = "T") -> Lives:
 
 @one_thread
 def life_law(
-    runs: Runs,
+    runs: Readable,
     factors: Sequence[str] = ("V", "f", "d"),
     distribution: Distribution = "lognormal",
     *,
@@ -98,7 +100,7 @@ def life_law(
 
     Parameters
     ----------
-    runs : Runs
+    runs : Runs, DataFrame or path
         With the lives in the column ``response``; marks (``>60``, ``60+``) or a column of run-outs say which of them
         did not end.
     factors : sequence of str
@@ -124,6 +126,8 @@ def life_law(
     """
     if distribution not in get_args(Distribution):
         raise UsageError(f"distribution={distribution!r}: it is 'lognormal' or 'weibull'.")
+    runs = as_runs(runs)
+    response, *factors = map(runs.symbol, (response, *factors))
     lives = lives_of(runs, response)
     rows, side = _selected(runs, lives, response, factors, edge, by)
     keep, left_out = identifiable(factors, np.log(rows.X), rows.shifts, logs=True)
@@ -244,6 +248,105 @@ def _fitted(
         by=rows.by, left_out=left_out, dropped=rows.dropped, notes=notes, repeats=rows.repeats,
         source=LawSource.of_runs(runs), life=life,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOutLives:
+    """Predictive scores of laws of tool lives on lives left out of the fit, of which some are run-outs.
+
+    Attributes
+    ----------
+    response : str
+    left_out : str
+        What was left out, ``edge`` or ``row``.
+    names : tuple of str
+        ``power`` (lognormal lives), ``weibull``, and ``exponential``: ln T linear in the factors themselves.
+    scores : ndarray, shape (units, forms)
+        Log likelihood of the lives of each unit by the law of the others.
+    """
+
+    response: str
+    left_out: str
+    names: tuple[str, ...]
+    scores: Array
+
+    def against_first(self, j: int) -> tuple[float, float]:
+        """Mean score of form j less that of the first, and its standard error over units."""
+        difference = self.scores[:, j] - self.scores[:, 0]
+        return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference)))
+
+    @property
+    def better(self) -> tuple[str, ...]:
+        """Forms that are better than the first by more than chance: two standard errors."""
+        found = ((name, *self.against_first(j)) for j, name in enumerate(self.names) if j)
+        return tuple(name for name, mean, error in found if mean > 2 * error)
+
+    @property
+    def table(self) -> TextTable:
+        """Mean score of each form, and its difference from that of the first."""
+        rows = [
+            (name, f"{self.scores[:, j].mean():.3f}", *((f"{mean:+.3f}", f"{error:.3f}") if j else ("", "")))
+            for j, name in enumerate(self.names)
+            for mean, error in [self.against_first(j)]
+        ]
+        return TextTable(("form", "score", "difference", "SE"), tuple(rows))
+
+    @property
+    def verdict(self) -> str:
+        """What to keep, in a sentence."""
+        if not self.better:
+            return f"{self.response}: power with lognormal lives is kept: no other form is better by more than chance."
+        best = max(self.better, key=lambda name: self.scores[:, self.names.index(name)].mean())
+        keep = (
+            f"keep it with --form {best}" if best == "weibull" else "it takes no run-outs, so test the power law more"
+        )
+        return f"{self.response}: {best} foresees left-out lives better than power by more than chance: {keep}."
+
+
+def left_out_lives(law: LawFit) -> LeftOutLives:
+    """Score laws of tool lives, of which some are bounds, on edges (or rows) that each fit has not seen.
+
+    Raises
+    ------
+    FitError
+        The law has no rows of lives, or a form cannot be fitted without one unit.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from fitmodels import datasets, fit
+    >>> table = pd.DataFrame({"V": [120, 120, 150, 150, 180, 180.0], "T": ["60+", "55", "31", "26", "17", "14"]})
+    >>> found = left_out_lives(fit.life_law(datasets.runs_from_frame(table), ["V"]))
+    >>> found.names, found.scores.shape
+    (('power', 'weibull', 'exponential'), (6, 3))
+    """
+    rows = law.rows
+    if rows is None or law.life is None:
+        raise FitError(f"{law.response}: forms of lives need a law of lives that keeps its rows.")
+    side = np.zeros(len(rows), dtype=np.int8) if rows.side is None else rows.side
+    units = np.arange(len(rows)) if rows.edge is None else rows.edge_numbers
+    one = np.ones((len(rows), 1))
+    powers, plain = (np.hstack([one, X, rows.shifts]) for X in (np.log(rows.X), rows.X / rows.X.mean(axis=0)))
+    forms: dict[str, tuple[Array, Distribution]] = {
+        "power": (powers, "lognormal"), "weibull": (powers, "weibull"), "exponential": (plain, "lognormal")
+    }  # fmt: skip
+    scores = [_left_out_scores(Z, np.log(rows.observed), side, kind, units) for Z, kind in forms.values()]
+    return LeftOutLives(law.response, "row" if rows.edge is None else "edge", tuple(forms), np.column_stack(scores))
+
+
+def _left_out_scores(Z: Array, ln_life: Array, side: Side, kind: Distribution, units: NDArray[np.intp]) -> Array:
+    """Log likelihood of the lives of each unit by the fit to the others, shape (units,)."""
+    out = np.empty(int(units.max()) + 1)
+    for g in range(len(out)):
+        kept, gone = units != g, units == g
+        found = fit_censored(Z[kept], ln_life[kept], side[kept], kind)
+        ended = int((side[kept] == ENDED).sum())
+        if ended <= Z.shape[1]:
+            raise FitError(f"{ended} lives that ended are too few to leave one out")
+        scale = found.scale * float(np.sqrt(ended / (ended - Z.shape[1])))
+        z = (ln_life[gone] - Z[gone] @ found.beta) / scale
+        out[g] = float(log_likelihoods(z, side[gone], kind, scale).sum())
+    return out
 
 
 def _of_median(

@@ -17,9 +17,10 @@ import numpy as np
 import pandas as pd
 
 from ..core.arrays import Array
+from ..core.calls import check_share
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError, UsageError
-from ..datasets import Runs
+from ..datasets.runs import Readable, Runs, as_runs
 from .available import NotAvailable
 from .edges import EdgeInference
 from .lawfit import LawFit
@@ -153,13 +154,13 @@ class Confirmation(Plottable):
         )
 
 
-def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:
+def confirm(law: LawFit, runs: Readable, level: float = 0.95) -> Confirmation:
     """Test a law with new runs.
 
     Parameters
     ----------
     law : LawFit
-    runs : Runs
+    runs : Runs, DataFrame or path
         With the response, every factor and, where the law has inference by edge, the column ``edge``.
     level : float
         Level of the prediction intervals for a row of a new edge, between 0 and 1.
@@ -181,8 +182,8 @@ def confirm(law: LawFit, runs: Runs, level: float = 0.95) -> Confirmation:
     >>> confirm(fit.power_law(law, "AW", ["V", "f", "d", "t"]), new).holds
     True
     """
-    if not 0 < level < 1:
-        raise UsageError(f"level {level:g} of a prediction interval: it must be between 0 and 1, for instance 0.95.")
+    runs = as_runs(runs)
+    check_share("level", level)
     if law.no_interval:
         raise FitError(f"{law.response}: {law.no_interval}. Add observations.")
     _columns_there(law, runs)

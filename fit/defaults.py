@@ -13,8 +13,8 @@ import numpy as np
 
 from ..core.display import Displayable
 from ..core.errors import UsageError
-from ..datasets import Runs
 from ..datasets.options import Process
+from ..datasets.runs import Readable, Runs, as_runs
 from .available import computed
 from .censored_lives import life_law
 from .form_choice import ALL, fit_in_form, form_named
@@ -22,13 +22,13 @@ from .law_requests import LawRequest, named_role, parse_laws, symbol_of
 from .lawfit import LawFit
 from .laws import Error
 from .regression import exponential_law, fit_form, load_law
+from .rows import computed_note
 
 CONDITIONS = ("V", "f", "d", "ae", "t")
 SPEEDS, FEEDS, CLOCKS = ("V", "n"), ("f", "fz", "fm"), ("t", "lc", "lf")  # the first that a file has is taken
 WHERE_VARIED = ("z", "D", "Dc", "re")  # conditions of a law only where the file holds several values
 SETTINGS = (*SPEEDS, *FEEDS, "d", "ae", *CLOCKS, *WHERE_VARIED)
-WEAR = ("AW", "VB")
-LANDS = ("VBC", "VBN")  # nose and notch
+WEAR, LANDS = ("AW", "VB"), ("VBC", "VBN")  # of the flank; of nose and notch
 LOADS = ("Fxz", "Fx", "Fy", "Fz", "Fc", "Ff", "Fp", "F", "P", "M")
 SURFACES = ("Ra", "Rz")
 RESPONSES = (*WEAR, *LANDS, "T", *LOADS, "I", *SURFACES, "theta")
@@ -314,7 +314,7 @@ def _check_columns(runs: Runs, asked: Asked) -> None:
 
 
 def default_laws(
-    runs: Runs,
+    runs: Readable,
     *,
     error: Error = "multiplicative",
     by: str | None = None,
@@ -325,7 +325,7 @@ def default_laws(
 
     Parameters
     ----------
-    runs : Runs
+    runs : Runs, DataFrame or path
     error, by
         As of `power_law`.
     laws : sequence of str
@@ -343,21 +343,20 @@ def default_laws(
     --------
     >>> from fitmodels import datasets, fit
     >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
-    >>> laws, refused = fit.default_laws(runs)
-    >>> [law.response for law in laws], refused
-    (['AW', 'Fxz', 'P'], ())
+    >>> [law.response for law in fit.default_laws(runs)[0]]
+    ['AW', 'Fxz', 'P']
     >>> fit.default_laws(runs, laws=["P ~ V, f, d"])[0][2].factors
     ('V', 'f', 'd')
     """
-    found: list[LawFit] = []
-    refused: list[Refused] = []
+    runs = as_runs(runs)
+    found, refused = list[LawFit](), list[Refused]()
     held = Held.of_runs(runs)
     for asked in requested_laws(held, laws):
         if asked.request:
             _check_columns(runs, asked)
         law = computed(partial(fit_asked, runs, asked, error=error, by=by, forms=forms), (OSError, UsageError))
         if isinstance(law, LawFit):
-            found.append(law)
+            found.append(replace(law, notes=(*law.notes, *computed_note(runs, law.response))))
         else:
             refused.append(Refused(asked.response, f"{law.reason}."))
     known = {ALL, *(law.response for law in found), *(item.response for item in refused)}
@@ -370,13 +369,13 @@ def default_laws(
 
 
 def fit_law(
-    runs: Runs, law: str, *, form: str | None = None, error: Error = "multiplicative", by: str | None = None
+    runs: Readable, law: str, *, form: str | None = None, error: Error = "multiplicative", by: str | None = None
 ) -> LawFit:
     """Fit one law as it is written, in its usual form or in another.
 
     Parameters
     ----------
-    runs : Runs
+    runs : Runs, DataFrame or path
     law : str
         ``"Ra ~ V, f, d"``, or a change of the default law of a response, ``"Ra ~ + VB"``.
     form : str, optional
@@ -396,5 +395,6 @@ def fit_law(
     >>> fit.fit_law(runs, "Fxz ~ V, f, d, AW", form="linear").form
     'linear'
     """
+    runs = as_runs(runs)
     asked = next(one for one in requested_laws(Held.of_runs(runs), [law]) if one.request)
     return fit_asked(runs, asked, error=error, by=by, forms=None if form is None else {asked.response: form})

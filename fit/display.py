@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..core.display import Display, TextTable, display_of, estimates, joined_facts, with_error, with_unit
-from ..core.rounding import decimals, format_plain, p_value
+from ..core.display import Display, TextTable, display_of, estimates, joined_facts
+from ..core.rounding import decimals, format_plain, p_value, with_error, with_unit
 from .available import NotAvailable
 from .bootstrap import EdgeBootstrap
-from .checks.check import LEVELS, TITLES, Check, format_p
+from .checks.check import LEVELS, UNTESTABLE, Check, check_table, line_of_check
 from .checks.competing_models import CompetingModels
 from .checks.gauge_error import GaugeFit
 from .checks.judgement import Judgement
@@ -132,23 +132,16 @@ def of_life(life: ToolLife) -> Display:
 @display_of.register
 def of_checks(found: Judgement) -> Display:
     """The verdict with its reasons; each check with its statistic, p and level; corrections; what was not tested."""
-    rows = tuple((TITLES[name], *_cells_of_check(check)) for name, check in found.checks.items())
-    levels = [level for *_, level in rows]
-    counts = ", ".join(f"{n} {level}" for level in (*LEVELS, "not testable") if (n := levels.count(level)))
+    lines = [line_of_check(name, check) for name, check in found.checks.items()]
+    levels = [level for *_, level in lines]
+    counts = ", ".join(f"{n} {level}" for level in (*LEVELS, UNTESTABLE) if (n := levels.count(level)))
     verdict = found.verdict
     corrections = tuple(f"Corrected with --correct {one.correction!r}." for one in found.suspects if one.correction)
     missing = tuple(text for text in found.verdicts() if text.startswith("Not testable"))
     without = () if found.without is None else (f"Without the suspects: {display_of(found.without).head}.",)
-    table = TextTable(("check", "statistic", "p", "result"), rows)
-    head = f"{verdict.words}: {len(rows)} checks on {found.nobs} rows, {counts}"
+    table = check_table(lines)
+    head = f"{verdict.mark.icon} {verdict.words}: {len(lines)} checks on {found.nobs} rows, {counts}"
     return Display(head, (), table, (*verdict.reasons, *corrections, *without, *missing))
-
-
-def _cells_of_check(check: Check | NotAvailable) -> tuple[str, str, str]:
-    """Statistic, p and level of a check."""
-    if not isinstance(check, Check):
-        return "", "", "not testable"
-    return check.statistic_text, "" if check.pvalue is None else format_p(check.pvalue), check.level
 
 
 @display_of.register(RobustFit)

@@ -104,7 +104,7 @@ class PowerLawRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc, un
     def predict(self, X: ArrayLike) -> Array:
         """The law at X, shape (n,): with errors that multiply it is the median of y."""
         table = self._table(X)
-        return self.law_.predict(table)
+        return np.asarray(self.law_.values(table))
 
     def predict_interval(
         self, X: ArrayLike, kind: Kind = "prediction", level: float = 0.95, edge: Edge = "new"
@@ -119,8 +119,8 @@ class PowerLawRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc, un
             A kind, edge or level that does not exist.
         """
         table = self._table(X)
-        band = self.law_.predict(table, kind, level, edge=edge)
-        return np.asarray(band[["low", "high"]].to_numpy(dtype=float))
+        band = self.law_.predict(table, kind, level=level, edge=edge)
+        return np.column_stack([band.low, band.high])
 
     def _table(self, X: ArrayLike) -> pd.DataFrame:
         check_is_fitted(self)

@@ -2,14 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.display import Plottable
 from ..core.errors import FitError
 from ..datasets import Runs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -147,3 +151,51 @@ class RowAccess:
     def edge(self) -> NDArray[np.object_] | None:
         """Cutting edge of each row, shape (n,), None where the file names none."""
         return self._in_memory.edge
+
+
+Figure = Literal[
+    "observed", "residuals", "edges", "quantiles", "profile", "contours", "interactions", "coefficients", "influence",
+    "checks", "canonical",
+]  # fmt: skip
+
+
+class LawFigures(Plottable):
+    """Base of a law and of a response surface: their figures."""
+
+    __slots__ = ()
+
+    def plot(self, kind: "Figure | Axes | None" = None, ax: "Axes | None" = None, **options: Any) -> Any:  # noqa: ANN401
+        """Draw a figure of the law; its axes are returned, an array of them where there are several.
+
+        Parameters
+        ----------
+        kind : str, optional
+            - ``observed``: observed values against predicted ones; the default of a law.
+            - ``residuals``: over the prediction, on the scale of the fit.
+            - ``edges``: residuals of each edge.
+            - ``quantiles``: ordered residuals over normal quantiles.
+            - ``profile``: over each factor with intervals; ``factor="V"`` draws one, ``at={"V": 120}`` holds factors.
+            - ``contours``: over two factors inside the tested region; ``over=("V", "f")``. The default of a surface.
+            - ``interactions``: over one factor at tested values of another; ``over``, ``at``.
+            - ``coefficients``: each with two standard errors.
+            - ``influence``: change of each parameter without one edge.
+            - ``checks``: each check at its level.
+            - ``canonical``: ridge paths, of a response surface alone.
+        ax : Axes, optional
+            For figures of one panel; without it the figure is new and known to pyplot.
+        **options
+            Those named above.
+
+        Raises
+        ------
+        UsageError
+            No such kind, option or factor, or several panels for one ``ax``; the message names what there is.
+
+        Examples
+        --------
+        >>> from fitmodels import datasets, fit
+        >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+        >>> law.plot("profile", factor="V").get_xlabel(), law.plot("contours", over=("V", "t")).get_ylabel()
+        ('V [m/min]', 't [min]')
+        """
+        return Plottable.plot(self, kind, ax, **options)

@@ -165,7 +165,8 @@ def _refuse_bounds(runs: Runs, form: str) -> None:
     if np.any(side != 0):
         raise FitError(
             f"{LIFE}: {np.count_nonzero(side)} of {len(side)} lives are run-outs or bounds, which the form "
-            f"{form.replace('_', '-')} would count as lives. Keep the form power, or leave these rows out."
+            f"{form.replace('_', '-')} would count as lives. Keep power or weibull; without these rows the lives of "
+            "the law would be too short."
         )
 
 
@@ -210,8 +211,7 @@ def form_named(name: str) -> FormChoice:
     """
     known = CHOICES.get(str(name).strip().lower().replace("_", "-").replace(" ", "-"))
     if known is None:
-        names = ", ".join(CHOICES)
-        raise UsageError(f"form {name!r}: there is no such form. {did_you_mean(name, list(CHOICES))} Forms: {names}.")
+        raise UsageError(f"form {name!r}: there is no such form. {did_you_mean(name, CHOICES, names='Forms: ')}")
     return known
 
 

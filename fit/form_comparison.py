@@ -2,18 +2,23 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
+from ..core.arrays import Array
 from ..core.display import Displayable, Plottable
+from ..core.errors import FitError
 from ..core.rounding import format_plain
 from ..core.verdict import Verdict
-from .available import NotAvailable
+from .available import NotAvailable, computed
 from .checks.check import SIGNIFICANT, format_p
 from .checks.competing_models import LARGEST
 from .lawfit import LawFit
+from .rows import reference_level
 
+BEYOND = 0.3  # of the tested range, by which curves of forms go beyond it
 HEAVY = 0.95  # weight of a form that is not preferred, from which it is named
 
 
@@ -255,3 +260,77 @@ class FormComparison(Plottable):
     def _without_weight(self) -> str:
         none = [(form.name, form.aicc.reason) for form in self.forms if isinstance(form.aicc, NotAvailable)]
         return f"No weight: {'; '.join(f'{name} ({why})' for name, why in none)}." if none else ""
+
+
+@dataclass(frozen=True, slots=True)
+class FormCurves:
+    """Predictions of forms over one factor, the others at the middle.
+
+    Attributes
+    ----------
+    label, others : str
+        The factor with its unit; the values of the others.
+    tested : tuple of float
+        Range of the factor among the rows.
+    x : ndarray, shape (m,)
+    predicted : mapping of str to ndarray, shape (m,)
+        By form; NaN where it has no value.
+    rows_x, rows_y : ndarray, shape (n,)
+        Rows moved to the middle of the other factors along the preferred form.
+    """
+
+    label: str
+    others: str
+    tested: tuple[float, float]
+    x: Array
+    predicted: Mapping[str, Array]
+    rows_x: Array
+    rows_y: Array
+
+
+def predictions_over(found: FormComparison, factor: str | None = None) -> FormCurves:
+    """Predictions of the compared forms over a factor, by default the one over which they differ most.
+
+    Raises
+    ------
+    FitError
+        The factor is none of the preferred form.
+    """
+    law = found.preferred.law
+    if factor is None:
+        drawn = [predictions_over(found, name) for name in law.factors]
+        return max(drawn, key=_spread)
+    if factor not in law.factors:
+        raise FitError(f"{factor}: it is no factor of {law.response}; its factors are {', '.join(law.factors)}.")
+    low, high = law.domain[factor]
+    x = np.linspace(max(low - BEYOND * (high - low), low / 2 if low > 0 else 0.0), high + BEYOND * (high - low), 121)
+    middle_of = {name: float(found.points[name].iloc[0]) for name in found.factors}
+    at = {**_repeated(middle_of, len(x)), factor: x, **reference_level(law.by, len(x))}
+    values = {}
+    for form in found.forms:
+        made = computed(partial(form.law.values, at))
+        values[form.name] = np.full(len(x), np.nan) if isinstance(made, NotAvailable) else made
+    unit = law.units.get(factor, "")
+    held = (f"{k} {v:.3g} {law.units.get(k, '')}".rstrip() for k, v in middle_of.items() if k != factor)
+    label = f"{factor} [{unit}]" if unit else factor
+    own, moved = _rows_moved(law, factor, {name: middle_of[name] for name in law.factors})
+    return FormCurves(label, ", ".join(held), (low, high), x, values, own, moved)
+
+
+def _rows_moved(law: LawFit, factor: str, middle: Mapping[str, float]) -> tuple[Array, Array]:
+    """Values of a factor in the rows, and the observations moved along the law to the middle of the other factors."""
+    own = law.X[:, law.factors.index(factor)]
+    there = law.values({**_repeated(middle, law.nobs), factor: own, **reference_level(law.by, law.nobs)})
+    moved = law.observed * there / law.fitted if law.formula.logarithmic else law.observed + there - law.fitted
+    return own, moved
+
+
+def _repeated(values: Mapping[str, float], n: int) -> dict[str, Array]:
+    return {name: np.full(n, value) for name, value in values.items()}
+
+
+def _spread(drawn: FormCurves) -> float:
+    """Largest difference of the forms inside the tested range, relative to the least prediction."""
+    inside = (drawn.x >= drawn.tested[0]) & (drawn.x <= drawn.tested[1])
+    values = np.array([v[inside] for v in drawn.predicted.values()])
+    return float(np.nanmax((np.nanmax(values, axis=0) - np.nanmin(values, axis=0)) / np.nanmedian(np.abs(values))))

@@ -27,14 +27,16 @@ Source: Kienzle & Victor 1957, Werkstattstechnik und Maschinenbau 47, 224.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import exp, log, pi, radians, sin
+from numbers import Real
 
 import numpy as np
 
 from ..core.arrays import Array
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
+from ..core.predicts import PredictsByLaw
 from ..core.rounding import format_decimal, format_plain
-from ..datasets import Runs
+from ..datasets.runs import Readable, Runs, as_runs
 from .lawfit import LawFit
 from .laws import LawForm
 from .mechanistic import TableValue, checked_angle, mean_chip_thickness, table_value
@@ -70,7 +72,7 @@ STAND_INS = {"D": "Dc"}  # the tool's diameter where the file has both
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
-class KienzleLaw(Displayable):
+class KienzleLaw(PredictsByLaw, Displayable):
     """Kienzle's law of one response.
 
     Attributes
@@ -119,8 +121,8 @@ class KienzleLaw(Displayable):
 
     def specific_force(self, h: float, level: float = 0.95) -> tuple[float, float, float]:
         """Specific force kc1.1 h^-mc at a chip thickness h in mm, and the ends of its interval, N/mm2."""
-        if not h > 0:
-            raise UsageError(f"chip thickness {h:g} mm: it must be above zero.")
+        if not (isinstance(h, Real) and h > 0):
+            raise UsageError(f"chip thickness {h} mm: it must be above zero.")
         row = np.array([1.0, -log(h)])
         c = row @ self.constants
         half = self.law.t_quantile(level) * float(np.sqrt(c @ self.law.covariance() @ c))
@@ -139,7 +141,7 @@ class KienzleLaw(Displayable):
 
 
 def kienzle_law(
-    runs: Runs,
+    runs: Readable,
     response: str = "Fc",
     *,
     entering_angle: float | None = None,
@@ -151,7 +153,7 @@ def kienzle_law(
 
     Parameters
     ----------
-    runs : Runs
+    runs : Runs, DataFrame or path
     response : str
         A force in turning (``Fc``, ``Ff``, ``Fp`` ...), torque ``M`` in drilling and milling, or power ``P``.
     entering_angle : float, optional
@@ -181,6 +183,8 @@ def kienzle_law(
     >>> round(found.kc11), round(found.mc, 2)
     (1780, 0.26)
     """
+    runs = as_runs(runs)
+    response = runs.symbol(response)
     process = process or _process_of(runs)
     rule = RULES.get((process, response))
     if rule is None:

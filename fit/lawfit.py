@@ -2,32 +2,34 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self, get_args, overload
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.arrays import Array
+from ..core.calls import Conditions, Takes, check_share
 from ..core.censored import LifeDistribution
-from ..core.display import Plottable
-from ..core.errors import FitError, UsageError
-from ..core.intervals import Centre, Edge, Kind
+from ..core.errors import FitError
+from ..core.intervals import Kind
+from ..core.predictions import Prediction
+from ..core.predicts import Predicts
 from .available import NotAvailable
 from .edge_sums import EdgeSums
 from .edges import EdgeInference
-from .fitted_rows import FittedRows, LawSource, RowAccess
+from .fitted_rows import FittedRows, LawFigures, LawSource, RowAccess
 from .laws import Error, LawForm
-from .prediction import interval as interval_of
+from .prediction import predicted
 from .region import DesignRegion, design_region
-from .rows import By, Dropped, LeftOut, Points, as_table, level_names
+from .rows import By, Dropped, LeftOut, as_table, level_names
 
 NOT_ASKED, NO_SOURCE = NotAvailable("not asked for"), LawSource()
 ROUNDING = 1e-11  # relative residual below which a law meets its rows exactly
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
-class LawFit(RowAccess, Plottable):
+class LawFit(Predicts, RowAccess, LawFigures):
     """A fitted law. Names of results follow statsmodels, letters the papers.
 
     Attributes
@@ -301,56 +303,18 @@ class LawFit(RowAccess, Plottable):
         held = {"estimate": self.params, "se": self.bse, "t": self.tvalues, "p": self.pvalues}
         return pd.DataFrame(held).join(self.conf_int(level))
 
-    @overload
-    def predict(self, new: Points, interval: None = None) -> Array: ...
-    @overload
-    def predict(
-        self,
-        new: Points,
-        interval: Kind,
-        level: float = 0.95,
-        *,
-        edge: Edge = "new",
-        coverage: float = 0.95,
-        centre: Centre = "median",
-    ) -> pd.DataFrame: ...
-    def predict(
-        self,
-        new: Points,
-        interval: Kind | None = None,
-        level: float = 0.95,
-        *,
-        edge: Edge = "new",
-        coverage: float = 0.95,
-        centre: Centre = "median",
-    ) -> Array | pd.DataFrame:
-        """The law at new factor values, in the unit of the response.
+    @property
+    def _takes(self) -> Takes:
+        units = {name: self.units.get(name, "") for name in self.factors}
+        return Takes(f"the law of {self.response}", units, self.by.column if self.by else None, FitError)
 
-        Parameters
-        ----------
-        new : mapping or DataFrame
-            A value or column for each factor, and the category of ``by`` under its name; for ``edge="same"``
-            a column ``edge`` that names edges of the fit.
-        interval : None, "mean", "prediction" or "tolerance"
-            None gives an array, shape (n,): with multiplicative errors it is the median. Otherwise a
-            DataFrame ``value, low, high, inside``, described in ``attrs["words"]``: "mean" is of the law itself,
-            "prediction" of one new row, "tolerance" contains a share of all rows there.
-        level, edge, coverage, centre
-            As in ``fit.interval``, which makes the DataFrame.
+    def _predicted(self, given: Conditions, *, kind: Kind, level: float, **other: Any) -> Prediction:  # noqa: ANN401
+        return predicted(self, given, kind=kind, level=level, **other)
 
-        Raises
-        ------
-        FitError
-            A factor is missing, not positive where the law takes its logarithm, columns differ in length, or
-            there is no interval.
-        UsageError
-            An option that does not exist, or a level or coverage that is not between 0 and 1.
-        """
-        if interval is None:
-            return self.formula.response_at(self.theta, self.design_of(as_table(self.response, new)))
-        if interval not in get_args(Kind):
-            raise UsageError(f"interval={interval!r}: it is None, {', '.join(map(repr, get_args(Kind)))}.")
-        return interval_of(self, new, interval, edge=edge, level=level, coverage=coverage, centre=centre)
+    def _values(self, given: Conditions) -> Any:  # noqa: ANN401
+        table = as_table(self.response, given)
+        found = self.formula.response_at(self.theta, self.design_of(table))
+        return found if any(np.ndim(value) for value in given.values()) else found.item()
 
     def to_statsmodels(self) -> Any:  # noqa: ANN401  statsmodels has no types
         """The law as an OLS result of statsmodels, cluster-robust by edge; see ``statsmodels_ols.ols_results``."""
@@ -373,8 +337,7 @@ class LawFit(RowAccess, Plottable):
         """Quantile of t on ``df`` degrees of freedom for a two-sided interval at ``level``."""
         from scipy.special import stdtrit
 
-        if not 0 < level < 1:
-            raise FitError(f"level {level} of an interval: it must be between 0 and 1, for instance 0.95.")
+        check_share("level", level)
         return float(stdtrit(max(self.df, 1), (1 + level) / 2))
 
     def design_of(self, new: pd.DataFrame) -> Array:

@@ -129,8 +129,11 @@ def linear(X: ArrayLike, y: ArrayLike) -> LinearFit:
 
 
 def _checked(X: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    A: Array = np.asarray(X, dtype=float)
-    v: Array = np.asarray(y, dtype=float)
+    try:
+        A: Array = np.asarray(X, dtype=float)
+        v: Array = np.asarray(y, dtype=float)
+    except (TypeError, ValueError):
+        raise FitError("X or y holds something else than numbers; give arrays of the shapes (n, k) and (n,).") from None
     if A.ndim != 2 or v.shape != (len(A),):
         raise FitError(f"X has shape {A.shape} and y {v.shape}; they need the shapes (n, k) and (n,).")
     if not A.size:

@@ -27,7 +27,7 @@ import pandas as pd
 from ..core.arrays import Array
 from ..core.errors import FitError
 from ..core.verdict import Verdict
-from ..datasets import Runs
+from ..datasets.runs import Readable, Runs, as_runs
 from .available import NotAvailable, computed
 from .checks.competing_forms import FittedForm
 from .checks.competing_models import paired_difference, prediction_errors
@@ -35,11 +35,13 @@ from .checks.judgement import judge
 from .checks.strata import Codes, even_choice, units_of
 from .defaults import fit_law
 from .edges import EdgeInference
-from .form_choice import CHOICES, REDUCED, aicc, fit_in_form, free_gradient, n_estimated
+from .form_choice import CHOICES, REDUCED, aicc, fit_in_form, form_named, free_gradient, n_estimated
 from .form_comparison import ComparedForm, FormComparison
 from .lawfit import LawFit
 from .least_squares import linear
+from .prediction import interval
 from .regression import refitted
+from .rows import reference_level
 
 MOST_REFITS = 60  # edges of which each is left out by a new fit; of more, along the gradient
 MOST_FACTORS = 5  # whose corners are all looked at: at most 32 settings
@@ -50,13 +52,13 @@ TURN = 0.02  # share of the response by which it falls and rises again over a fa
 
 
 def compare_laws(
-    runs: Runs, law: LawFit | str, *, forms: Sequence[str] | None = None, factors: Sequence[str] | None = None
+    runs: Readable, law: LawFit | str, *, forms: Sequence[str] | None = None, factors: Sequence[str] | None = None
 ) -> FormComparison:
     """Forms of a law fitted to the same rows and compared.
 
     Parameters
     ----------
-    runs : Runs
+    runs : Runs, DataFrame or path
         To which the law was fitted.
     law : LawFit or str
         In its default form, or as it is written: ``"Ra ~ V, f, d"``.
@@ -80,13 +82,15 @@ def compare_laws(
     >>> found.preferred.name, found.units
     ('power', 24)
     """
+    runs = as_runs(runs)
     if isinstance(law, str):
         law = fit_law(runs, law)
     default = _default_name(law)
     asked = tuple(law.factors if factors is None else factors)
     laws: dict[str, LawFit] = {default: law}
     missing: dict[str, NotAvailable] = {}
-    for name in CHOICES if forms is None else forms:
+    for name in map(str, CHOICES if forms is None else forms):
+        form_named(name)
         if name == default or (forms is None and CHOICES[name].unsuited(law.response, asked)):
             continue
         by = None if law.by is None else law.by.column
@@ -149,8 +153,9 @@ def _compared(
     if law.life is not None and law.life.censored:
         bounds = law.life.run_outs + law.life.earlier
         raise FitError(
-            f"{law.response}: {bounds} of {law.nobs} lives are known by a bound alone, and only the power law counts "
-            "those. Without them the longest lives would be missing, so that forms cannot be compared."
+            f"{law.response}: {bounds} of {law.nobs} lives are known by a bound alone: errors of prediction do not "
+            "exist for these, and without them the longest lives would be missing. fitmodels compare scores such laws "
+            "by the likelihood of left-out lives."
         )
     if law.rows is None or law.exact:
         why = "keeps no rows" if law.rows is None else "meets every row exactly, so that there is no scatter"
@@ -309,11 +314,11 @@ def _points(found: FormComparison, runs: Runs) -> pd.DataFrame:
     here = [np.all(np.abs(law.X - x) <= SAME * np.abs(x), axis=1) for x in at[list(law.factors)].to_numpy()]
     measured = [float(law.observed[rows].mean()) if rows.any() else np.nan for rows in here]
     out = at.assign(rows=[int(rows.sum()) for rows in here], measured=measured)
-    where = {**at, **reference_level(law, len(at))}
+    where = {**at, **reference_level(law.by, len(at))}
     for form in found.forms:
-        value = computed(partial(form.law.predict, where))
+        value = computed(partial(form.law.values, where))
         out[form.name] = np.nan if isinstance(value, NotAvailable) else value
-    ends = computed(lambda: found.preferred.law.predict(where, "mean"))
+    ends = computed(lambda: interval(found.preferred.law, where))
     for name in ("low", "high"):
         out[name] = np.nan if isinstance(ends, NotAvailable) else ends[name].to_numpy()
     return out
@@ -359,7 +364,7 @@ def turning_factors(law: LawFit) -> tuple[str, ...]:
     held: dict[str, object] = {name: np.full(GRID, middle(law, name)) for name in law.factors}
     for name in law.factors:
         grid = np.linspace(*law.domain[name], GRID)
-        value = law.predict({**held, name: grid, **reference_level(law, GRID)})
+        value = law.values({**held, name: grid, **reference_level(law.by, GRID)})
         rise, fall = (np.maximum(sign * np.diff(value), 0).sum() for sign in (1, -1))
         if min(rise, fall) > TURN * np.abs(value).max():
             out.append(name)
@@ -371,11 +376,6 @@ def middle(law: LawFit, name: str) -> float:
     low, high = law.domain[name]
     logs = law.formula.logs[law.factors.index(name)]
     return float(np.sqrt(low * high)) if logs and low > 0 else (low + high) / 2
-
-
-def reference_level(law: LawFit, n: int) -> dict[str, object]:
-    """The level of reference of a category."""
-    return {} if law.by is None else {law.by.column: np.full(n, law.by.reference)}
 
 
 def corner_settings(law: LawFit) -> Array:

@@ -1,32 +1,37 @@
 """Tool life from a wear law: the time at which the law reaches a wear criterion (Taylor).
 
-From ``AW = c0 V^a f^b d^g t^k`` and a criterion W follows ``T = (W/c0)^(1/k) V^(-a/k) f^(-b/k) d^(-g/k)``,
-Taylor's ``V T^n = C`` with ``n = k/a``. Source: ISO 3685:1993, annex on tool-life equations.
+From ``AW = c0 V^a f^b d^g t^k`` and a criterion W follows ``T = (W/c0)^(1/k) V^(-a/k) f^(-b/k) d^(-g/k)``, Taylor's
+``V T^n = C`` with ``n = k/a``. Source: ISO 3685:1993, annex on tool-life equations.
 """
 
-import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
 from ..core.arrays import Array
+from ..core.calls import Conditions, Takes, check_share, conditions
 from ..core.display import Plottable
-from ..core.errors import FitError
-from ..core.intervals import Root, fieller, solved_for
+from ..core.errors import FitError, UsageError
+from ..core.intervals import Kind, Root, fieller, solved_for
+from ..core.predictions import LifePrediction, single, unreached_words, within_tests
+from ..core.predicts import Predicts
 from ..core.verdict import Verdict, verdict_from
 from ..datasets import Runs
+from .checks.exponent_ranges import usual_taylor_n
 from .edges import EdgeInference
 from .lawfit import LawFit
 from .laws import LARGEST_LOG
+from .prediction import inside_of, of_band
+from .rows import as_table
 
 Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ToolLife(Plottable):
+class ToolLife(Predicts, Plottable):
     """Tool life T, in the unit of t, at a wear criterion.
 
     Attributes
@@ -63,35 +68,65 @@ class ToolLife(Plottable):
         Examples
         --------
         >>> from fitmodels import datasets, fit
-        >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
-        >>> life = fit.tool_life(fit.power_law(runs, "AW", ["V", "f", "d", "t"]))
+        >>> life = fit.tool_life(fit.power_law(datasets.bundled("gc435_709m40"), "AW", ["V", "f", "d", "t"]))
         >>> [round(end, 1) for end in life.interval("law", V=100, f=0.19, d=2)]
         [86.8, 133.2]
         """
+        if of not in ("law", "edge"):
+            raise UsageError(f"of={of!r}: an interval of the 'law' or of one new 'edge'.")
+        check_share("level", level)
+        self._values(conditions(self._takes, None, None, factors))  # refuses what is missing or no number
         if self.law is None or self.law.cov_theta is None:
             return None
-        root = _root(self.law, self.criterion, factors, level, edge_variance(self.law, self.criterion, of))
-        return _exponentials(root)
+        return _exponentials(
+            _root(self.law, self.criterion, factors, level, edge_variance(self.law, self.criterion, of))
+        )
 
     @property
     def taylor(self) -> "TaylorConstants | None":
         """Constants n and C of ``V T^n = C`` with 95 % intervals; None where the wear law has no V."""
         return None if self.law is None else taylor_constants(self.law, self.criterion)
 
-    def predict(self, **factors: float) -> float:
-        """Life at one set of conditions, in ``unit``."""
+    @property
+    def _takes(self) -> Takes:
+        units = {} if self.law is None else self.law.units
+        factors = {str(name): units.get(str(name), "") for name in self.coefficients.index[1:]}
+        return Takes(f"the life at {self.wear} {self.criterion:g} {self.unit_of_wear}", factors, None, FitError)
+
+    def _predicted(self, given: Conditions, *, kind: Kind, level: float, **other: Any) -> LifePrediction:  # noqa: ANN401
+        """Life of one new edge, or of the law; by Fieller's theorem at each point."""
+        check_share("level", level)
+        if kind not in ("mean", "prediction") or (other["edge"], other["centre"]) != ("new", "median"):
+            raise UsageError("a life has the kinds 'mean' (of the law) and 'prediction' (of one new edge), no others.")
+        if self.law is None or self.law.cov_theta is None:
+            raise FitError("the wear law has no interval, so its life has none; values(...) gives the life alone.")
+        at = {**given, "t": self._values(given)}
+        table, of = as_table("T", at), "law" if kind == "mean" else "edge"
+        rows = table.drop(columns="t").to_dict("records")
+        ends = np.array([self.interval(of, level, **row) for row in rows])  # type: ignore[arg-type]
+        band = pd.DataFrame({"value": table["t"], "low": ends[:, 0], "high": ends[:, 1]})
+        band["inside"] = inside_of(self.law, table)[0]
+        edge = "one new edge" if isinstance(self.law.edges, EdgeInference) else "one row"
+        whose = f"{100 * level:g} % interval of {'the law' if kind == 'mean' else edge}, by Fieller's theorem,"
+        words = f"time at which {self.wear} reaches {self.criterion:g} {self.unit_of_wear}, {whose}"
+        band.attrs = {"kind": kind, "level": level, "coverage": None, "edge": "new", "centre": "median", "words": words}
+        found = of_band(self.law, at, table, band)
+        held = {one.name: getattr(found, one.name) for one in fields(found)}
+        life = LifePrediction(**{**held, "response": "T", "unit": self.unit, "error": "multiplicative"})
+        most = float(self.law.observed.max()) if self.law.rows is not None else None
+        return within_tests(life, self.t_observed, unreached_words(self.criterion, most, self.unit_of_wear))
+
+    def _values(self, given: Conditions) -> Any:  # noqa: ANN401
         names = [str(name) for name in self.coefficients.index[1:]]
-        missing = [name for name in names if name not in factors]
-        if missing:
-            raise FitError(f"tool life needs {', '.join(missing)}.")
-        for name in names:
-            if not factors[name] > 0:
-                raise FitError(f"{name} {factors[name]:g}: a power law needs values above zero.")
-        return _life(self.coefficients, factors)
+        if missing := [name for name in names if name not in given]:
+            raise FitError(f"tool life needs {', '.join(missing)}; give {missing[0]}=...")
+        if bad := next((name for name in names if not np.all(given[name] > 0)), None):
+            raise FitError(f"{bad} {np.min(given[bad]):g}: a power law needs values above zero.")
+        return _life(self.coefficients, given)
 
 
 def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
-    """Solve a wear law for time at a criterion.
+    """Tool life by a wear law: its time at a criterion.
 
     Parameters
     ----------
@@ -108,8 +143,7 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
     Examples
     --------
     >>> from fitmodels import datasets, fit
-    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
-    >>> life = fit.tool_life(fit.power_law(runs, "AW", ["V", "f", "d", "t"]))
+    >>> life = fit.tool_life(fit.power_law(datasets.bundled("gc435_709m40"), "AW", ["V", "f", "d", "t"]))
     >>> bool(0.2 < life.taylor_n < 0.7)
     True
     """
@@ -241,12 +275,11 @@ def _exponentials(root: Root) -> Interval:
         return float(np.exp(root.low)), float(np.exp(root.high))
 
 
-def _life(coefficients: "pd.Series[float]", factors: Mapping[str, float]) -> float:
+def _life(coefficients: "pd.Series[float]", factors: Mapping[str, Any]) -> Any:  # noqa: ANN401
     c0, *exponents = coefficients
-    names = coefficients.index[1:]
-    logs = [b * np.log(factors[str(x)]) for x, b in zip(names, exponents, strict=True)]
+    logs = [b * np.log(factors[str(x)]) for x, b in zip(coefficients.index[1:], exponents, strict=True)]
     with np.errstate(over="ignore"):  # in logarithms, since a single power may be too large for a number
-        return float(np.exp(np.log(c0) + sum(logs)))
+        return single(np.asarray(np.exp(np.log(c0) + sum(logs))))
 
 
 def _standard_errors(law: LawFit, eta: Array, values: Array, others: list[int], at: int) -> "pd.Series[float] | None":
@@ -265,39 +298,6 @@ def _standard_errors(law: LawFit, eta: Array, values: Array, others: list[int], 
 LIFE_USUAL, LIFE_POSSIBLE = (0.5, 600.0), (0.02, 6000.0)  # min
 FAR, VERY_FAR = 1.0, 10.0  # life over the longest test: extrapolated, and too far to be used
 WIDE, VERY_WIDE = 10.0, 100.0  # factor within which 95 % of lives lie
-Range = tuple[float, float]
-# Names in four languages and grades; limits of n are judgement
-_COATED = r"\bgc ?\d{3,4}\b|coat|beschichtet|revêtu|recubiert|\btin\b|tialn|altin|ticn"
-ANY_TOOL = "any tool material"
-
-
-@dataclass(frozen=True, slots=True)
-class TaylorN:
-    """Taylor's n of a tool material: usual range, and limits beyond which it is doubted."""
-
-    material: str
-    usual: Range
-    limits: Range
-
-
-_TAYLOR = {
-    r"\bhss\b|high.speed steel|schnellarbeitsstahl|acier rapide": TaylorN("high-speed steel", (0.08, 0.2), (0.05, 0.3)),
-    r"ceramic|keramik|céramique|cerámica|\bsialon\b|\bwhisker": TaylorN("ceramic", (0.4, 0.6), (0.25, 1.0)),
-    _COATED: TaylorN("coated carbide", (0.2, 0.5), (0.12, 0.7)),
-    r"carbide|hartmetall|carbure|metal duro|\b[pmk]\d\d\b": TaylorN("carbide", (0.2, 0.3), (0.12, 0.5)),
-}
-
-
-def usual_taylor_n(tool: str) -> TaylorN:
-    """Range of Taylor's n by the tool material that a name states.
-
-    Examples
-    --------
-    >>> usual_taylor_n("GC435").usual, usual_taylor_n("T1").material
-    ((0.2, 0.5), 'any tool material')
-    """
-    found = (row for names, row in _TAYLOR.items() if re.search(names, tool.casefold()))
-    return next(found, TaylorN(ANY_TOOL, (0.08, 0.6), (0.05, 1.0)))
 
 
 def life_verdict(life: ToolLife, law: LawFit, runs: Runs | None = None, of_law: Verdict | None = None) -> Verdict:

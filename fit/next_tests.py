@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.censored import RUN_OUT
 from ..core.errors import FitError, UsageError
 from ..datasets import region
 from ..datasets.design import round_significant
@@ -36,6 +37,10 @@ ALIKE = 4  # decimals of a coded level: closer settings are one
 DIGITS = 4
 CHOICES = 700  # settings at most to choose from for a decision
 TWICE = 2  # tests of one setting at most
+RUN_OUTS = (
+    " Not proposed: settings where every test ran out, or whose {} by the law is longer than the longest test, since "
+    "they would give bounds only; give --longest to run them longer."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +74,7 @@ def next_runs(
     candidates: Points | None = None,
     decision: Decision | None = None,
     durations: Callable[[pd.DataFrame], Array] | None = None,
+    longest: float | None = None,
     seed: int = 1,
 ) -> pd.DataFrame:
     """Plan n further tests for a law.
@@ -87,6 +93,9 @@ def next_runs(
         are most informative for the law as a whole.
     durations : callable, optional
         Minutes in cut of each setting of a table, for a law with t; the longest test so far unless given.
+    longest : float, optional
+        Of a law of tool lives with run-outs, the longest test in its unit, by default the longest so far: settings
+        where every test ran out, or whose life by the law is longer, would give bounds only and are no candidates.
     seed : int
         Seed of the run order, and of the search's random starts.
 
@@ -119,6 +128,8 @@ def next_runs(
     cut, rng = trials(law), np.random.default_rng(seed)
     repeats = candidates is None and decision is None and not replicated(law.region, cut)
     X, level = _candidates(law, cut, repeats) if candidates is None else _given(law, cut, candidates)
+    ends = _ends_in_time(law, cut, X, level, longest) if candidates is None else np.ones(len(X), dtype=bool)
+    X, level = X[ends], None if level is None else level[ends]
     old = _rows(law, cut, cut.X, cut.level)
     M = linear(old, np.zeros(len(old))).cov_unscaled
     if decision is None:
@@ -137,7 +148,7 @@ def next_runs(
         "determinant_gain": gain,
         "volume": gain**-0.5,
         "units": {name: law.units[name] for name in law.factors if name in plan and law.units.get(name)},
-        "words": _words(law, cut, len(plan), criterion, gain),
+        "words": _words(law, cut, len(plan), criterion, gain) + ("" if ends.all() else RUN_OUTS.format(law.response)),
         "readings": readings,
     }
     plan.attrs.update(facts)
@@ -241,6 +252,34 @@ def _reached(law: LawFit, cut: Trials, grid: Array, name: str | None) -> NDArray
     far = np.square(_coded(place, cut, cut.X)).sum(axis=1).max()
     near = np.square(_coded(place, cut, grid)).sum(axis=1)
     return np.asarray((h <= limit * (1 + region.SLACK)) & (near <= far * (1 + region.SLACK)))
+
+
+def _ends_in_time(
+    law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None, longest: float | None
+) -> NDArray[np.bool_]:
+    """Whether a test at each setting is expected to end; all where no life is a run-out, or none would end."""
+    every = np.ones(len(X), dtype=bool)
+    if law.life is None or not law.life.run_outs or law.rows is None or law.rows.side is None:
+        return every
+    table = pd.DataFrame(X, columns=list(cut.names))
+    if law.by is not None:
+        table[law.by.column] = level
+    end = float(law.observed.max()) if longest is None else longest
+    kept = np.asarray(law.values(table)) <= end
+    if longest is None:
+        keys = _settings(law.region, cut, law.X, _levels_of_rows(law, cut))
+        ended = {key for key, side in zip(keys, law.rows.side.tolist(), strict=True) if side != RUN_OUT}
+        only_run_outs = {*keys} - ended
+        kept &= np.array([key not in only_run_outs for key in _settings(law.region, cut, X, level)])
+    return kept if kept.any() else every
+
+
+def _levels_of_rows(law: LawFit, cut: Trials) -> NDArray[np.object_] | None:
+    """Level of the category of each row, None without one."""
+    if cut.level is None or law.by is None:
+        return None
+    known = np.array([law.by.reference, *law.by.levels], dtype=object)
+    return np.asarray(known[(law.shifts @ np.arange(1, len(known))).astype(int)], dtype=object)
 
 
 def _given(law: LawFit, cut: Trials, given: Points) -> tuple[Array, NDArray[np.object_] | None]:

@@ -35,6 +35,7 @@ GAIN = 1e-9  # a swap that gains less is rounding, and would go round in circles
 STARTS = 8  # the greedy one, and random ones: exchange stops at a local best
 LEVEL = 0.95
 ENOUGH = 0.05  # share by which the law may widen the interval of one new edge: then more tests narrow little
+TOO_MANY = 50  # further tests that do not pay
 MOST_MORE = 1000  # tests beyond which no number is stated
 SWEEPS, MOST_EXCHANGED = 5, 20  # of exchanges for a decision, and tests up to which they are made
 
@@ -91,15 +92,22 @@ class Narrowing(Displayable):
                 else f"Stop after about {_tests(self.reached)} like these: then {asked} is expected." if self.reached
                 else f"{asked[0].upper()}{asked[1:]} is not reached with {MOST_MORE} tests like these."
             )  # fmt: skip
+        beyond = self.decision.beyond
         rest = f"the interval of one new edge is at most {100 * ENOUGH:.0f} % wider than with a law known exactly"
         if self.enough == 0:
-            out.append(f"Stop: {rest}; more tests hardly narrow it, what is left is the scatter between edges.")
+            head = "Tests like these do not pay" if beyond else "Stop"
+            out.append(f"{head}: {rest}; more tests hardly narrow it, what is left is the scatter between edges.")
         elif self.enough is None:
             out.append(f"More than {MOST_MORE} tests like these are needed until {rest}: vary the conditions more.")
+        elif self.enough > TOO_MANY:
+            instead = "run edges to the criterion" if beyond else "vary the conditions more"
+            out.append(f"Further tests at these points do not pay ({self.enough} until {rest}): {instead}.")
+        elif beyond:
+            out.append(f"After about {_tests(self.enough)} like these {rest}, if the law holds so far.")
         else:
             out.append(f"Stop after about {_tests(self.enough)} like these: then {rest}.")
-        if self.decision.beyond:
-            out.append(f"Do not stop before tests have covered what is extrapolated. {self.decision.beyond}")
+        if beyond:
+            out.append(f"Do not stop before tests have covered what is extrapolated. {beyond}")
         return out
 
 

@@ -17,12 +17,13 @@ Source of the second row: Henderson 1975, Biometrics 31, 423 (prediction of a ra
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol, get_args
+from typing import Any, Protocol, get_args
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.calls import Conditions, check_share
 from ..core.censored import LifeDistribution
 from ..core.errors import FitError, UsageError
 from ..core.intervals import (
@@ -36,6 +37,7 @@ from ..core.intervals import (
     one_component,
     value_and_ends,
 )
+from ..core.predictions import GivenFactor, Prediction, within_tests
 from .available import NotAvailable
 from .edges import EdgeInference
 from .fitted_rows import FittedRows
@@ -45,6 +47,7 @@ from .region import DesignRegion
 from .rows import By, Points, as_table
 
 Array = NDArray[np.float64]
+ROUNDING = 1e-9  # of a factor at the end of its range
 
 
 class Fitted(Protocol):
@@ -65,6 +68,8 @@ class Fitted(Protocol):
     @property
     def region(self) -> DesignRegion: ...  # noqa: D102
     @property
+    def units(self) -> Mapping[str, str]: ...  # noqa: D102
+    @property
     def by(self) -> By | None: ...  # noqa: D102
     @property
     def life(self) -> LifeDistribution | None: ...  # noqa: D102
@@ -80,6 +85,8 @@ class Fitted(Protocol):
     def design(self) -> Array: ...  # noqa: D102
     @property
     def residuals(self) -> Array: ...  # noqa: D102
+    @property
+    def observed(self) -> Array: ...  # noqa: D102
     @property
     def free(self) -> NDArray[np.bool_]: ...  # noqa: D102
     def covariance(self) -> Array: ...  # noqa: D102
@@ -280,13 +287,44 @@ def interval(
         kind, median, at.variance, at.df, at.scatter, level=level, coverage=coverage, centre=middle,
         smearing=smearing(law, at.of) if middle == "smeared" else 1.0, multiplies=multiplies,
     )  # fmt: skip
-    inside, region = _inside(law, table)
+    inside, region = inside_of(law, table)
     band = pd.DataFrame({"value": value, "low": low, "high": high, "inside": inside})
     band.attrs.update(_label(at, kind, level, coverage, middle, region))
     return band
 
 
-def _inside(law: Fitted, table: pd.DataFrame) -> tuple[NDArray[np.bool_], str]:
+def predicted(law: Fitted, given: Conditions, *, kind: Kind, **options: Any) -> Prediction:  # noqa: ANN401
+    """The interval of a law at conditions as `core.predictions` checks them; options as of `interval`."""
+    table = as_table(law.formula.response, given)
+    return of_band(law, given, table, interval(law, table, kind, **options))
+
+
+def of_band(law: Fitted, given: Conditions, table: pd.DataFrame, band: pd.DataFrame) -> Prediction:
+    """The prediction of a band as `interval` returns it."""
+    one = not any(np.ndim(value) for value in given.values())
+
+    def cells(column: Any) -> Any:  # noqa: ANN401
+        values = np.asarray(column)
+        return values[0].item() if one else values
+
+    factors = []
+    for name, (low, high) in law.domain.items():
+        x, slack = table[name].to_numpy(dtype=float), ROUNDING * max(abs(low), abs(high))
+        beyond = (x > high + slack).astype(np.intp) - (x < low - slack)
+        factors.append(GivenFactor(name, law.units.get(name, ""), cells(x), low, high, cells(beyond)))
+    levels = [] if law.by is None else list(dict.fromkeys(map(str, table[law.by.column])))
+    facts = band.attrs
+    found = Prediction(
+        response=law.formula.response, unit=law.units.get(law.formula.response, ""),
+        value=cells(band["value"]), low=cells(band["low"]), high=cells(band["high"]), inside=cells(band["inside"]),
+        of=facts["words"].split(";")[0], kind=facts["kind"], edge=facts["edge"], centre=facts["centre"],
+        level=facts["level"], coverage=facts["coverage"], given=tuple(factors),
+        by=None if law.by is None else (law.by.column, ", ".join(levels)), error=law.error,
+    )  # fmt: skip
+    return within_tests(found, float(law.observed.max()) if law.life is not None else None)
+
+
+def inside_of(law: Fitted, table: pd.DataFrame) -> tuple[NDArray[np.bool_], str]:
     """Whether each point lies in the tested region, shape (n,), and the region in words."""
     try:
         region = law.region
@@ -321,7 +359,8 @@ def _check(law: Fitted, kind: str, edge: str, level: float, coverage: float, cen
         if given not in get_args(known):
             raise UsageError(f"{name}={given!r}: it is one of {', '.join(get_args(known))}.")
     for name, share in (("level", level), ("coverage", coverage)):
-        if not 0 < share < 1:
-            raise UsageError(f"{name} {share:g} of an interval: it must be between 0 and 1, for instance 0.95.")
+        check_share(name, share)
+    if not isinstance(getattr(law, "formula", None), LawForm):
+        raise UsageError(f"an interval of a {type(law).__name__}: give a law, for instance of fit.power_law.")
     if law.no_interval:
         raise FitError(f"{law.formula.response}: {law.no_interval}. Add observations.")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..core.errors import FitError, UsageError
 from ..core.formula import FORMS, Term
 from ..core.threads import one_thread
-from ..datasets import Runs
+from ..datasets.runs import Readable, Runs, as_runs
 from .available import NotAvailable
 from .edges import EXACT_FIT, NO_EDGES, EdgeInference, infer_by_edge
 from .fitted_rows import FittedRows, LawSource
@@ -47,7 +47,7 @@ HELD = 0.01
 
 
 def power_law(
-    runs: Runs,
+    runs: Readable,
     response: str,
     factors: Sequence[str],
     *,
@@ -59,7 +59,7 @@ def power_law(
 
     Parameters
     ----------
-    runs : Runs
+    runs : Runs, DataFrame or path
     response : str
         Symbol of the response, e.g. ``"AW"``; its unit becomes the unit of c0 times the factors' powers.
     factors : sequence of str
@@ -84,11 +84,11 @@ def power_law(
     >>> fit.power_law(runs, "AW", ["V", "f"]).params.round(4).to_dict()
     {'c0': 0.0096, 'V': 0.577, 'f': 0.168}
     """
-    return fit_form(runs, "power", response, factors, error=error, edge=edge, by=by)
+    return fit_form(as_runs(runs), "power", response, factors, error=error, edge=edge, by=by)
 
 
 def exponential_law(
-    runs: Runs,
+    runs: Readable,
     response: str = "Ra",
     factor: str = "F",
     *,
@@ -106,7 +106,7 @@ def exponential_law(
     >>> list(fit.exponential_law(runs).params.index)
     ['a', 'b']
     """
-    fitted = fit_form(runs, "exponential", response, [factor], error=error, by=by)
+    fitted = fit_form(as_runs(runs), "exponential", response, [factor], error=error, by=by)
     different = len(np.unique(fitted.X))
     if different > fitted.nobs / 2:
         return fitted
@@ -139,6 +139,7 @@ def fit_form(
     if form not in FORMS:
         raise UsageError(f"form {form!r}: it is one of {', '.join(FORMS)}.")
     shape = FORMS[form]
+    response, *factors = map(runs.symbol, (response, *factors))
     asked = LawForm(form, response, tuple(factors), fixed=tuple((fixed or {}).items()))
     _check_fixed(asked, error)
     rows = select(runs, response, factors, by=by, edge=edge, positive=asked.positive(error))
@@ -168,7 +169,7 @@ def _check_fixed(law: LawForm, error: Error) -> None:
         raise UsageError(f"{law.response}: a law with fixed exponents has multiplicative errors; leave error out.")
 
 
-def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "VB") -> LawFit:
+def load_law(runs: Readable, current: str = "I", *, feed: str = "fm", wear: str = "VB") -> LawFit:
     """Fit the load line ``I = A + B fm + k1 VB`` (Tai, Tsai & Li 2023, eq. 14).
 
     Where most rows are at one held current, eq. 14 cannot be fitted; eq. 15, feed on wear, is fitted to
@@ -187,6 +188,8 @@ def load_law(runs: Runs, current: str = "I", *, feed: str = "fm", wear: str = "V
     >>> fit.load_law(runs).form
     'feed_line'
     """
+    runs = as_runs(runs)
+    current, feed, wear = map(runs.symbol, (current, feed, wear))
     rows = select(runs, current, [feed, wear], positive=())
     if not len(rows.y):
         gone = "; ".join(f"{item.count} rows: {item.reason}" for item in rows.dropped)
@@ -250,9 +253,7 @@ def facts_of(law: LawFit) -> dict[str, Any]:
 def law_of(formula: LawForm, error: Error, stage: Stage, rows: FittedRows, **facts: Any) -> LawFit:  # noqa: ANN401
     """The law of a fitted stage and its rows, with inference by edge."""
     theta, cov, _, r, tss = stage
-    law = LawFit.of_rows(
-        rows, formula, error=error, theta=theta, cov_theta=cov, rss=float(r @ r), tss=tss, **facts
-    )  # fmt: skip
+    law = LawFit.of_rows(rows, formula, error=error, theta=theta, cov_theta=cov, rss=float(r @ r), tss=tss, **facts)
     return replace(law, edges=edge_inference(law))
 
 
@@ -315,10 +316,8 @@ def _notes(rows: Rows) -> tuple[str, ...]:
     if rows.repeats == 1:
         return ()
     n = len(rows.y)
-    return (
-        f"the file contains each of {n} measurements {rows.repeats} times ({n * rows.repeats} rows); "
-        "duplicates add no information, so each is counted once",
-    )
+    found = f"the file contains each of {n} measurements {rows.repeats} times ({n * rows.repeats} rows)"
+    return (f"{found}; duplicates add no information, so each is counted once",)
 
 
 def _stage(law: LawForm, error: Error, Z: Array, y: Array, start: Array | None) -> Stage:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..core.formula import FORMS, Term, second_order_terms
+from ..core.rounding import count
 from ..datasets import Runs
+from ..datasets.vocabulary import ROLES
 from .laws import LARGEST_LOG, LawForm
 from .least_squares import linear
 
@@ -48,6 +50,11 @@ class By(Displayable):
     column: str
     reference: str
     levels: tuple[str, ...]
+
+
+def reference_level(by: By | None, n: int) -> dict[str, object]:
+    """The level of reference of a category for n points, by its column; empty without a category."""
+    return {} if by is None else {by.column: np.full(n, by.reference)}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -113,6 +120,8 @@ def select(
         raise UsageError(f"{response}: no factor is named; a law needs at least one, for instance V.")
     if response in factors:
         raise UsageError(f"{response} is the response and cannot be its own factor; leave it out of the factors.")
+    if len(set(factors)) < len(factors):
+        raise UsageError(f"{response} on {', '.join(factors)}: a factor is named twice; name each once.")
     columns = {name: runs.values(name) for name in (response, *factors)}
     level = runs.labels(by) if by is not None else None
     keep = np.ones(len(runs), dtype=bool)
@@ -131,7 +140,7 @@ def select(
         drop(np.asarray(level == "", dtype=bool), f"{by} missing")
     for name in columns if positive is None else positive:
         drop(columns[name] <= 0, f"{name} zero or negative")
-    labels = runs.labels(edge) if edge is not None and runs.has(edge) else None
+    labels = runs.labels(edge) if edge is not None and (edge != "edge" or runs.has(edge)) else None
     keep, repeats = _without_copies(columns, (labels, level), keep)
     shifts, category = _indicators(level, keep, by)
     return Rows(
@@ -310,6 +319,21 @@ def second_order_form(law: LawForm, rows: Rows, terms: Sequence[Term] | None) ->
     return replace(whole, terms=tuple(whole.terms[j] for j in keep)), tuple(stated)
 
 
+def computed_note(runs: Runs, response: str) -> tuple[str, ...]:
+    """That a response was computed from a measured result and conditions: it is no measurement of its own."""
+    rule = next((one for one in runs.derived if one.role == response), None)
+    if rule is None:
+        return ()
+    sources = [name for name in rule.inputs if ROLES[name].kind not in ("condition", "time", "other")]
+    if len(sources) != 1 or len(rule.inputs) == 1:
+        return ()
+    of_cut = "; it is the power of the cut, without the losses of the drive" if response == "P" else ""
+    return (
+        f"{response} is computed, not measured: {rule.equation}; its law is that of {sources[0]} with this equation, "
+        f"which R2, F and t contain{of_cut}",
+    )
+
+
 def check_enough(law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...]) -> None:
     """Refuse too few rows, a constant response, and a law without factors."""
     why = "".join(f"; {item.factor} is left out: {item.reason}" for item in left_out)
@@ -322,7 +346,7 @@ def check_enough(law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...]) -> Non
         mend = "Correct the rows left out, measure" if gone else "Measure"
         less = f", or leave a factor out (--map {law.factors[-1]}=none)" if law.factors else ""
         raise FitError(
-            f"{law.response}: {len(rows.y)} usable rows for {p} parameters ({names}){gone}{why}. "
+            f"{law.response}: {count(len(rows.y), 'usable row')} for {count(p, 'parameter')} ({names}){gone}{why}. "
             f"{mend} at least {p + 1 - len(rows.y)} more{less}."
         )
     if np.all(rows.y == rows.y[0]):

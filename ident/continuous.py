@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.arrays import is_positive
 from ..core.display import Displayable, Plottable
 from ..core.errors import IdentError
+from ..core.rounding import count
 from .model import Model
 
 Array = NDArray[np.float64]
@@ -148,9 +149,9 @@ def to_continuous(model: Model) -> ContinuousModel | NoContinuousForm:
     b, a = np.trim_zeros(model.b[late:], "b"), np.trim_zeros(model.a, "b")
     if len(b) > len(a):
         return NoContinuousForm(
-            f"b reaches {len(b) - 1} samples back beyond the delay and a only {len(a) - 1}: that is {len(b) - len(a)} "
-            "pole(s) at z = 0, a finite impulse response or a fractional delay, which has no finite continuous order. "
-            "Take nb <= na"
+            f"b reaches {len(b) - 1} samples back beyond the delay and a only {len(a) - 1}: that is "
+            f"{count(len(b) - len(a), 'pole')} at z = 0, a finite impulse response or a fractional delay, which has no "
+            "finite continuous order. Take nb <= na"
         )
     n = len(a) - 1
     head = float(b[0]) if model.nk == 0 and b.size else 0.0

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.display import Display, TextTable, by_fields, display_of, estimates, facts_of, with_error
+from ..core.display import Display, TextTable, by_fields, display_of, estimates, facts_of
 from ..core.rounding import format_plain as plain
+from ..core.rounding import with_error
 from .continuous import ContinuousModel
 from .excitation.predicted_precision import PredictedErrors
 from .identification import Identification

@@ -186,6 +186,8 @@ def mixture_quantile(share: float, weights: Array, means: Array, errors: Array) 
     spread = np.maximum(errors, np.finfo(np.float64).tiny)
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        below = np.tensordot(weights, ndtr((middle - means) / spread), axes=1) < share
+        with np.errstate(over="ignore"):  # a part without error is below with probability 0 or 1
+            z = (middle - means) / spread
+        below = np.tensordot(weights, ndtr(z), axes=1) < share
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return np.asarray((low + high) / 2, dtype=np.float64)

@@ -9,8 +9,10 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from ..core.display import plot, with_unit
-from ..core.plotting import BLUE, GREY, ORANGE, NotebookFigure, new_axes
+from ..core.display import plot
+from ..core.figure_style import BLUE, FILL, GREY, LIGHT, LINE, ORANGE, SEQUENTIAL, SMALL, THICK, THIN
+from ..core.plotting import NotebookFigure, new_axes
+from ..core.rounding import with_unit
 from .continuous import ContinuousModel
 from .draws import drawn_models
 from .estimators.order_selection import OrderSearch
@@ -45,7 +47,8 @@ def order_map(search: OrderSearch, ax: Axes | None = None) -> Axes:
     positive = above[above > 0]
     floor = float(positive.min()) if positive.size else 1.0
     norm = LogNorm(floor, max(float(np.nanmax(above)), 2 * floor))
-    image = ax.imshow(np.maximum(above, floor), norm=norm, cmap="Blues_r", origin="lower", aspect="auto")
+    image = ax.imshow(np.maximum(above, floor), norm=norm, cmap=f"{SEQUENTIAL}_r", origin="lower", aspect="auto")
+    ax.grid(visible=False)
     unit = "times the smallest, less 1" if relative else "above the smallest"
     ax.figure.colorbar(image, ax=ax, label=f"{name} {unit}")
     ax.set_xticks(range(values.shape[1]), [str(v) for v in values.columns])
@@ -55,10 +58,10 @@ def order_map(search: OrderSearch, ax: Axes | None = None) -> Axes:
     for row in best[["na", "nb", "nk"]].to_numpy(dtype=int):
         at = (across[row[1]], up[row[0]])
         dark = norm(max(above[at[1], at[0]], floor)) < 0.55
-        ax.text(*at, str(row[2]), ha="center", va="center", fontsize=7, color="white" if dark else "black")
+        ax.text(*at, str(row[2]), ha="center", va="center", fontsize=SMALL, color="white" if dark else "black")
     ax.plot(across[nb], up[na], "s", ms=15, mfc="none", mec=ORANGE, mew=2)
     ax.set(xlabel="nb", ylabel="na")
-    ax.set_title(f"chosen na {na}, nb {nb}, nk {nk}; number in a cell: best nk", fontsize=9)
+    ax.set_title(f"chosen na {na}, nb {nb}, nk {nk}; number in a cell: best nk")
     return ax
 
 
@@ -68,14 +71,14 @@ def simulated_fit(found: Validation, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, 7.2, 3.6)
     for k, part in enumerate(_stretches(found)):
         labels = ("measured", "simulated") if k == 0 else (None, None)
-        ax.plot(found.time[part], found.y[part], color=GREY, lw=2.8, label=labels[0])
-        ax.plot(found.time[part], found.yhat[part], color=BLUE, lw=1.0, label=labels[1])
+        ax.plot(found.time[part], found.y[part], color=GREY, lw=THICK, label=labels[0])
+        ax.plot(found.time[part], found.yhat[part], color=BLUE, lw=THIN, label=labels[1])
         if k:
-            ax.axvline(found.time[part.start], color="black", lw=0.6, ls=":")
+            ax.axvline(found.time[part.start], color="black", lw=THIN, ls=":")
     ax.set(xlabel="time [s]", ylabel=with_unit(*found.labels))
     ax.margins(x=0)
-    ax.legend(loc="upper right", frameon=False, ncols=2, fontsize=8, bbox_to_anchor=(1, 1.12))
-    ax.set_title(f"fit {found.fit:.1f} %, R² {found.rsquared:.3f}", fontsize=9, loc="left")
+    ax.legend(loc="upper right", ncols=2, bbox_to_anchor=(1, 1.12))
+    ax.set_title(f"fit {found.fit:.1f} %, R² {found.rsquared:.3f}", loc="left")
     return ax
 
 
@@ -95,12 +98,12 @@ def simulation_and_residuals(found: Validation, where: str = "") -> tuple[Axes, 
     simulated_fit(found, upper).set_xlabel("")
     left, unit = found.y - found.yhat, found.labels[1]
     for part in _stretches(found):
-        lower.plot(found.time[part], left[part], color=ORANGE, lw=0.9)
+        lower.plot(found.time[part], left[part], color=ORANGE, lw=THIN)
     spread = 2 * float(np.std(left))
     lower.axhspan(-spread, spread, color=GREY, alpha=0.2, lw=0, label=f"± 2 sd, {spread:.2g} {unit}".rstrip())
-    lower.axhline(0, color="black", lw=0.6)
+    lower.axhline(0, color="black", lw=THIN)
     lower.set(xlabel=f"time [s]{', ' if where else ''}{where}", ylabel=with_unit("residual", unit))
-    lower.legend(frameon=False, fontsize=7, loc="upper right")
+    lower.legend(loc="upper right")
     return upper, lower
 
 
@@ -117,11 +120,9 @@ def bode(
     upper, lower = axes or NotebookFigure(figsize=(6.0, 5.6), layout="constrained").subplots(2, 1, sharex=True)
     nyquist = 0.5 / model.sample_time
     band = model.band or (measured.band if measured is not None else None)
-    low = (
-        min(band[0] / 2, measured.frequency[0])
-        if band and measured is not None
-        else (band[0] / 2 if band else nyquist / 300)
-    )
+    low = band[0] / 2 if band else nyquist / 300
+    if band and measured is not None:
+        low = min(low, measured.frequency[0])
     f = np.geomspace(low, nyquist * 0.999, 300)
     _bode_model(model, f, upper, lower)
     if measured is not None:
@@ -131,7 +132,7 @@ def bode(
             for begin, end in ((f[0], band[0]), (band[1], f[-1])):
                 ax.axvspan(begin, end, color=GREY, alpha=0.18, lw=0)
         words = f"excited: {band[0]:.3g} to {band[1]:.3g} Hz; shaded: not excited, the model extrapolates"
-        lower.text(0.995, 0.03, words, ha="right", fontsize=7, color="#555555", transform=lower.transAxes)
+        lower.text(0.995, 0.03, words, ha="right", fontsize=SMALL, color=GREY, transform=lower.transAxes)
     unit = f" [{model.unit_y}/{model.unit_u}]" if model.unit_u and model.unit_y else ""
     upper.set(xscale="log", yscale="log", ylabel=f"gain{unit}", xlim=(f[0], f[-1]))
     lower.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [degrees]")
@@ -153,8 +154,8 @@ def _bode_model(model: Model, f: NDArray[np.float64], upper: Axes, lower: Axes) 
         found = response_band(model, f)
         upper.fill_between(f, found.gain_low, found.gain_high, color=BLUE, alpha=0.25, lw=0, label="95 % band")
         lower.fill_between(f, found.phase_low, found.phase_high, color=BLUE, alpha=0.25, lw=0)
-    upper.plot(f, gain, color=BLUE, lw=1.3, label=NAMES.get(model.structure, "model"))
-    lower.plot(f, phase, color=BLUE, lw=1.3)
+    upper.plot(f, gain, color=BLUE, lw=LINE, label=NAMES.get(model.structure, "model"))
+    lower.plot(f, phase, color=BLUE, lw=LINE)
     upper.set_ylim(gain.min() / 3, gain.max() * 3)
     lower.set_ylim(phase.min() - 60, phase.max() + 60)
 
@@ -164,12 +165,12 @@ def _bode_measured(measured: FrequencyResponse, model: Model, upper: Axes, lower
     known = measured.gain_error < 0.5
     f, gain = measured.frequency[known], measured.gain[known]
     bars = np.abs(np.stack([gain - measured.gain_low[known], measured.gain_high[known] - gain]))
-    style: dict[str, Any] = {"fmt": "o", "ms": 2.5, "color": ORANGE, "ecolor": ORANGE, "elinewidth": 0.7}
+    style: dict[str, Any] = {"fmt": "o", "ms": 2.5, "color": ORANGE, "ecolor": ORANGE, "elinewidth": THIN}
     upper.errorbar(f, gain, bars, label=f"measured, 95 %, resolution {measured.resolution:.2g} Hz", **style)
     phase = np.degrees(np.unwrap(np.angle(model.response(f))))
     turn = np.degrees(np.angle(measured.response[known] / model.response(f)))  # on the model's branch
     lower.errorbar(f, phase + turn, (measured.phase_high - measured.phase)[known], **style)
-    upper.legend(frameon=False, fontsize=8, loc="lower left")
+    upper.legend(loc="lower left")
 
 
 def residual_correlations(found: Validation, axes: tuple[Axes, Axes] | None = None) -> tuple[Axes, Axes]:
@@ -181,13 +182,12 @@ def residual_correlations(found: Validation, axes: tuple[Axes, Axes] | None = No
         for name in ("lags", "correlation", "band")
     ]
     _stems(right, *joined)
-    right.axvline(-0.5, color=GREY, lw=0.7, ls=":")
+    right.axvline(-0.5, color=GREY, lw=THIN, ls=":")
     for ax, test, text in ((left, found.whiteness, "with themselves"), (right, found.independence, "with the input")):
-        ax.set_title(f"residuals {text}: p {test.pvalue:.2g}", fontsize=9)
-        ax.set_xlabel("lag [samples]")
+        ax.set(title=f"residuals {text}: p {test.pvalue:.2g}", xlabel="lag [samples]")
     left.set_ylabel("correlation")
-    right.text(0.02, 0.96, "coming u", fontsize=7, color="#555555", va="top", transform=right.transAxes)
-    right.text(0.98, 0.96, "past u", fontsize=7, color="#555555", va="top", ha="right", transform=right.transAxes)
+    right.text(0.02, 0.96, "coming u", fontsize=SMALL, color=GREY, va="top", transform=right.transAxes)
+    right.text(0.98, 0.96, "past u", fontsize=SMALL, color=GREY, va="top", ha="right", transform=right.transAxes)
     return left, right
 
 
@@ -195,9 +195,9 @@ def _stems(ax: Axes, lags: NDArray[np.intp], correlation: NDArray[np.float64], b
     ax.fill_between(lags, -band, band, color=GREY, alpha=0.25, lw=0, step="mid")
     beyond = np.abs(correlation) > band
     for chosen, colour in ((~beyond, BLUE), (beyond, ORANGE)):
-        ax.vlines(lags[chosen], 0, correlation[chosen], color=colour, lw=1)
+        ax.vlines(lags[chosen], 0, correlation[chosen], color=colour, lw=THIN)
         ax.plot(lags[chosen], correlation[chosen], "o", ms=3, color=colour)
-    ax.axhline(0, color="black", lw=0.6)
+    ax.axhline(0, color="black", lw=THIN)
     top = 1.15 * max(float(np.abs(correlation).max()), float(band.max()), 1e-12)
     ax.set_ylim(-top, top)
 
@@ -214,7 +214,7 @@ def step_figure(model: Model, ax: Axes | None = None) -> Axes:
         time = model.sample_time * np.arange(n + 1)
         ax.plot(time, model.simulate(np.ones(n + 1)), color=BLUE, drawstyle="steps-post")
         ax.set(xlabel="time [s]", ylabel=label)
-    ax.set_title(f"step of {model.input} by 1 {model.unit_u}".rstrip(), fontsize=9)
+    ax.set_title(f"step of {model.input} by 1 {model.unit_u}".rstrip())
     return ax
 
 
@@ -240,12 +240,12 @@ def answer_samples(model: Model) -> int:
 def poles_and_zeros(model: Model, ax: Axes | None = None) -> Axes:
     """Poles and zeros in the z plane with those of draws of the model, the unit circle, and the excited band."""
     ax = new_axes(ax)
-    ax.add_patch(Circle((0, 0), 1, fill=False, color="black", lw=0.8))
+    ax.add_patch(Circle((0, 0), 1, fill=False, color="black", lw=THIN))
     if model.band is not None:
         low, high = (2 * np.pi * model.sample_time * f for f in model.band)
         for sign in (1, -1):
             turn = np.exp(1j * sign * np.linspace(low, high, 60))
-            ax.plot(turn.real, turn.imag, color=BLUE, lw=4, alpha=0.35, label="excited band" if sign > 0 else None)
+            ax.plot(turn.real, turn.imag, color=BLUE, lw=THICK, alpha=0.35, label="excited band" if sign > 0 else None)
     drawn = drawn_models(model, DRAWN, 1, least=0.0).models if model.cov_params is not None else ()
     far: list[float] = []
     for name, colour, mark in (("poles", BLUE, "x"), ("zeros", ORANGE, "o")):
@@ -257,13 +257,13 @@ def poles_and_zeros(model: Model, ax: Axes | None = None) -> Axes:
         far += [float(z.real) for z in at if abs(z) > EDGE and z.imag >= 0]
     if far:
         words = ", ".join(f"{x:.3g}" for x in far)
-        ax.text(0.02, 0.02, f"zeros outside the picture, real part: {words}", fontsize=7, transform=ax.transAxes)
-    ax.axhline(0, color=GREY, lw=0.5, zorder=0)
-    ax.axvline(0, color=GREY, lw=0.5, zorder=0)
+        ax.text(0.02, 0.02, f"zeros outside the picture, real part: {words}", fontsize=SMALL, transform=ax.transAxes)
+    ax.axhline(0, color=GREY, lw=THIN, zorder=0)
+    ax.axvline(0, color=GREY, lw=THIN, zorder=0)
     ax.set(xlabel="real part of z", ylabel="imaginary part of z", xlim=(-EDGE, EDGE), ylim=(-EDGE, EDGE))
     ax.set_aspect("equal")
-    ax.legend(frameon=False, fontsize=8, loc="upper right")
-    ax.set_title(f"poles and zeros{f'; dots: {len(drawn)} draws of the model' if drawn else ''}", fontsize=9)
+    ax.legend(loc="upper right")
+    ax.set_title(f"poles and zeros{f'; dots: {len(drawn)} draws of the model' if drawn else ''}")
     return ax
 
 
@@ -281,19 +281,20 @@ def structure_chart(found: Identification, axes: tuple[Axes, Axes] | None = None
     grid = grid.reindex(columns=range(int(grid.columns.min()), int(grid.columns.max()) + 1))
     error = np.sqrt(grid.to_numpy() / float(table["loss"].min()))
     norm = LogNorm(1.0, float(np.clip(np.nanmax(error), 2.0, 100.0)))
-    left.set_facecolor("#eeeeee")
-    image = left.imshow(error, norm=norm, cmap="Blues_r", origin="lower", aspect="auto")
+    left.set_facecolor(LIGHT.rule)
+    left.grid(visible=False)
+    image = left.imshow(error, norm=norm, cmap=f"{SEQUENTIAL}_r", origin="lower", aspect="auto")
     scale = left.figure.colorbar(image, ax=left, label="simulation error / smallest", ticks=[1, 2, 5, 10, 20, 50, 100])
     scale.formatter = FuncFormatter(_plain)
     scale.minorticks_off()
     _fits(left, grid, best, norm, float(table["loss"].min()))
     if not chosen["form"]:
         row, column = list(grid.index).index(chosen["na"]), list(grid.columns).index(chosen["nk"])
-        left.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, ec=ORANGE, lw=2.5))
+        left.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, ec=ORANGE, lw=THICK))
     left.set(xlabel="delay nk [samples]", ylabel="order na")
     end = f"chosen: {chosen['form']}" if chosen["form"] else "outlined: chosen"
     what = "simulation fit [%]" if len(grid.columns) <= CELLS else "simulation error"
-    left.set_title(f"{what}, best nb; grey: not tried; {end}", fontsize=9)
+    left.set_title(f"{what}, best nb; grey: not tried; {end}")
     _ranking(right, found)
     return left, right
 
@@ -308,7 +309,7 @@ def _fits(ax: Axes, grid: Any, best: Any, norm: LogNorm, least: float) -> None: 
         if len(columns) <= CELLS:
             dark = float(norm(np.sqrt(loss / least))) < 0.5
             at = columns.index(int(nk)), rows.index(int(na))
-            ax.text(*at, f"{fit:.1f}", ha="center", va="center", fontsize=6.5, color="white" if dark else "black")
+            ax.text(*at, f"{fit:.1f}", ha="center", va="center", fontsize=SMALL, color="white" if dark else "black")
 
 
 def _ranking(ax: Axes, found: Identification) -> None:
@@ -320,12 +321,12 @@ def _ranking(ax: Axes, found: Identification) -> None:
     for k, (value, (_, row)) in enumerate(zip(above, rows.iterrows(), strict=True)):
         weight = float(row.get("weight", 0.0))
         share = f"weight {weight:.2g}" if weight else "chosen" if k == 0 else ""
-        ax.text(value, k, f" {share}", va="center", fontsize=7)
-    ax.set_yticks(range(len(rows)), names, fontsize=7)
+        ax.text(value, k, f" {share}", va="center", fontsize=SMALL)
+    ax.set_yticks(range(len(rows)), names, fontsize=SMALL)
     ax.invert_yaxis()
     ax.set_xlim(0, 1.3 * max(float(above.max()), 1.0))
     ax.set_xlabel("criterion (BIC) above the smallest")
-    ax.set_title("best candidates", fontsize=9)
+    ax.set_title("best candidates")
 
 
 def _candidate(row: Any) -> str:  # noqa: ANN401
@@ -340,15 +341,14 @@ def _candidate(row: Any) -> str:  # noqa: ANN401
 def step_band_figure(found: StepBand, ax: Axes | None = None, label: str = "response to a unit step") -> Axes:
     """The step within its band."""
     ax = new_axes(ax)
-    ax.fill_between(
-        found.time, found.low, found.high, color=BLUE, alpha=0.2, lw=0, label=f"{100 * found.level:g} % band"
-    )
+    band = f"{100 * found.level:g} % band"
+    ax.fill_between(found.time, found.low, found.high, color=BLUE, alpha=FILL, lw=0, label=band)
     ax.plot(found.time, found.step, color=BLUE)
-    ax.axhline(0, color=GREY, lw=0.5, zorder=0)
+    ax.axhline(0, color=GREY, lw=THIN, zorder=0)
     ax.margins(x=0)
     ax.set(xlabel="time [s]", ylabel=label)
-    ax.set_title("unit step of the input", fontsize=9)
-    ax.legend(frameon=False, fontsize=8)
+    ax.set_title("unit step of the input")
+    ax.legend()
     return ax
 
 
@@ -369,10 +369,10 @@ def gain_figure(found: FrequencyResponse | ResponseBand, ax: Axes | None = None)
     f, known = found.frequency, found.gain_error < 0.5
     inside = known & ~found.outside
     for mask, colour in ((inside, BLUE), (known & found.outside, GREY)):
-        ax.vlines(f[mask], found.gain_low[mask], found.gain_high[mask], color=colour, lw=1)
+        ax.vlines(f[mask], found.gain_low[mask], found.gain_high[mask], color=colour, lw=THIN)
         ax.plot(f[mask], found.gain[mask], "o", ms=3, color=colour)
     ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="gain")
-    ax.set_title(f"{100 * found.level:g} % intervals; grey: not excited", fontsize=9)
+    ax.set_title(f"{100 * found.level:g} % intervals; grey: not excited")
     return ax
 
 

@@ -21,6 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..core.arrays import Array
+from ..core.calls import check_share
 from ..core.display import Displayable, TextTable
 from ..core.errors import ParameterError
 from ..core.rounding import format_plain as plain
@@ -256,8 +257,7 @@ def effective_df(parts: Sequence[tuple[float, float, str]]) -> float:
 def _check(law: LawFields, given: Mapping[str, float], gauge: float, level: float, kind: str) -> None:
     if kind not in ("mean", "prediction"):
         raise ParameterError(f"kind = {short(kind)}: a budget is of the mean or of a prediction.")
-    if not 0 < level < 1:
-        raise ParameterError(f"level = {level:g}: it is between 0 and 1, as 0.95.")
+    check_share("level", level, ParameterError)
     _covariance(law)
     if kind == "prediction":
         _check_scatter(law)

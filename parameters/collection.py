@@ -76,7 +76,7 @@ def collect(
     Parameters
     ----------
     tool, work, machine, iso513, iso13399, setup, sensors, note
-        Identity of the parameters; tool and work are needed without laws. See `IdentitySection`.
+        See `IdentitySection`; tool and work are needed without laws, the machine is by default that of the notes.
     design : Runs, optional
         The tests behind the laws, or their section; the doubts about them are those of the runs.
     laws : sequence of LawFit
@@ -135,8 +135,8 @@ def collect(
     if data_file is None and data_sha256 is None:
         data_file, data_sha256 = source.file or None, source.sha256 or None
     identity = {
-        "tool": source.tool, "work": source.work, "machine": machine, "simulated": simulated, "note": note,
-        "iso513": iso513, "iso13399": dict(iso13399 or {}), "setup": setup, "sensors": list(map(as_data, sensors)),
+        "tool": source.tool, "work": source.work, "iso13399": dict(iso13399 or {}), "sensors": [*map(as_data, sensors)],
+        "simulated": simulated, "note": note, "iso513": iso513, "setup": setup, "machine": machine or _machine(design),
     }  # fmt: skip
     provenance = {
         "created": created, "data_file": None if data_file is None else _base_name(data_file),
@@ -190,6 +190,14 @@ def _runs(design: object) -> "Runs | None":
     from ..datasets import Runs
 
     return design if isinstance(design, Runs) else None
+
+
+def _machine(design: object) -> str | None:
+    """The machine that the notes of a data file name."""
+    from ..datasets.notes import machine_name
+
+    runs = _runs(design)
+    return None if runs is None else machine_name(runs.notes) or None
 
 
 def _posterior(

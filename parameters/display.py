@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from ..core.display import Display, TextTable, display_of, estimates, facts_of, with_unit
-from ..core.rounding import format_plain
+from ..core.display import Display, TextTable, display_of, estimates, facts_of
+from ..core.rounding import format_plain, p_value, with_unit
+from ..core.verdict import MARKS
 from .budget import UncertaintyBudget
 from .checks.report import CheckReport
 from .draws import Draws
@@ -12,12 +13,14 @@ from .sections.base import VerdictSection
 from .sections.dynamics import DynamicsSection
 from .sections.force_control import COEFFICIENTS, DriveSection
 from .sections.law import LawSection
+from .sections.law_parts import LawCheck
 
 SECTIONS = (
-    *("design", "tool_life", "posterior", "dynamics", "drive", "pi", "load_line", "limits", "roughness"),
+    *("design", "tool_life", "posterior", "dynamics", "drive", "pi", "load_line", "limits", "costs"),
+    "roughness",
     "adaptive_force",
 )
-MARKS = {True: "passed", False: "FAILED", None: "not tested"}
+PASSED = {True: "passed", False: "FAILED", None: "not tested"}
 
 
 @display_of.register
@@ -43,13 +46,13 @@ def short_equation(law: LawSection) -> str:
 
 
 def level_of(verdict: VerdictSection | None) -> str:
-    """The level of a verdict in words; that it is not known where there is none."""
-    return "not judged" if verdict is None else verdict.level
+    """The level of a verdict, its icon and its words; that it is not known where there is none."""
+    return "not judged" if verdict is None else f"{MARKS[verdict.concern].icon} {verdict.level}"
 
 
 def verdict_sentences(verdict: VerdictSection | None) -> tuple[str, ...]:
     """The verdict and its reasons; nothing of what was not judged."""
-    return () if verdict is None else (f"Verdict: {verdict.level}.", *verdict.reasons)
+    return () if verdict is None else (f"Verdict: {level_of(verdict)}.", *verdict.reasons)
 
 
 @display_of.register
@@ -67,13 +70,33 @@ def of_law(law: LawSection) -> Display:
     grid = estimates(names, law.coefficients.values(), [law.standard_errors.get(name) for name in names])
     tested = tuple((f"tested {f.symbol}", f"{f.low:g} to {f.high:g} {f.unit}") for f in law.factors)
     sentences = dict.fromkeys((*verdict_sentences(law.verdict), *law.verdicts, *law.notes))
-    return Display(f"{short_equation(law)}{se}, {rows}", tested, grid, tuple(sentences))
+    return Display(f"{short_equation(law)}{se}, {rows}", tested, grid, tuple(sentences), checks_of(law))
+
+
+def checks_of(law: LawSection) -> TextTable | None:
+    """The checks of a law as on its card; None where it has none."""
+    from ..fit.checks.check import BY_EDGE, check_table
+
+    shown = {name: check for name, check in law.checks.items() if law.n_edges is not None or name not in BY_EDGE}
+    return check_table(line_of_section(name, check) for name, check in shown.items()) if shown else None
+
+
+def line_of_section(name: str, check: LawCheck) -> tuple[str, str, str, str]:
+    """Title, statistic, p and verdict of a check of a parameter file."""
+    from ..fit.checks.check import LEVELS, TITLES, UNTESTABLE, format_statistic, statistic_name
+
+    title = TITLES.get(name, name.capitalize())
+    if check.reason is not None:
+        return title, "", "", UNTESTABLE
+    symbol = statistic_name("statistic" if check.symbol is None else check.symbol, check.df, check.p)
+    statistic = f"{symbol} = {format_statistic(check.statistic)}" if symbol and check.statistic is not None else ""
+    return title, statistic, "" if check.p is None else p_value(check.p), LEVELS[min(check.concern, 2)]
 
 
 @display_of.register
 def of_check_report(report: CheckReport) -> Display:
     """Number of failed checks; each finding."""
-    rows = tuple((finding.name, MARKS[finding.passed], finding.words) for finding in report.findings)
+    rows = tuple((finding.name, PASSED[finding.passed], finding.words) for finding in report.findings)
     failed = [finding.words for finding in report.failed]
     verdict = f"{len(failed)} failed: {failed[0]}" if failed else "no check failed"
     return Display(f"{len(report.findings)} findings, {verdict}", (), TextTable(("", "", ""), rows) if rows else None)

@@ -10,6 +10,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.calls import check_share
 from ..core.errors import ParameterError
 from ..core.formula import Formula
 from ..core.intervals import (
@@ -52,10 +53,11 @@ class IntervalOptions:
                 words = ", ".join(map(repr, get_args(known)))
                 raise ParameterError(f"{name} = {short(given)}: it is one of {words}.")
         for name, share in (("level", self.level), ("coverage", self.coverage)):
-            if not isinstance(share, float) or not 0 < share < 1:
+            if isinstance(share, str):
                 raise ParameterError(
                     f"{name} = {short(share)}: a coverage is between 0 and 1, as 0.95 (a level of the law is by=)."
                 )
+            check_share(name, share, ParameterError)
 
 
 @dataclass(frozen=True, slots=True)

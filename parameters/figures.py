@@ -3,11 +3,12 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..core.display import plot, with_unit
-from ..core.plotting import BLUE, new_axes, whiskers
+from ..core.display import plot
+from ..core.figure_style import BLUE
+from ..core.plotting import new_axes, whiskers
+from ..core.rounding import with_unit
 from .draws import Draws
 from .file import ParameterFile
-from .prediction import Prediction
 from .sections.dynamics import DynamicsSection
 from .sections.law import LawSection
 
@@ -39,14 +40,6 @@ def file_figure(pf: ParameterFile, ax: Axes | None = None) -> Axes:
     return whiskers(
         rows, ax, label="coefficient ± 2 standard errors", title=f"{pf.identity.tool} on {pf.identity.work}"
     )
-
-
-@plot.register
-def prediction_figure(found: Prediction, ax: Axes | None = None) -> Axes:
-    """Each point with its interval."""
-    ends = zip(*(np.ravel(np.asarray(v, dtype=float)) for v in (found.value, found.low, found.high)), strict=True)
-    rows = {str(k + 1): (float(v), float(low), float(high)) for k, (v, low, high) in enumerate(ends)}
-    return whiskers(rows, ax, label=with_unit(found.response, found.unit), title=found.of)
 
 
 @plot.register

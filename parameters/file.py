@@ -11,9 +11,11 @@ from pydantic import Field, ValidationError
 from ..core.display import Plottable
 from ..core.errors import ParameterError
 from ..core.files import cause, locked_folder, write_together, write_whole
+from ..core.suggestions import near_path
 from .file_format import REMEDY, SCHEMA, content_sha256, migrated, parse_strict_json
 from .messages import schema_message
 from .sections.base import Section, Sha256
+from .sections.costs import CostsSection
 from .sections.dynamics import DynamicsSection, PiSection
 from .sections.force_control import AdaptiveForceSection, DriveSection, RoughnessSection
 from .sections.law import LawSection
@@ -31,7 +33,7 @@ class ParameterFile(Plottable, Section):
     Attributes
     ----------
     schema_version : str
-        ``fitmodels.parameters/6``.
+        ``fitmodels.parameters/7``.
     identity : IdentitySection
     reading : ReadingSection or None
         Doubts about the data file; None where its values were not judged, as in files of schema version 1.
@@ -53,6 +55,8 @@ class ParameterFile(Plottable, Section):
         Settings of milling at constant load.
     limits : Limits or None
         What machine, tool and work allow.
+    costs : Costs or None
+        Rates, prices and times from which the cost of a part follows; earlier files have none.
     roughness : Roughness or None
         Settings of turning at constant roughness.
     adaptive_force : AdaptiveForce or None
@@ -71,7 +75,7 @@ class ParameterFile(Plottable, Section):
     True
     """
 
-    schema_version: Literal["fitmodels.parameters/6"] = SCHEMA
+    schema_version: Literal["fitmodels.parameters/7"] = SCHEMA
     identity: IdentitySection
     reading: ReadingSection | None = None
     design: DesignSection | None = None
@@ -83,6 +87,7 @@ class ParameterFile(Plottable, Section):
     pi: PiSection | None = None
     load_line: LoadLineSection | None = None
     limits: LimitsSection | None = None
+    costs: CostsSection | None = None
     roughness: RoughnessSection | None = None
     adaptive_force: AdaptiveForceSection | None = None
     provenance: ProvenanceSection
@@ -281,8 +286,9 @@ def _bytes(path: Path) -> bytes:
             raise ParameterError(f"{path}: {size} bytes; a parameter file has at most {LARGEST}.")
         return path.read_bytes()
     except FileNotFoundError:
-        remedy = "give the path of a params.json written by fitmodels"
-        raise ParameterError(f"{path}: the file does not exist; {remedy}.") from None
+        near = near_path(path)
+        remedy = f"did you mean {near}?" if near else "give the path of a params.json written by fitmodels."
+        raise ParameterError(f"{path}: the file does not exist; {remedy}") from None
     except (OSError, ValueError) as error:
         raise ParameterError(f"{path}: cannot be read: {cause(error)}.") from None
 

@@ -159,7 +159,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 
 
 FAMILY: Final = "fitmodels.parameters"
-SCHEMA: Final = "fitmodels.parameters/6"
+SCHEMA: Final = "fitmodels.parameters/7"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
 
 JUDGED = ("tool_life", "dynamics", "adaptive_force")  # sections with a verdict, as each law has one
@@ -226,6 +226,19 @@ def _of_first_order(law: dict[str, Any]) -> dict[str, Any]:
     return {**law, **other, "terms": [], "centres": {}, "fixed": {}, "life": None}
 
 
+def _to_version_7(data: dict[str, Any]) -> dict[str, Any]:
+    """Data of version 6 without costs, and with the longest life and the largest wear of the tests unknown."""
+    laws = {name: _without_longest(law) for name, law in data.get("laws", {}).items()}
+    life = data.get("tool_life")
+    tool_life = {"tool_life": {**life, "wear_observed": None}} if life else {}
+    return {**data, **({"laws": laws} if "laws" in data else {}), **tool_life, "costs": None}
+
+
+def _without_longest(law: dict[str, Any]) -> dict[str, Any]:
+    other = {"alternative": _without_longest(law["alternative"])} if law.get("alternative") else {}
+    return {**law, **other, **({"life": {**law["life"], "longest": None}} if law.get("life") else {})}
+
+
 # Older version -> function that converts a copy of its data to the next version; `migrated` sets ``schema_version``.
 # Version 2 added ``reading``, the doubts about the data, and ``null`` of ``identity.simulated`` where it is not known.
 # Version 3 added ``verdict`` of laws, tool life, dynamics and adaptive force, ``suspects`` and ``without`` of laws.
@@ -238,16 +251,18 @@ def _of_first_order(law: dict[str, Any]) -> dict[str, Any]:
 # Version 6 added ``terms``, ``centres`` and ``fixed`` of laws: second order, and exponents that were not estimated;
 # ``life`` of laws, the distribution of tool lives; ``taylor`` and ``curves`` of the tool life;
 # and ``responses`` of limits.
+# Version 7 added ``costs``, ``longest`` of the lives of a law and ``wear_observed`` of the tool life.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,
     3: _without_disengagement,
     4: _to_version_5,
     5: _to_version_6,
+    6: _to_version_7,
 }
 
 
-def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 6) -> dict[str, Any]:
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 7) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
     A checksum that was valid before a step is renewed after it.

@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ..core.arrays import is_positive
+from ..core.calls import check_share
 from ..core.errors import ParameterError, UsageError
 from ..core.suggestions import did_you_mean
 from .evaluation import IntervalOptions, interval_band
@@ -164,8 +165,7 @@ def _check(
             raise UsageError(f"{name} {value!r}: it must be above zero.")
     if not 0 < factor < 1:
         raise UsageError(f"safety_factor {factor!r}: it must be between 0 and 1, in the paper 0.85 (1/1.17).")
-    if not 0 < level < 1:
-        raise UsageError(f"level {level!r}: it must be between 0 and 1, for instance 0.95.")
+    check_share("level", level)
     low, high = window
     if not 0 <= low < high < math.inf:
         raise UsageError(f"window {low:g} to {high:g}: two wears, the smaller first, in the law's unit of wear.")
@@ -327,13 +327,13 @@ def _at(law: LawSection, feed: float, wear: float) -> dict[str, float]:
 
 def _feed(law: LawSection, load: float, wear: float, by: str | None) -> float:
     if law.form == "feed_line":
-        return float(law.predict(by, **_at(law, 0.0, wear)))
+        return float(law.values(_at(law, 0.0, wear), by=by))
     B = law.coefficients["B"]
     if B <= 0:
         raise ParameterError(
             f"the law of {law.response} has B {B:g}: the load must increase with feed for a feed limit."
         )
-    value = (load - float(law.predict(by, **_at(law, 0.0, wear)))) / B
+    value = (load - float(law.values(_at(law, 0.0, wear), by=by))) / B
     if not np.isfinite(value):
         raise ParameterError(f"the feed at {load:g} {law.unit} is not finite: B {B:g} is too small to divide by.")
     return value

@@ -1,22 +1,60 @@
 """The main job: every tool/work pair of a source, its laws, checks, posteriors and parameter file."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from ..core.calls import checked
 from ..core.display import Display, Displayable, TextTable
 from ..core.errors import FitError, UsageError
+from ..core.suggestions import did_you_mean
 from .options import FitOptions, fit_options
-from .pair import PairAnalysis, Step, fit_pair, no_step, parameter_file
+from .pair import PairAnalysis, Step, fit_laws, no_step, parameter_file, with_posteriors
 
 if TYPE_CHECKING:
-    from ..datasets import Runs
+    from ..cards.forms.page import Profiler
+    from ..datasets.runs import Readable, Runs
     from ..fit import LawFit
     from ..fit.bayes.posterior import Posterior
     from ..parameters import ParameterFile
-    from .reading import Readable
+
+
+class OfResponse(Protocol):
+    """Anything about one response."""
+
+    @property
+    def response(self) -> str: ...  # noqa: D102
+
+
+T = TypeVar("T", bound=OfResponse)
+
+
+class ByResponse(tuple[T, ...]):
+    """Laws or posteriors, by number or by the symbol of their response.
+
+    Examples
+    --------
+    >>> from fitmodels import analyse, datasets
+    >>> analysis = analyse(datasets.bundled("ac2017_table1"), draws=1000)
+    >>> analysis.laws["P"].response, analysis.laws[0].response, len(analysis.laws)
+    ('P', 'AW', 3)
+    """
+
+    __slots__ = ()
+
+    def __getitem__(self, key: Any) -> Any:  # noqa: ANN401
+        if not isinstance(key, str):
+            return tuple.__getitem__(self, key)
+        found = next((one for one in self if one.response == key), None)
+        if found is None:
+            known = [one.response for one in self]
+            raise UsageError(f"there is no law of {key!r}. {did_you_mean(key, known, names='There are laws of ')}")
+        return found
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return [one.response for one in self]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -53,14 +91,14 @@ class Analysis(Displayable):
         return self.pairs[0]
 
     @property
-    def laws(self) -> "tuple[LawFit, ...]":
-        """Laws of the only pair."""
-        return self.pair.laws
+    def laws(self) -> "ByResponse[LawFit]":
+        """Laws of the only pair, by number or by response: ``analysis.laws["VB"]``."""
+        return ByResponse(self.pair.laws)
 
     @property
-    def posteriors(self) -> "tuple[Posterior, ...]":
-        """Posteriors of the only pair."""
-        return self.pair.posteriors
+    def posteriors(self) -> "ByResponse[Posterior]":
+        """Posteriors of the only pair, by number or by response."""
+        return ByResponse(self.pair.posteriors)
 
     @property
     def checks(self) -> dict[str, Mapping[str, Any]]:
@@ -80,6 +118,24 @@ class Analysis(Displayable):
             raise FitError(f"{self.pair.name} has no parameter file: {self.pair.reason}")
         return self.pair.parameters
 
+    @checked
+    def plot(self, kind: Any = "observed", ax: Any = None, *, law: str | None = None, **options: Any) -> Any:  # noqa: ANN401
+        """Draw a figure of every law of the only pair, or of one; see `PairAnalysis.plot`."""
+        return self.pair.plot(kind, ax, law=law, **options)
+
+    def profiler(self, at: Mapping[str, float] | None = None) -> "Profiler":
+        """The interactive profiler of the laws of the only pair, for a notebook; ``at`` is where its sliders begin.
+
+        Examples
+        --------
+        >>> from fitmodels import analyse, datasets
+        >>> analysis = analyse(datasets.bundled("ac2017_table1"), draws=1000)
+        >>> analysis.profiler(at={"V": 120})
+        Profiler: GC435 on 709M40 (En 19), simulated, not measured
+        """
+        return self.pair.profiler(at)
+
+    @checked
     def write(self, folder: str | os.PathLike[str], *, force: bool = False) -> tuple[Path, ...]:
         """Write a folder for each pair below ``folder``: parameter file, model card, figures, draws.
 
@@ -120,7 +176,8 @@ class Analysis(Displayable):
         head = f"{self.runs.source.name}: {laws} of {n} pair{'' if n == 1 else 's'}, {len(self.runs)} rows"
         head += "; simulated, not measured" if self.runs.simulated else ""
         table = TextTable(("pair", "law", "verdict", "form", "rows", "R2", "equation"), rows) if rows else None
-        doubts = (f"Doubt: {doubt}" for doubt in self.runs.doubts)
+        doubts = [f"Doubt: {doubt.in_python}" for doubt in self.runs.doubts]
+        doubts += [f"Assumed: {text}." for text in self.runs.assumed if text.startswith("units")]
         missing = (
             f"{pair.name} has no parameter file: {pair.reason}" for pair in self.pairs if pair.parameters is None
         )
@@ -178,17 +235,35 @@ def analyse(
 
 def analyse_runs(runs: "Runs", options: FitOptions, *, command: str | None = None, step: Step = no_step) -> Analysis:
     """The analysis of runs that were read with ``options``; ``step`` receives progress updates."""
-    return Analysis(runs, tuple(_analysed(one, options, command, step) for one in pairs_of(runs, options)), options)
+    stages = analysis_stages(runs, options, command=command, step=step, previews=False)
+    return Analysis(runs, tuple(pair for pair, _ in stages), options)
+
+
+def analysis_stages(
+    runs: "Runs", options: FitOptions, *, command: str | None = None, step: Step = no_step, previews: bool = True
+) -> Iterator[tuple[PairAnalysis, bool]]:
+    """Each pair as soon as it is analysed, and whether it is complete.
+
+    With ``previews`` a pair whose posteriors are drawn by chains comes twice: first without them, with its laws, checks
+    and tool life in a parameter file, then with them.
+    """
+    for one in pairs_of(runs, options):
+        step(f"fitting {one.tool} on {one.work}")
+        fitted = fit_laws(one, options)
+        if previews and fitted.laws and needs_chains(fitted, options):
+            yield replace(fitted, parameters=parameter_file(fitted, options, command=command)), False
+        pair = with_posteriors(fitted, options, step=step)
+        if pair.laws and not pair.failed:
+            pair = replace(pair, parameters=parameter_file(pair, options, command=command))
+        yield pair, True
+
+
+def needs_chains(pair: PairAnalysis, options: FitOptions) -> bool:
+    """Whether posteriors of a pair are probably drawn by chains, which take seconds to minutes."""
+    nonlinear = any(law.error == "additive" and law.formula.logarithmic for law in pair.laws)
+    return options.student or options.verify or nonlinear
 
 
 def pairs_of(runs: "Runs", options: FitOptions) -> "tuple[Runs, ...]":
     """Runs of each pair; all together where the levels of a category are fitted together."""
     return (runs,) if options.by else tuple(runs.pairs())
-
-
-def _analysed(runs: "Runs", options: FitOptions, command: str | None, step: Step) -> PairAnalysis:
-    step(f"fitting {runs.tool} on {runs.work}")
-    pair = fit_pair(runs, options, step=step)
-    if not pair.laws or pair.failed:
-        return pair
-    return replace(pair, parameters=parameter_file(pair, options, command=command))

@@ -16,7 +16,7 @@ from .pair import PairAnalysis
 
 Snapshot = tuple[tuple[str, int, int], ...]  # of each file: name, size, time of the last change
 # Sections that the main job does not write: what added them would be lost.
-LATER = ("dynamics", "drive", "pi", "load_line", "limits", "roughness", "adaptive_force")
+LATER = ("dynamics", "drive", "pi", "load_line", "limits", "costs", "roughness", "adaptive_force")
 
 
 @dataclass(frozen=True, slots=True)

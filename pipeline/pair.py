@@ -11,11 +11,14 @@ from .. import fit
 from ..core.display import Display, Displayable, TextTable
 from ..core.errors import DataError, FitError, UsageError
 from ..core.rounding import format_plain
+from ..core.suggestions import did_you_mean
+from ..core.verdict import LEVELS, MARKS, USABLE
 from ..datasets import Runs
 from ..fit.available import computed
 from .options import FitOptions
 
 if TYPE_CHECKING:
+    from ..cards.forms.page import Profiler
     from ..fit import LawFit, NotAvailable
     from ..fit.bayes.posterior import Posterior
     from ..fit.defaults import Refused
@@ -97,15 +100,104 @@ class PairAnalysis(Displayable):
 
     def law_rows(self) -> list[tuple[str, ...]]:
         """Response, verdict, form, rows, R2 and equation of each law, for a table."""
+        from ..parameters.display import level_of
+
         sections = {} if self.parameters is None else self.parameters.laws
-        words = {name: (law.verdict.level if law.verdict else "not judged", law.equation)
-                 for name, law in sections.items()}  # fmt: skip
+        words = {name: (level_of(law.verdict), law.equation) for name, law in sections.items()}
         rows: list[tuple[str, ...]] = []
         for law in self.laws:
             verdict, equation = words.get(law.response, ("", ""))
             form = law.form.replace("_", " ")
             rows.append((law.response, verdict, form, str(law.nobs), format_plain(law.rsquared, 3), equation))
         return rows
+
+    def law(self, response: str) -> "LawFit":
+        """The law of a response.
+
+        Raises
+        ------
+        UsageError
+            There is none; the message names those that exist.
+        """
+        laws = {law.response: law for law in self.laws}
+        if response not in laws:
+            raise UsageError(
+                f"{self.name}: no law of {response!r}. {did_you_mean(response, laws, names='There are laws of ')}"
+            )
+        return laws[response]
+
+    def plot(self, kind: Any = "observed", ax: Any = None, *, law: str | None = None, **options: Any) -> Any:  # noqa: ANN401
+        """Draw a figure of every law, or of one.
+
+        Parameters
+        ----------
+        kind : str
+            ``observed``, ``residuals``, ``edges``, ``quantiles``, ``profile``, ``contours``, ``coefficients``,
+            ``checks``, ``influence``, ``interactions`` of each law; ``posterior`` (of the parameters of the first law
+            that has one, or of the named law) and ``life`` (tool life).
+        ax : Axes, optional
+            For figures of one panel; without it the figure is new and known to pyplot.
+        law : str, optional
+            Response of one law, where there are several.
+        **options
+            Of this kind of figure.
+
+        Raises
+        ------
+        UsageError
+            No such kind, law or option, or a kind that is of one law and none is named.
+        FitError
+            There is no posterior or no tool life; the message gives the reason.
+        """
+        if not isinstance(kind, str):  # plot(ax)
+            kind, ax = "observed", kind
+        if kind == "life":
+            return self._tool_life().plot(ax=ax, **options)
+        chosen = self.laws if law is None else (self.law(law),)
+        if kind == "posterior":
+            return self._posterior([one.response for one in chosen]).plot("marginals", ax, **options)
+        from ..fit.profile_figures import figure_of_laws, note_below
+
+        drawn = chosen[0].plot(kind, ax, **options) if len(chosen) == 1 else figure_of_laws(chosen, kind, ax, options)
+        if ax is None:
+            note_below(drawn, self._cautions(chosen))
+        return drawn
+
+    def _cautions(self, laws: "Sequence[LawFit]") -> str:
+        """The verdicts of laws that are not usable without reservations."""
+        sections = {} if self.parameters is None else self.parameters.laws
+        levels = {law.response: LEVELS.index(verdict.level) for law in laws
+                  if law.response in sections and (verdict := sections[law.response].verdict)}  # fmt: skip
+        return "   ".join(f"{name}: {MARKS[i].icon} {LEVELS[i]}" for name, i in levels.items() if i != USABLE)
+
+    def _tool_life(self) -> "ToolLife":
+        if self.life is None:
+            raise FitError(f"{self.name}: no tool life: {self.no_life or 'no law of wear over time'}")
+        return self.life
+
+    def _posterior(self, responses: Sequence[str]) -> "Posterior":
+        """The posterior of the first of these laws that has one."""
+        for post in self.posteriors:
+            if post.response in responses:
+                return post
+        why = "; ".join(str(self.no_posterior[name]) for name in responses if name in self.no_posterior)
+        raise FitError(f"{self.name}: no posterior of {', '.join(responses)}: {why or 'none was drawn'}.")
+
+    def profiler(self, at: Mapping[str, float] | None = None) -> "Profiler":
+        """The interactive profiler of the laws, for a notebook; ``at`` is where its sliders begin.
+
+        Raises
+        ------
+        FitError
+            The pair has no parameter file; the message gives the reason.
+        UsageError
+            ``at`` names no factor, or a value that its slider does not reach.
+        """
+        from ..cards import profiler
+
+        if self.parameters is None:
+            raise FitError(f"{self.name} has no parameter file: {self.reason}")
+        return profiler(self.parameters, at)
 
     def _display(self) -> Display:
         laws = self.law_rows()
@@ -140,14 +232,25 @@ def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: 
     >>> [law.response for law in fitted.laws], fitted.life, fitted.not_converged
     (['AW', 'Fxz', 'P'], None, '')
     """
+    return with_posteriors(fit_laws(runs, options, needs_life=needs_life), options, step=step)
+
+
+def fit_laws(runs: Runs, options: FitOptions, *, needs_life: bool = True) -> PairAnalysis:
+    """The laws and the tool life of a pair, without posteriors; parameters and errors are those of `fit_pair`."""
     laws, refused = fit.default_laws(runs, error=options.error, by=options.by, laws=options.laws, forms=options.forms)
     laws = tuple(map(_with_surface_words, laws))
     life, no_life = _life(laws, options.criterion)
     if no_life and needs_life and options.criterion is not None:
         raise FitError(no_life)
-    posteriors, none = _posteriors(laws, options, step)
-    comparisons = _comparisons(laws, step) if options.verify else ()
-    return PairAnalysis(runs, laws, refused, life, no_life, posteriors, none, _not_converged(posteriors), comparisons)
+    return PairAnalysis(runs, laws, refused, life, no_life, (), {}, "")
+
+
+def with_posteriors(pair: PairAnalysis, options: FitOptions, *, step: Step = no_step) -> PairAnalysis:
+    """A pair with the posteriors of its laws, and with their comparison where the options ask for verification."""
+    posteriors, none = _posteriors(pair.laws, options, step)
+    comparisons = _comparisons(pair.laws, step) if options.verify else ()
+    failed = _not_converged(posteriors)
+    return replace(pair, posteriors=posteriors, no_posterior=none, not_converged=failed, comparisons=comparisons)
 
 
 def parameter_file(

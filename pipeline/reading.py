@@ -2,21 +2,21 @@
 
 import os
 import shlex
-from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from ..core.errors import DataError, RecordError, UsageError
 from ..core.files import STANDARD_INPUT
-from ..datasets import Runs, read_runs, runs_from_frame
+from ..datasets import read_runs, runs_from_frame
 from ..datasets.options import ReadOptions
 from ..datasets.reading import table_of_tests, tables_of_tests
 from ..datasets.records.formats import kind_of, looks_like_record
+from ..datasets.runs import Readable, Runs
 from ..datasets.shapes import long_table
 from ..datasets.tables.decode import load_bytes
 
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from ..datasets.tables import Table
 
 OF_FILES = ("decimal", "delimiter", "sheet", "ranges", "hidden")  # reading options that a DataFrame does not have
-
-
-Readable: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | pd.DataFrame | Runs
 
 
 def read_source(source: Readable, options: ReadOptions) -> Runs:
@@ -50,6 +47,8 @@ def read_source(source: Readable, options: ReadOptions) -> Runs:
         if wrong:
             raise UsageError(f"{', '.join(wrong)}: a DataFrame has no such option of reading; leave it out.")
         runs = runs_from_frame(source, **given)
+        if not len(runs):
+            raise DataError("the DataFrame has no rows; give the rows of tests.")
         return replace(runs, source=replace(runs.source, sha256=digest(source)))
     if isinstance(source, str | os.PathLike):
         return read_tests(Path(source), options)

@@ -3,6 +3,7 @@
 import filecmp
 import os
 import shutil
+import sys
 import tomllib
 from collections import deque
 from operator import mul
@@ -23,6 +24,8 @@ def pytest_configure(config):
     """Stop when the installed package differs from the checkout: pytest tests what is installed."""
     import fitmodels
 
+    os.environ.pop("COLUMNS", None)  # pytest-xdist sets the width of its own terminal, which the output would take
+
     home = Path(fitmodels.__file__).resolve().parent
     if home == ROOT:
         return
@@ -39,6 +42,14 @@ def pytest_configure(config):
                 "install again (rm -rf build; pip install .)",
                 returncode=3,
             )
+
+
+@pytest.fixture(autouse=True)
+def no_open_figures():
+    """Close the figures that ``result.plot()`` hands to pyplot."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 @pytest.fixture(scope="session")

@@ -33,6 +33,8 @@ BUNDLED = (
     Expected("clm2023_end_milling", "fm", (RESERVATIONS,), ("edge",)),
     # five rows, one of which alone determines the slope: left out, the others do not predict it
     Expected("clm2023_slot_milling", "fm", (DO_NOT_USE,), ("predicted",)),
+    # 18 means without an edge, speed or depth; the idle current dominates
+    Expected("cnc_mill_current", "I", (RESERVATIONS,), ("edge",)),
     Expected("surf_table1", "F", (USABLE,), ()),
     Expected("surf_table1", "Ra", (RESERVATIONS,), ("edge",)),
 )

@@ -21,8 +21,7 @@ from fitmodels.controllers.adaptive_force.plant import DriveAndCut
 from fitmodels.controllers.adaptive_force.runs import depth_step_run, steady_run
 from fitmodels.controllers.adaptive_force.signals import ReferenceModel, Revolution, averaged
 from fitmodels.controllers.adaptive_force.stability import step_study
-from fitmodels.controllers.faults import FAULTS, FaultyPlant, saturated
-from fitmodels.controllers.loop import replay
+from fitmodels.controllers.loop import FAULTS, FaultyPlant, replay, saturated
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.ident.pi.loop import loop_of
 from fitmodels.parameters.file import sealed

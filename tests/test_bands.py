@@ -1,5 +1,6 @@
 """Bands of gain, phase, step and poles: derivatives against differences, responses against python-control."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -173,3 +174,10 @@ def test_an_integrator_is_drawn_with_its_pole_at_1():
 def test_an_unstable_alternative_of_a_stable_model_is_left_out():
     (only,) = components(replace(ONE, alternatives=((0.3, replace(LATER, a=[1.0, -1.01])),)))
     assert (only[0], only[1].nk) == (1.0, 1)
+
+
+def test_a_part_without_error_gives_no_warning():
+    weights, means, errors = np.array([0.5, 0.5]), np.array([-1.0, 1e3]), np.array([0.0, 0.1])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert mixture_quantile(0.3, weights, means, errors) == pytest.approx(-1.0)

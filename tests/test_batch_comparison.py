@@ -136,7 +136,7 @@ def test_laws_without_a_power_form_and_pairs_without_a_law_or_this_exponent_stay
 def test_a_grouping_that_is_not_there_is_said():
     with pytest.raises(UsageError, match="no column 'alloy' to group"):
         compare(simulated(4)[0], ["alloy"])
-    with pytest.raises(UsageError, match="level=95"):
+    with pytest.raises(UsageError, match="level 95"):
         compare(simulated(4)[0], level=95)
 
 

@@ -182,6 +182,6 @@ def test_what_cannot_be_told_is_said():
     X = rng.normal(size=(12, 1))
     assert "too little to distinguish powers" in str(asked(power_law(X, np.exp(1e-3 * X[:, 0] + 1e-3 * X[:, 0] ** 2))))
     law = power_law(rng.normal(size=(12, 1)), rng.lognormal(size=12))
-    assert "error='multiplicative'" in str(asked(law.alternative))
+    assert "multiplicative errors" in str(asked(law.alternative))
     line = law.with_rows(formula=replace(law.formula, name="feed_line"), error="additive", observed=law.observed - 10)
     assert "not above zero" in str(asked(line))

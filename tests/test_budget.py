@@ -179,7 +179,7 @@ def test_settings_act_through_the_wear_too(simulated):
         ({"u": {"V": -1.0}}, "standard uncertainty of V: -1"),
         ({"u": {"z": 1.0}}, "has no setting 'z'"),
         ({"gauge": math.nan}, "of the gauge: nan"),
-        ({"level": 1.0}, "level = 1"),
+        ({"level": 1.0}, "level 1 of an interval"),
         ({"kind": "tolerance"}, "mean or of a prediction"),
     ],
 )

@@ -9,8 +9,9 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from fitmodels import fit
 from fitmodels.core.errors import UsageError
-from fitmodels.datasets import gc435
+from fitmodels.datasets import gc435, read_runs
 from fitmodels.datasets.sets import bundled, bundled_names
 
 EVERY = (
@@ -18,6 +19,7 @@ EVERY = (
     "ac2017_table2",
     "clm2023_end_milling",
     "clm2023_slot_milling",
+    "cnc_mill_current",
     "gc435_709m40",
     "surf_table1",
 )
@@ -31,7 +33,8 @@ def text_of(name):
 
 
 def numbers(name):
-    return text_of(name).drop(columns=["source", "edge", "point"], errors="ignore").astype(float)
+    words = ["source", "edge", "point", "tool condition"]
+    return text_of(name).drop(columns=words, errors="ignore").astype(float)
 
 
 def notes(name):
@@ -80,7 +83,9 @@ def test_every_file_names_its_work_material_and_says_what_it_is(name):
     lines = notes(name)
     assert any(line.startswith("# work: ") for line in lines)
     assert any(line.startswith(("# source: ", "# simulated: ")) for line in lines)
-    if not name.startswith("clm2023"):
+    if name == "cnc_mill_current":
+        assert any("measured" in line and "CC0 1.0" in line for line in lines)
+    elif not name.startswith("clm2023"):
         assert any("no measurement" in line or "no real measurement" in line for line in lines)
 
 
@@ -179,6 +184,19 @@ def test_roughness_table_is_not_one_linear_plant():
     table = numbers("surf_table1")
     assert [round((table["F_without"] / table["f_without"]).agg(g)) for g in ("min", "max")] == [2586, 2781]
     assert [round((table["F"] / table["f"]).agg(g)) for g in ("min", "max")] == [2679, 3076]
+
+
+def test_the_measured_currents_are_those_of_the_records_and_give_the_printed_lines():
+    """README of the set; the law of the main job is numpy's straight line with the feed in mm/min."""
+    table = numbers("cnc_mill_current")
+    readme = bundled("cnc_mill_current").with_name("README.md").read_text(encoding="utf-8")
+    for column, digits in (("spindle current", (2, 4)), ("X drive", (3, 4)), ("spindle power", (4, 5))):
+        slope, level = np.polyfit(table["feed"], table[column], 1)
+        share = np.corrcoef(table["feed"], table[column])[0, 1] ** 2
+        line = f"| {level:.{digits[0]}f} + {slope:.{digits[1]}f} feed | {share:.3f} |".replace("feed | 0.", "feed | .")
+        assert line in readme
+    law = next(law for law in fit.default_laws(read_runs(bundled("cnc_mill_current")))[0] if law.response == "I")
+    assert law.params.tolist() == pytest.approx(np.polyfit(60 * table["feed"], table["spindle current"], 1)[::-1])
 
 
 def test_the_simulated_test_is_regenerated_byte_for_byte(tmp_path):

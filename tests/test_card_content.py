@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -11,14 +12,21 @@ import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cards.content.card import Card, compose
 from fitmodels.cards.content.identity import slug
-from fitmodels.cards.content.numbers import count, figure, number, percent, places, probability, spread
+from fitmodels.cards.content.laws import law_coefficients
+from fitmodels.cards.content.numbers import count, figure, number, percent, places, probability, spread, t_quantile
 from fitmodels.cards.content.parts import NumberPart, PublicationPart
 from fitmodels.cards.content.profiler import inside, profile, profile_all, profiled, profiler_part
+from fitmodels.cards.content.tables import check_table
+from fitmodels.cards.content.tool_life import settings as life_settings
 from fitmodels.cards.content.uncertainty import of_law, statements
+from fitmodels.cards.content.verdicts import verdict_part
 from fitmodels.cards.content.windows import ENGAGEMENT
+from fitmodels.cards.content.worked import scatter, short_equation
 from fitmodels.cards.folder import markdown
+from fitmodels.cli import main
 from fitmodels.core.formula import FORMS
 from fitmodels.core.rounding import decimals
+from fitmodels.core.verdict import LEVELS, MARKS
 from fitmodels.fit.regression import fit_form
 from fitmodels.ident.model import Model
 from fitmodels.parameters import collect, read, write
@@ -330,7 +338,7 @@ def test_the_settings_of_constant_load(files):
     (feed_line,) = card.profiler.laws
     assert not feed_line.logarithmic
     value, low, high = profile(feed_line, {"VB": 0.1})
-    assert value == pytest.approx(files["load line"].laws[feed_line.response].predict(VB=0.1), rel=EXACT)
+    assert value == pytest.approx(files["load line"].laws[feed_line.response].values(VB=0.1), rel=EXACT)
     assert low < value < high
 
 
@@ -483,7 +491,7 @@ def test_statements_are_the_laws_own_intervals(files, name):
         }
         for s, kind in zip(told[response], ("mean", "prediction"), strict=True):
             low, high = law.interval(0.95, kind, by, **at)
-            assert (s.value.value, s.low.value, s.high.value) == pytest.approx((law.predict(by, **at), low, high))
+            assert (s.value.value, s.low.value, s.high.value) == pytest.approx((law.values(by=by, **at), low, high))
             assert s.expanded.value == pytest.approx(s.k.value * s.standard.value)
             if law.error == "multiplicative":  # to first order the two intervals are one
                 assert math.log(high / low) / 2 == pytest.approx(s.expanded.value / s.value.value)
@@ -501,7 +509,7 @@ def test_the_uncertainty_of_tool_life_is_near_the_delta_methods(pf):
 
     def ln_T(p):
         known = dict(zip(names, p, strict=True))
-        rest = sum(known[x] * math.log(life.typical_at[x]) for x in life.typical_at)
+        rest = sum(known[x] * math.log(value) for x, value in life_settings(life).items())
         return (math.log(life.criterion) - known["ln c0"] - rest) / known["t"]
 
     h = 1e-6
@@ -512,7 +520,7 @@ def test_the_uncertainty_of_tool_life_is_near_the_delta_methods(pf):
     more = law.edges.sd_between / law.coefficients["t"]
     assert of_edge.standard.value / life.typical == pytest.approx(math.hypot(math.sqrt(g @ C @ g), more), rel=0.05)
     for end, other in ((of_law_.low, 1), (of_law_.high, 0)):
-        assert law.interval(0.95, "mean", **life.typical_at, t=end.value)[other] == pytest.approx(life.criterion)
+        assert law.interval(0.95, "mean", **life_settings(life), t=end.value)[other] == pytest.approx(life.criterion)
     assert "extrapolation" in of_law_.words
 
 
@@ -528,7 +536,7 @@ def test_the_profiler_computes_what_the_law_predicts(files, name, data):
         by = law.by.reference if law.by else None
         at = {f.symbol: data.draw(st.floats(f.low / 2, 2 * f.high)) for f in law.factors}
         value, low, high = profile(profiled(law, pf), at)
-        assert value == pytest.approx(law.predict(by, **at), rel=EXACT)
+        assert value == pytest.approx(law.values(by=by, **at), rel=EXACT)
         assert (low, high) == pytest.approx(law.interval(0.95, "prediction", by, **at), rel=EXACT, abs=1e-12)
         assert inside(profiled(law, pf), at) == law.inside(by, **at)
 
@@ -551,8 +559,8 @@ def test_a_law_of_every_form_is_profiled(form, error):
         {"V": 300.0, "f": 0.05, "VB": 0.5},
     ):
         here = {name: at[name] for name in law.factors}
-        assert profile(part, here)[0] == pytest.approx(law.predict(here)[0], rel=EXACT)
-        ends = law.predict(here, "prediction")
+        assert profile(part, here)[0] == pytest.approx(law.values(here), rel=EXACT)
+        ends = law.predict(here, "prediction").to_frame()
         assert profile(part, here)[1:] == pytest.approx((ends.low[0], ends.high[0]), rel=1e-7)
         assert inside(part, here) == pf.laws["Fc"].inside(None, **here)
     card = compose(pf)
@@ -582,9 +590,14 @@ def test_wear_is_put_in_from_its_own_law(pf):
     assert [law.wear for law in profiler.laws] == ["", "AW", "AW"]
     assert profiler.removal
     found = profile_all(profiler, profiler.start)
-    wear = pf.laws["AW"].predict(**profiler.start)
+    at = {f.symbol: profiler.start[f.symbol] for f in profiler.factors}
+    wear = pf.laws["AW"].values(**at)
     assert found["AW"][0] == pytest.approx(wear, rel=EXACT)
-    assert found["P"][0] == pytest.approx(pf.laws["P"].predict(**profiler.start, AW=wear), rel=EXACT)
+    assert found["P"][0] == pytest.approx(pf.laws["P"].values(**at, AW=wear), rel=EXACT)
+    assert [f.symbol for f in profiler.wears] == ["AW"]
+    held = profile_all(profiler, {**at, "AW": 0.3}, held=True)
+    assert held["P"][0] == pytest.approx(pf.laws["P"].values(**at, AW=0.3), rel=EXACT)
+    assert held["AW"] == found["AW"]
 
 
 def test_a_law_without_covariance_has_a_value_and_no_band(pf):
@@ -592,7 +605,88 @@ def test_a_law_without_covariance_has_a_value_and_no_band(pf):
     law = parameters.LawSection.model_validate({**pf.laws["AW"].model_dump(), "uncertainty": none})
     bare = pf.model_copy(update={"laws": {"AW": law}})
     value, low, high = profile(profiled(law, bare), {"V": 100.0, "f": 0.2, "d": 2.0, "t": 8.0})
-    assert value == pytest.approx(law.predict(V=100.0, f=0.2, d=2.0, t=8.0))
+    assert value == pytest.approx(law.values(V=100.0, f=0.2, d=2.0, t=8.0))
     assert (low, high) == (None, None)
     card = compose(bare)
     assert card.empty["uncertainty"] == "No uncertainty can be given: 4 observations, 4 parameters."
+
+
+def contrast(one, other):
+    """Ratio of the relative luminances of two colours (WCAG 2.2)."""
+    light = []
+    for colour in (one, other):
+        parts = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+        r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts)
+        light.append(0.2126 * r + 0.7152 * g + 0.0722 * b + 0.05)
+    return max(light) / min(light)
+
+
+def test_a_level_has_one_icon_colour_and_word_each():
+    """No two levels share an icon, a word or a class of the page: none is known by its colour alone."""
+    for field in ("icon", "ascii", "css", "words"):
+        assert len({getattr(mark, field) for mark in MARKS.values()}) == len(MARKS), field
+    assert [MARKS[level].words for level in (0, 1, 2)] == list(LEVELS)
+    for tone in {mark.tone for mark in MARKS.values()}:  # WCAG 2.2, 1.4.3 on white and 1.4.11 on VS Code's dark ground
+        assert contrast(tone, "#ffffff") >= 4.5, tone
+        assert contrast(tone, "#1e1e1e") >= 3.5, tone
+    assert "".join(mark.ascii for mark in MARKS.values()).isascii()
+    assert verdict_part("AW", None).mark == MARKS[None]
+
+
+def test_checks_have_one_table_on_card_terminal_and_notebook():
+    """The same cells and icons from the judgement, the parameter file and the card; no colour without them."""
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    laws, _ = fit.default_laws(runs)
+    pf = collect(laws=laws, design=runs)
+    for law, part in zip(laws, compose(pf).laws, strict=True):
+        table = check_table(part.checks)
+        assert pf.laws[law.response]._display().checks == table
+        assert len(table.rows) >= 26
+        assert {row[-1] for row in table.rows} <= {"✓ passed", "! warning", "✗ failed", "? not testable"}
+        assert MARKS[0].tone in pf.laws[law.response]._repr_html_()
+        assert "✓ passed</td>" in pf.laws[law.response]._repr_html_()
+    judged = fit.judge(laws[0], runs=runs, laws=3)._display().table
+    assert judged == check_table(compose(pf).laws[0].checks)
+
+
+def test_the_commands_of_worked_predictions_give_their_numbers(pf, tmp_path, monkeypatch, capsys):
+    """Each command of the card, run in its folder, prints the sentence of the card; of a life its interval."""
+    write(pf, tmp_path / "params.json")
+    monkeypatch.chdir(tmp_path)
+    card = compose(pf)
+    shown = [one for law in card.laws for one in law.worked]
+    assert [len(law.worked) for law in card.laws] == [1, 2, 2]
+    for one in shown:
+        assert main(shlex.split(one.command)[1:]) == 0
+        assert one.words in " ".join(capsys.readouterr().out.split())
+        assert (one.value.text in one.words, one.low.text in one.words, one.inside) == (True, True, True)
+    life = card.tool_life
+    assert main(shlex.split(life.command)[1:]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "95 % interval of one new edge, by Fieller's theorem, " in printed
+    assert life.extrapolated
+    ends = [float(text) for text in re.findall(r"theorem, ([\d.]+) to ([\d.]+) min", printed)[0]]
+    assert ends == pytest.approx([life.edge_low.value, life.edge_high.value], rel=0.02)
+
+
+def test_an_equation_to_read_is_rounded_by_its_standard_errors(pf):
+    law = pf.laws["AW"]
+    exponents = [float(text) for text in re.findall(r"\^(-?[\d.]+)", short_equation(law))]
+    errors = [law.standard_errors[name] for name in ("V", "f", "d", "t")]
+    fitted = [law.coefficients[name] for name in ("V", "f", "d", "t")]
+    assert np.all(np.abs(np.subtract(exponents, fitted)) < np.multiply(errors, 0.1))
+    assert len(short_equation(law)) < len(law.equation)
+    assert scatter(law).number.text == "10"
+
+
+def test_a_constant_that_is_hardly_known_has_ends_of_two_digits(pf):
+    """Its standard error has the decimals of neither end: the lower one was 0, the upper one had six digits."""
+    law = pf.laws["AW"]
+    wide = law.uncertainty.model_copy(update={"matrix": tuple(
+        tuple(100.0 * x for x in row) for row in law.uncertainty.matrix)})  # fmt: skip
+    constant = law_coefficients(law.model_copy(update={"uncertainty": wide}))[0]
+    half = t_quantile(law.uncertainty.df) * 10 * law.uncertainty.matrix[0][0] ** 0.5
+    c0 = law.coefficients["c0"]
+    assert (constant.low.value, constant.high.value) == pytest.approx((c0 * math.exp(-half), c0 * math.exp(half)))
+    assert all(0 < len(end.text.lstrip("0.").split("e")[0].replace(".", "").rstrip("0")) <= 2
+               for end in (constant.low, constant.high))  # fmt: skip

@@ -13,7 +13,8 @@ import pytest
 import yaml
 from fitmodels import cards, datasets, fit, parameters
 from fitmodels.cards.content.card import Card, compose
-from fitmodels.cards.content.parts import FigurePart, NumberPart, Part, PublicationPart, SensorPart
+from fitmodels.cards.content.numbers import UNBOUNDED
+from fitmodels.cards.content.parts import FigurePart, NumberPart, Part, PublicationPart, RemedyPart, SensorPart
 from fitmodels.cards.folder import markdown
 from fitmodels.cards.forms import card_json
 from fitmodels.cards.forms.citation import author, citation_cff, zenodo_json
@@ -56,14 +57,14 @@ HOSTILE = (
     "=",
     "\u202eabc",
 )
-PUBLISHED_SCHEMA = json.loads((files("fitmodels.cards") / "schema" / "card-5.json").read_text("utf-8"))
+PUBLISHED_SCHEMA = json.loads((files("fitmodels.cards") / "schema" / "card-6.json").read_text("utf-8"))
 PUBLISHED = PublicationPart(
     license="CC-BY-4.0", authors=("Doe, Jane (0000-0002-1825-0097)", "Institute of Machining"), contact="j@example.org",
     doi="10.5281/zenodo.1", keywords=("turning",),
 )  # fmt: skip
 ELEMENTS = {
-    "html", "body", "h1", "h2", "p", "ul", "li", "table", "thead", "tbody", "tr", "th", "td", "strong", "code", "pre",
-    "blockquote", "img", "hr",
+    "html", "body", "h1", "h2", "h3", "p", "ul", "li", "table", "thead", "tbody", "tr", "th", "td", "strong", "code",
+    "pre", "blockquote", "img", "hr",
 }  # fmt: skip
 
 
@@ -237,11 +238,14 @@ def test_the_verdict_stands_first_with_its_reason_and_the_correction(files):
     assert not any("AW" in sentence for sentence in card.intended)
     assert "Edges E02, E11 differ." in card.out_of_scope[0]
     readme, page = shown(rendered(body(card_markdown(card)))), page_html(card, pf)
-    assert readme.index("Verdict: do not use for control.") < readme.index("AW, average wear")
+    assert readme.index("✗ Verdict: do not use for control.") < readme.index("average wear, mm")
     for sentence in (card.laws[0].suspects[0].command, card.laws[0].without_words, "Edges E02, E11 differ."):
         assert sentence in readme
         assert " ".join(sentence.split()) in " ".join(html.document_fromstring(page).text_content().split())
     assert page.index("Verdict: do not use for control.") < page.index('class="summary"')
+    assert card.laws[0].worked == ()  # a number beside a refusal would still be read as a prediction
+    assert all("No prediction: this law must not be used." in form for form in (readme, page))
+    assert page.count('<span class="badge do-not-use"><span class="icon" aria-hidden="true">✗</span> do not use') >= 2
 
 
 def test_a_file_without_verdicts_is_not_judged(pf):
@@ -259,7 +263,7 @@ def test_the_terminal_gives_verdict_reason_and_command_before_the_equation(files
         console.print(block)
     text = out.getvalue()
     order = [
-        "Verdicts", "do not use for control: Edges E02, E11 differ.", "AW  average wear, mm   do not use for control",
+        "Verdicts", "do not use for control: Edges E02, E11 differ.", "AW  average wear, mm   ✗ do not use for control",
         "f of edges E02, E11 (inch for mm), corrected with:", "fitmodels x --correct 'E02,E11:f*25.4'",
         "AW = 0.0086", "without the", "219 of 239 rows",
     ]  # fmt: skip
@@ -408,7 +412,7 @@ def test_card_json_obeys_its_schema_and_reads_back(files, name, tmp_path):
 def test_the_published_schema_is_that_of_the_code():
     Draft202012Validator.check_schema(PUBLISHED_SCHEMA)
     assert json.loads(card_json.schema_text()) == PUBLISHED_SCHEMA
-    assert PUBLISHED_SCHEMA["$id"] == "fitmodels.card/5"
+    assert PUBLISHED_SCHEMA["$id"] == "fitmodels.card/6"
 
 
 @pytest.mark.parametrize("name", HOSTILE)
@@ -501,6 +505,38 @@ def test_names_of_any_letters_come_back_from_a_citation(small, name):
 )
 def test_authors_are_persons_where_both_names_are_told(written, family, orcid):
     assert (author(written).family, author(written).orcid) == (family, orcid)
+
+
+def test_a_life_without_upper_end_is_said_to_have_none(small):
+    """An interval by Fieller's theorem need not be bounded above: no form prints a number in its place."""
+    life = small.tool_life.model_copy(update={"high": UNBOUNDED, "edge_high": UNBOUNDED})
+    card = small.model_copy(update={"tool_life": life})
+    said = f"at least {life.edge_low.text} min, not bounded above"
+    assert said in card_markdown(card)
+    assert said in shown(html.document_fromstring(page_html(card)))
+
+
+def test_a_remedy_stands_with_its_reason_in_every_form(small):
+    """A command of a remedy is code; a reason without remedy stands alone."""
+    remedy = RemedyPart(words="Repeat a setting on a new edge:", command="fitmodels next params.json")
+    verdict = small.laws[0].verdict.model_copy(
+        update={
+            "level": 1,
+            "words": "usable with reservations",
+            "reasons": ("One.", "Two."),
+            "remedies": (None, remedy),
+        }
+    )
+    card = small.model_copy(update={"laws": (small.laws[0].model_copy(update={"verdict": verdict}),)})
+    assert (
+        "  - ! One.\n  - ! Two. **Remedy:** Repeat a setting on a new edge: `fitmodels next params.json`"
+        in card_markdown(card)
+    )
+    page = page_html(card)
+    assert (
+        page.index("One.") < page.index("1 more reason<") < page.index("Two.") < page.index("<strong>Remedy:</strong>")
+    )
+    assert "<code>fitmodels next params.json</code>" in page
 
 
 # --- all forms ----------------------------------------------------------------------------------------

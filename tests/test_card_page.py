@@ -9,18 +9,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fitmodels import datasets, fit, parameters
+from fitmodels import FitmodelsError, cards, datasets, fit, parameters
 from fitmodels.cards.content.card import compose
 from fitmodels.cards.content.parts import PublicationPart
 from fitmodels.cards.content.profiler import profile_all
 from fitmodels.cards.forms import page as module
 from fitmodels.cards.forms.page import equation, page_html, points, prose, value_texts
+from fitmodels.core.figure_style import DARK, LIGHT, css_colours
 from fitmodels.parameters import ParameterFile
 from hypothesis import given
 from hypothesis import strategies as st
 
 LARGEST = 600_000  # bytes of a page
-LARGEST_SCRIPT = 8_500
+LARGEST_SCRIPT = 9_000
 TEMPLATES = Path(module.__file__).parent.parent / "templates"
 # https://html.spec.whatwg.org/multipage/syntax.html#void-elements
 VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
@@ -280,7 +281,7 @@ def test_without_a_parameter_file_figures_are_told_in_words(drive):
 
 
 def test_every_figure_has_a_name_and_a_description(gc435, drive):
-    for pf, panels in ((gc435, 4), (drive, 3)):
+    for pf, panels in ((gc435, 7), (drive, 3)):
         text = page_html(compose(pf), pf)
         svgs = re.findall(r"<svg.*?</svg>", text, re.S)
         assert len(svgs) == panels
@@ -290,6 +291,22 @@ def test_every_figure_has_a_name_and_a_description(gc435, drive):
             assert len(re.search(r"<desc[^>]*>([^<]+)</desc>", svg)[1]) > 30
             assert "<text" in svg
             assert not re.search(r"#[0-9a-f]{6}", svg)  # colours are the style sheet's
+
+
+def test_a_law_on_wear_is_drawn_with_the_wear_of_its_own_law_and_held(gc435):
+    """Both curves in one panel, read off the ticks: the force rises over speed by the one and falls by the other."""
+    text = page_html(compose(gc435), gc435)
+    svg = re.search(r"<title[^>]*>Fxz over V</title>.*?</svg>", text, re.S)[0]
+    assert "AW from its own law" in svg
+    assert "AW held at 0.158 mm" in svg
+    own, held = (
+        np.array(re.findall(r"([\d.]+) ([\d.]+)", re.search(rf'<path d="([^"]*)"[^>]*class="{c}"', svg)[1]), float)
+        for c in ("s-line", "s-second")
+    )
+    assert own[0, 1] > own[-1, 1]  # px from the top
+    assert held[0, 1] < held[-1, 1]
+    words = next(f for f in compose(gc435).figures if f.name == "responses").alternative
+    assert re.search(r"Fxz increases from .* AW from its own law; with AW held at 0.158 mm it decreases from", words)
 
 
 def test_a_law_is_drawn_where_its_axes_say(gc435):
@@ -305,7 +322,7 @@ def test_a_law_is_drawn_where_its_axes_say(gc435):
     at = {"f": 0.19, "d": 2.12, "t": 6.32}  # middle of the ranges, to three digits
     np.testing.assert_allclose(np.polyval(x, drawn[[0, -1], 0]), [50, 200], rtol=2e-3)
     for V, py in zip((50.0, 200.0), drawn[[0, -1], 1], strict=True):
-        assert np.polyval(y, py + baseline) == pytest.approx(law.predict(V=V, **at), rel=5e-3)
+        assert np.polyval(y, py + baseline) == pytest.approx(law.values(V=V, **at), rel=5e-3)
 
 
 def test_the_table_of_predictions_says_what_the_parameter_file_says(gc435):
@@ -313,15 +330,18 @@ def test_the_table_of_predictions_says_what_the_parameter_file_says(gc435):
     card = compose(gc435)
     (start, *rest) = points(card.profiler)
     assert len(rest) == 2 * len(card.profiler.factors)
-    at = card.profiler.start
-    wear = gc435.laws["AW"].predict(**at)
+    at = {f.symbol: card.profiler.start[f.symbol] for f in card.profiler.factors}
+    wear = gc435.laws["AW"].values(**at)
     for law, told in zip(card.profiler.laws, start.values, strict=True):
         more = {"AW": wear} if law.wear else {}
-        words = gc435.laws[law.response].get_prediction(**at, **more).words
+        words = gc435.laws[law.response].predict(**at, **more).words
         assert f"{law.response} {told.value} {law.unit} at" in words
         assert f"{told.low} to {told.high} {law.unit}" in words
         assert told.inside == ("inside the tested region" in words)
     assert float(start.removal) == pytest.approx(1000 * at["V"] * at["f"] * at["d"], rel=5e-4)
+    for law, told in zip([law for law in card.profiler.laws if law.wear], start.held, strict=True):
+        words = gc435.laws[law.response].predict(**card.profiler.start).words
+        assert f"{law.response} {told.value} {law.unit} at" in words
     low_speed = profile_all(card.profiler, {**at, "V": 50.0})["AW"]
     assert rest[0].values[0][:3] == value_texts(low_speed)
 
@@ -385,7 +405,57 @@ def test_text_can_be_read_on_its_ground(scheme):
     grounds = {"paper": 4.5, "raised": 4.5, "alarm-paper": 4.5, "warn-paper": 4.5}
     wanted = [(text, ground, ratio) for text in ("ink", "mute", "link") for ground, ratio in grounds.items()]
     wanted += [("alarm", "alarm-paper", 4.5), ("alarm", "raised", 4.5), ("warn", "warn-paper", 4.5)]
+    wanted += [(line, "paper", 3) for line in ("second", "third", "limit")]
     wanted += [("line", "paper", 3), ("line", "raised", 3), ("edge", "paper", 3), ("edge", "raised", 3)]
     for text, ground, ratio in wanted:
         light, dark = sorted((luminance(colours[text]), luminance(colours[ground])), reverse=True)
         assert (light + 0.05) / (dark + 0.05) >= ratio, (text, ground)
+
+
+def test_the_widget_of_a_notebook_is_a_page_in_a_frame_and_a_table():
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
+    widget = cards.profiler(law, at={"V": 120})
+    shown = widget._repr_mimebundle_()
+    assert shown["text/html"].count("<iframe") == 1
+    assert 'sandbox="allow-scripts"' in shown["text/html"]
+    assert "Not measured" in widget.page
+    value = parameters.collect(laws=[law]).laws["AW"].values(**widget.card.profiler.start)
+    first = shown["text/plain"].splitlines()[2]
+    assert first.startswith("120 ")
+    assert float(first.split()[4]) == pytest.approx(value, rel=5e-3)
+    assert "AW: ✓ usable inside the tested region" in shown["text/plain"]
+    assert cards.profiler(parameters.collect(laws=[law], design=runs)).page.count("slider-3") == 2 * 2 - 1
+    assert not re.search(r"https?://(?!www.w3.org)", widget.page)
+
+
+@pytest.mark.parametrize(
+    ("source", "at", "words"),
+    [
+        (3, None, "int: no source of a profiler; give a law"),
+        ([], None, "list: no source of a profiler"),
+        ("nowhere.json", None, "the file does not exist"),
+        ("law", {"v": 1}, "'v' is no slider. Did you mean 'V'?"),
+        ("law", {"V": 1000}, "V 1000 is not on its slider; tested 50 to 200 m/min"),
+    ],
+)
+def test_a_widget_that_cannot_be_made_is_refused_with_a_remedy(source, at, words):
+    if source == "law":
+        source = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    with pytest.raises(FitmodelsError, match=re.escape(words)):
+        cards.profiler(source, at)
+
+
+def deuteranope(colour):
+    """Linear red, green and blue as a deuteranope sees them (Vienot, Brettel & Mollon 1999)."""
+    value = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]) ** 2.2
+    return np.array([[0.29275, 0.70725, 0], [0.29275, 0.70725, 0], [-0.02234, 0.02234, 1]]) @ value
+
+
+@pytest.mark.parametrize(("scheme", "palette"), [("light", LIGHT), ("dark", DARK), ("print", LIGHT)])
+def test_colours_of_the_page_are_those_of_the_figures(scheme, palette):
+    colours, wanted = schemes()[scheme], css_colours(palette)
+    if scheme == "print":
+        wanted["ink"] = "#000"
+    assert {name: colours[name] for name in wanted} == wanted
+    assert np.abs(deuteranope(colours["line"]) - deuteranope(colours["second"])).max() > 0.2

@@ -8,10 +8,12 @@ import pytest
 import statsmodels.api as sm
 from fitmodels import batch, cli, datasets, fit
 from fitmodels.core.errors import FitError, UsageError
+from fitmodels.fit.censored_lives import left_out_lives
 from fitmodels.fit.form_choice import CHOICES, aicc, fit_in_form, form_named, log_likelihood
 from fitmodels.fit.left_out_edges import compare_laws, left_out_predictions
 from fitmodels.fit.regression import fit_form, refitted
 from fitmodels.pipeline import FitOptions
+from scipy.stats import norm
 from statsmodels.tools import sm_exceptions
 
 SAME = 1e-6  # two optimisers of one likelihood
@@ -270,8 +272,46 @@ def test_lives_with_run_outs_are_lives_of_the_power_law_alone():
     assert taylor.life.run_outs == 3
     with pytest.raises(FitError, match="3 of 12 lives are run-outs or bounds"):
         fit.fit_law(runs, "T ~ V, f", form="linear")
-    with pytest.raises(FitError, match="forms cannot be compared"):
+    with pytest.raises(FitError, match="fitmodels compare scores such laws by the likelihood of left-out lives"):
         fit.compare_laws(runs, "T ~ V, f")
+
+
+def censored_lives(rng, deviation, longest=60.0, copies=12):
+    """Lives about a Taylor law at four speeds, run-outs at the longest test."""
+    V = np.repeat([100.0, 140, 190, 250], copies)
+    T = 6 * (250 / V) ** 3 * np.exp(deviation(rng, len(V)))
+    return pd.DataFrame({"V": V, "T": [f">{longest:g}" if one > longest else f"{one:.6g}" for one in T]})
+
+
+def test_scores_of_left_out_lives_are_densities_of_the_lives_and_probabilities_of_lasting_longer():
+    table = censored_lives(np.random.default_rng(3), lambda rng, n: rng.normal(0, 0.2, n), copies=4)
+    runs = datasets.runs_from_frame(table)
+    found = left_out_lives(fit.life_law(runs, ["V"]))
+    bound = table["T"].str.startswith(">").to_numpy()
+    y = np.log(table["T"].str.lstrip(">").astype(float))
+    for row in (int(np.flatnonzero(bound)[0]), int(np.flatnonzero(~bound)[-1])):
+        law = fit.life_law(datasets.runs_from_frame(table.drop(index=row)), ["V"])
+        z = (y[row] - np.log(law.values({"V": table["V"][row]}))) / law.life.scale
+        score = norm.logsf(z) if bound[row] else norm.logpdf(z) - np.log(law.life.scale)
+        assert found.scores[row, 0] == pytest.approx(float(np.ravel(score)[0]), abs=1e-8)
+
+
+def test_the_distribution_of_the_lives_is_found_among_run_outs(tmp_path, capsys):
+    """Simulated: Weibull lives of shape 2 and lognormal ones, a quarter of them run-outs."""
+    weibull = censored_lives(np.random.default_rng(5), lambda rng, n: np.log(rng.weibull(2.0, n)), copies=60)
+    found = left_out_lives(fit.life_law(datasets.runs_from_frame(weibull), ["V"]))
+    assert found.better == ("weibull",)
+    assert found.verdict.endswith("keep it with --form weibull.")
+    lognormal = censored_lives(np.random.default_rng(6), lambda rng, n: rng.normal(0, 0.4, n))
+    table = tmp_path / "lives.csv"
+    lognormal.to_csv(table, index=False)
+    assert cli.main(["compare", str(table)]) == 0
+    out = capsys.readouterr().out
+    assert "power with lognormal lives is kept" in out
+    assert "laws of lives with run-outs, scored on 48 left-out rows" in out
+    assert cli.main(["compare", str(table), "--json"]) == 0
+    (lives,) = json.loads(capsys.readouterr().out)["pairs"][0]["lives"]
+    assert lives["better"] == []
 
 
 def test_a_batch_keeps_the_form_of_each_pair(tmp_path):

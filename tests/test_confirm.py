@@ -36,7 +36,7 @@ def new(seed=1001, **changed):
 def test_rows_are_judged_by_the_laws_own_prediction_interval():
     fitted, runs = law(), new()
     found = confirm(fitted, runs, level=0.9)
-    band = fitted.predict(runs.data[FACTORS], "prediction", level=0.9)
+    band = fitted.predict(runs.data[FACTORS], "prediction", level=0.9).to_frame()
     np.testing.assert_allclose(found.rows[["predicted", "low", "high"]], band[["value", "low", "high"]], rtol=EXACT)
     y = runs.values("AW")
     assert (found.rows["inside"] == ((band["low"] <= y) & (y <= band["high"]))).all()
@@ -124,7 +124,7 @@ def test_a_category():
 def test_an_additive_law():
     fitted = law(error="additive")
     found = confirm(fitted, new())
-    band = fitted.predict(new().data[FACTORS], "prediction")
+    band = fitted.predict(new().data[FACTORS], "prediction").to_frame()
     np.testing.assert_allclose(found.rows[["predicted", "low", "high"]], band[["value", "low", "high"]], rtol=EXACT)
     assert not confirm(fitted, new(AW=lambda data: data["AW"] * 1.8)).holds
 

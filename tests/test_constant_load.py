@@ -16,7 +16,7 @@ from fitmodels.controllers.constant_load_milling.control_laws import loop_of
 from fitmodels.controllers.constant_load_milling.plant import MillingCut
 from fitmodels.controllers.constant_load_milling.states import STATES, State
 from fitmodels.controllers.exports import rendered
-from fitmodels.controllers.faults import FAULTS, FaultyPlant, saturated
+from fitmodels.controllers.loop import FAULTS, FaultyPlant, saturated
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.exports.loop import loop_settings
 from fitmodels.parameters.published import published

@@ -166,7 +166,7 @@ def test_the_correction_of_a_suspect_undoes_the_mistake(symbol, factor, edges):
 def test_corrections_are_recorded_in_the_parameter_file_and_repeat_the_reading(sound, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     changed(sound, ["E07"], FEED, 1 / 25.4).to_csv("tests.csv", index=False)
-    assert main(["tests.csv", "--correct", "E07:f*25.4", "--leave-out", "lines 2", "--out", "out"]) == 0
+    assert main(["tests.csv", "--correct", "E07:f*25.4", "--leave-out", "lines 2", "--full", "--out", "out"]) == 0
     assert "--correct E07:f*25.4: f of" in capsys.readouterr().out
     (file,) = (tmp_path / "out").rglob("params.json")
     written = json.loads(file.read_text())

@@ -69,7 +69,7 @@ def test_taylors_case_of_least_cost():
 @pytest.mark.parametrize(("response", "factor", "limit"), [("AW", "V", 0.2), ("AW", "t", 0.3)])
 def test_the_law_reaches_the_limit_at_the_value_found(wear, response, factor, limit):
     found = limit_decision(wear, limit, factor)
-    assert wear.predict({**found.at, factor: found.value}).item() == pytest.approx(limit, rel=EXACT)
+    assert wear.values({**found.at, factor: found.value}) == pytest.approx(limit, rel=EXACT)
     assert response in found.name
 
 
@@ -85,7 +85,7 @@ def test_a_line_reaches_a_limit_too():
     law = fit.load_law(runs)
     middle, (factor,) = float(np.median(law.observed)), law.factors
     found = limit_decision(law, middle, factor)
-    assert law.predict({factor: found.value}).item() == pytest.approx(middle, rel=EXACT)
+    assert law.values({factor: found.value}) == pytest.approx(middle, rel=EXACT)
 
 
 def test_the_information_is_the_inverse_covariance_of_the_random_level(wear):
@@ -195,8 +195,14 @@ def test_the_command_proposes_longer_tests_where_the_life_is_extrapolated(tmp_pa
     assert (runs.values("t") > 20).all()
     assert runs.values("t").max() <= 60
     notes = " ".join(runs.notes)
-    for words in ("Tool life is extrapolated", "95 % interval of the law", "expected after 4 more tests", "Stop after"):
+    for words in (
+        "Tool life is extrapolated",
+        "95 % interval of the law",
+        "expected after 4 more tests",
+        "Do not stop before",
+    ):
         assert words in notes
+    assert "those of the first screen and of predict are by the theorem of Fieller" in notes
     assert main(["next", data, "--decision", "P=7000W", "--vary", "V", "--within", "10"]) == 0
     assert "V at which P reaches 7 kW" in capsys.readouterr().out
     assert main(["next", data, "--decision", "cost", "--cost", "Cm=.5,Ct=3,tc=2"]) == 0
@@ -211,3 +217,23 @@ def test_the_command_proposes_longer_tests_where_the_life_is_extrapolated(tmp_pa
     ):
         assert main(["next", data, *wrong]) == 2, wrong
         assert words in " ".join(capsys.readouterr().err.split())
+
+
+ADVICE = [
+    (1, "", "Stop after about 1 more test"),
+    (582, "", "do not pay"),
+    (582, "Far.", "run edges to the criterion"),
+    (1, "Far.", "if the law holds so far"),
+]
+
+
+@pytest.mark.parametrize(("enough", "beyond", "says"), ADVICE)
+def test_when_to_stop_does_not_contradict_what_is_extrapolated(enough, beyond, says):
+    from fitmodels.fit.decisions import Decision
+    from fitmodels.fit.optimal_tests import Narrowing
+
+    held = dict.fromkeys(Decision.__dataclass_fields__) | {"name": "T", "unit": "min", "value": 9.0}
+    decision = Decision(**{**held, "beyond": beyond})
+    words = " ".join(Narrowing(decision, (8, 10), (8.5, 9.5), (7, 11), (8, 10), 4, enough, None, None).words)
+    assert says in words
+    assert not ("Stop after" in words and beyond)

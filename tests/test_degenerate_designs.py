@@ -56,7 +56,7 @@ DESIGNS = {
 def test_the_command_answers_in_words(tmp_path, monkeypatch, capsys, table, words):
     monkeypatch.chdir(tmp_path)
     table.to_csv("data.csv", index=False)
-    assert main(["data.csv", "--tool", "T", "--work", "W"]) == 0
+    assert main(["data.csv", "--tool", "T", "--work", "W", "--full"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
     said = " ".join(out.split())

@@ -455,3 +455,19 @@ def test_a_face_mill_has_a_large_feed_per_revolution():
     }
     assert read(**rows).doubts == ()
     assert read((), {"process": "turning"}, **rows).doubts != ()
+
+
+def test_the_law_of_a_computed_power_is_that_of_the_force_and_is_named_so():
+    """P = Fc V/60000: one exponent of V more, the same residuals, and R2 contains V."""
+    rng = np.random.default_rng(7)
+    V, f = map(np.ravel, np.meshgrid([80.0, 120, 180], [0.1, 0.2, 0.3]))
+    runs = read(V=V, f=f, Fc=1800 * f**0.75 * np.exp(rng.normal(0, 0.03, 9)))
+    laws = {law.response: law for law in fit.default_laws(runs)[0]}
+    force, power = laws["Fc"], laws["P"]
+    assert power.params["V"] == pytest.approx(force.params["V"] + 1)
+    np.testing.assert_allclose(power.rows.residuals, force.rows.residuals, atol=1e-12)
+    assert power.notes[-1].startswith("P is computed, not measured: P = Fc V/60000; its law is that of Fc")
+    assert power.notes[-1].endswith("without the losses of the drive")
+    assert not any("computed" in note for note in force.notes)
+    measured = read(V=V, f=f, P=rng.uniform(1, 2, 9))
+    assert not any("computed" in note for law in fit.default_laws(measured)[0] for note in law.notes)

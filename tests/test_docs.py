@@ -5,6 +5,7 @@ The pages are built by Sphinx in ``.ci/run``, where links are checked and notebo
 
 import re
 import shlex
+import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -14,6 +15,7 @@ from fitmodels.cli import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
+PAPERS = ("AC-2016", "AC-2017", "CLM-2023", "SURF", "LYAP")
 README = ROOT / "README.md"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if path.parent.name != "_notebooks")
 RUN = re.compile(r"^```(console|python)$", re.M)
@@ -52,6 +54,16 @@ def test_fenced_blocks_are_of_known_kinds(page):
     readme = (ROOT / "README.md").read_text("utf-8")
     for line in re.findall(r"^```sh\n(.*?)\n```$", text, flags=re.M | re.S):
         assert line in readme
+
+
+def test_a_story_has_a_script_of_its_commands_alone():
+    for page in sorted(set((DOCS / "stories").glob("*.md")) - {DOCS / "stories/index.md"}):
+        text = page.read_text("utf-8")
+        assert page.with_suffix(".sh").read_text("utf-8") == blocks.script_of(text, page.name)
+        run = [item for item in blocks.examples_of(text) if isinstance(item, blocks.Example)]
+        assert {item.language for item in run} == {"console"}
+        assert all(item.source.startswith("fitmodels ") for item in run)
+        assert {"replay", "export"} <= {item.source.split()[1] for item in run}
 
 
 @pytest.mark.parametrize("name", sorted(tool("make", DOCS / "examples").FILES))
@@ -156,3 +168,27 @@ def test_names_of_the_root_are_in_the_reference():
 
     for name in set(fitmodels.__all__) - set(packages.PACKAGES):
         assert f"``fitmodels.{name}``" in text, name
+
+
+# The reproduction ledger equals the output of its script
+
+
+@pytest.fixture(scope="module")
+def ledger() -> str:
+    made = subprocess.run([sys.executable, str(DOCS / "reproduction")], capture_output=True, text=True, check=True)
+    return made.stdout
+
+
+@pytest.mark.slow
+def test_the_page_equals_the_output_of_the_script(ledger):
+    assert (DOCS / "reproduction.md").read_text("utf-8") == ledger, "python docs/reproduction > docs/reproduction.md"
+
+
+@pytest.mark.slow
+def test_every_paper_is_listed_and_every_deviation_has_a_reason(ledger):
+    rows = [line.split(" | ") for line in ledger.splitlines() if line.startswith("| ") and line.count(" | ") >= 6]
+    entries = [row for row in rows if row[0] != "| where"]
+    assert all(f"\n## {paper}\n" in ledger for paper in PAPERS)
+    assert len(entries) > 200
+    without_reason = [row for row in entries if row[5] != "reproduced" and not row[6].strip(" |")]
+    assert not without_reason, without_reason[:5]

@@ -55,7 +55,7 @@ def test_it_fits_what_power_law_fits(runs, rows, error):
     np.testing.assert_array_equal(model.predict(rows[FACTORS]), law.fitted)
     new = rows[FACTORS].iloc[:5]
     for kind in ("mean", "prediction"):
-        expected = law.predict(new, kind)[["low", "high"]]
+        expected = law.predict(new, kind).to_frame()[["low", "high"]]
         np.testing.assert_allclose(model.predict_interval(new, kind), expected, rtol=1e-12)
 
 

@@ -102,9 +102,9 @@ def test_predictions_from_the_file_are_those_of_the_fit(case, kind):
     pf = parameters.read(folder / "params.json")
     for law in laws:
         at = {name: value * np.array([0.9, 1.0, 1.1]) for name, value in conditions(law).items()}
-        section, fitted = pf.laws[law.response], law.predict(at, kind)
+        section, fitted = pf.laws[law.response], law.predict(at, kind).to_frame()
         low, high = section.interval(kind=kind, **at)
-        np.testing.assert_allclose(section.predict(**at), law.predict(at), rtol=SAME)
+        np.testing.assert_allclose(section.values(**at), law.values(at), rtol=SAME)
         np.testing.assert_allclose(low, fitted["low"], rtol=SAME)
         np.testing.assert_allclose(high, fitted["high"], rtol=SAME)
         assert list(section.inside(**at)) == list(law.region.inside(at))
@@ -122,7 +122,7 @@ def test_exported_coefficients_alone_give_the_prediction(case):
         for symbol in law.factors:
             assert held[f"{own}{symbol.lower()}_low"] <= conditions(law)[symbol] <= held[f"{own}{symbol.lower()}_high"]
         value = evaluated(form, law, held, own)
-        assert value == pytest.approx(float(law.predict(conditions(law))[0]), rel=1e-6)
+        assert value == pytest.approx(float(law.values(conditions(law))), rel=1e-6)
 
 
 def evaluated(form, law, held, own):
@@ -252,9 +252,9 @@ def test_simulated_data_are_read_and_give_the_law_again(case, capsys):
         error = "additive" if form in LINES else law.error
         again = fit_form(runs, form, law.response, law.factors, error=error, terms=law.formula.terms or None)
         at = conditions(law)
-        before, after = law.predict(at, "mean"), again.predict(at, "mean")
+        before, after = law.predict(at, "mean").to_frame(), again.predict(at, "mean").to_frame()
         wide = np.hypot(before["high"] - before["low"], after["high"] - after["low"])
-        assert abs(float(again.predict(at)[0] - law.predict(at)[0])) < float(wide.iloc[0])
+        assert abs(float(again.values(at) - law.values(at))) < float(wide.iloc[0])
 
 
 @pytest.mark.slow

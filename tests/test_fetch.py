@@ -7,8 +7,7 @@ from types import SimpleNamespace
 import pytest
 from fitmodels import datasets
 from fitmodels.core import errors
-from fitmodels.datasets import public_sets
-from fitmodels.datasets.public_sets import SETS, PublicFile, PublicSet
+from fitmodels.datasets.sets import GITHUB, SETS, PublicFile, PublicSet
 
 CONTENT = {"a.csv": b"V,f\n100,0.2\n", "b.csv": b"V,f\n200,0.4\n"}
 FILES = tuple(PublicFile(n, sha256(b).hexdigest(), f"https://example.org/{n}") for n, b in CONTENT.items())
@@ -116,7 +115,7 @@ def test_every_set_tells_its_licence_and_either_an_address_or_how_it_was_made():
         assert known.licence, name
         assert all(bool(file.url) != bool(known.made) for file in known.files), name
         assert all(len(file.sha256) == 64 for file in known.files), name
-        pinned = [file.url.split("/")[5] for file in known.files if file.url.startswith(public_sets.GITHUB)]
+        pinned = [file.url.split("/")[5] for file in known.files if file.url.startswith(GITHUB)]
         assert all(len(commit) == 40 for commit in pinned), f"{name}: a commit, or bytes may change"
 
 

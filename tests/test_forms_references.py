@@ -160,7 +160,7 @@ def test_a_form_without_edges_is_statsmodels_ols_by_formula(form):
     assert law.rss == pytest.approx(ols.ssr, rel=TO)
     at = frame.iloc[[3]]
     theirs = ols.get_prediction(at).summary_frame()[["mean", "obs_ci_lower", "obs_ci_upper"]].to_numpy()[0]
-    ours = law.predict({name: float(at[name].iloc[0]) for name in law.factors}, "prediction")
+    ours = law.predict({name: float(at[name].iloc[0]) for name in law.factors}, "prediction").to_frame()
     np.testing.assert_allclose(
         ours[["value", "low", "high"]].to_numpy()[0], np.exp(theirs) if link else theirs, rtol=TO
     )

@@ -43,7 +43,7 @@ def test_a_smooth_signal_is_filled_to_its_stated_error():
     even = gapped(waves, [100, 104, 200, 201, 300, 301, 302])
     assert even.starts == (0,)
     assert even.values == pytest.approx(waves, abs=5e-4)
-    assert "7 sample(s) in 4 gap(s) of at most 3 are filled (line 103, 107, 204, ...)" in even.notes[0]
+    assert "7 samples in 4 gaps of at most 3 are filled (line 103, 107, 204, ...)" in even.notes[0]
     assert "a cubic through 2 samples on each side" in even.notes[0]
 
 
@@ -53,7 +53,7 @@ def test_a_signal_in_steps_is_filled_on_its_levels_only():
     assert on.starts == (0,)
     assert np.array_equal(on.values, steps)
     assert at.starts == (0, 79)  # whether the step came one or two samples late cannot be known
-    assert "1 gap(s) of 2 sample(s), the longest 0.04 s, are not filled (line 83)" in at.notes[-1]
+    assert "1 gap of 2 samples, the longest 0.04 s, is not filled (line 83)" in at.notes[-1]
 
 
 def test_what_would_be_guessed_is_not_filled():

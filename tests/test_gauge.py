@@ -150,7 +150,7 @@ def test_words():
         (lambda: gauge_corrected(as_many_rows_as_parameters(), 0.01), "5 observations fix 5 parameters"),
         (
             lambda: gauge_corrected(fit.power_law(cut(), "P", ["V", "AW"], error="additive"), 0.01),
-            "fit with error='multiplicative'",
+            "fit with multiplicative errors",
         ),
         (lambda: gauge_corrected(power(noise=0.0), 0.01), "fits every row exactly"),
     ],

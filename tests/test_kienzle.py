@@ -103,7 +103,7 @@ def test_intervals_are_those_of_regression_with_an_offset():
     assert (found.law.df_resid, found.law.rss) == (22, pytest.approx(oracle.ssr, rel=1e-10))
     assert found.law.bse["d"] == 0
     assert found.law.conf_int().loc["d"].tolist() == [1.0, 1.0]
-    at = found.law.predict({"d": 2.0, "f": 0.25}, "prediction")
+    at = found.law.predict({"d": 2.0, "f": 0.25}, "prediction").to_frame()
     band = oracle.get_prediction(np.array([[1.0, np.log(0.25)]])).summary_frame()
     assert at[["low", "high"]].to_numpy()[0] == pytest.approx(
         2 * np.exp(band[["obs_ci_lower", "obs_ci_upper"]].to_numpy()[0]), rel=1e-8
@@ -115,7 +115,7 @@ def test_a_constant_depth_keeps_its_exponent_and_its_range():
     frame = runs.to_frame().assign(Fc=KC * 2 * runs.values("f") ** (1 - MC))
     found = fit.kienzle_law(runs_from_frame(frame.assign(Fc=frame.Fc * np.exp(0.01 * np.sin(np.arange(24.0))))))
     assert found.kc11 == pytest.approx(KC, rel=0.05)
-    inside = found.law.predict({"d": [2.0, 2.1, 2.0], "f": [0.2, 0.2, 0.5]}, "mean")["inside"]
+    inside = found.law.predict({"d": [2.0, 2.1, 2.0], "f": [0.2, 0.2, 0.5]}, "mean").to_frame()["inside"]
     assert inside.tolist() == [True, False, False]
 
 
@@ -180,7 +180,7 @@ def test_a_kienzle_law_is_written_read_and_predicts_alike(tmp_path):
     assert section.fixed == {"d": 1.0}
     assert any(note.startswith("kc1.1 = ") for note in section.notes)
     new = section.interval(d=2.0, f=0.25, kind="prediction")
-    band = law.predict({"d": 2.0, "f": 0.25}, "prediction")
+    band = law.predict({"d": 2.0, "f": 0.25}, "prediction").to_frame()
     assert new == pytest.approx((band["low"][0], band["high"][0]), rel=1e-9)
 
 
@@ -219,7 +219,7 @@ def test_additive_wear_is_scipys_fit_and_uses_rows_of_new_edges(error):
     low, high = law.conf_int(0.99).to_numpy().T
     assert (low < [720, 0.75, 1, 900]).all()
     assert (high > [720, 0.75, 1, 900]).all()
-    at = law.predict({"f": 0.2, "d": 2.0, "VB": [0.0, 0.3]})
+    at = law.values({"f": 0.2, "d": 2.0, "VB": [0.0, 0.3]})
     assert at[1] - at[0] == pytest.approx(0.3 * law.params["VB"], rel=1e-12)
 
 
@@ -248,9 +248,9 @@ def test_additive_wear_is_written_read_and_predicts_alike(tmp_path):
     parameters.write(parameters.collect(tool="a", work="b", laws=[law]), tmp_path / "params.json")
     section = parameters.read(tmp_path / "params.json").laws["Fc"]
     at = {"f": 0.2, "d": 2.0, "VB": 0.1}
-    assert section.predict(**at) == pytest.approx(law.predict(at)[0], rel=1e-12)
+    assert section.values(**at) == pytest.approx(law.values(at), rel=1e-12)
     for kind in ("mean", "prediction", "tolerance"):
-        new, band = section.interval(**at, kind=kind), law.predict(at, kind)
+        new, band = section.interval(**at, kind=kind), law.predict(at, kind).to_frame()
         assert new == pytest.approx((band["low"][0], band["high"][0]), rel=1e-9)
 
 

@@ -16,6 +16,8 @@ from fitmodels import datasets, fit
 from fitmodels.fit.checks.check import format_p
 from fitmodels.fit.checks.model_checks import curvature, lack_of_fit
 from fitmodels.fit.checks.strata import split
+from fitmodels.fit.checks.within_edges import lack_of_fit_within
+from scipy.linalg import qr
 from statsmodels.regression.linear_model import OLS
 
 EXACT = 1e-9
@@ -240,3 +242,45 @@ def test_additive_errors_are_tested_too():
 )
 def test_p_is_told_as_papers_print_it(p, words):
     assert format_p(p) == words
+
+
+def changed_on_tools(rng, curved):
+    """Six tools, two for each depth, each with V and f in nine steps; a force with a level of its own for each tool."""
+    rows = [(e, V, f, d) for e, d in enumerate(np.repeat([0.25, 0.5, 0.8], 2)) for V in (310, 350, 390)
+            for f in (0.07, 0.1, 0.13)]  # fmt: skip
+    frame = pd.DataFrame(rows, columns=["edge", "V", "f", "d"])
+    level = 0.1 * rng.standard_normal(6)[frame["edge"]]
+    bend = curved * np.log(frame["f"] / 0.1) ** 2
+    frame["Fx"] = 2000 * frame["f"] ** 0.75 * frame["d"] * np.exp(level + bend + 0.05 * rng.standard_normal(len(frame)))
+    frame["edge"] = [f"E{e}" for e in frame["edge"]]
+    return fit.power_law(datasets.runs_from_frame(frame, judge=False), "Fx", NAMES[:3])
+
+
+def test_conditions_changed_on_an_edge_are_tested_within_edges():
+    """F, degrees of freedom and p are those of statsmodels for levels of edges with V and f, and with all settings."""
+    law = changed_on_tools(np.random.default_rng(1), 0.0)
+    found = lack_of_fit_within(law)
+    edges = np.eye(6)[np.unique(law.edge, return_inverse=True)[1]]
+    setting = np.unique(np.round(law.design, 9), axis=0, return_inverse=True)[1].ravel()
+    y = np.log(law.observed)
+    settings = np.column_stack([edges, np.eye(27)[setting]])
+    basis = settings[:, np.sort(qr(settings, pivoting=True)[2][: np.linalg.matrix_rank(settings)])]
+    F, p, df = OLS(y, basis).fit().compare_f_test(OLS(y, np.column_stack([edges, law.design[:, 1:3]])).fit())
+    assert (found.statistic, found.df) == (pytest.approx(F, rel=EXACT), (int(df), 24))
+    assert found.pvalue == pytest.approx(2 * min(p, 1 - p), rel=1e-6)
+    assert lack_of_fit_within(changed_on_tools(np.random.default_rng(1), 1.0)).concern == 1
+
+
+def test_the_test_within_edges_keeps_its_level():
+    """Seed 2, 200 draws: a share of rejections at 10 % outside .05 to .16 has a probability below 1 %."""
+    rng = np.random.default_rng(2)
+    share = np.mean([lack_of_fit_within(changed_on_tools(rng, 0.0)).pvalue < 0.1 for _ in range(200)])
+    assert 0.05 <= share <= 0.16
+
+
+def test_naming_the_tools_does_not_hide_the_lack_of_fit_of_measured_forces(measurements):
+    """Six tools with the depth changed between them: V and f are judged on each tool."""
+    runs = datasets.read_runs(measurements / "turning_forces" / "exp1_runs.csv", edge="Tool_ID")
+    law = fit.power_law(runs, "Fz", NAMES[:3])
+    assert lack_of_fit_within(law).pvalue < 0.001
+    assert lack_of_fit_within(fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", NAMES)) is None

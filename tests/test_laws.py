@@ -133,18 +133,18 @@ def test_a_form_added_to_the_table_is_fitted_shown_written_read_and_predicts(mon
     assert (law.error, law.form) == ("additive", "semilog")
     np.testing.assert_allclose(law.params, [0.1, 0.3], atol=4e-3)
     assert "AW [mm] = 0.1" in law.summary()
-    band = law.predict({"V": 100.0}, "prediction")
+    band = law.predict({"V": 100.0}, "prediction").to_frame()
     assert band["low"][0] < 0.1 + 0.3 * np.log(100) < band["high"][0]
 
     parameters.write(parameters.collect(tool="a", work="b", laws=[law]), tmp_path / "params.json")
     section = parameters.read(tmp_path / "params.json").laws["AW"]
     assert (section.form, section.equation[:8]) == ("semilog", "AW = 0.1")
-    assert section.predict(V=100.0) == pytest.approx(law.predict({"V": 100.0})[0], rel=1e-14)
+    assert section.values(V=100.0) == pytest.approx(law.values({"V": 100.0}), rel=1e-14)
     for kind in ("mean", "prediction", "tolerance"):
-        low, high = law.predict({"V": V}, kind)[["low", "high"]].to_numpy().T
+        low, high = law.predict({"V": V}, kind).to_frame()[["low", "high"]].to_numpy().T
         np.testing.assert_allclose(section.interval(kind=kind, V=V), [low, high], rtol=1e-12)
     with pytest.raises(ParameterError, match="semilog law of AW needs positive values"):
-        section.predict(V=0.0)
+        section.values(V=0.0)
     units = {entry.name: entry.unit for entry in file_quantities(parameters.read(tmp_path / "params.json"), None)}
     assert (units["law_aw_a"], units["law_aw_b"]) == ("mm", "mm")
 
@@ -167,8 +167,8 @@ def test_the_file_of_each_form_predicts_as_the_fit(form, tmp_path):
     parameters.write(parameters.collect(tool="a", work="b", laws=[law]), tmp_path / "params.json")
     section = parameters.read(tmp_path / "params.json").laws["AW"]
     at = {"V": np.array([70.0, 120.0]), "f": np.array([0.2, 0.4])}
-    np.testing.assert_allclose(section.predict(**at), law.predict(at), rtol=1e-13)
-    low, high = law.predict(at, "prediction")[["low", "high"]].to_numpy().T
+    np.testing.assert_allclose(section.values(**at), law.values(at), rtol=1e-13)
+    low, high = law.predict(at, "prediction").to_frame()[["low", "high"]].to_numpy().T
     np.testing.assert_allclose(section.interval(kind="prediction", **at), [low, high], rtol=1e-11)
 
 

@@ -27,9 +27,9 @@ def exact(V=0.8, t=0.4, c0=1e-4, n=12):
 @given(st.floats(50, 200), st.floats(0.06, 0.6), st.floats(1.5, 3), st.floats(0.15, 0.4))
 def test_life_is_the_root_of_the_wear_law(V, f, d, criterion):
     law = wear_law()
-    life = fit.tool_life(law, criterion).predict(V=V, f=f, d=d)
+    life = fit.tool_life(law, criterion).values(V=V, f=f, d=d)
     root = brentq(
-        lambda ln_t: law.predict({"V": V, "f": f, "d": d, "t": np.exp(ln_t)})[0] - criterion,
+        lambda ln_t: law.values({"V": V, "f": f, "d": d, "t": np.exp(ln_t)}) - criterion,
         -40,
         40,
         xtol=1e-12,
@@ -42,7 +42,7 @@ def test_taylors_exponent_and_constant():
     life = fit.tool_life(exact(V=0.8, t=0.4), criterion=0.3)
     assert life.taylor_n == pytest.approx(0.5, rel=1e-9)
     assert life.coefficients["V"] == pytest.approx(-2, rel=1e-9)
-    C = [V * life.predict(V=V) ** life.taylor_n for V in (60, 120, 180)]
+    C = [V * life.values(V=V) ** life.taylor_n for V in (60, 120, 180)]
     np.testing.assert_allclose(C, C[0], rtol=1e-9)
     assert C[0] == pytest.approx((0.3 / 1e-4) ** (1 / 0.8), rel=1e-7)
 
@@ -72,7 +72,7 @@ def test_what_is_told_beside_the_law():
     assert life.t_observed == 20
     middle = {"V": np.sqrt(50 * 200), "f": np.sqrt(0.06 * 0.6), "d": np.sqrt(1.5 * 3)}
     assert life.typical_at == pytest.approx(middle, rel=1e-9)
-    assert life.typical == pytest.approx(life.predict(**middle), rel=1e-12)
+    assert life.typical == pytest.approx(life.values(**middle), rel=1e-12)
     assert life.taylor_n == pytest.approx(law.params["t"] / law.params["V"], rel=1e-12)
 
 
@@ -118,12 +118,12 @@ def test_laws_that_tell_no_life_are_refused(law, criterion, says):
         ({}, "tool life needs V, f, d"),
         ({"V": 0, "f": 0.2, "d": 2}, "V 0: a power law needs values above zero"),
         ({"V": -50.0, "f": 0.2, "d": 2}, "V -50"),
-        ({"V": 100, "f": float("nan"), "d": 2}, "f nan"),
+        ({"V": 100, "f": float("nan"), "d": 2}, "f = nan: give a finite number"),
     ],
 )
 def test_conditions_without_a_life_are_refused(at, says):
     with pytest.raises(errors.FitError, match=says):
-        fit.tool_life(wear_law()).predict(**at)
+        fit.tool_life(wear_law()).values(**at)
 
 
 def test_fieller_is_the_set_of_roots_that_a_test_does_not_reject():
@@ -155,9 +155,9 @@ def test_the_interval_of_a_life_is_that_of_times_whose_wear_the_law_does_not_exc
     life = fit.tool_life(law, 0.3)
     at = {"V": 150.0, "f": 0.3, "d": 2.0}
     low, high = life.interval("law", **at)
-    assert low < life.predict(**at) < high
+    assert low < life.values(**at) < high
     for t, end in ((low, "high"), (high, "low")):
-        assert law.predict({**at, "t": t}, "mean")[end].iloc[0] == pytest.approx(0.3, rel=1e-9)
+        assert law.predict({**at, "t": t}, "mean").to_frame()[end].iloc[0] == pytest.approx(0.3, rel=1e-9)
     edge_low, edge_high = life.interval("edge", **at)
     assert edge_low < low < high < edge_high
 
@@ -172,7 +172,7 @@ def test_taylors_constants_have_the_intervals_of_their_ratios():
     draws = rng.multivariate_normal(law.theta, law.covariance(), size=100_000)
     np.testing.assert_allclose(found.n_interval, np.quantile(draws[:, k] / draws[:, a], [0.025, 0.975]), rtol=0.01)
     at = {**found.at, "V": found.C}
-    assert fit.tool_life(law).predict(**at) == pytest.approx(1.0, rel=1e-9)
+    assert fit.tool_life(law).values(**at) == pytest.approx(1.0, rel=1e-9)
     assert found.C_interval[0] < found.C < found.C_interval[1]
 
 
@@ -236,7 +236,7 @@ def test_a_file_gives_the_life_of_the_fit_with_its_interval(tmp_path, capsys):
     for kind, of in (("mean", "law"), ("prediction", "edge")):
         one = predict_life(pf.laws["AW"], pf.tool_life, IntervalOptions(kind), at)
         np.testing.assert_allclose(
-            [one.value, one.low, one.high], [life.predict(**at), *life.interval(of, **at)], rtol=1e-9
+            [one.value, one.low, one.high], [life.values(**at), *life.interval(of, **at)], rtol=1e-9
         )
     assert pf.tool_life.taylor.n == life.taylor.n
     assert len(pf.tool_life.curves.lives) == 24

@@ -134,7 +134,7 @@ def test_the_law_of_weibull_lives_is_that_of_their_median():
     np.testing.assert_allclose(law.theta[1:], exponents, rtol=1e-6)
     assert law.theta[0] == pytest.approx(location + np.exp(ln_scale) * np.log(np.log(2)), rel=1e-6)
     at = {"V": 147.0, "f": 0.212, "d": 1.58}
-    one = law.predict(at, "prediction").iloc[0]
+    one = law.predict(at, "prediction").to_frame().iloc[0]
     below, above = np.log(one["value"] / one["low"]), np.log(one["high"] / one["value"])
     median = standard_quantile("weibull", 0.5)
     assert below / above > 1.3
@@ -236,7 +236,7 @@ def test_the_checks_of_least_squares_are_not_made_of_run_outs():
     assert "3 of 12 lives are known by a bound alone" in str(found.checks["form"])
     assert found.checks["exponents"].level == found.checks["run-outs"].level == "passed"
     assert found.checks["missing conditions"].level == "passed"
-    assert found.verdict.level == 0
+    assert [name for name, check in found.checks.items() if getattr(check, "concern", 0)] == ["extrapolated lives"]
     with pytest.raises(FitError, match="draws are of least squares"):
         fit.posterior(fit.life_law(tool_runs()))
 
@@ -263,11 +263,11 @@ def test_the_file_predicts_lives_as_the_fit_does(distribution, tmp_path):
     at = {"V": 150.0, "f": 0.2, "d": 1.5}
     for kind in ("mean", "prediction", "tolerance"):
         for centre in ("median", "mean"):
-            one = law.predict(at, kind, centre=centre).iloc[0]
-            band = again.get_prediction(kind, centre=centre, **at)
+            one = law.predict(at, kind, centre=centre).to_frame().iloc[0]
+            band = again.predict(kind=kind, centre=centre, **at)
             expected = one[["value", "low", "high"]].to_numpy(dtype=float)
             np.testing.assert_allclose([band.value, band.low, band.high], expected, rtol=1e-9)
-    assert "for one life" in again.get_prediction(**at).words
+    assert "for one life" in again.predict(**at).words
 
 
 def simulated(seed, n=24, stop=60.0, bend=0.0, scatter=0.15):
@@ -322,7 +322,7 @@ def test_weibull_lives_can_be_asked_for(tmp_path, capsys):
 
     tool_table().to_csv(tmp_path / "lives.csv", index=False)
     out = str(tmp_path / "out")
-    assert main([str(tmp_path / "lives.csv"), "--form", "T=weibull", "--out", out]) == 0
+    assert main([str(tmp_path / "lives.csv"), "--form", "T=weibull", "--full", "--out", out]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "maximum likelihood of Weibull lives" in said
     assert "9 lives ended, 3 are run-outs" in said
@@ -372,3 +372,36 @@ def test_run_outs_beyond_all_lives_that_ended_are_a_reservation():
     found = run_outs(fit.life_law(datasets.runs_from_frame(pd.DataFrame(rows, columns=["V", "T"])), ["V"]))
     assert found.concern == 1
     assert "No life ended below V 200 m/min, where all 4 tests are run-outs" in found.verdict
+
+
+def test_a_life_beyond_the_longest_test_is_named_as_extrapolated(tmp_path):
+    """Three slow tests ran out at 60 min: at a tested setting the law predicts three times as long as any test."""
+    lives = ["60+", "60+", "60+", "41", "38", "22.5", "21", "11.8", "10.9", "7.2", "7.4", "4.1"]
+    rows = [
+        (V, f, life)
+        for (V, f), life in zip([(V, f) for V in range(120, 300, 30) for f in (0.2, 0.4)], lives, strict=True)
+    ]
+    runs = datasets.runs_from_frame(pd.DataFrame(rows, columns=["V", "f", "T"]).astype({"V": float}))
+    law = fit.life_law(runs, ["V", "f"])
+    verdict = fit.judge(law, runs=runs).checks["extrapolated lives"].verdict
+    assert verdict.startswith(
+        "EXTRAPOLATED at tested settings, up to 3.1 times the longest test: 185 min at V 120 m/min"
+    )
+    path = parameters.write(parameters.collect(tool="T", work="W", laws=[law]), tmp_path / "params.json")
+    for predicts in (law, parameters.read(path).laws["T"]):
+        found = predicts.predict(V=[120, 165, 200], f=0.2)
+        assert found.inside.tolist() == [False, True, True]
+        long, upper, short = found.words.splitlines()
+        assert "EXTRAPOLATED: 3.1 times the longest test (60 min); do not rely on it" in long
+        assert "inside the tested region, but the upper end is EXTRAPOLATED: the longest test lasted 60 min" in upper
+        assert short.endswith("; inside the tested region.")
+
+
+def test_a_life_at_a_criterion_that_no_test_reached_is_not_inside(tmp_path):
+    law = fit.power_law(datasets.bundled("gc435_709m40"), "AW", ["V", "f", "d", "t"])
+    largest = float(law.observed.max())
+    for factor, reached in ((0.99, True), (1.01, False)):
+        life = fit.tool_life(law, largest * factor)
+        found = life.predict(V=400, f=0.3, d=2.0)
+        assert found.value < found.longest
+        assert ("EXTRAPOLATED: no test reached the criterion" in found.words) is not reached

@@ -84,7 +84,7 @@ def test_a_good_line_is_statsmodels_ols(seed):
     assert law.fvalue == pytest.approx(ols.fvalue, rel=1e-9)
     assert (law.form, law.error, law.scale_unit, law.alternative) == ("load_line", "additive", "A", None)
     assert (law.units["I"], law.units["fm"], law.units["VB"]) == ("A", "mm/min", "mm")
-    band = law.predict({"fm": 700, "VB": 0.1}, "prediction")
+    band = law.predict({"fm": 700, "VB": 0.1}, "prediction").to_frame()
     theirs = ols.get_prediction([[1, 700, 0.1]]).summary_frame()[["mean", "obs_ci_lower", "obs_ci_upper"]]
     np.testing.assert_allclose(band[["value", "low", "high"]], theirs, rtol=1e-9)
 
@@ -130,7 +130,7 @@ def test_feed_that_rises_with_wear_at_held_current_is_refused():
             r"the current is held.*fails too: VB is constant \(0.1 in all 3 rows\)",
         ),
         ({"fm": [700.0, 600], "VB": [0, 0.1], "I": [0.2, 0.3]}, "2 usable rows for 3 parameters"),
-        ({"fm": [700.0], "VB": [0.1], "I": [0.24]}, "1 usable rows for 2 parameters"),
+        ({"fm": [700.0], "VB": [0.1], "I": [0.24]}, "1 usable row for 2 parameters"),
         ({"fm": [700.0, 6], "VB": [0, 0.1], "I": [np.nan] * 2}, r"no usable row \(2 rows: I missing\)"),
     ],
 )

@@ -86,7 +86,13 @@ def test_every_command_that_look_prints_can_be_typed(here):
 def test_doubts_stand_first_with_the_command_that_corrects_them(here):
     (here / "a.csv").write_text(table("VB", 1000))
     for command in ("look", None):
-        result = run(*([command] if command else []), "a.csv", "--seed" if not command else "--tool", "3")
+        result = run(
+            *([command] if command else []),
+            "a.csv",
+            "--seed" if not command else "--tool",
+            "3",
+            *([] if command else ["--full"]),
+        )
         assert result.code == 0
         doubts = result.out.split("columns")[0]
         assert "1. VB" in doubts
@@ -209,7 +215,7 @@ def test_standard_input_is_read(here):
     (here / "a.csv").write_bytes(data)
     result = run("-", "--tool", "GC435", "--work", "steel", stdin=data)
     assert result.code == 0, result.err
-    assert "file        standard input: UTF-8, commas" in result.out
+    assert result.out.startswith("standard input: 24 rows of 8 edges; GC435 on steel")
     pf = parameters.read(here / "stdin-fit" / "GC435_steel" / "params.json")
     assert pf.provenance.data_file == "standard input"
     assert pf.provenance.data_sha256 == datasets.read_runs(here / "a.csv").source.sha256

@@ -27,7 +27,9 @@ from fitmodels.controllers.recursion.laws import Rules
 from fitmodels.controllers.recursion.life import best_fixed
 from fitmodels.controllers.region.visible import wear_front
 from fitmodels.controllers.roughness.simulations import turn
-from fitmodels.core.display import Display, Displayable, HasRepr, TextTable, estimates, format_value, with_error
+from fitmodels.core.display import Display, Displayable, HasRepr, TextTable, estimates, format_value
+from fitmodels.core.rounding import with_error
+from fitmodels.core.verdict import MARKS
 from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.fit.bayes.competing_posterior import posterior_of_form
 from fitmodels.fit.bayes.sampling import watch
@@ -275,8 +277,11 @@ RESULTS: dict[str, Callable[[], object]] = {
     "CheckReport": lambda: parameters.check(pf()),
     "FileFinding": lambda: parameters.check(pf()).findings[0],
     "Draws": lambda: Draws(post().names, post().draws),
-    "Prediction": lambda: pf().laws["AW"].get_prediction(V=150.0, f=0.4, d=2.0, t=10.0),
-    "GivenFactor": lambda: pf().laws["AW"].get_prediction(V=150.0, f=0.4, d=2.0, t=10.0).given[0],
+    "Prediction": lambda: pf().laws["AW"].predict(V=150.0, f=0.4, d=2.0, t=10.0),
+    "GivenFactor": lambda: pf().laws["AW"].predict(V=150.0, f=0.4, d=2.0, t=10.0).given[0],
+    "EconomicSettings": lambda: controllers.economic_settings(
+        published("AC-2017"), {"currency": "EUR", "machine": 60.0, "edge": 8.0, "change": 1.5}
+    ),
     "VisibleRegion": region,
     "Feasibility": chance,
     "WearFront": lambda: wear_front(region(), [0.0, 0.05, 0.1]),
@@ -313,7 +318,6 @@ PICTURELESS = {
     **dict.fromkeys(("FitOptions",), GIVEN),
     **dict.fromkeys(("KienzleLaw", "WearCurveLives"), "its law has figures"),
     **dict.fromkeys(("EndMillForce",), "numbers of one setting"),
-    **dict.fromkeys(("Analysis", "PairAnalysis"), "its laws have figures; write draws them"),
 }
 # What read_table gives: Runs and Record, which are made of it, have the manners
 BEFORE = {"Table"}
@@ -391,7 +395,10 @@ class Checked(HTMLParser):
     def handle_starttag(self, tag, attrs):
         assert tag in {"div", "p", "strong", "table", "tr", "th", "td"}
         assert {name for name, _ in attrs} <= {"style"}
-        assert not re.search(r"color|background: (?!none)|#[0-9a-f]", dict(attrs).get("style", ""))
+        style = dict(attrs).get("style", "")
+        for mark in MARKS.values():  # legible on light and dark pages (test_card_content.py)
+            style = style.replace(f"; color: {mark.tone}", "")
+        assert not re.search(r"color|background: (?!none)|#[0-9a-f]", style)
         self.open.append(tag)
 
     def handle_endtag(self, tag):
@@ -439,7 +446,7 @@ def test_a_picture_is_axes_that_a_notebook_shows_and_nothing_else(name):
     assert hasattr(own, "_repr_png_")
     parameter = inspect.signature(result.plot).parameters["ax"]
     assert parameter.default is None
-    if name != "Posterior":  # several panels: what and banner come before
+    if name not in ("Posterior", "Analysis", "PairAnalysis"):  # several panels
         given = Figure().subplots()
         assert result.plot(given) is given
         assert given.has_data()
@@ -562,17 +569,19 @@ def test_a_telling_may_be_a_head_alone():
 
 
 @pytest.mark.slow
-def test_nothing_in_the_package_uses_pyplot():
-    """Figures of pyplot stay open, are shown twice by notebooks, and ask for a screen."""
+def test_pyplot_is_used_where_figures_are_handed_to_it_and_nowhere_else():
+    """Figures of pyplot stay open and ask for a screen: the command and the card draw without it."""
     home = Path(fitmodels.__file__).parent
+    users = set()
     for path in home.rglob("*.py"):
         if {"tests", "docs", "notebooks", "benchmarks"} & set(path.relative_to(home).parts):
             continue
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             names = [a.name for a in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
-            module = getattr(node, "module", None) or ""
-            assert not any("pyplot" in name for name in (*names, module)), path
+            if {"pyplot", "matplotlib.pyplot"} & {*names, getattr(node, "module", None)}:
+                users.add(path.name)
             assert not (isinstance(node, ast.Attribute) and node.attr == "pyplot"), path
+    assert users == {"plotting.py"}
 
 
 @pytest.mark.slow
@@ -586,7 +595,7 @@ def test_a_notebook_shows_results_and_pictures():
         assert data["image/png"][:8] == b"\x89PNG\r\n\x1a\n"
         inches = np.ravel(picture)[0].get_figure().get_size_inches() if not isinstance(picture, Figure) else None
         width = about["image/png"]["width"]
-        assert width == (round(100 * inches[0]) if inches is not None else 480)
+        assert width == (round(100 * inches[0]) if inches is not None else 540)
 
 
 @pytest.mark.parametrize(
@@ -621,3 +630,118 @@ def test_a_long_run_renews_one_line(monkeypatch, capsys, terminal):
     written = capsys.readouterr()
     assert written.out == ""
     assert ("sampling: 10 steps, 5 effective draws, 0 s" in written.err) == terminal
+
+
+# --- kinds of figure
+
+
+def surface():
+    return fit.response_surface(runs(), "AW", ["V", "f", "d"])
+
+
+@pytest.mark.parametrize("of", [law, surface, post], ids=["law", "surface", "posterior"])
+def test_each_kind_of_figure_is_drawn_and_named_in_the_docstring(of):
+    from fitmodels.core.display import draw_figure, figures_of
+
+    result = of()
+    draw_figure(result)  # registers the kinds
+    kinds = figures_of(result)
+    named = inspect.getdoc(type(result).plot)
+    for kind in kinds:
+        assert f"``{kind}``" in named or f'"{kind}"' in named
+        axes = np.ravel(draw_figure(result, kind))
+        assert len({ax.figure for ax in axes}) == 1
+        assert all(ax.has_data() for ax in axes)
+
+
+@pytest.mark.parametrize(
+    ("draw", "words"),
+    [
+        (lambda: law().plot("contour"), "no figure of kind 'contour'. Did you mean 'contours'?"),
+        (lambda: law().edges.plot("contours"), "It has one figure: omit the kind"),
+        (lambda: law().plot("contours", colour="r"), "no option 'colour' of the figure 'contours'. Its options are"),
+        (lambda: law().plot(ax="here"), "it is no Axes of matplotlib"),
+        (lambda: law().plot("profile", Figure().subplots()), "has 4 panels, and ax is one"),
+        (lambda: law().plot("profile", factor="v"), "'v' is no factor of AW. Did you mean 'V'?"),
+        (lambda: law().plot("profile", at={"V": -1.0}), "V -1.0 is no value of this factor; tested 50 to 200 m/min"),
+        (lambda: law().plot("interactions", over="V"), "name two factors of AW"),
+        (lambda: fit.power_law(runs(), "AW", ["V"]).plot("interactions"), "a law of one factor has no interactions"),
+    ],
+)  # fmt: skip
+def test_a_figure_that_there_is_not_is_refused_with_what_there_is(draw, words):
+    with pytest.raises(fitmodels.FitmodelsError, match=re.escape(words)):
+        draw()
+
+
+def test_a_profile_shows_what_the_law_predicts_and_dashes_what_was_not_tested():
+    ax = law().plot("profile", factor="V", at={"t": 2.0, "f": 0.1})
+    inside, outside = (np.array(line.get_data()) for line in ax.lines[1:3])
+    at = {"V": outside[0], "f": np.full(81, 0.1), "d": np.full(81, np.sqrt(1.5 * 3.0)), "t": np.full(81, 2.0)}
+    np.testing.assert_allclose(outside[1], law().values(at))
+    np.testing.assert_array_equal(np.isfinite(inside[1]), law().region.inside(at))
+    assert 0 < np.isfinite(inside[1]).sum() < 81
+    assert "simulated" in law().plot("profile").ravel()[0].figure.get_suptitle()
+
+
+def test_an_analysis_draws_all_its_laws_or_the_one_that_is_named():
+    analysis = fitmodels.analyse(runs(), draws=1000)
+    assert [ax.get_ylabel().split()[0] for ax in analysis.plot("profile")].count("Fxz") == 5
+    assert len(analysis.plot("residuals")) == 3
+    assert analysis.plot("contours", law="P").get_title().startswith("P [kW]")
+    for kind, words in (("interactions", "name one, for instance law='AW'"), ("observd", "Did you mean 'observed'")):
+        with pytest.raises(fitmodels.FitmodelsError, match=words):
+            analysis.plot(kind)
+
+
+CELLS = {  # a cell, and the figures that it shows in their order: kinds, or the width in pixels
+    "last line": ("of().plot()", ["observed"]),
+    "several": ("of().plot(); of().plot('influence'); None", ["observed", "influence"]),
+    "order": ("of().plot('profile'); of().plot()", ["profile", "observed"]),
+    "named, last line": ("ax = of().plot(); ax", ["observed"]),
+    "again": ("ax", ["observed"]),
+    "display": ("display(of().plot()); 1", ["observed"]),
+    "axes of pyplot": (
+        "import matplotlib.pyplot as plt; _, on = plt.subplots(figsize=(6, 5)); of().plot(ax=on); 1",
+        [600],
+    ),
+    "shown": ("import matplotlib.pyplot as plt; of().plot(); plt.show()", ["observed"]),
+    "closed": ("import matplotlib.pyplot as plt; of().plot(); plt.close(); plt.get_fignums()", []),
+    "drawn only": ("from fitmodels.core.display import draw_figure; kept = draw_figure(of()); plt.get_fignums()", []),
+}
+
+
+@pytest.mark.slow
+def test_a_notebook_shows_each_figure_once_and_keeps_none_open(tmp_path):
+    """In a real kernel, whose inline backend shows the open figures of pyplot at the end of a cell."""
+    nbclient = pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    from nbformat.v4 import new_code_cell, new_notebook
+
+    first = (
+        "from fitmodels import datasets, fit\n"
+        "law = fit.power_law(datasets.read_runs(datasets.bundled('gc435_709m40')), 'AW', ['V', 'f', 'd', 't'])\n"
+        "of = lambda: law"
+    )
+    cells = [first, *(source for source, _ in CELLS.values()), "plt.get_fignums()"]
+    notebook = new_notebook(cells=[new_code_cell(source) for source in cells])
+    nbclient.NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    for (name, (_, kinds)), cell in zip(CELLS.items(), notebook.cells[1:-1], strict=True):
+        pictures = [out for out in cell.outputs if "image/png" in out.get("data", {})]
+        expected = [_laid_out(kind) if isinstance(kind, str) else kind for kind in kinds]
+        assert [_width(out) for out in pictures] == pytest.approx(expected, rel=0.12), name  # cut at the ink by IPython
+    assert notebook.cells[-1].outputs[0].data["text/plain"] == "[]"
+
+
+def _laid_out(kind):
+    """Width of a figure of the law, in pixels."""
+    from fitmodels.core.display import draw_figure
+
+    return 100 * np.ravel(draw_figure(law(), kind))[0].figure.get_figwidth()
+
+
+def _width(out):
+    """Width of a picture as laid out, in pixels."""
+    import base64
+
+    drawn = int.from_bytes(base64.b64decode(out.data["image/png"])[16:20])
+    return drawn // 2 if "width" in out.metadata.get("image/png", {}) else drawn

@@ -112,7 +112,7 @@ def test_another_law_or_unit_is_refused():
         ({"teeth": 0}, "teeth 0: a whole number"),
         ({"helix": 90}, "helix 90 degrees"),
         ({"axial_depth": 0}, "axial_depth 0 mm: it must be a number above zero"),
-        ({"milling": "slot"}, "it is 'down' or 'up'"),
+        ({"milling": "slot"}, "give 'down' or 'up'"),
     ],
 )
 def test_impossible_geometry_is_refused(changes, words):

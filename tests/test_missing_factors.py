@@ -9,6 +9,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.fit.available import NotAvailable
 from fitmodels.fit.checks.missing_factors import added_between, added_within, missing_conditions, unused_columns
+from fitmodels.fit.checks.strata import blocks_between
 
 TIMES = np.arange(2.0, 13.0, 2.0)
 CORNERS = np.array(np.meshgrid((80, 120, 180), (0.1, 0.2, 0.4), (1, 1.5, 2.5))).reshape(3, -1).T
@@ -50,6 +51,45 @@ def test_a_column_without_a_role_counts_where_it_has_few_levels():
     assert of_columns(w).verdict.startswith("hardness (80 to 160)")
     measured = w.assign(hardness=w["hardness"] + np.arange(len(w)) * 1e-3)
     assert of_columns(measured) is None
+
+
+def in_blocks(seed, shift, levels=("Mon", "Tue", "Wed")):
+    """The wear test of 24 edges, cut in blocks that shift its wear in logarithms."""
+    w = wear(seed).drop(columns="D")
+    block = np.repeat(np.random.default_rng([seed, 9]).permutation(np.resize(np.arange(3), 24)), len(TIMES))
+    return w.assign(day=np.array(levels)[block], AW=w["AW"] * np.exp(shift * (block - 1)))
+
+
+@pytest.mark.parametrize("levels", [("Mon", "Tue", "Wed"), (1, 2, 3), ("2024-01-02", "2024-01-03", "2024-01-05")])
+def test_blocks_that_shift_the_law_name_the_option_that_fits_them(levels):
+    found = of_columns(in_blocks(1, 0.2, levels))
+    assert found.concern == 1
+    head = f"Column 'day' shifts the law; fit it with --by day (levels {levels[0]}, {levels[1]}, {levels[2]}; F(2, "
+    assert found.verdict.startswith(head)
+    runs = datasets.runs_from_frame(in_blocks(1, 0.2, levels), judge=False)
+    law = fit.power_law(runs, "AW", ["V", "f", "d", "t"], by="day")
+    assert unused_columns(law, runs, 0.3) is None
+
+
+def test_blocks_without_effect_are_seldom_reported():
+    p = np.array([of_columns(in_blocks(seed, 0.0)).pvalue for seed in range(40)])
+    assert (p < 0.05).sum() <= 6
+    assert 0.3 < np.median(p) < 0.7
+
+
+def test_the_test_of_blocks_is_that_of_weighted_least_squares():
+    from statsmodels.regression.linear_model import WLS
+
+    rng = np.random.default_rng(4)
+    levels, weight = rng.normal(size=12), rng.uniform(0.5, 2, 12)
+    others = np.column_stack([np.ones(12), rng.normal(size=12)])
+    D = np.repeat(np.eye(3)[:, 1:], 4, axis=0)
+    F, df, p = blocks_between(levels, others, D, weight)
+    full = WLS(levels, np.hstack([others, D]), weights=weight).fit()
+    expected, p_value, more = full.compare_f_test(WLS(levels, others, weights=weight).fit())
+    assert (F, df, p) == (pytest.approx(expected), 8, pytest.approx(p_value))
+    assert more == 2
+    assert blocks_between(levels, np.column_stack([np.ones(12), D]), D, weight) is None
 
 
 def test_several_columns_are_tested_together():

@@ -145,3 +145,18 @@ def test_a_category_is_planned_too():
     frame = runs.data.assign(material=np.where(runs.data["edge"].isin(["E01", "E08"]), "hard", "soft"))
     law = fit.power_law(datasets.runs_from_frame(frame), "AW", FACTORS, by="material")
     assert next_runs(law, 4)["material"].tolist() == ["hard"] * 4  # the rare one tells most
+
+
+def test_settings_where_every_test_ran_out_are_not_proposed_again():
+    """Simulated lives about V^-3 at four speeds; the lowest never ends within 60 min."""
+    V = np.repeat([80.0, 140, 190, 250], 4)
+    life = 6 * (250 / V) ** 3 * np.exp(np.random.default_rng(1).normal(0, 0.1, len(V)))
+    table = pd.DataFrame({"V": V, "T": [">60" if one > 60 else f"{one:.3f}" for one in life]})
+    law = fit.life_law(datasets.runs_from_frame(table), ["V"])
+    assert law.life.run_outs == 4
+    plan = next_runs(law, 4)
+    assert (np.asarray(law.values(plan[["V"]])) <= 60).all()
+    assert "Not proposed: settings where every test ran out" in plan.attrs["words"]
+    longer = next_runs(law, 4, longest=300.0)
+    assert longer["V"].min() == 80
+    assert "Not proposed" not in longer.attrs["words"]

@@ -223,7 +223,7 @@ def test_a_section_is_replaced_only_by_force(run, steps, tmp_path):
         (["--order", "2"], "--order has an effect only with --as step"),
         (["--as", "force-process", "--given", "x=2"], "one of m, k and d"),
         (["--as", "force-process", "--depth", "-1"], "lies above zero"),
-        (["--as", "drive"], "'V': give force= (--force-per-unit)"),
+        (["--as", "drive"], "'V': give --force-per-unit"),
         (["--as", "drive", "--force-per-unit", "35"], "'A', but a drive needs a position or a speed"),
         (["--as", "motor"], "invalid choice"),
     ],

@@ -252,7 +252,7 @@ def test_predictions_below_zero_are_impossible():
 def test_predictions_are_taken_inside_the_tested_region():
     """The corners of the box about a composite design were never cut: the law there is not asked."""
     law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    highest = law.predict({name: high for name, (_, high) in law.domain.items()})[0]
+    highest = law.values({name: high for name, (_, high) in law.domain.items()})
     assert region_values(law).max() < highest
 
 

@@ -174,7 +174,7 @@ def test_the_picture_shows_reference_output_command_and_limits():
     ax = trace.plot()
     told = [text.get_text() for text in ax.get_legend().get_texts()]
     assert told == ["measurement", "reference", "output", "command", "at a limit"]
-    assert ax.get_ylabel() == "output, A"
+    assert ax.get_ylabel() == "output [A]"
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,12 @@ import shlex
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import datasets
+from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.datasets.plausibility.quantities import unit_factor
 from fitmodels.datasets.plausibility.ranges import candidate_units, plausible, process_of
 from fitmodels.datasets.vocabulary import ROLES
+from fitmodels.fit.checks.usefulness import doubts_of_reading
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -373,8 +374,11 @@ def test_whole_edges_in_another_unit_are_named_with_the_option_that_corrects_the
     np.testing.assert_allclose(corrected.values(symbol), frame[symbol], rtol=1e-3)
 
 
-@pytest.mark.parametrize("column", ["Fxz [N]", "AW [mm]", "P [kW]", "d [mm]"])
-def test_a_column_of_reversed_sign_is_refused_by_its_name(read, column):
+VS = (100, 120, 150, 200, 250)
+
+
+@pytest.mark.parametrize("column", ["AW [mm]", "d [mm]"])
+def test_a_column_of_reversed_sign_that_laws_need_is_refused_by_its_name(read, column):
     frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna()
     negative = frame.assign(**{column: -frame[column]}).to_csv(index=False)
     symbol = column.split()[0]
@@ -386,11 +390,43 @@ def test_a_column_of_reversed_sign_is_refused_by_its_name(read, column):
     np.testing.assert_allclose(runs.values(symbol), frame[column])
 
 
+@pytest.mark.parametrize("column", ["Fxz [N]", "P [kW]"])
+def test_a_load_of_reversed_sign_costs_its_own_law_only(read, column):
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna()
+    negative = frame.assign(**{column: -frame[column]})
+    symbol = column.split()[0]
+    runs = read(negative.to_csv(index=False))
+    (doubt,) = runs.doubts
+    assert doubt.columns == (column,)
+    assert f"{symbol} is negative in all rows" in doubt.sentence
+    assert doubt.sentence.endswith(f"reversed sign, so that no law of {symbol} is fitted")
+    assert doubt.remedy == f"--correct all:{symbol}*-1"
+    assert symbol not in runs.data
+    corrected = read(negative.to_csv(index=False), correct=(f"all:{symbol}*-1",))
+    np.testing.assert_allclose(corrected.values(symbol), frame[column])
+    assert not corrected.doubts
+    with pytest.raises(errors.DataError, match=rf"{symbol} is negative in all rows .*reversed sign; read it with"):
+        read(negative[["edge", "V [m/min]", "f [mm/rev]", "d [mm]", "t [min]", column]].to_csv(index=False))
+
+
+def test_lives_that_may_be_in_seconds_are_not_to_be_used_before_the_unit_is_confirmed(read):
+    lives = "\n".join(f"{V},{f},{60 * 4 * (250 / V) ** 3.3 * (0.15 / f) ** 0.8:.0f}" for V in VS for f in (0.1, 0.2))
+    runs = read(f"V,f,life\n{lives}")
+    (doubt,) = runs.doubts
+    assert doubt.unsettled
+    assert doubt.remedy == "--unit T=s"
+    assert doubt.sentence.endswith("s would be usual; if the values are in min, confirm it with --unit T=min")
+    check = doubts_of_reading(fit.power_law(runs, "T", ["V", "f"]), runs)
+    assert check.concern == 2
+    for unit in ("s", "min"):
+        assert not read(f"V,f,life\n{lives}", units={"T": unit}).doubts
+
+
 def test_a_force_of_reversed_sign_is_named_itself_and_not_the_power_that_follows(read):
     frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna().drop(columns=["P [kW]", "Fxz [N]"])
     negative = frame.assign(**{"Fc [N]": -2000 * frame["f [mm/rev]"] * frame["d [mm]"]}).to_csv(index=False)
-    with pytest.raises(errors.DataError, match=r"Fc is negative in all rows \(-2545 to -254.5 N\): reversed sign"):
-        read(negative)
+    (doubt,) = read(negative).doubts
+    assert doubt.sentence.startswith("Fc is negative in all rows (-2545 to -254.5 N): reversed sign")
     runs = read(negative, correct=("all:Fc*-1",))  # as the message asks, though P of the file as it stands is refused
     np.testing.assert_allclose(runs.values("P"), frame["V [m/min]"] * runs.values("Fc") / 60000)
     assert (runs.values("Fc") > 0).all()

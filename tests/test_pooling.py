@@ -281,7 +281,7 @@ def test_a_family_of_thousands_is_that_of_its_parts():
     [
         ({"factor": "f"}, "no column 'params_f'"),
         ({"by": "grade"}, "no column 'grade'"),
-        ({"level": 95}, "level=95"),
+        ({"level": 95}, "level 95 of an interval"),
         ({"tau_scale": 0}, "above zero"),
     ],
 )

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.core import figure_style
 from fitmodels.core.errors import UsageError
 from fitmodels.fit.bayes.figures import posterior_figure
 from matplotlib.axes import Axes
@@ -21,7 +22,7 @@ pytestmark = pytest.mark.slow  # left out where other versions of Python are tri
 
 KINDS = ("marginals", "pairs", "predictive", "curves")
 CONDITIONS = ["V", "f", "d", "t"]
-ORANGE = to_rgb("#c8551b")
+ORANGE = to_rgb(figure_style.ORANGE)
 MONTE_CARLO = 0.05  # of a width: bands of 4000 draws, each with another noise
 
 
@@ -82,7 +83,7 @@ LOOKED_AT = [
 
 
 def panels(posterior, what, **options):
-    drawn = posterior_figure(posterior, what=what, **options)
+    drawn = posterior_figure(posterior, kind=what, **options)
     return [drawn] if isinstance(drawn, Axes) else list(drawn)
 
 
@@ -195,14 +196,16 @@ def test_a_band_that_reaches_zero_is_not_on_a_logarithmic_axis():
         assert {ax.get_yscale() for ax in axes} == {"linear"}
 
 
-def test_pictures_can_be_saved_and_leave_pyplot_alone(tmp_path):
+def test_drawing_leaves_pyplot_alone_and_the_method_hands_it_the_figure(tmp_path):
     code = (
-        "import sys; from fitmodels import datasets, fit; "
+        "import sys; from fitmodels import datasets, fit; from fitmodels.fit.bayes.figures import posterior_figure; "
         "law = fit.power_law(datasets.read_runs(datasets.bundled('gc435_709m40')), 'AW', ['t']); "
-        "fit.posterior(law).plot('curves').figure.savefig(sys.argv[1]); print('matplotlib.pyplot' in sys.modules)"
+        "post = fit.posterior(law); posterior_figure(post, kind='curves').figure.savefig(sys.argv[1]); "
+        "print('matplotlib.pyplot' in sys.modules); ax = post.plot('curves'); import matplotlib.pyplot as plt; "
+        "print(plt.gcf() is ax.figure, plt.get_fignums()); plt.close(); print(plt.get_fignums())"
     )
     run = subprocess.run([sys.executable, "-c", code, tmp_path / "a.png"], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "False"
+    assert run.stdout.splitlines() == ["False", "True [1]", "[]"]
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -271,7 +274,7 @@ def test_rows_of_an_edge_lie_in_the_band_that_predict_gives(posteriors):
     ax = next(ax for ax in panels(post, "predictive") if ax.get_title().startswith("E07"))
     mine = post.law.edge == "E07"
     rows = pd.DataFrame(post.law.X[mine], columns=CONDITIONS).sort_values("t").iloc[[0, -1]]
-    expected = post.predict(rows, "prediction")
+    expected = post.predict(rows, "prediction").to_frame()
     drawn = band_of(ax, "95 % of a row of a new edge")
     width = np.log(expected["high"] / expected["low"]).to_numpy()
     for side, name in enumerate(("low", "high")):
@@ -317,7 +320,7 @@ def test_curves_are_what_predict_gives(posteriors):
     middle = {name: np.sqrt(low * high) for name, (low, high) in post.law.domain.items()}
     for name, ax in zip(CONDITIONS, panels(post, "curves"), strict=True):
         x, y = line_of(ax, "median").get_data()
-        whole, row = (post.predict({**middle, name: x[[0, -1]]}, kind) for kind in ("mean", "prediction"))
+        whole, row = (post.predict({**middle, name: x[[0, -1]]}, kind).to_frame() for kind in ("mean", "prediction"))
         assert y[[0, -1]] == pytest.approx(whole["value"].to_numpy(), rel=1e-9)
         assert band_of(ax, "95 % of the law") == pytest.approx(whole[["low", "high"]].to_numpy(), rel=1e-9)
         assert band_of(ax, "95 % of a row of a new edge") == pytest.approx(row[["low", "high"]].to_numpy(), rel=0.03)
@@ -383,7 +386,7 @@ def test_several_panels_are_not_drawn_on_one(posteriors, what):
     ("what", "hint"), [("pair", "Did you mean 'pairs'"), ("predictiv", "Did you mean 'predictive'"), ("", "curves.$")]
 )
 def test_a_picture_that_there_is_not(posteriors, what, hint):
-    with pytest.raises(UsageError, match=f"no figure '{what}' of a posterior. .*{hint}"):
+    with pytest.raises(UsageError, match=f"Posterior: no figure of kind '{what}'. .*{hint}"):
         posteriors["bundled"].plot(what)
 
 

@@ -12,6 +12,7 @@ import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.parameters.file import sealed
+from fitmodels.parameters.sections.base import VerdictSection
 from statsmodels.regression.linear_model import OLS
 
 AT = ("V=120", "f=0.2", "d=2", "t=8")
@@ -73,7 +74,7 @@ def test_each_law_in_one_sentence(params):
     result = run(params, *AT)
     law = parameters.read(params).laws["AW"]
     assert (result.code, result.err) == (0, "")
-    assert law.get_prediction(**POINT).words in result.out
+    assert law.predict(**POINT).words in result.out
     assert re.search(
         r"P 2\.\d+ kW at V 120 m/min, f 0\.2 mm/rev, d 2 mm, AW 0\.176 mm from its own law; 95 % prediction interval "
         r"for one row of a new edge .* kW \(the variance of AW is not included\); inside the tested region\.",
@@ -110,7 +111,7 @@ def test_json_holds_the_same_facts(params):
     laws = parameters.read(params).laws
     wear, power = told["predictions"]
     assert (wear["low"], wear["high"]) == laws["AW"].interval(0.9, "tolerance", coverage=0.8, **POINT)
-    assert wear["value"] == laws["AW"].predict(**POINT)
+    assert wear["value"] == laws["AW"].values(**POINT)
     assert (wear["inside"], wear["interval"], wear["level"], wear["coverage"]) == (True, "tolerance", 0.9, 0.8)
     at = {name: POINT[name] for name in "Vfd"}
     assert (power["low"], power["high"]) == laws["P"].interval(0.9, "tolerance", coverage=0.8, AW=wear["value"], **at)
@@ -140,12 +141,12 @@ def test_units_and_order_do_not_matter(params):
     """400 ft/min is 121.92 m/min and 0.08 in are 2.032 mm, exactly (NIST SP 811)."""
     ours = run(params, "--law", "AW", "V=400ft/min", "f=0.2 mm/rev", "--level", "0.9", "d=0.08in", "t=480s")
     law = parameters.read(params).laws["AW"]
-    assert law.get_prediction("prediction", 0.9, V=121.92, f=0.2, d=2.032, t=8.0).words in ours.out
+    assert law.predict(kind="prediction", level=0.9, V=121.92, f=0.2, d=2.032, t=8.0).words in ours.out
 
 
 def test_wear_that_is_given_is_taken(params):
     (power,) = report(params, "V=120", "f=0.2", "d=2", "AW=0.2", "--law", "P")["predictions"]
-    assert power["value"] == parameters.read(params).laws["P"].predict(V=120.0, f=0.2, d=2.0, AW=0.2)
+    assert power["value"] == parameters.read(params).laws["P"].values(V=120.0, f=0.2, d=2.0, AW=0.2)
     assert power["given"]["AW"]["from_law"] is None
     told = run(params, "V=120", "f=0.2", "d=2", "AW=0.2")
     assert told.code == 0
@@ -168,7 +169,7 @@ def test_outside_is_said_of_whatever_stands_on_it(params):
 def test_a_level_shifts_the_law(by_material):
     hard, soft = (report(by_material, *AT, "--by", level)["predictions"][0] for level in ("hard", "soft"))
     law = parameters.read(by_material).laws["AW"]
-    assert [hard["value"], soft["value"]] == [law.predict(level, **POINT) for level in ("hard", "soft")]
+    assert [hard["value"], soft["value"]] == [law.values(by=level, **POINT) for level in ("hard", "soft")]
     assert hard["by"] == {"material": "hard"}
     assert "material hard; 95 %" in hard["words"]
 
@@ -182,8 +183,10 @@ def test_a_level_shifts_the_law(by_material):
         (["V=120", "f=0.2", "d=2"], 2, ["the law of AW needs t (cutting time, min); add for instance t=6.3"]),
         (["--law", "P", "V=120", "f=0.2", "d=2"], 2, ["needs AW (average wear, mm), or t for its own law"]),
         ([], 2, ["needs V (cutting speed, m/min), f (feed, mm/rev), d", "add for instance V=100 f=0.19 d=2.1 t=6.3"]),
-        ([*AT, "vc=3"], 2, ["vc=3: no law of the file has a factor vc; they have V, f, d, t, AW (did you mean V?)"]),
-        ([*AT, "aw=3"], 2, ["(did you mean AW?)"]),
+        ([*AT, "vcc=3"], 2, ["vcc=3: no law of the file has a factor vcc; they have V, f, d, t, AW (did you mean V?)"]),
+        ([*AT, "vc=3"], 2, ["vc=3: V is given twice, also as V=120"]),
+        ([*AT, "Ra=3"], 2, ["Ra=3: no law of the file has a factor Ra"]),
+        ([*AT, "n=500", "D=200"], 2, ["V=120 contradicts V = pi D n/1000 = 314.2"]),
         ([*AT, "--law", "PP"], 2, ["--law PP: the file has laws of AW, P (did you mean P?)"]),
         ([*AT, "--by", "hard"], 2, ["--by hard: no law has levels"]),
         ([*AT, "--level", "95"], 2, ["--level 95", "between 0 and 1"]),
@@ -191,10 +194,12 @@ def test_a_level_shifts_the_law(by_material):
         ([*AT, "--interval", "typical"], 2, ["invalid choice: 'typical'"]),
         ([*AT, "--intervall", "mean"], 2, ["did you mean --interval?"]),
         (["V=-1", *AT[1:]], 2, ["V = -1 m/min", "positive"]),
+        (["n=4001/min", "D=80", *AT[1:]], 2, ["n=4001/min: number and unit /min cannot be separated", "rpm"]),
         (["V=fast", *AT[1:]], 2, ["V=fast: give a number with a decimal point"]),
         (["V=12,5", *AT[1:]], 2, ["V=12,5: give a number with a decimal point"]),
         (["V", *AT[1:]], 2, ["condition V: write it as V=120"]),
         (["V=1", *AT], 2, ["V is given twice"]),
+        ([*AT[1:], "vc=1", "Vc=2"], 2, ["V is given twice"]),
         (["V=120kN", *AT[1:]], 2, ["V=120kN: V of the law is in m/min, and kN measures another quantity"]),
         (["V=120mm/minn", *AT[1:]], 2, ["unit 'mm/minn' is not listed", "did you mean"]),
         (["V=1e999", *AT[1:]], 2, ["V = inf"]),
@@ -206,6 +211,47 @@ def test_what_cannot_be_asked_is_one_sentence(params, arguments, code, words):
     assert result.err.count("\n") == 1
     for word in words:
         assert word in result.err
+
+
+MILLED = """edge,n [rpm],D [mm],feed [mm/s],ap [mm],t [min],VB [mm]
+""" + "\n".join(
+    f"E{n}{f},{n},80,{f * n / 60:.6f},2.5,{t},{4e-3 * (math.pi * 0.08 * n) ** 0.6 * f**0.3 * t**0.5 * (1 + i / 50):.4f}"
+    for n in (300, 500, 800)
+    for f in (0.1, 0.2, 0.4)
+    for i, t in enumerate((2, 5, 9))
+)
+
+
+@pytest.fixture(scope="module")
+def milled(tmp_path_factory):
+    """A law in V and f of a file that has n, D, a feed in mm/s and one depth."""
+    data = tmp_path_factory.mktemp("milled") / "data.csv"
+    data.write_text(MILLED, encoding="utf-8")
+    runs = datasets.read_runs(data)
+    law = fit.power_law(runs, "VB", ["V", "f", "t"])
+    return parameters.write(parameters.collect(tool="a", work="b", laws=[law], design=runs), data.with_name("p.json"))
+
+
+def test_headers_of_the_fitted_file_and_quantities_that_give_a_factor_are_understood(milled):
+    same = report(milled, f"V={math.pi * 80 * 500 / 1000}", "f=0.24", "t=9")["predictions"]
+    asked = report(milled, "n=500", "feed=2mm/s", "time=540s", "ap=2.5")
+    assert asked["predictions"][0]["value"] == pytest.approx(same[0]["value"], rel=1e-12)
+    assert asked["remarks"] == [
+        "time=540s is taken as t (cutting time), column 't [min]' of the fitted file.",
+        "V = pi D n/1000 = 125.7 m/min, from D = 80 mm (constant in the fitted file) and n = 500 1/min (n=500).",
+        "f = fm/n = 0.24 mm/rev, from fm = 120 mm/min (feed=2mm/s) and n = 500 1/min (n=500).",
+    ]
+    refused(run(milled, "n=500", "feed=2", "t=9"), 2, "feed=2: the fitted file has 'feed [mm/s]' in mm/s", "feed=2mm/s")
+
+
+def test_a_condition_that_no_law_has_is_named_and_another_value_than_the_tested_one_is_no_prediction(milled, params):
+    at = ("V=120", "f=0.2", "t=8")
+    assert report(milled, *at, "d=2.5")["remarks"] == []
+    assert (
+        "d 2.5 mm; no law depends on d, and the predictions are not valid" in report(milled, *at, "ap=1")["remarks"][0]
+    )
+    assert "no law of the file depends on ae (width of cut)" in run(params, *AT, "ae=40").out
+    refused(run(params, *AT, "lc=40"), 2, "t=8 contradicts t = lc/V = 0.3333")
 
 
 def test_a_level_must_be_named_and_known(by_material):
@@ -240,7 +286,14 @@ def test_an_earlier_file_says_what_it_lacks(params, tmp_path):
     )
 
 
-def test_help_leads_with_an_example():
-    result = run("-h")
-    assert result.code == 0
-    assert result.out.startswith("example: fitmodels predict data-fit/GC435_709M40/params.json V=120 f=0.2 d=2 t=8")
+def test_the_life_of_a_wear_law_comes_with_the_verdicts_on_the_law_and_on_the_life(tmp_path):
+    law = fit.power_law(bundled(), "AW", list("Vfdt"))
+    life = fit.tool_life(law, float(law.observed.max()) * 1.2)
+    pf = parameters.collect(tool="T", work="W", laws=[law], tool_life=life)
+    doubted = VerdictSection(level="usable with reservations", reasons=["Doubt."])
+    laws = {"AW": pf.laws["AW"].model_copy(update={"verdict": doubted})}
+    path = parameters.write(pf.model_copy(update={"laws": laws}), tmp_path / "params.json")
+    out = run(path, "T", "V=180", "f=0.3", "d=2").out
+    assert out.startswith("Verdict on the law of AW: usable with reservations. Doubt. Verdict on the tool life to AW")
+    assert "No test reached the criterion" in out
+    assert "EXTRAPOLATED" in out

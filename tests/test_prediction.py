@@ -26,9 +26,9 @@ def test_the_file_and_the_fit_agree(error, kind):
     law = fit.power_law(runs, "AW", ["V", "f", "d", "t"], error=error)
     section = parameters.collect(tool="GC435", work="709M40", laws=[law]).laws["AW"]
     frame = {name: np.broadcast_to(values, 3) for name, values in AT.items()}
-    band = law.predict(frame, kind, level=0.9)
+    band = law.predict(frame, kind, level=0.9).to_frame()
     low, high = section.interval(0.9, kind, **AT)
-    np.testing.assert_allclose(section.predict(**AT), band["value"], rtol=1e-12)
+    np.testing.assert_allclose(section.values(**AT), band["value"], rtol=1e-12)
     np.testing.assert_allclose(low, band["low"], rtol=1e-9)
     np.testing.assert_allclose(high, band["high"], rtol=1e-9)
     assert section.uncertainty.method == "jackknife by edge (CR3)"
@@ -48,7 +48,7 @@ def test_prediction_intervals_hold_for_new_edges():
             for s in (seed, 1000 + seed)
         )
         law = fit.power_law(old, "AW", list(truth))
-        band = law.predict(new.data[list(truth)], "prediction")
+        band = law.predict(new.data[list(truth)], "prediction").to_frame()
         hit = (new.values("AW") >= band["low"]) & (new.values("AW") <= band["high"])
         inside.append(hit.mean())
     error = np.std(inside) / np.sqrt(len(inside))
@@ -134,16 +134,22 @@ def test_the_file_tells_every_interval_of_the_fit(name, tmp_path):
     section, by = handed_over(law, tmp_path), next(iter(category.values()), None)
     for kind, edge, centre in product(KINDS, EDGES, CENTRES):
         options = {"edge": edge, "coverage": 0.9, "centre": centre}
-        band = law.predict({**at, **category}, kind, 0.8, **options)
-        told = section.get_prediction(kind, 0.8, by, **options, **at)
-        np.testing.assert_allclose(told.value, band["value"], rtol=ROUNDING)
-        np.testing.assert_allclose([told.low, told.high], [band["low"], band["high"]], rtol=ROUNDING)
+        band = law.predict({**at, **category}, kind, level=0.8, **options)
+        told = section.predict(kind=kind, level=0.8, by=by, **options, **at)
+        np.testing.assert_allclose(told.value, band.value, rtol=ROUNDING)
+        np.testing.assert_allclose([told.low, told.high], [band.low, band.high], rtol=ROUNDING)
         np.testing.assert_array_equal(section.interval(0.8, kind, by, **options, **at), [told.low, told.high])
-        np.testing.assert_array_equal(told.inside, band["inside"])
-        assert (told.edge, told.centre, told.coverage) == tuple(
-            band.attrs[key] for key in ("edge", "centre", "coverage")
-        )
-        assert told.of == band.attrs["words"].partition(";")[0]
+        np.testing.assert_array_equal(told.inside, band.inside)
+        for name in ("edge", "centre", "coverage", "of", "kind", "level", "unit", "by"):
+            assert getattr(told, name) == getattr(band, name)
+        for ours, theirs in zip(told.given, band.given, strict=True):
+            assert (ours.symbol, ours.unit, ours.low, ours.high) == (
+                theirs.symbol,
+                theirs.unit,
+                theirs.low,
+                theirs.high,
+            )
+            np.testing.assert_array_equal(ours.beyond, theirs.beyond)
         assert (told.low < told.value).all() or (kind, edge) == ("mean", "same") or centre != "median"
 
 
@@ -151,7 +157,7 @@ def test_the_file_tells_every_interval_of_the_fit(name, tmp_path):
 def test_the_other_error_structure_in_the_file_tells_its_own(error, tmp_path):
     law = wear_law(error)
     other = handed_over(law, tmp_path).alternative
-    band = law.alternative.predict(CONDITIONS, "tolerance", edge="same", centre="smeared")
+    band = law.alternative.predict(CONDITIONS, "tolerance", edge="same", centre="smeared").to_frame()
     np.testing.assert_allclose(
         other.interval(kind="tolerance", edge="same", centre="smeared", **CONDITIONS),
         band[["low", "high"]].T,
@@ -173,7 +179,9 @@ def test_an_earlier_file_tells_what_it_can_and_names_what_it_lacks(tmp_path):
     section = earlier(handed_over(law, tmp_path))
     for kind in ("mean", "prediction"):
         np.testing.assert_allclose(
-            section.interval(kind=kind, **CONDITIONS), law.predict(CONDITIONS, kind)[["low", "high"]].T, rtol=ROUNDING
+            section.interval(kind=kind, **CONDITIONS),
+            law.predict(CONDITIONS, kind).to_frame()[["low", "high"]].T,
+            rtol=ROUNDING,
         )
     for options, words in (
         (
@@ -192,7 +200,7 @@ def test_an_earlier_file_of_independent_rows_lacks_the_smearing_alone(tmp_path):
     law = wear_law(edge=None)
     section = earlier(handed_over(law, tmp_path))
     for kind, centre in product(KINDS, CENTRES[:2]):
-        band = law.predict(CONDITIONS, kind, centre=centre)
+        band = law.predict(CONDITIONS, kind, centre=centre).to_frame()
         ours = section.interval(kind=kind, centre=centre, **CONDITIONS)
         np.testing.assert_allclose(ours, band[["low", "high"]].T, rtol=ROUNDING)
     with pytest.raises(ParameterError, match="lacks smearing"):
@@ -204,13 +212,13 @@ def test_an_earlier_file_of_independent_rows_lacks_the_smearing_alone(tmp_path):
     [
         ({"edge": "old"}, "edge = 'old': it is one of 'new', 'same'"),
         ({"centre": "mode"}, "centre = 'mode'.*'median', 'mean', 'smeared'"),
-        ({"coverage": 95}, "coverage = 95"),
+        ({"coverage": 95}, "coverage 95 of an interval"),
         ({"V": "fast"}, "V = 'fast' is not a number"),
     ],
 )
 def test_what_cannot_be_told_is_a_sentence(options, words, tmp_path):
     with pytest.raises(ParameterError, match=words):
-        handed_over(wear_law(), tmp_path).get_prediction(**{**CONDITIONS, **options})
+        handed_over(wear_law(), tmp_path).predict(**{**CONDITIONS, **options})
 
 
 # --- in words ---------------------------------------------------------------------------------------------
@@ -227,7 +235,7 @@ def test_a_sentence_with_numbers_by_hand():
     """ln 100 = 4.605: variance 0.9 - 2 x 0.19 x 4.605 + 0.0405 x 4.605^2 + 0.1^2, t(6) at 97.5 %."""
     x = np.log(100)
     half = student.ppf(0.975, 6) * np.sqrt(0.9 - 0.38 * x + 0.0405 * x**2 + 0.01)
-    told = hand_made().get_prediction(V=100.0)
+    told = hand_made().predict(V=100.0)
     np.testing.assert_allclose([told.low, told.high], [0.1 * np.exp(-half), 0.1 * np.exp(half)], rtol=ROUNDING)
     assert told.words == (
         f"AW 0.100 mm at V 100 m/min; 95 % prediction interval for one row {0.1 * np.exp(-half):.3f} to "
@@ -239,7 +247,7 @@ def test_a_sentence_with_numbers_by_hand():
 def test_what_is_outside_is_named():
     section = parameters.collect(tool="a", work="b", laws=[wear_law()]).laws["AW"]
     at = {"V": [120.0, 320.0, 40.0, 200.0], "f": [0.2, 0.2, 0.9, 0.6], "d": [2.0, 2.0, 2.0, 3.0], "t": 8.0}
-    told = section.get_prediction(**at)
+    told = section.predict(**at)
     assert told.inside.tolist() == [True, False, False, False]
     assert [g.beyond.tolist() for g in told.given[:2]] == [[0, 1, -1, 0], [0, 0, 1, 0]]
     inside, fast, slow, corner = told.words.split("\n")
@@ -251,13 +259,13 @@ def test_what_is_outside_is_named():
     assert corner.endswith(
         f"outside the tested region: the combination is farther from the centre of the tests than any test{rely}"
     )
-    assert [section.get_prediction(**{k: v[i] if k != "t" else v for k, v in at.items()}).words for i in range(4)] == [
+    assert [section.predict(**{k: v[i] if k != "t" else v for k, v in at.items()}).words for i in range(4)] == [
         inside, fast, slow, corner,
     ]  # fmt: skip
 
 
 def test_without_a_region_the_ranges_tell():
-    told = hand_made().get_prediction(V=[50.0, 200.1, 49.9])
+    told = hand_made().predict(V=[50.0, 200.1, 49.9])
     assert told.inside.tolist() == [True, False, False]
     assert [line.split(": ")[-1] for line in told.words.split("\n")][1:] == [
         "V 200.1 m/min is above 200 m/min, the highest tested; do not rely on it.",
@@ -268,20 +276,20 @@ def test_without_a_region_the_ranges_tell():
 def test_centres_levels_and_shares_are_named():
     section = parameters.collect(tool="a", work="b", laws=[wear_law(runs=two_materials(), by="material")]).laws["AW"]
     at = {"V": 120.0, "f": 0.2, "d": 2.0, "t": 8.0}
-    words = section.get_prediction("tolerance", 0.9, "hard", coverage=0.99, centre="smeared", **at).words
+    words = section.predict(kind="tolerance", level=0.9, by="hard", coverage=0.99, centre="smeared", **at).words
     assert "mm (smeared mean) at V 120 m/min, f 0.2 mm/rev, d 2 mm, t 8 min, material hard; " in words
     assert "90 % tolerance interval for 99 % of rows of a new edge " in words
     assert (
         "for the law at the level of an edge whose own level"
-        in section.get_prediction("mean", by="soft", edge="same", **at).words
+        in section.predict(kind="mean", by="soft", edge="same", **at).words
     )
     line = parameters.collect(tool="a", work="b", laws=[fit.load_law(load(True))]).laws["I"]
-    assert " (" not in line.get_prediction(centre="smeared", fm=200.0, VB=0.1).words
+    assert " (" not in line.predict(centre="smeared", fm=200.0, VB=0.1).words
 
 
 def test_a_wide_interval_keeps_its_lower_end():
     wide = {"kind": "covariance", "of": ["ln c0", "V"], "matrix": [[4.0, 0.0], [0.0, 0.0]], "df": 6}
-    words = hand_made(uncertainty=wide).get_prediction(V=100.0).words
+    words = hand_made(uncertainty=wide).predict(V=100.0).words
     low = 0.1 * np.exp(-student.ppf(0.975, 6) * np.sqrt(4.01))
     assert f"{low:.5f}"[:-1] in words
 
@@ -289,7 +297,7 @@ def test_a_wide_interval_keeps_its_lower_end():
 @settings(max_examples=100, deadline=None)
 @given(st.floats(1e-6, 1e6), st.floats(1e-4, 3.0), st.floats(0.5, 0.99))
 def test_numbers_of_a_sentence_are_its_facts_to_the_last_digit(c0, sd, level):
-    told = hand_made(coefficients={"c0": c0, "V": 0.5}, residual_se=sd).get_prediction(level=level, V=100.0)
+    told = hand_made(coefficients={"c0": c0, "V": 0.5}, residual_se=sd).predict(level=level, V=100.0)
     number = r"(-?[0-9.]+(?:e[+-]?\d+)?)"
     found = re.fullmatch(rf"AW {number} mm at V 100 m/min; .* row {number} to {number} mm; inside .*", told.words)
     for text, fact in zip(found.groups(), (told.value, told.low, told.high), strict=True):

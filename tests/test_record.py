@@ -78,7 +78,7 @@ def test_stretches_too_short_for_the_new_rate_are_left_out_and_that_is_told():
     slow = rec.decimated(10)
     assert slow.starts == (0,)
     assert slow.offsets.tolist() == [rec.offsets[1].tolist()]
-    assert "1 segment(s) too short" in slow.notes[-1]
+    assert "1 segment too short" in slow.notes[-1]
 
 
 def test_the_operating_point_is_kept_through_centring_rate_and_shift():

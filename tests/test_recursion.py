@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels import datasets
-from fitmodels.controllers.faults import FAULTS, FaultyPlant
-from fitmodels.controllers.loop import replay
+from fitmodels.controllers.loop import FAULTS, FaultyPlant, replay
 from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
 from fitmodels.controllers.recursion.figures import life_figure, pairs_figure, plane_figure, speeds_figure
 from fitmodels.controllers.recursion.from_file import life_laws, shortfall
@@ -290,7 +289,7 @@ def test_power_that_falls_with_wear_is_no_convex_problem_and_says_so(laws):
 def test_a_fixed_pair_wears_to_the_criterion_at_the_time_its_law_says(laws):
     fixed = fixed_life(laws, 145.0, 0.3, PUBLISHED)
     pf = published("AC-2017")
-    assert pf.laws["AW"].predict(V=145.0, f=0.3, d=2.5, t=fixed.minutes) == pytest.approx(0.3)
+    assert pf.laws["AW"].values(V=145.0, f=0.3, d=2.5, t=fixed.minutes) == pytest.approx(0.3)
     assert fixed.removed == pytest.approx(1000 * 145 * 0.3 * 2.5 * fixed.minutes)
 
 
@@ -324,7 +323,7 @@ def test_at_one_pair_throughout_both_ways_to_add_wear_are_the_law(laws):
         AW = 0.0
         for k in range(10):
             AW = float(wear_after(laws, Rules(wear=wear), 120.0, 0.3, AW, k, k + 1))
-        assert pf.laws["AW"].predict(V=120.0, f=0.3, d=2.5, t=10.0) == pytest.approx(AW, rel=1e-12)
+        assert pf.laws["AW"].values(V=120.0, f=0.3, d=2.5, t=10.0) == pytest.approx(AW, rel=1e-12)
 
 
 # What a file may lack
@@ -388,9 +387,9 @@ def test_a_factor_beside_those_that_move_and_a_level_are_put_in():
     pf = ParameterFile.model_validate({**data, "content_sha256": None})
     laws = life_laws(pf, at={"HB": 250.0}, by="2")
     assert laws.power(150.0, 0.3, 5.0, 0.2) == pytest.approx(
-        pf.laws["P"].predict(V=150.0, f=0.3, d=2.5, t=5.0, AW=0.2, HB=250.0)
+        pf.laws["P"].values(V=150.0, f=0.3, d=2.5, t=5.0, AW=0.2, HB=250.0)
     )
-    assert laws.wear(150.0, 0.3, 5.0) == pytest.approx(pf.laws["AW"].predict(by="2", V=150.0, f=0.3, d=2.5, t=5.0))
+    assert laws.wear(150.0, 0.3, 5.0) == pytest.approx(pf.laws["AW"].values(by="2", V=150.0, f=0.3, d=2.5, t=5.0))
 
 
 def test_limits_in_other_units_are_the_same_limits(laws):

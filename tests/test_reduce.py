@@ -260,7 +260,7 @@ def test_a_reversed_sign_is_set_right_and_said(lab):
 
 @pytest.mark.parametrize(
     ("means", "rows", "words"),
-    [(MEANS, 4, "E1.csv: 3 cut(s), 4 row(s)"), (MEANS, 2, "E1.csv: 3 cut(s), 2 row(s)"), ([1e-9, 1e-9], 2, "no cut")],
+    [(MEANS, 4, "E1.csv: 3 cuts, 4 rows"), (MEANS, 2, "E1.csv: 3 cuts, 2 rows"), ([1e-9, 1e-9], 2, "no cut")],
 )
 def test_cuts_that_do_not_match_the_plan_are_refused(lab, capsys, means, rows, words):
     lab.rows(rows)
@@ -420,7 +420,7 @@ def test_an_existing_file_is_kept_and_records_are_not_reduced_twice(lab, capsys)
     assert "--force" in capsys.readouterr().err
     stamps = {path: path.stat().st_mtime_ns for path in lab.kept.iterdir()}
     lab.run("--force")
-    assert "2 file(s) were reduced by an earlier run" in capsys.readouterr().out
+    assert "2 files were reduced by an earlier run" in capsys.readouterr().out
     assert lab.out.read_bytes() == first
     assert stamps == {path: path.stat().st_mtime_ns for path in lab.kept.iterdir()}
     lab.record("E2.csv", means=[300.0, 450.0])
@@ -446,7 +446,7 @@ def test_an_interrupted_run_continues(lab, monkeypatch, capsys):
     assert not lab.out.exists()
     monkeypatch.setattr(reduction, "read_recordings", read)
     lab.run()
-    assert "1 file(s) were reduced by an earlier run" in capsys.readouterr().out
+    assert "1 file was reduced by an earlier run" in capsys.readouterr().out
 
 
 def test_a_force_that_the_plan_has_already_is_refused(lab, capsys):

@@ -92,7 +92,7 @@ def test_a_category_is_statsmodels_indicator_column():
     np.testing.assert_allclose(law.theta, ols.params, rtol=SAME)
     np.testing.assert_allclose(law.bse[1:], ols.bse[1:], rtol=SAME)
     at = {"V": 100, "f": 0.2, "d": 2}
-    low, high = (law.predict({**at, "work": name})[0] for name in ("a", "c"))
+    low, high = (law.values({**at, "work": name}) for name in ("a", "c"))
     assert high / low == pytest.approx(np.exp(law.params["work[c]"]), rel=1e-12)
 
 
@@ -116,7 +116,7 @@ def test_second_stage_is_curve_fit(response):
     np.testing.assert_allclose(law.cov_theta / np.outer(se, se), cov / np.outer(se, se), atol=1e-5)
     scale = np.append(np.exp(theta[0]), np.ones(4))
     np.testing.assert_allclose(law.bse, se * scale, rtol=1e-5)
-    residuals = gc435().values(response) - law.predict(gc435().data)
+    residuals = gc435().values(response) - law.values(gc435().data)
     np.testing.assert_allclose(law.residuals, residuals, atol=1e-12 * np.abs(residuals).max())
     assert law.scale_unit == gc435().units[response]
 
@@ -139,9 +139,9 @@ def test_intervals_are_those_of_statsmodels_in_the_logarithm():
         ("mean", "mean_ci_lower", "mean_ci_upper"),
         ("prediction", "obs_ci_lower", "obs_ci_upper"),
     ):
-        band = law.predict(new, kind)[["value", "low", "high"]]
+        band = law.predict(new, kind).to_frame()[["value", "low", "high"]]
         np.testing.assert_allclose(np.log(band), frame[["mean", low, high]], rtol=1e-8)
-    np.testing.assert_allclose(law.predict(new), np.exp(frame["mean"]), rtol=1e-8)
+    np.testing.assert_allclose(law.values(new), np.exp(frame["mean"]), rtol=1e-8)
 
 
 def test_intervals_of_the_second_stage_are_the_delta_method():
@@ -153,7 +153,7 @@ def test_intervals_of_the_second_stage_are_the_delta_method():
     se_new = np.hypot(se_mean, law.scale_se)
     quantile = student.ppf(0.95, law.df_resid)
     for kind, se in (("mean", se_mean), ("prediction", se_new)):
-        band = law.predict({"V": 120, "f": 0.3, "d": 2}, kind, level=0.9).iloc[0]
+        band = law.predict({"V": 120, "f": 0.3, "d": 2}, kind, level=0.9).to_frame().iloc[0]
         assert band["value"] == pytest.approx(value, rel=1e-6)
         assert band["high"] - band["value"] == pytest.approx(quantile * se, rel=1e-4)
         assert band["value"] - band["low"] == pytest.approx(quantile * se, rel=1e-4)
@@ -251,13 +251,13 @@ def test_from_as_many_rows_as_parameters_on_there_is_a_law(n):
     assert (law.scale_se, law.fvalue, law.f_pvalue, law.rsquared_adj) == (None, None, None, None)
     assert "no interval" in law.summary()
     with pytest.raises(errors.FitError, match=r"AW: no interval: 4 observations.*Add observations"):
-        law.predict({"V": 100, "f": 0.2, "d": 2}, "mean")
+        law.predict({"V": 100, "f": 0.2, "d": 2}, "mean").to_frame()
 
 
 @pytest.mark.parametrize("error", ["multiplicative", "additive"])
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_fewer_rows_than_parameters_are_counted(n, error):
-    with pytest.raises(errors.FitError, match=rf"AW: {n} usable rows for \d parameters.*Measure at least"):
+    with pytest.raises(errors.FitError, match=rf"AW: {n} usable rows? for \d parameters.*Measure at least"):
         fitted(turning(n).assign(d=np.linspace(1.5, 3, n)), error=error)
 
 
@@ -330,7 +330,7 @@ def test_an_unequal_scatter_shows_in_the_choice_of_errors():
         (
             lambda f: fitted(f, error="additiv"),
             errors.UsageError,
-            "error='additiv': it is 'multiplicative'",
+            "error='additiv': give 'multiplicative'",
         ),
         (lambda f: fitted(f, error=None), errors.UsageError, "error=None"),
     ],
@@ -341,7 +341,7 @@ def test_what_cannot_be_asked_is_a_sentence(call, error, says):
 
 
 def test_the_exponential_law_refuses_in_the_same_words():
-    with pytest.raises(errors.UsageError, match="error='log': it is 'multiplicative'"):
+    with pytest.raises(errors.UsageError, match="error='log': give 'multiplicative'"):
         fit.exponential_law(surf(), error="log")
     frame = pd.DataFrame({"Ra": [1.0, 2, 3], "F": [500.0] * 3})
     with pytest.raises(errors.FitError, match=r"Ra on F: F is constant \(500 in all 3 rows\); nothing to fit"):
@@ -355,8 +355,8 @@ def test_the_exponential_law_refuses_in_the_same_words():
         ({}, {}, errors.FitError, "given: nothing"),
         ({"V": 0, "f": 0.2, "d": 2}, {}, errors.FitError, "V 0: a power law needs values above zero"),
         ({"V": [90, 100], "f": [1, 2, 3], "d": 2}, {}, errors.FitError, "V has shape .* a column of [23]"),
-        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "typical"}, errors.UsageError, "interval='typical'"),
-        ({"V": 90, "f": 0.2, "d": 2}, {"interval": "mean", "level": 95}, errors.UsageError, "between 0 and 1"),
+        ({"V": 90, "f": 0.2, "d": 2}, {"kind": "typical"}, errors.UsageError, "kind='typical'"),
+        ({"V": 90, "f": 0.2, "d": 2}, {"kind": "mean", "level": 95}, errors.UsageError, "between 0 and 1"),
     ],
 )
 def test_what_cannot_be_predicted_is_a_sentence(new, options, error, says):
@@ -368,13 +368,13 @@ def test_a_category_is_asked_for_and_understood_as_a_number():
     frame = turning(12).assign(batch=[1.0, 2.0] * 6)
     law = fitted(frame, by="batch")
     runs = datasets.runs_from_frame(frame)
-    np.testing.assert_allclose(law.predict(runs.data), law.fitted, rtol=1e-12)
+    np.testing.assert_allclose(law.values(runs.data), law.fitted, rtol=1e-12)
     at = {"V": 100, "f": 0.2, "d": 2}
-    assert law.predict({**at, "batch": 2}) == law.predict({**at, "batch": "2"})
+    assert law.values({**at, "batch": 2}) == law.values({**at, "batch": "2"})
     with pytest.raises(errors.FitError, match=r"fitted by batch: give its level \(1, 2\)"):
-        law.predict(at)
+        law.values(at)
     with pytest.raises(errors.FitError, match="batch '3' is not among the fitted: 1, 2"):
-        law.predict({**at, "batch": 3})
+        law.values({**at, "batch": 3})
 
 
 def test_the_summary_tells_what_was_fitted():

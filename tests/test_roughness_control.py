@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels.cards import replays
-from fitmodels.controllers.faults import FAULTS, FaultyPlant, saturated
-from fitmodels.controllers.loop import replay
+from fitmodels.controllers.loop import FAULTS, FaultyPlant, replay, saturated
 from fitmodels.controllers.roughness.controller import ConstantRoughness
 from fitmodels.controllers.roughness.plant import TurningForce, loop_theory
 from fitmodels.controllers.roughness.reference import reference_force

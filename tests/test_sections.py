@@ -2,12 +2,14 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from fitmodels import parameters
+from fitmodels import cards, datasets, fit, parameters
 from fitmodels.core.errors import GateError, ParameterError
+from fitmodels.fit.fitted_rows import LawSource
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.tuning import tune_pi
@@ -21,6 +23,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.signal import dfreqresp, dlsim
 
+FACTORS = ["V", "f", "d", "t"]
 NONE = {"kind": "none", "reason": "given"}
 # Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18, at 50 Hz: feed voltage to spindle current
 CLM = {"b": [0.0, 0.0611, -0.1338, 0.0752], "a": [1.0, -2.0311, 1.2104, -0.1655], "nk": 1, "sample_time": 0.02}
@@ -268,3 +271,88 @@ def test_every_section_goes_there_and_back(tmp_path):
     )  # fmt: skip
     assert read(write(pf, tmp_path / "params.json")) == pf
     assert pf.adaptive_force.set_points[2].force == 320.0
+
+
+# Tool, work, data file and "simulated" come from the laws themselves
+
+
+def wear_tests():
+    return datasets.read_runs(datasets.bundled("gc435_709m40"))
+
+
+def test_a_law_of_simulated_data_gives_a_file_and_a_card_that_say_so(tmp_path):
+    law = fit.power_law(wear_tests(), "AW", FACTORS)
+    pf = parameters.collect(laws=[law])
+    assert pf.identity.simulated is True
+    assert (pf.identity.tool, pf.identity.work) == (wear_tests().tool, wear_tests().work)
+    assert "simulated" in pf.identity.note
+    assert pf.provenance.data_sha256 == wear_tests().source.sha256
+    assert (pf.provenance.data_file, pf.provenance.n_rows) == (wear_tests().source.name, 239)
+    cards.write(pf, tmp_path / "card")
+    assert "simulated" in (tmp_path / "card" / "README.md").read_text("utf-8").lower()
+
+
+def test_arguments_take_precedence_over_the_source():
+    law = fit.power_law(wear_tests(), "AW", FACTORS)
+    pf = parameters.collect(tool="A", work="B", laws=[law], simulated=False, data_file="other.csv", n_rows=7)
+    assert (pf.identity.tool, pf.identity.work, pf.identity.simulated, pf.identity.note) == ("A", "B", False, None)
+    assert (pf.provenance.data_file, pf.provenance.data_sha256, pf.provenance.n_rows) == ("other.csv", None, 7)
+
+
+def test_the_machine_is_the_one_that_the_file_names(tmp_path):
+    law = fit.power_law(wear_tests(), "AW", FACTORS)
+    pf = parameters.collect(laws=[law], design=wear_tests())
+    assert pf.identity.machine == "Colchester Mascot centre lathe, dry turning"
+    assert parameters.collect(laws=[law], design=wear_tests(), machine="Makino V33").identity.machine == "Makino V33"
+    assert parameters.collect(laws=[law]).identity.machine is None
+    cards.write(pf, tmp_path / "card")
+    for name in ("README.md", "card.html"):
+        text = (tmp_path / "card" / name).read_text("utf-8")
+        assert "Colchester Mascot centre lathe" in text
+        assert "Missing: machine" not in text
+
+
+def test_every_kind_of_law_carries_its_source():
+    rough = fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1")))
+    load = fit.load_law(datasets.read_runs(datasets.bundled("clm2023_end_milling")))
+    for law in (rough, load):
+        assert len(law.source.sha256) == 64
+        assert parameters.collect(laws=[law]).provenance.data_sha256 == law.source.sha256
+    assert load.alternative is None
+    assert rough.alternative.source == rough.source
+
+
+def test_a_law_of_a_stream_carries_the_source_that_is_given():
+    source = LawSource("big.parquet", "a" * 64, "GC435", "709M40", simulated=True, note="simulated: no measurement")
+    law = fit.streamed_power_law([wear_tests().data[:100], wear_tests().data[100:]], "AW", FACTORS, source=source)
+    assert law.source == replace(source, n_rows=239)
+    pf = parameters.collect(laws=[law])
+    assert (pf.identity.tool, pf.identity.simulated, pf.provenance.data_file) == ("GC435", True, "big.parquet")
+
+
+def test_whether_a_stream_without_a_source_was_simulated_is_unknown(tmp_path):
+    law = fit.streamed_power_law([wear_tests().data], "AW", FACTORS)
+    pf = parameters.collect(tool="GC435", work="709M40", laws=[law])
+    assert (pf.identity.simulated, pf.reading) == (None, None)
+    assert parameters.read(parameters.write(pf, tmp_path / "params.json")) == pf
+    cards.write(pf, tmp_path / "card")
+    readme, page = ((tmp_path / "card" / name).read_text("utf-8") for name in ("README.md", "card.html"))
+    assert "Measured or simulated: unknown" in readme
+    assert "simulated: null" in readme
+    assert "measured" not in readme.split("---")[1]
+    assert "<dt>Measured</dt><dd>unknown</dd>" in page
+    assert parameters.collect(tool="a", work="b", limits={"power": 7.0}).identity.simulated is False
+
+
+def test_laws_of_different_data_are_refused():
+    law = fit.power_law(wear_tests(), "AW", FACTORS)
+    rough = fit.exponential_law(datasets.read_runs(datasets.bundled("surf_table1")))
+    with pytest.raises(ParameterError, match="laws of AW and Ra come from different data"):
+        parameters.collect(laws=[law, rough])
+    both = parameters.collect(tool="a", work="b", laws=[law, rough], data_file="both.csv")
+    assert list(both.laws) == ["AW", "Ra"]
+
+
+def test_without_laws_tool_and_work_are_needed():
+    with pytest.raises(ParameterError, match="give tool= and work="):
+        parameters.collect(tool="a")

@@ -14,7 +14,7 @@ from fitmodels import parameters
 from fitmodels.cards import publishing
 from fitmodels.cards.publishing import pool, site_folder
 from fitmodels.cards.publishing.entries import CardEntry, with_slugs
-from fitmodels.cards.publishing.feeds import updated
+from fitmodels.cards.publishing.pages import updated
 from fitmodels.core.errors import DataError, UsageError
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -192,7 +192,7 @@ def test_a_page_allows_its_own_style_and_script_and_nothing_else(made, name):
 
 def test_the_list_holds_the_numbers_of_the_cards_and_the_hashes_of_their_files(made):
     listed = json.loads((made / "cards.json").read_text("utf-8"))
-    assert listed["schema"] == "fitmodels.site/2"
+    assert listed["schema"] == "fitmodels.site/3"
     for one in listed["cards"]:
         home = made / "cards" / one["slug"]
         assert set(one["files"]) == OF_A_CARD

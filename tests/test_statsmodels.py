@@ -50,7 +50,7 @@ def test_anova_lm_and_prediction_of_statsmodels_apply(law):
     table = anova_lm(results, typ=2)
     np.testing.assert_allclose(table.loc["np.log(V)", "F"], law.tvalues["V"] ** 2, rtol=1e-7)
     new = pd.DataFrame({"V": [120.0], "f": [0.2], "d": [2.0], "t": [8.0]})
-    np.testing.assert_allclose(np.exp(results.predict(new)), law.predict(new), rtol=1e-10)
+    np.testing.assert_allclose(np.exp(results.predict(new)), law.values(new), rtol=1e-10)
 
 
 def test_without_edges_the_covariance_is_that_of_independent_rows(runs):
@@ -130,7 +130,7 @@ def test_verify_prints_the_comparison_and_ends_with_0(tmp_path, monkeypatch, cap
     from fitmodels.cli import main
 
     monkeypatch.chdir(tmp_path)
-    assert main([str(datasets.bundled("ac2017_table2")), "--verify", "--draws", "1000"]) == 0
+    assert main([str(datasets.bundled("ac2017_table2")), "--verify", "--draws", "1000", "--full"]) == 0
     printed = capsys.readouterr().out
     assert "Comparison with statsmodels" in printed
     assert "limit 1e-06" in printed

@@ -409,7 +409,7 @@ def test_the_parameter_file_takes_it(by):
     streamed, memory = both(table(3000), by=by)
     section, reference = law_section(streamed), law_section(memory)
     at = {"V": 100.0, "f": 0.2, "d": 2.0, "t": 8.0, **({} if by is None else {"by": "b"})}
-    assert section.predict(**at) == pytest.approx(reference.predict(**at), rel=SAME)
+    assert section.values(**at) == pytest.approx(reference.values(**at), rel=SAME)
     for kind in ("mean", "prediction", "tolerance"):
         np.testing.assert_allclose(section.interval(kind=kind, **at), reference.interval(kind=kind, **at), rtol=1e-6)
     for name in ("factors", "n", "df", "n_edges", "left_out", "dropped_rows", "unit", "quantity", "equation"):
@@ -442,7 +442,7 @@ def test_a_stream_says_what_it_cannot_tell():
         with pytest.raises(errors.FitError, match="keeps no rows"):
             getattr(law, what)
     assert "24 edges" in " ".join(repr(law).split())
-    assert law.predict({"V": 100, "f": 0.2, "d": 2, "t": [5, 8]}).shape == (2,)
+    assert law.values({"V": 100, "f": 0.2, "d": 2, "t": [5, 8]}).shape == (2,)
 
 
 def test_the_sums_alone_give_the_estimates_and_merge_in_any_order():

@@ -12,7 +12,9 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import FitError, UsageError
+from fitmodels.core.plotting import Limit
 from fitmodels.fit.available import NotAvailable
+from fitmodels.fit.law_figures import contours_inside, observed_against_predicted, residuals, residuals_by_edge
 from fitmodels.fit.surface.canonical import ridge_point, stationary_point
 from fitmodels.fit.surface.display import reservations, verdict_of
 from fitmodels.fit.surface.split_plot import edge_model, frame_of_tests, means_regression, term_tests
@@ -338,7 +340,7 @@ def test_blocks_of_edges_are_tested_against_edges():
     np.testing.assert_allclose(table.loc[["day", "V", "t"], "df_error"], [13, 13, 53])
     assert "block" in found.frame
     assert found.formula.endswith("+ C(block, Sum)")
-    assert found.law.predict({"V": 100, "f": 0.2, "d": 1, "t": 8, "day": "2"}).shape == (1,)
+    assert isinstance(found.law.values({"V": 100, "f": 0.2, "d": 1, "t": 8, "day": "2"}), float)
 
 
 def test_selection_is_the_smallest_aicc_of_all_sets_with_heredity():
@@ -456,7 +458,7 @@ def test_reduced_surface_predicts_as_its_own_terms(runs):
     mains = {t.name for t in kept if t.order == 1}
     assert all(set(t.name.replace("^2", "").split("*")) <= mains for t in kept)
     assert "heredity" in found.law.notes[-1]
-    assert found.law.predict({"V": 100, "f": 0.2, "d": 2, "t": 8}).shape == (1,)
+    assert isinstance(found.law.values({"V": 100, "f": 0.2, "d": 2, "t": 8}), float)
 
 
 def test_two_levels_leave_the_square_out_by_name():
@@ -562,3 +564,36 @@ def test_models_scales_and_forms_that_do_not_exist_are_refused(runs):
         fit.response_surface(runs, "AW", ["V"], scale="ln")
     with pytest.raises(UsageError, match="of the form power"):
         surface_of(fit.power_law(runs, "AW", ["V"]))
+
+
+# Figures of a surface
+
+
+def test_contours_stay_inside_the_tested_region_and_show_the_limit():
+    """Of an L-shaped design the fourth corner of the box was never cut: nothing is drawn there."""
+    rng = np.random.default_rng(2)
+    settings = [(50, 0.1), (50, 0.2), (50, 0.4), (100, 0.1), (200, 0.1), (70, 0.2)]
+    V, f = np.repeat(np.array(settings), 4, axis=0).T
+    t = np.tile([2.0, 5.0, 10.0, 20.0], len(settings))
+    frame = pd.DataFrame({"V": V, "f": f, "t": t, "edge": np.repeat([f"E{k}" for k in range(1, 7)], 4)})
+    frame["AW"] = 0.01 * V**0.5 * f**0.3 * t**0.4 * np.exp(rng.normal(0, 0.02, len(V)))
+    law = fit.power_law(datasets.runs_from_frame(frame, judge=False), "AW", ["V", "f", "t"])
+    limit = Limit(float(np.exp(np.log(law.fitted).mean())), "criterion")
+    ax = contours_inside(law, ("V", "f"), limit=limit)
+    drawn = np.concatenate([path.vertices for part in ax.collections for path in part.get_paths() if len(path)])
+    x, y = np.log(drawn / [50, 0.1]).T / np.log(4)  # from 0 to 1 over both ranges
+    assert 1.0 < (x + y).max() < 1.4  # the corner that was not cut is at 2
+    assert "criterion" in {text.get_text() for text in ax.texts}
+    assert {"E1", "E3", "E5"} <= {text.get_text() for text in ax.texts}
+    above = contours_inside(law, ("V", "f"), limit=Limit(1e3, "criterion 1000 mm"))
+    assert any("criterion 1000 mm not reached" in text.get_text() for text in above.texts)
+
+
+def test_each_of_24_edges_has_a_look_of_its_own_in_every_panel():
+    law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    looks = []
+    for panel in (observed_against_predicted, residuals, residuals_by_edge):
+        lines = {line.get_label(): line for line in panel(law).lines if line.get_label().startswith("E")}
+        looks.append({name: (line.get_color(), line.get_marker()) for name, line in lines.items()})
+    assert len(set(looks[0].values())) == 24
+    assert looks[0] == looks[1] == looks[2]

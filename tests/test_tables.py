@@ -216,7 +216,7 @@ def test_short_rows_are_filled_and_said(tmp_path):
     table = read(tmp_path, "V;f;AW\n1.5;2;3\n1.5;2\n1.5\n")
     assert numbers(table)["f"][:2] == [2, 2]
     assert np.isnan(table.column("AW").values).tolist() == [False, True, True]
-    assert table.warnings[0].startswith("2 row(s) have fewer cells than the header, the first in line 3;")
+    assert table.warnings[0].startswith("2 rows have fewer cells than the header, the first in line 3;")
 
 
 def test_key_value_preamble_longer_than_the_data(tmp_path):

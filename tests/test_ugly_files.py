@@ -302,7 +302,7 @@ def test_as_many_rows_as_parameters_are_solved_without_an_interval(tmp_path):
     law = wear_law(pair)
     assert (law["n"], law["df"], law["residual_se"], law["standard_errors"]) == (5, 0, None, {})
     assert "no interval: 5 observations fix 5 parameters exactly" in law["uncertainty"]["reason"]
-    result = run(tmp_path / "a.csv", "--out", tmp_path / "out")
+    result = run(tmp_path / "a.csv", "--full", "--out", tmp_path / "out")
     assert result.code == 0
     assert "no interval" in result.out.lower()
 
@@ -436,7 +436,7 @@ def test_an_inch_file_gives_the_laws_of_the_metric_one(tmp_path, metric):
     understood, pair = facts(tmp_path, table(zip(*(c.tolist() for c in inches), strict=True), header))
     same_laws(pair, metric)
     assert [use["converted"] for use in understood["columns"]] == [True] * 7
-    shown = " ".join(run(tmp_path / "a.csv", "--out", tmp_path / "out").out.split())
+    shown = " ".join(run(tmp_path / "a.csv", "--full", "--out", tmp_path / "out").out.split())
     assert all(f"converted from {unit}" in shown for unit in units)
 
 

@@ -169,3 +169,10 @@ def test_files_that_were_read_without_judging_are_judged_by_the_law(name):
 def test_the_sound_file_is_usable():
     (verdict,) = verdicts(datasets.runs_from_frame(sound().rename(columns=HEADERS), tool="T", work="W"), "AW")
     assert verdict.level == 0, verdict.reasons
+
+
+def test_no_remedy_to_repeat_an_edge_names_a_command_that_repeats_none():
+    from fitmodels.cards.content.verdicts import REMEDIES
+
+    repeats = [command for words, command in REMEDIES.values() if words.startswith("Repeat the conditions")]
+    assert repeats == ["", "", ""]

@@ -134,7 +134,7 @@ def test_the_points_of_the_paper_draw_what_its_own_laws_say(region, pair, P, Fxz
 def test_the_wear_rate_is_the_derivative_of_the_wear(paper, region):
     at = {"V": 154.7, "f": 0.53, "d": 2.5}
     wear = paper.laws["AW"]
-    slope = (wear.predict(**at, t=10.001) - wear.predict(**at, t=9.999)) / 0.002 * 1000
+    slope = (wear.values(**at, t=10.001) - wear.values(**at, t=9.999)) / 0.002 * 1000
     point = region.at(154.7, 0.53)
     assert point.wear_rate == pytest.approx(slope, rel=1e-6)
     assert point.wear_rate == pytest.approx(0.245 * point.values["AW"] / 10 * 1000)  # eq. 7 and 13 leave out 0.245
@@ -159,10 +159,10 @@ def test_the_region_has_the_six_corners_of_figure_4_with_b_the_best(region):
 
 def test_a_point_tells_what_the_laws_predict(paper, region):
     point = region.at(120.0, 0.3)
-    AW = paper.laws["AW"].predict(V=120.0, f=0.3, d=2.5, t=10.0)
+    AW = paper.laws["AW"].values(V=120.0, f=0.3, d=2.5, t=10.0)
     assert point.values["AW"] == pytest.approx(AW)
     for name in ("P", "Fxz"):
-        assert point.values[name] == pytest.approx(paper.laws[name].predict(V=120.0, f=0.3, d=2.5, t=10.0, AW=AW))
+        assert point.values[name] == pytest.approx(paper.laws[name].values(V=120.0, f=0.3, d=2.5, t=10.0, AW=AW))
 
 
 def test_what_a_limit_is_worth_is_what_raising_it_brings(paper, region):
@@ -373,7 +373,7 @@ def test_a_measured_wear_takes_the_place_of_its_law():
     pf = file(OF_WEAR, WEAR, limits=kW(5.0))
     best = visible_region(pf, at={"AW": 0.25}).best
     assert best.values["P"] == pytest.approx(5.0)
-    assert parameters.LawSection.model_validate(OF_WEAR).predict(V=best.V, f=best.f, d=2.5, AW=0.25) == pytest.approx(
+    assert parameters.LawSection.model_validate(OF_WEAR).values(V=best.V, f=best.f, d=2.5, AW=0.25) == pytest.approx(
         5.0
     )
 

@@ -23,7 +23,7 @@ from .lab_files import NAMED_BY_FILE
 
 Kind = Literal["number", "numbered", "text", "unused"]
 _BRACKETS = "[](){}<>"
-_COUNTED_LATER = ("row(s) have fewer cells", "Footer rows are left out", "Text below the data")
+_COUNTED_LATER = ("fewer cells than the header", "Footer rows are left out", "Text below the data")
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import pyarrow.compute as pc  # type: ignore[import-untyped]
 from pyarrow import csv
 
 from ...core.errors import DataError
+from ...core.rounding import count
 from ...datasets.tables.dialect import is_comment, split_line
 from ...datasets.tables.layout import footer_label
 from ...datasets.tables.numerals import MISSING_AS_WRITTEN, Decimal, is_missing, is_number, parse_number
@@ -33,12 +34,10 @@ class OddCells:
         """The sentence on these cells.
 
         >>> OddCells(2, 17, "worn").sentence("VB")
-        "column 'VB': 2 cell(s) are no numbers and count as missing, the first in row 17 of the data: 'worn'."
+        "column 'VB': 2 cells are no numbers and count as missing, the first in row 17 of the data: 'worn'."
         """
-        return (
-            f"column {name!r}: {self.count} cell(s) are no numbers and count as missing, the first in row {self.row} "
-            f"of the data: {self.text!r}."
-        )
+        cells = count(self.count, "cell is no number and counts", "cells are no numbers and count")
+        return f"column {name!r}: {cells} as missing, the first in row {self.row} of the data: {self.text!r}."
 
 
 @dataclass(slots=True)
@@ -165,9 +164,10 @@ class IrregularRows:
     def sentences(self) -> Iterator[str]:
         """Sentences on these rows."""
         if self.short:
-            yield f"{len(self.short)} row(s) have fewer cells than the header; the cells they lack count as missing."
+            rows = count(len(self.short), "row has", "rows have")
+            yield f"{rows} fewer cells than the header; the cells that are lacking count as missing."
         if self.remarks:
-            yield f"{self.remarks} line(s) of remarks among the data are left out."
+            yield f"{count(self.remarks, 'line')} of remarks among the data left out."
         if self.footers:
             yield f"Footer rows are left out: {', '.join(map(repr, self.footers))}."
 

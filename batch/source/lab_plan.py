@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import DataError, FitmodelsError, UsageError
+from ...core.rounding import count
 from ...core.suggestions import did_you_mean
 from ...datasets.vocabulary import ROLES
 from ..engine.base import no_report
@@ -187,15 +188,16 @@ def _assumptions(
     """Assumptions, in full sentences."""
     if nameless := [name for name, one in zip(names, found, strict=True) if one.named_by_file]:
         yield (
-            f"{len(nameless)} file(s) name no tool; each counts as a tool named after its file: "
+            f"{count(len(nameless), 'file names', 'files name')} no tool; each counts as a tool named after its file: "
             f"{some_names(nameless)}. Name one tool for all with --tool."
         )
     if copies:
-        yield f"{len(copies)} file(s) are byte-identical copies of another and are skipped: {some_names(copies)}."
+        files = count(len(copies), "file is a byte-identical copy", "files are byte-identical copies")
+        yield f"{files} of another and skipped: {some_names(copies)}."
     if several := [str(pair) for pair, held in holders.items() if len(held) > 1]:
         yield (
-            f"{len(several)} pair(s) are in more than one file; files with measurements are joined, with edges "
-            f"distinguished by file: {some_names(several)}."
+            f"{count(len(several), 'pair is', 'pairs are')} in more than one file; files with measurements are joined, "
+            f"with edges distinguished by file: {some_names(several)}."
         )
     unused = Counter(name for one in found for name in dict.fromkeys(one.unused) if name not in reading.groups)
     if unused:
@@ -205,4 +207,5 @@ def _assumptions(
         if lacking := [
             file for file, one in zip(names, found, strict=True) if not one.reason and name not in one.groups
         ]:
-            yield f"{len(lacking)} file(s) have no column {name!r}; their pairs are in no group: {some_names(lacking)}."
+            files = count(len(lacking), "file has", "files have")
+            yield f"{files} no column {name!r}; their pairs are in no group: {some_names(lacking)}."

@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from ...core.errors import DataError, UsageError
+from ...core.rounding import count
 from ...datasets.tables.decode import load_bytes
 from ..engine.base import no_report
 from ..plan import Block, Plan, Reading
@@ -198,6 +199,7 @@ def _nothing(folder: Path, inside: FolderContents) -> str:
 
 def _skipped(inside: FolderContents) -> Iterator[str]:
     if inside.other:
-        yield f"{len(inside.other)} file(s) of other kinds are skipped: {some_names(inside.other)}."
+        files = count(len(inside.other), "file of another kind is", "files of other kinds are")
+        yield f"{files} skipped: {some_names(inside.other)}."
     if inside.ours:
         yield f"Results of fitmodels are skipped: {some_names(inside.ours)}."

@@ -7,22 +7,21 @@ from typing import Any
 from pydantic import ConfigDict, Field
 
 from ...core.display import Display, facts_of
+from ...core.verdict import MARKS, Mark
 from ...fit.available import NotAvailable, computed
 from ...parameters import ParameterFile
 from ...parameters.sections.base import Covariance
 from .design import design_part, doubts
-from .dynamics import dynamics_part
+from .dynamics import GainsPart, dynamics_part, gains_part
 from .figure_texts import figures
-from .gains import gains_part
 from .guidance import intended, out_of_scope, safety, summary, title
-from .identity import identity_part, missing_identity, provenance_part, slug
+from .identity import identity_part, missing_identity, provenance_part, slug, without_folders
 from .laws import about_intervals, law_part
 from .parts import (
     DesignPart,
     DoubtPart,
     DynamicsPart,
     FigurePart,
-    GainsPart,
     IdentityPart,
     LawPart,
     Part,
@@ -30,13 +29,12 @@ from .parts import (
     ProvenancePart,
     PublicationPart,
     ToolLifePart,
-    UncertaintyPart,
     VerdictPart,
     WindowPart,
 )
 from .profiler import profiler_part
 from .tool_life import no_tool_life, tool_life_part
-from .uncertainty import statements
+from .uncertainty import UncertaintyPart, statements
 from .verdicts import verdicts_of, worst
 from .windows import window_parts
 
@@ -44,12 +42,12 @@ NO_LAWS = "The file holds no law; fit a file of cutting tests: fitmodels data.cs
 
 
 class Card(Part):
-    """A model card of a tool/work pair, schema ``fitmodels.card/5``.
+    """A model card of a tool/work pair, schema ``fitmodels.card/6``.
 
     ``empty``: name of each empty field -> the reason in a sentence.
     """
 
-    schema_: str = Field(default="fitmodels.card/5", alias="schema")
+    schema_: str = Field(default="fitmodels.card/6", alias="schema")
     slug: str
     title: str
     verdict: str  # the worst of all results, in words; empty where the card has none that is judged
@@ -75,6 +73,11 @@ class Card(Part):
     end: str  # the end mark
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+    @property
+    def mark(self) -> Mark:
+        """Icon and colour of the verdict of the whole card."""
+        return next((mark for mark in MARKS.values() if mark.words == self.verdict), MARKS[None])
 
     @property
     def verdicts(self) -> tuple[VerdictPart, ...]:
@@ -114,6 +117,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
     """
     publication = publication or PublicationPart()
     identity = identity_part(pf)
+    pf = without_folders(pf)
     parts: dict[str, Any] = {
         "slug": slug(pf),
         "title": publication.title or title(pf),
@@ -143,7 +147,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
     failed = {name: f"Not composed: {why}." for name, why in made.items() if isinstance(why, NotAvailable)}
     parts |= {name: part for name, part in made.items() if name not in failed}
     end = f"End of card {parts['slug']}, {identity.content_sha256[:12]}"
-    return Card(schema="fitmodels.card/5", **parts, empty=_empty(pf, parts) | failed, end=end)
+    return Card(schema="fitmodels.card/6", **parts, empty=_empty(pf, parts) | failed, end=end)
 
 
 def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:

@@ -1,16 +1,18 @@
 """Figures of a card with captions and text alternatives: drawn from the file, or pictures in its folder."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.dynamics import DynamicsSection, PiSection
+from ...parameters.sections.load_line import LimitsSection
 from .design import at_words, middle, reference
 from .laws import law_coefficients
 from .numbers import INFINITE, figure, percent, quantity
 from .parts import CoefficientPart, FigurePart, ProfiledLawPart
-from .profiler import band_of, profile, profiled
+from .profiler import WEARS, band_of, profile, profiled, substituted_wear
 
 FOLDER = "figures"
 PICTURES = {  # written to the folder of a card by fitmodels
@@ -28,7 +30,9 @@ PICTURES = {  # written to the folder of a card by fitmodels
     "pi": "Map of the PI gains, and step response with the chosen gains",
 }
 EXPONENTS = "Exponents of the power laws with their 95 % intervals"
-RESPONSES = "Each law over its first factor, with the band of {} (95 %)"
+RESPONSES = "Each law over its first factor{}, with the band of {} (95 %)"
+OWN, HELD = "{} from its own law", "{} held at {}"
+SURFACES = "Each law over its first two factors, inside the tested region alone; limits dashed"
 DYNAMICS = "Bode diagram of the identified model"
 LOOP = "Step response of the closed loop: these gains on the identified model"
 
@@ -38,18 +42,91 @@ def figures(pf: ParameterFile, folder: Path | None = None) -> tuple[FigurePart, 
     return (*_drawn(pf), *_pictures(pf, folder))
 
 
+def limits_of(pf: ParameterFile) -> dict[str, tuple[float, str]]:
+    """Limits of the responses of the laws, with their words: the wear criterion, and those of the file.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> limits_of(parameters.collect(tool="GC435", work="709M40", limits={"power": 7}))
+    {}
+    """
+    law_units = {symbol: law.unit for symbol, law in pf.laws.items()}
+    return {
+        symbol: (value, f"{words} {value:.4g} {unit}".rstrip())
+        for symbol, value, unit, words in (*_criterion(pf), *_limits(pf))
+        if value is not None and law_units.get(symbol) == unit
+    }
+
+
+def _criterion(pf: ParameterFile) -> Iterator[tuple[str, float | None, str, str]]:
+    """The wear criterion of the design, and that of the tool life."""
+    if pf.design is not None and (one := pf.design.criterion) is not None:
+        yield one.wear, one.value, one.unit, "criterion"
+    if (life := pf.tool_life) is not None:
+        yield life.wear, life.criterion, life.unit_of_wear, "criterion"
+
+
+def _limits(pf: ParameterFile) -> Iterator[tuple[str, float | None, str, str]]:
+    """Limits of machine and tool by the symbols of the responses; the upper one where there are two."""
+    limits = pf.limits or LimitsSection()
+    bounds = [("P", limits.power), ("", limits.force), *((symbol, limits.wear) for symbol in WEARS)]
+    for symbol, bound in bounds:
+        if bound is not None:
+            yield bound.of or symbol, bound.value, bound.unit, "limit"
+    for symbol, each in limits.responses.items():
+        yield symbol, each.low if each.high is None else each.high, each.unit, "limit"
+
+
 def response_text(pf: ParameterFile, law: LawSection) -> str:
-    """A law at both ends of its first factor, in a sentence."""
-    first, rest, of = law.factors[0], middle(law), profiled(law, pf)
-    low, high = ({**rest, first.symbol: end} for end in (first.low, first.high))
-    others = {name: value for name, value in rest.items() if name != first.symbol}
+    """A law at both ends of its first factor, in a sentence; of a law on wear, also with the wear held."""
+    first, wear = law.factors[0], wear_words(pf, law)
+    others = {
+        name: value for name, value in middle(law).items() if name != first.symbol and not (wear and name in WEARS)
+    }
     at = at_words(law, others, reference(law))
+    words = ", ".join(filter(None, (at, wear[0] if wear else "")))
+    text = f"{law.response} {_ends(pf, law)}{f', with {words}' if words else ''}"
+    return f"{text}; with {wear[1]} it {_ends(pf, law, held=True)}." if wear else f"{text}."
+
+
+def _ends(pf: ParameterFile, law: LawSection, *, held: bool = False) -> str:
+    """Turn and values of a law between both ends of its first factor."""
+    first, of = law.factors[0], profiled(law, pf)
+    low, high = (at_first(pf, law, end, held=held) for end in (first.low, first.high))
     ends = [
         f"{_value(of, here)} at {first.symbol} {quantity(figure(end, 4, first.unit))}"
         for here, end in ((low, first.low), (high, first.high))
     ]
     turn = "increases" if profile(of, high)[0] > profile(of, low)[0] else "decreases"
-    return f"{law.response} {turn} from {ends[0]} to {ends[1]}{f', with {at}' if at else ''}."
+    return f"{turn} from {ends[0]} to {ends[1]}"
+
+
+def wear_words(pf: ParameterFile, law: LawSection) -> tuple[str, str] | None:
+    """How the wear in a law is set, from its own law or held at its middle; None where there is no such choice."""
+    wear = substituted_wear(law, pf)
+    if not wear or wear == law.factors[0].symbol:
+        return None
+    unit = next(f.unit for f in law.factors if f.symbol == wear)
+    return OWN.format(wear), HELD.format(wear, quantity(figure(middle(law)[wear], 3, unit)))
+
+
+def at_first(pf: ParameterFile, law: LawSection, values: Any, *, held: bool = False) -> dict[str, Any]:  # noqa: ANN401
+    """Conditions at values of the first factor, a number or an array, the others at their middle.
+
+    A wear follows from its own law at these conditions, unless it is ``held``.
+    """
+    return with_own_wear(pf, law, {**middle(law), law.factors[0].symbol: values}, held=held)
+
+
+def with_own_wear(pf: ParameterFile, law: LawSection, at: Mapping[str, Any], *, held: bool = False) -> dict[str, Any]:
+    """Conditions with the wear of its own law in place of the one given, unless it is ``held``."""
+    words = None if held else wear_words(pf, law)
+    if words is None:
+        return dict(at)
+    own = pf.laws[substituted_wear(law, pf)]
+    here = {f.symbol: at.get(f.symbol, middle(own)[f.symbol]) for f in own.factors}
+    return {**at, own.response: own.values(here, by=reference(own))}
 
 
 def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
@@ -62,13 +139,39 @@ def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
     if moved:
         yield FigurePart(
             name="responses",
-            caption=RESPONSES.format(band_of(pf)),
+            caption=RESPONSES.format(_wear_caption(pf), band_of(pf)),
             alternative=" ".join(response_text(pf, law) for law in moved),
         )
+    if any(len(surface_factors(pf, law)) == 2 for law in moved):
+        text = " ".join(surface_text(pf, law) for law in moved if len(surface_factors(pf, law)) == 2)
+        yield FigurePart(name="surfaces", caption=SURFACES, alternative=text)
     if pf.dynamics is not None:
         yield FigurePart(name="dynamics", caption=DYNAMICS, alternative=_of_dynamics(pf.dynamics))
     if pf.dynamics is not None and pf.pi is not None and pf.pi.figures is not None and pf.pi.figures.stable:
         yield FigurePart(name="loop", caption=LOOP, alternative=_of_loop(pf.pi))
+
+
+def _wear_caption(pf: ParameterFile) -> str:
+    """Which curve is which, where a law is on a wear that has its own law."""
+    found = next((substituted_wear(law, pf) for law in pf.laws.values() if law.factors and wear_words(pf, law)), "")
+    return f" ({OWN.format(found)}; dashed: {found} held)" if found else ""
+
+
+def surface_factors(pf: ParameterFile, law: LawSection) -> tuple[str, ...]:
+    """The first two factors over which a law is drawn: tested at more than one value, and no wear of its own law."""
+    own = substituted_wear(law, pf)
+    return tuple(f.symbol for f in law.factors if f.symbol != own and f.high > f.low)[:2]
+
+
+def surface_text(pf: ParameterFile, law: LawSection) -> str:
+    """A law at the middle of the tests and the limit of its response, in a sentence."""
+    over, at = surface_factors(pf, law), with_own_wear(pf, law, middle(law))
+    limit = limits_of(pf).get(law.response)
+    bound = f"; the {limit[1]} is drawn dashed where it is reached" if limit else ""
+    words = at_words(law, middle(law), reference(law))
+    return (
+        f"Contours of {law.response} over {over[0]} and {over[1]}: {_value(profiled(law, pf), at)} at {words}{bound}."
+    )
 
 
 def _pictures(pf: ParameterFile, folder: Path | None) -> Iterator[FigurePart]:

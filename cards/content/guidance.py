@@ -1,5 +1,8 @@
-"""Summary, intended use, limits of use and safety notes of a card."""
+"""Summary, intended use, limits of use, safety notes and next commands of a parameter file."""
 
+import shlex
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from ...core.errors import ParameterError
@@ -7,7 +10,10 @@ from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
 from .design import at_words, middle, reference
 from .numbers import figure, number, percent, quantity
-from .verdicts import ADAPTIVE_FORCE, DRIVE, DYNAMICS, GAINS, TOOL_LIFE, verdicts_of
+from .parts import VerdictPart
+from .verdicts import ADAPTIVE_FORCE, DRIVE, DYNAMICS, GAINS, TOOL_LIFE, follow_up, verdicts_of
+
+LIMITED = ("V", "n", "f", "fm")  # conditions whose ranges `fitmodels limits` writes
 
 
 def title(pf: ParameterFile) -> str:
@@ -70,9 +76,9 @@ def _of_law(law: LawSection) -> str:
     by = reference(law)
     where = f"At {at_words(law, at, by)}" if at else "At these conditions"
     try:
-        p = law.get_prediction("prediction", by=by, **at)
+        p = law.predict(at, by=by)
     except ParameterError:
-        return f"{where}, {law.response} is {quantity(figure(float(law.predict(by, **at)), 4, law.unit))}."
+        return f"{where}, {law.response} is {quantity(figure(float(law.values(at, by=by)), 4, law.unit))}."
     half = (float(p.high) - float(p.low)) / 2
     width = min(half, float(p.low)) if p.low > 0 else half
     value, low, high = (number(float(x), width, law.unit) for x in (p.value, p.low, p.high))
@@ -199,3 +205,46 @@ def _of_a_loop(pf: ParameterFile) -> list[str]:
     if pi is not None and pf.dynamics is None:
         said.append("The file holds no dynamics, so these gains could not be checked: start with a tenth of them.")
     return said
+
+
+def next_commands(pf: ParameterFile, verdicts: Sequence[VerdictPart], path: str) -> list[tuple[tuple[str, ...], str]]:
+    """Words of each next command with its purpose: further tests, limits, replay, export."""
+    usable = [one.of for one in verdicts if one.of in pf.laws and one.level != DO_NOT_USE]
+    tests = tuple(shlex.split(follow_up(pf, "next")))
+    further = [(tests, "plan further tests")] if tests and pf.laws else []
+    if usable:
+        return [*further, *_with_the_file(pf, usable, path)]
+    look = tuple(shlex.split(follow_up(pf, "look")))
+    return [(look, "see how the file was read"), *further] if look else further
+
+
+def _with_the_file(pf: ParameterFile, usable: Sequence[str], path: str) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Commands that read the parameter file: limits, replay, export."""
+    bounds = limits(pf, usable)
+    if bounds:
+        yield ("fitmodels", "limits", path, *bounds), "your limits in place of the tested ones"
+    if bounds and _replays(pf, bounds):
+        yield ("fitmodels", "replay", path), "best V and f within the limits"
+    if len(usable) == len(pf.laws):
+        out = (Path(path).parent.parent / "params.ini").as_posix()
+        yield ("fitmodels", "export", path, "--to", "ini", "--out", out), "values for a controller"
+
+
+def limits(pf: ParameterFile, usable: Sequence[str]) -> tuple[str, ...]:
+    """Arguments of ``fitmodels limits``: the wear criterion, and tested ranges of speed and feed."""
+    life = pf.tool_life
+    wear = [] if life is None else [f"{life.wear}={life.criterion:g}{life.unit_of_wear}"]
+    ranges: dict[str, str] = {}
+    for law in (pf.laws[name] for name in usable):
+        for f in law.factors:
+            if f.symbol in LIMITED and f.low < f.high:
+                ends = (quantity(figure(f.low, 4)), quantity(figure(f.high, 4)))
+                unit = "" if f.unit[:1].isdigit() else f.unit  # 1/min behind a number would be one of its digits
+                ranges.setdefault(f.symbol, f"{f.symbol}={ends[0]}:{ends[1]}{unit}")
+    return (*wear, *ranges.values())
+
+
+def _replays(pf: ParameterFile, bounds: Sequence[str]) -> bool:
+    """Whether the wear law supports a replay once these limits are written."""
+    names = {bound.split("=")[0] for bound in bounds}
+    return pf.tool_life is not None and {"V", "f", pf.tool_life.wear} <= names

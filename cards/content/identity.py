@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import shlex
 import unicodedata
 
 from ...parameters import ParameterFile
@@ -9,6 +10,7 @@ from ...parameters.file_format import content_sha256
 from .numbers import figure, quantity
 from .parts import FactPart, IdentityPart, NumberPart, ProvenancePart, SensorPart
 
+ABSOLUTE = re.compile(r"[/~]|\.{1,2}/|[A-Za-z]:/")  # path with forward slashes
 LONGEST = 40  # characters of tool and of work in a slug
 
 
@@ -46,6 +48,38 @@ def provenance_part(pf: ParameterFile) -> ProvenancePart:
         seed=p.seed,
         versions={"fitmodels": p.fitmodels, **dict(sorted(p.versions.items()))},
     )
+
+
+def without_folders(pf: ParameterFile) -> ParameterFile:
+    """The file with its commands as `file_names_only` gives them, for a card that others read."""
+    p = pf.provenance
+    short = p.model_copy(
+        update={"command": p.command and file_names_only(p.command), "then": tuple(map(file_names_only, p.then))}
+    )
+    return pf.model_copy(update={"provenance": short})
+
+
+def file_names_only(command: str) -> str:
+    """The command with the last name of each path in it; a command without paths, or not of a shell, as it is.
+
+    >>> file_names_only("fitmodels '/home/an na/test 1.csv' --out /mnt/x/fit --units V=ft/min")
+    "fitmodels 'test 1.csv' --out fit --units V=ft/min"
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError:
+        return command
+    short = [_last_name(word, before) for before, word in zip(["", *words], words, strict=False)]
+    return command if short == words else shlex.join(short)
+
+
+def _last_name(word: str, before: str) -> str:
+    option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
+    path = value.replace("\\", "/")
+    last = path.rstrip("/").rpartition("/")[2]
+    if "/" in path and (ABSOLUTE.match(path) or before == "--out" or ("." in last and "=" not in value)):
+        return f"{option}{equals}{last}"
+    return word
 
 
 def checksum(pf: ParameterFile) -> str:

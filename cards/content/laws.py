@@ -5,38 +5,23 @@ import math
 import numpy as np
 
 from ...core.rounding import EXACT, format_plain, format_rounded
-from ...fit.checks.check import BY_EDGE, FAMILY_LEVEL, LEVELS, TITLES
+from ...core.verdict import DO_NOT_USE
+from ...fit.checks.check import BY_EDGE, FAMILY_LEVEL, LEVELS, TITLES, UNTESTABLE, statistic_name
 from ...parameters import LawSection, ParameterFile
-from ...parameters.sections.base import Covariance
+from ...parameters.sections.base import Covariance, VerdictSection
 from ...parameters.sections.law_parts import DroppedRows, LawCheck
 from .design import factor_ranges
 from .numbers import LEVEL, NONE, count, fact, figure, number, percent, places, probability, spread, t_quantile
 from .parts import CheckPart, CoefficientPart, FactPart, LawPart, NumberPart
 from .posterior import posterior_of, posterior_part
 from .tool_life import fitted_by, lives_words
-from .verdicts import suspect_parts, verdict_part, without_words
+from .verdicts import law_verdict, suspect_parts, without_words
+from .worked import scatter, short_equation, worked_predictions
 
 WIDEST = 100.0  # half width, in ln, of an interval of a constant: a wider one is not informative
+WIDE = 5.0  # half width, in ln, from which its ends are rounded each for itself
 CONDITIONS = ("V", "n", "f", "fz", "d", "ae")  # usually constant for an edge
 STRUCTURES = {"multiplicative": "multiplicative error (log scale)", "additive": "additive error (original scale)"}
-SYMBOLS = {  # of statistics, as a card shows them; others are shown as they are
-    "A2": "A²",
-    "Breusch-Pagan chi2": "χ²",
-    "LR chi2": "χ²",
-    "R2": "R²",
-    "difference of RMS error": "difference",
-    "log-likelihood difference": "difference in log L",
-    "largest difference in SE": "difference / SE",
-    "max. D by edge": "largest Cook's D",
-    "max. D by row": "largest Cook's D",
-    "max. F": "largest F",
-    "max. VIF": "largest VIF",
-    "n ln(RSS0/RSS1)": "n ln(RSS₀/RSS₁)",
-    "predicted R2": "predicted R²",
-    "score t": "t",
-    "z of lag-1 correlation": "z",
-}
-UNTESTABLE = "not testable"
 AT_LEVEL = (
     f"; of the tests, those are rejected that Holm's procedure rejects at {100 * FAMILY_LEVEL:g} % for all laws of the "
     "file together."
@@ -50,10 +35,13 @@ def law_part(pf: ParameterFile, law: LawSection) -> LawPart:
         response=law.response,
         quantity=law.quantity,
         unit=law.unit,
+        short=short_equation(law),
         equation=law.equation,
+        scatter=scatter(law),
+        worked=() if refused(law.verdict) else worked_predictions(pf, law),
         form=law.form.replace("_", " "),
         structure=_structure(law),
-        verdict=verdict_part(law.response, law.verdict),
+        verdict=law_verdict(pf, law),
         suspects=suspect_parts(law, pf),
         without_words=without_words(law),
         level=percent(LEVEL),
@@ -73,6 +61,11 @@ def law_part(pf: ParameterFile, law: LawSection) -> LawPart:
         composite_words=_composite_words(law),
         posterior=posterior_part(law, posterior_of(pf, law)),
     )
+
+
+def refused(verdict: VerdictSection | None) -> bool:
+    """Whether a result must not be used: its card predicts nothing with it."""
+    return verdict is not None and verdict.concern == DO_NOT_USE
 
 
 def law_coefficients(law: LawSection, level: float = LEVEL) -> tuple[CoefficientPart, ...]:
@@ -211,11 +204,9 @@ def _check(name: str, check: LawCheck) -> CheckPart:
     title, symbol = TITLES.get(name, name.capitalize()), "statistic" if check.symbol is None else check.symbol
     if check.reason is not None:
         return CheckPart(name=title, verdict=UNTESTABLE, words=check.reason)
-    df = None if check.p is None else check.df
-    freedom = "" if df is None else f"({', '.join(map(str, df if isinstance(df, tuple) else [df]))})"
     return CheckPart(
         name=title,
-        statistic_name=f"{SYMBOLS.get(symbol, symbol)}{freedom}",
+        statistic_name=statistic_name(symbol, check.df, check.p),
         statistic=figure(check.statistic, 3) if symbol else NONE,
         p=probability(check.p),
         verdict=LEVELS[min(check.concern, 2)],
@@ -348,7 +339,11 @@ def _half_widths(law: LawSection, level: float) -> dict[str, float]:
 def _ends(value: float, half: float | None, se: float | None, is_scale: bool) -> tuple[NumberPart, NumberPart]:
     if half is None or not se or (is_scale and half > WIDEST) or half <= abs(value) * EXACT:
         return NONE, NONE
-    low, high = (value * math.exp(-half), value * math.exp(half)) if is_scale else (value - half, value + half)
+    if not is_scale:
+        return number(value - half, se), number(value + half, se)
+    low, high = value * math.exp(-half), value * math.exp(half)
+    if half > WIDE:  # the standard error has the decimals of neither end
+        return figure(low, 2), figure(high, 2)
     return number(low, se), number(high, se)
 
 

@@ -9,6 +9,7 @@ from .parts import FactPart, NumberPart
 LEVEL = 0.95  # of all intervals of a card
 NONE = NumberPart()
 INFINITE = NumberPart(text="infinite")
+UNBOUNDED = NumberPart(text="not bounded")
 LARGE = 1e7  # from here on a number is shown with its power of ten
 
 
@@ -126,6 +127,17 @@ def quantity(value: NumberPart) -> str:
 def between(low: NumberPart, high: NumberPart) -> str:
     """Both ends of an interval, or nothing."""
     return f"{low.text} … {high.text}" if low.text else ""
+
+
+def ends_words(low: NumberPart, high: NumberPart) -> str:
+    """Both ends of an interval in words; an end without a value is not bounded.
+
+    >>> ends_words(figure(24.4), figure(42.7, unit="min")), ends_words(figure(24.4, unit="min"), UNBOUNDED)
+    ('24.4 to 42.7 min', 'at least 24.4 min, not bounded above')
+    """
+    if high.value is not None:
+        return f"{low.text} to {quantity(high)}"
+    return f"at least {quantity(low)}, {UNBOUNDED.text} above" if low.value else UNBOUNDED.text
 
 
 def sentence(text: str) -> str:

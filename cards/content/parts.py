@@ -1,11 +1,15 @@
 """Content of a card, the same for print, browser and programs: every number with its text."""
 
+from collections.abc import Iterable
+from itertools import zip_longest
 from textwrap import shorten
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from ...core.display import HasRepr
+from ...core.verdict import DO_NOT_USE, MARKS, RESERVATIONS, USABLE, Mark
 
+CHECKED = {"passed": USABLE, "warning": RESERVATIONS, "failed": DO_NOT_USE}  # verdict of a check -> level of its mark
 BRIEF = 110  # characters of a reason in a list of verdicts
 
 
@@ -91,19 +95,43 @@ class DoubtPart(Part):
     command: str = ""
 
 
+class RemedyPart(Part):
+    """What to do about one reason of a verdict: a sentence, and the whole command where one does it."""
+
+    words: str
+    command: str = ""
+
+
 class VerdictPart(Part):
     """How far one result of the card can be used.
 
     ``level`` is 0 usable inside the tested region, 1 usable with reservations, 2 do not use for control, and null where
-    the result was not judged; ``words`` state it. Reasons are sentences, those against any use first.
+    the result was not judged; ``words`` state it. Reasons are sentences, those against any use first; ``remedies`` has
+    one for each of them, null where none is known.
     """
 
     of: str  # the response of a law, "tool life", "dynamics", "adaptive force"
     level: int | None
     words: str
     reasons: tuple[str, ...] = ()
+    remedies: tuple[RemedyPart | None, ...] = ()
     checked: tuple[str, ...] = ()
     not_checked: tuple[str, ...] = ()  # each with its reason
+
+    @property
+    def mark(self) -> Mark:
+        """Icon, colour and words of the level."""
+        return MARKS[self.level]
+
+    def without_remedy(self, suspects: "Iterable[SuspectPart]") -> tuple["SuspectPart", ...]:
+        """Those suspects whose command is not that of a remedy."""
+        commands = {remedy.command for remedy in self.remedies if remedy is not None}
+        return tuple(suspect for suspect in suspects if suspect.command not in commands)
+
+    @property
+    def reservations(self) -> tuple[tuple[str, RemedyPart | None], ...]:
+        """Each reason with its remedy, None where there is none."""
+        return tuple(zip_longest(self.reasons, self.remedies[: len(self.reasons)]))
 
     @property
     def first(self) -> str:
@@ -160,6 +188,11 @@ class CheckPart(Part):
     verdict: str  # passed, warning, failed, not testable
     words: str = ""
 
+    @property
+    def mark(self) -> Mark:
+        """Icon and colour of the verdict."""
+        return MARKS[CHECKED.get(self.verdict)]
+
 
 class DrawnParameterPart(Part):
     """A line of a posterior's table."""
@@ -185,13 +218,31 @@ class PosteriorPart(Part):
     sentences: tuple[str, ...] = ()
 
 
+class WorkedPart(Part):
+    """A prediction for one new observation at the middle of the tests, and the command that makes it."""
+
+    at: str  # ``V 100 m/min, f 0.19 mm/rev, t 6.32 min``
+    wear: str = ""  # where a wear is a factor: ``AW 0.152 mm from its own law``, ``AW held at 0.158 mm``
+    value: NumberPart
+    low: NumberPart
+    high: NumberPart
+    level: NumberPart  # of the interval
+    of: str  # one new observation on a new edge ...
+    inside: bool  # in the tested region
+    words: str  # the whole sentence
+    command: str
+
+
 class LawPart(Part):
     """One fitted equation."""
 
     response: str
     quantity: str
     unit: str
+    short: str  # the equation rounded by its uncertainty
     equation: str  # to the digits one computes with
+    scatter: FactPart | None = None  # of one row about the law: per cent, or in the unit
+    worked: tuple[WorkedPart, ...] = ()  # of a law on a wear: with the wear from its own law, then with the wear held
     form: str
     structure: str  # error structure and method
     verdict: VerdictPart
@@ -216,46 +267,22 @@ class LawPart(Part):
 
 
 class ToolLifePart(Part):
-    """Tool life at a criterion."""
+    """Tool life at a criterion: at the middle of the tests with its intervals, and as an equation."""
 
     verdict: VerdictPart
+    criterion: str  # ``AW 0.3 mm``
+    at: str  # ``V 100 m/min, f 0.19 mm/rev``
+    typical: NumberPart
+    level: NumberPart  # of the intervals, as their ends empty where there is none
+    low: NumberPart  # of the law
+    high: NumberPart
+    edge_low: NumberPart  # of one new edge
+    edge_high: NumberPart
+    longest: NumberPart  # test
+    extrapolated: bool  # beyond it
+    command: str
     equation: str
     words: tuple[str, ...]
-
-
-class BudgetLinePart(Part):
-    """A contribution to the uncertainty of a prediction."""
-
-    name: str  # ``exponent of V``, ``between edges``, ``rows of one edge`` ...
-    evaluation: str  # type A or B of the GUM
-    standard: NumberPart  # standard uncertainty of the source; empty of correlations
-    sensitivity: NumberPart  # change of the response by the source
-    contribution: NumberPart  # in the unit of the response; negative where correlations lower the sum
-    share: NumberPart  # of the combined variance, per cent
-    df: NumberPart
-
-
-class UncertaintyPart(Part):
-    """One statement according to the GUM: value, u, expanded uncertainty U = k u, coverage factor and level.
-
-    ``low`` and ``high`` are the same interval where it is asymmetric (multiplicative errors).
-    """
-
-    quantity: str
-    symbol: str
-    at: str  # where: ``V 100 m/min, f 0.19 mm/rev, t 10 min``
-    of: str  # the fitted law, or one new observation on a new edge
-    value: NumberPart
-    standard: NumberPart  # u, and U of it: first order for multiplicative errors
-    expanded: NumberPart
-    k: NumberPart
-    df: NumberPart  # of the t that k is a quantile of
-    level: NumberPart
-    low: NumberPart
-    high: NumberPart
-    words: str  # the whole statement
-    budget: tuple[BudgetLinePart, ...] = ()  # of one new observation; the shares add up to 100 %
-    budget_words: str = ""  # effective degrees of freedom and k, and what the budget does not contain
 
 
 class DynamicsPart(Part):
@@ -266,15 +293,6 @@ class DynamicsPart(Part):
     equation: str
     coefficients: tuple[CoefficientPart, ...]
     facts: tuple[FactPart, ...] = ()  # band, sample time, held-out fit, gain at rest, delay ...
-    sentences: tuple[str, ...] = ()
-
-
-class GainsPart(Part):
-    """The PI controller: gains with form and units, and its performance."""
-
-    facts: tuple[FactPart, ...]  # Kp, Ki, Ti, sample time, form ...
-    reached: tuple[FactPart, ...] = ()  # rise, settling, Ms, margins, probability
-    asked: tuple[FactPart, ...] = ()
     sentences: tuple[str, ...] = ()
 
 
@@ -370,7 +388,8 @@ class ProfilerPart(Part):
     """Sliders and the laws they move."""
 
     factors: tuple[FactorRangePart, ...] = ()
-    start: dict[str, float] = Field(default_factory=dict)
+    wears: tuple[FactorRangePart, ...] = ()  # that are held, where they are not taken from their own laws
+    start: dict[str, float] = Field(default_factory=dict)  # of factors and wears
     laws: tuple[ProfiledLawPart, ...] = ()
     of: str = "one new observation"  # kind of the bands
     level: float = 0.95

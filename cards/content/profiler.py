@@ -23,10 +23,13 @@ def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
     laws = tuple(profiled(law, pf) for law in pf.laws.values())
     if not laws:
         return None
-    sliders = _sliders(pf, laws)
+    own = {law.wear for law in laws}
+    ranges = _ranges(pf)
+    sliders = tuple(f for f in ranges if f.symbol not in own)
     return ProfilerPart(
         factors=sliders,
-        start={f.symbol: _start(f) for f in sliders},
+        wears=tuple(f for f in ranges if f.symbol in own),
+        start={f.symbol: _start(f) for f in ranges},
         laws=laws,
         of=band_of(pf),
         level=LEVEL,
@@ -46,7 +49,6 @@ def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLawPart:
     """A law with all that the profiler needs; of levels the reference."""
     covariance, scatter, t = _band(law)
     formula = law.formula
-    wear = next((f.symbol for f in law.factors if f.symbol in WEARS and _driven(pf, f.symbol)), "")
     return ProfiledLawPart(
         response=law.response,
         quantity=law.quantity,
@@ -67,7 +69,7 @@ def profiled(law: LawSection, pf: ParameterFile) -> ProfiledLawPart:
         covariance=covariance,
         scatter=scatter,
         t=t,
-        wear=wear,
+        wear=substituted_wear(law, pf),
     )
 
 
@@ -135,16 +137,21 @@ def inside(law: ProfiledLawPart, at: Mapping[str, float]) -> bool:
     return all(_leverage(space, [1.0, *coded]) <= space.largest * (1 + region.slack) for space in region.spaces)
 
 
-def profile_all(profiler: ProfilerPart, at: Mapping[str, float]) -> dict[str, Value]:
-    """Every law at the sliders; a law on wear takes it from the wear's own law, as the script does."""
+def profile_all(profiler: ProfilerPart, at: Mapping[str, float], *, held: bool = False) -> dict[str, Value]:
+    """Every law at the sliders; a law on wear takes it from its own law, or as in ``at`` where it is ``held``."""
     laws = {law.response: law for law in profiler.laws}
     out: dict[str, Value] = {}
     for law in sorted(profiler.laws, key=lambda each: bool(each.wear)):
         here = dict(at)
-        if law.wear:
+        if law.wear and not held:
             here[law.wear] = profile(laws[law.wear], at)[0]
         out[law.response] = profile(law, here)
     return {law.response: out[law.response] for law in profiler.laws}
+
+
+def substituted_wear(law: LawSection, pf: ParameterFile) -> str:
+    """The wear among the factors of a law that the file's own law of it can give; empty where there is none."""
+    return next((f.symbol for f in law.factors if f.symbol in WEARS and _driven(pf, f.symbol)), "")
 
 
 def _driven(pf: ParameterFile, wear: str) -> bool:
@@ -196,15 +203,13 @@ def _leverage(space: LeverageSpacePart, z: list[float]) -> float:
     return sum(a * c * b for a, row in zip(part, space.matrix, strict=True) for b, c in zip(part, row, strict=True))
 
 
-def _sliders(pf: ParameterFile, laws: tuple[ProfiledLawPart, ...]) -> tuple[FactorRangePart, ...]:
-    """A slider for each factor that is not itself predicted, over the union of the tested ranges."""
-    put_in = {law.wear for law in laws}
+def _ranges(pf: ParameterFile) -> tuple[FactorRangePart, ...]:
+    """The union of the tested ranges of each factor."""
     found: dict[str, FactorRangePart] = {}
     for law in pf.laws.values():
         for new in factor_ranges(law.factors, pf.design):
             old = found.get(new.symbol)
-            if new.symbol not in put_in:
-                found[new.symbol] = new if old is None else _widest(old, new)
+            found[new.symbol] = new if old is None else _widest(old, new)
     return tuple(found.values())
 
 

@@ -3,17 +3,18 @@
 from collections.abc import Mapping, Sequence
 
 from ...core.display import TextTable
+from ...core.verdict import MARKS
+from ...fit.checks.check import check_table as table_of_checks
 from .numbers import between, quantity
 from .parts import (
-    BudgetLinePart,
     CheckPart,
     CoefficientPart,
     FactorRangePart,
     FactPart,
     LawPart,
     PosteriorPart,
-    UncertaintyPart,
 )
+from .uncertainty import BudgetLinePart, UncertaintyPart
 
 
 def coefficient_table(lines: Sequence[CoefficientPart], law: LawPart | None = None) -> TextTable:
@@ -36,13 +37,17 @@ def coefficient_table(lines: Sequence[CoefficientPart], law: LawPart | None = No
 
 
 def check_table(checks: Sequence[CheckPart]) -> TextTable:
-    """Checks of a law: statistic, p value, verdict."""
-    return _table({
-        "check": [c.name for c in checks],
-        "statistic": [f"{c.statistic_name} = {c.statistic.text}" if c.statistic.text else "" for c in checks],
-        "p": [c.p.text for c in checks],
-        "verdict": [c.verdict for c in checks],
-    })  # fmt: skip
+    """Checks of a law: statistic, p value, verdict, as in a notebook."""
+    statistics = (f"{c.statistic_name} = {c.statistic.text}" if c.statistic.text else "" for c in checks)
+    lines = ((c.name, said, c.p.text, c.verdict) for c, said in zip(checks, statistics, strict=True))
+    return table_of_checks(lines)
+
+
+def holds_words(table: TextTable, column: int) -> bool:
+    """Whether a column is aligned left: the first, and those with a cell that begins with a letter or an icon."""
+    icons = tuple(mark.icon for mark in MARKS.values())
+    cells = (row[column] for row in table.rows)
+    return column == 0 or any(cell[:1].isalpha() or cell.startswith(icons) for cell in cells)
 
 
 def posterior_table(of: PosteriorPart) -> TextTable:

@@ -1,15 +1,21 @@
 """Tool life as text: at a criterion, from the wear curves, and Taylor's constants with their intervals."""
 
 import math
+from collections.abc import Mapping
 
 from ...core.errors import ParameterError
+from ...core.intervals import Kind
+from ...core.predictions import Prediction
 from ...core.rounding import format_plain
 from ...parameters import LawSection, ParameterFile
 from ...parameters.evaluation import IntervalOptions
 from ...parameters.prediction import predict_life
 from ...parameters.sections.law_parts import LifeSection, TaylorSection, ToolLifeSection
-from .parts import ToolLifePart
-from .verdicts import TOOL_LIFE, verdict_part
+from .design import at_words
+from .numbers import LEVEL, NONE, UNBOUNDED, figure, number, percent
+from .parts import NumberPart, ToolLifePart
+from .verdicts import TOOL_LIFE, verdict_part, with_remedies
+from .worked import predict_command
 
 DISTRIBUTIONS = {"lognormal": "lognormal", "weibull": "Weibull"}
 Ends = tuple[float | None, float | None]
@@ -20,18 +26,29 @@ def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
     life = pf.tool_life
     if life is None:
         return None
+    law = pf.laws.get(life.wear)
+    where = settings(life)
+    found = _predictions(life, law, where)
     c0, *exponents = life.coefficients.items()
     definition = (
         f"T is the time, in {life.unit}, at which {life.wear} reaches {life.criterion:g} {life.unit_of_wear}, solved "
         "from the wear law."
     )
-    at = ", ".join(f"{name} {value:.3g}" for name, value in life.typical_at.items())
+    at = ", ".join(f"{name} {value:.3g}" for name, value in where.items())
     place = f"At the middle of the ranges ({at})" if at else "At these conditions"
     longest = f"the longest test lasted {format_plain(life.t_observed, 3)} {life.unit}"
+    value = float(found[0].value) if found else life.typical
     end = f"; {longest}." if life.typical <= life.t_observed else f", but {longest}: this T is an extrapolation."
-    typical = f"{place}, T = {format_plain(life.typical, 3)} {life.unit}{_intervals(life, pf.laws.get(life.wear))}{end}"
+    typical = f"{place}, T = {format_plain(value, 3)} {life.unit}{_interval_words(found)}{end}"
     return ToolLifePart(
-        verdict=verdict_part(TOOL_LIFE, life.verdict),
+        verdict=with_remedies(pf, verdict_part(TOOL_LIFE, life.verdict)),
+        criterion=f"{life.wear} {life.criterion:g} {life.unit_of_wear}",
+        at="" if law is None else at_words(law, where, digits=3),
+        typical=figure(value, 3, life.unit),
+        **_bounds(found, life.unit),
+        longest=figure(life.t_observed, 3, life.unit),
+        extrapolated=life.typical > life.t_observed,
+        command=predict_command("T", where),
         equation=" ".join([f"T = {c0[1]:.6g}", *(f"{name}^{value:.6g}" for name, value in exponents)]),
         words=(definition, *_taylor(life), typical, *_curves(life)),
     )
@@ -75,20 +92,46 @@ def _plain(value: float) -> str:
     return f"{value:.0f}" if 1000 <= value < 1e6 else format_plain(value, 3)
 
 
-def _intervals(life: ToolLifeSection, law: LawSection | None) -> str:
-    """Intervals of the life at the middle, of the law and of one new edge, by Fieller's theorem."""
+def settings(life: ToolLifeSection) -> dict[str, float]:
+    """The middle of the tests to three digits, as it is printed and typed."""
+    return {name: float(f"{value:.3g}") for name, value in life.typical_at.items()}
+
+
+def _predictions(life: ToolLifeSection, law: LawSection | None, where: Mapping[str, float]) -> tuple[Prediction, ...]:
+    """The life at the middle, of the law and of one new edge, with Fieller's intervals; empty where there are none."""
     if law is None:
-        return ""
-    found = []
-    for kind, of in (("mean", "for the law"), ("prediction", "for one new edge")):
-        try:
-            one = predict_life(law, life, IntervalOptions(kind), life.typical_at)  # type: ignore[arg-type]
-        except ParameterError:
-            return ""
+        return ()
+    kinds: tuple[Kind, ...] = ("mean", "prediction")
+    try:
+        return tuple(predict_life(law, life, IntervalOptions(kind), where) for kind in kinds)
+    except ParameterError:
+        return ()
+
+
+def _interval_words(found: tuple[Prediction, ...]) -> str:
+    """Intervals of the life at the middle, of the law and of one new edge."""
+    said = []
+    for one, of in zip(found, ("for the law", "for one new edge"), strict=False):
         high = float(one.high)
         ends = _ends((float(one.low), high if high < float("inf") else None)).strip(" ()")
-        found.append(f"{ends} {of if one.of.count('one row') == 0 else 'for one row'}")
-    return f" (95 % interval {'; '.join(found)})"
+        said.append(f"{ends} {'for one row' if 'one row' in one.of else of}")
+    return f" (95 % interval {'; '.join(said)})" if said else ""
+
+
+def _bounds(found: tuple[Prediction, ...], unit: str) -> dict[str, NumberPart]:
+    """Ends of the intervals of the life, of the law and of one new edge, by field of the part."""
+    if not found:
+        return dict.fromkeys(("level", "low", "high", "edge_low", "edge_high"), NONE)
+    (low, high), (edge_low, edge_high) = (_ends_of(float(one.low), float(one.high), unit) for one in found)
+    return {"level": percent(LEVEL), "low": low, "high": high, "edge_low": edge_low, "edge_high": edge_high}
+
+
+def _ends_of(low: float, high: float, unit: str) -> tuple[NumberPart, NumberPart]:
+    """Ends rounded as ``fitmodels predict`` rounds them; unbounded for a wear whose exponent of t may be 0."""
+    if not math.isfinite(high):
+        return (figure(low, 3, unit) if math.isfinite(low) else UNBOUNDED), UNBOUNDED
+    width = min((high - low) / 2, low) if low > 0 else (high - low) / 2
+    return number(low, width, unit), number(high, width, unit)
 
 
 def _curves(life: ToolLifeSection) -> tuple[str, ...]:
@@ -130,7 +173,7 @@ def _at_middle(law: LawSection) -> str:
         return ""
     at = {f.symbol: math.sqrt(f.low * f.high) for f in law.factors}
     try:
-        mean, one = law.get_prediction("mean", **at), law.get_prediction("prediction", **at)  # type: ignore[arg-type]
+        mean, one = law.predict(at, "mean"), law.predict(at)
     except ParameterError:
         return ""
     where = ", ".join(f"{name} {value:.3g}" for name, value in at.items())

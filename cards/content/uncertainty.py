@@ -11,6 +11,7 @@ from typing import Any
 
 from ...core.errors import ParameterError
 from ...core.intervals import Kind
+from ...core.predictions import Prediction
 from ...core.rounding import format_rounded
 from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
@@ -20,8 +21,9 @@ from ...parameters.sections.law_parts import ToolLifeSection
 from .design import at_words, middle, reference
 from .laws import degrees
 from .numbers import INFINITE, LEVEL, count, figure, percent, places, t_quantile
-from .parts import BudgetLinePart, NumberPart, UncertaintyPart
+from .parts import NumberPart, Part
 from .profiler import ON_NEW_EDGE, ROW
+from .tool_life import settings
 
 UNBOUNDED = 20.0  # half width of ln T above which the interval of a tool life says nothing: a factor of 5e8
 OF = {
@@ -31,6 +33,41 @@ OF = {
     "life": "the fitted law",
     "edge": "one new edge",
 }
+
+
+class BudgetLinePart(Part):
+    """A contribution to the uncertainty of a prediction."""
+
+    name: str  # ``exponent of V``, ``between edges``, ``rows of one edge`` ...
+    evaluation: str  # type A or B of the GUM
+    standard: NumberPart  # standard uncertainty of the source; empty of correlations
+    sensitivity: NumberPart  # change of the response by the source
+    contribution: NumberPart  # in the unit of the response; negative where correlations lower the sum
+    share: NumberPart  # of the combined variance, per cent
+    df: NumberPart
+
+
+class UncertaintyPart(Part):
+    """One statement according to the GUM: value, u, expanded uncertainty U = k u, coverage factor and level.
+
+    ``low`` and ``high`` are the same interval where it is asymmetric (multiplicative errors).
+    """
+
+    quantity: str
+    symbol: str
+    at: str  # where: ``V 100 m/min, f 0.19 mm/rev, t 10 min``
+    of: str  # the fitted law, or one new observation on a new edge
+    value: NumberPart
+    standard: NumberPart  # u, and U of it: first order for multiplicative errors
+    expanded: NumberPart
+    k: NumberPart
+    df: NumberPart  # of the t that k is a quantile of
+    level: NumberPart
+    low: NumberPart
+    high: NumberPart
+    words: str  # the whole statement
+    budget: tuple[BudgetLinePart, ...] = ()  # of one new observation; the shares add up to 100 %
+    budget_words: str = ""  # effective degrees of freedom and k, and what the budget does not contain
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,17 +95,15 @@ def of_law(law: LawSection) -> tuple[UncertaintyPart, ...]:
     by = reference(law)
     where = at_words(law, at, by)
     try:
-        kinds = [law.get_prediction("mean", LEVEL, by, **at), law.get_prediction("prediction", LEVEL, by, **at)]
+        kinds = [law.predict(at, kind, level=LEVEL, by=by) for kind in ("mean", "prediction")]
     except ParameterError:
         return ()
-    df, outside = degrees(law), "" if kinds[0].inside else " The middle of the ranges lies outside the tested region."
-    if law.verdict is not None and law.verdict.concern == DO_NOT_USE:
-        outside += f" The verdict on the law is: {law.verdict.level}."
+    df, remarks = degrees(law), _remarks(law, kinds[0])
     out = []
     for p in kinds:
         found = _from_ends(float(p.value), float(p.low), float(p.high), df, multiplies=law.error == "multiplicative")
         of = OF["mean"] if p.kind == "mean" else OF.get(p.edge, p.edge)
-        statement = _statement(law.quantity, law.response, law.unit, where, of, found, outside)
+        statement = _statement(law.quantity, law.response, law.unit, where, of, found, remarks)
         out.append(_with_budget(statement, law, at, by) if p.kind == "prediction" else statement)
     return tuple(out)
 
@@ -108,7 +143,8 @@ def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyP
     """
     if law is None or not life.typical > 0:
         return ()
-    where = at_words(law, life.typical_at, digits=3)  # as in the text on tool life
+    at = settings(life)  # as in the text on tool life
+    where = at_words(law, at, digits=3)
     beyond = "" if life.typical <= life.t_observed else (
         f" No test lasted longer than {life.t_observed:.3g} {life.unit}: this is an extrapolation, and the interval "
         "does not include its error."
@@ -118,7 +154,7 @@ def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyP
     kinds: tuple[Kind, ...] = ("mean", "prediction")
     for kind in kinds:
         try:
-            p = predict_life(law, life, IntervalOptions(kind, LEVEL), life.typical_at)
+            p = predict_life(law, life, IntervalOptions(kind, LEVEL), at)
         except ParameterError:
             return ()
         known = law.edges is not None and law.edges.sd_between is not None
@@ -133,6 +169,14 @@ def _from_ends(value: float, low: float, high: float, df: int, *, multiplies: bo
     k = t_quantile(df)
     half = value * math.log(high / low) / 2 if multiplies else (high - low) / 2
     return _Found(value, half / k, k, df, low, high, multiplies)
+
+
+def _remarks(law: LawSection, predicted: Prediction) -> str:
+    """That the middle of the ranges was not tested, and that the law is not to be used."""
+    outside = "" if predicted.inside else " The middle of the ranges lies outside the tested region."
+    if law.verdict is None or law.verdict.concern != DO_NOT_USE:
+        return outside
+    return f"{outside} The verdict on the law is: {law.verdict.level}."
 
 
 def _statement(quantity: str, symbol: str, unit: str, where: str, of: str, f: _Found, more: str) -> UncertaintyPart:

@@ -1,17 +1,18 @@
-"""Verdicts of a parameter file, and the rows and edges that its checks find wrong, as parts of a card."""
+"""Verdicts of a parameter file with remedies, and the rows and edges that its checks find wrong, as parts of a card."""
 
+import re
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 from ...core.files import STANDARD_INPUT
 from ...core.rounding import format_plain
-from ...core.verdict import DO_NOT_USE, LEVELS, RESERVATIONS, USABLE
+from ...core.verdict import DO_NOT_USE, LEVELS, NOT_JUDGED, RESERVATIONS, USABLE
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import VerdictSection
-from ...parameters.sections.law_parts import SuspectValues
-from .parts import SuspectPart, VerdictPart
+from ...parameters.sections.law_parts import LawCheck, SuspectValues
+from .parts import RemedyPart, SuspectPart, VerdictPart
 
-NOT_JUDGED = "not judged"
 NO_VERDICT = (
     "The file holds no verdict on it: it was written by hand or by an earlier version, or no check could be made; "
     "fit the data again."
@@ -19,6 +20,73 @@ NO_VERDICT = (
 # what a verdict is of, besides laws
 TOOL_LIFE, DYNAMICS, DRIVE, GAINS, ADAPTIVE_FORCE = "tool life", "dynamics", "feed drive", "gains", "adaptive force"
 LISTED = 12  # edges or lines of a suspect that are named
+# Remedy of a check that has a concern: what to do, and the command that does it ("" where none does)
+REMEDIES: Mapping[str, tuple[str, str]] = MappingProxyType({
+    "copies": ("Check the record; leave copied rows out with --leave-out 'lines ...'.", ""),
+    "time exponent": ("Predict only inside the times tested, and compare other forms of the law.", "compare"),
+    "time between edges": ("Check unit and start of the times of each edge.", "look"),
+    "time within edges": ("Check that t = 0 is a new edge; compare other forms of the law.", "compare"),
+    "time restarts": ("Give t as the time in cut since the edge was new.", "look"),
+    "exponents": ("Check column and unit of the factor.", "look"),
+    "fixed exponents": ("Test several values of the factor.", "next"),
+    "possible values": ("Check columns and units; compare other forms of the law.", "look"),
+    "predictive use": ("Run more tests, first at the ends of the ranges.", "next"),
+    "missing conditions": ("Add the condition as a column, or its constant value with --value.", ""),
+    "form": ("Compare other forms of the law.", "compare"),
+    "curvature": ("Compare other forms of the law, and stay inside the tested conditions.", "compare"),
+    "single edges": ("Repeat the conditions of this edge on another one.", ""),
+    "prediction": ("Test more edges.", "next"),
+    "collinearity": ("Test conditions in which these factors do not vary together.", "next"),
+    "signal to noise": ("Test wider ranges of the conditions, or more edges.", "next"),
+    "scale of the response": ("Compare other forms and error structures of the law.", "compare"),
+    "order within edges": ("Use intervals by edge; compare forms with another course over time.", "compare"),
+    "even scatter": ("Allow for wider intervals where the scatter is larger; compare other forms.", "compare"),
+    "even scatter of edges": ("Repeat the conditions that scatter more on other edges.", ""),
+    "normality": ("Check the rows with the largest residuals (figures/residuals.png).", "look"),
+    "normality of edges": ("Repeat the conditions of the edges with the largest residuals.", ""),
+    "error structure": ("Compare other forms and error structures of the law.", "compare"),
+    "rival forms": ("Compare the forms, and keep the one that predicts best.", "compare"),
+    "number of edges": ("Test more edges.", "next"),
+    "gauge error": ("Measure the wear more precisely, or as the mean of several readings.", ""),
+    "agreement": ("Use the cluster-robust interval; further edges decide between the estimates.", "next"),
+    "reading": ("Look at the columns as they were read, and correct them.", "look"),
+    "run-outs": ("Run tests until the edges are worn out.", "next"),
+    "longest lives": ("Mark lives that did not end: 60+, or a column run-out.", ""),
+    "extrapolated lives": ("Run tests until the edges are worn out.", "next"),
+    "single lives": ("Repeat the test that it rests on.", "next"),
+})  # fmt: skip
+# Reasons of checks in a few words, where these differ from the name of the check
+SHORT: Mapping[str, str] = MappingProxyType({
+    "copies": "copied rows", "time exponent": "time exponents differ", "time between edges": "times of edges differ",
+    "time within edges": "not a power of time", "exponents": "unusual exponent",
+    "fixed exponents": "exponent not fitted",
+    "possible values": "impossible values", "predictive use": "predicts poorly",
+    "missing conditions": "condition missing",
+    "form": "lack of fit", "collinearity": "factors vary together", "signal to noise": "scatter hides the effect",
+    "prediction": "rests on few edges", "single edges": "rests on one edge",
+    "scale of the response": "curved or uneven",
+    "order within edges": "rows of an edge alike", "even scatter": "scatter not even",
+    "even scatter of edges": "scatter not even", "normality": "scatter not normal", "reading": "doubts about the data",
+    "normality of edges": "scatter not normal", "rival forms": "another form predicts better",
+    "number of edges": "edges not named", "agreement": "estimates disagree",
+    "longest lives": "run-outs not marked",
+    "extrapolated lives": "lives extrapolated", "single lives": "rests on one life", "run-outs": "many run-outs",
+})  # fmt: skip
+# Remedies of reasons that are of no check of a law, by their beginnings
+OF_REASONS = (
+    (("The life of", "No test reached", "95 % of lives", "The 95 % interval of the time"),
+     "Run edges until the wear reaches the criterion.", "next"),
+    (("No edge is named", "The file names no edges"), "Add a column 'edge' with a number for each cutting edge.", ""),
+    (("Taylor's n", "Life rises", "A life of"), "Check columns and units of speed, time and wear.", "look"),
+)  # fmt: skip
+OPTION = re.compile(r"""--(?:by|law|form|correct|leave-out) (?:"[^"]*"|'[^']*'|[^\s"'();,]+)""")
+CORRECTING = re.compile(r" --(by|law|form|correct|leave-out) ")  # options that remove a reason
+SUSPECTED = "Compare with the record: correct the values, or leave them out."
+READING = (
+    "--map", "--unit", "--range", "--value", "--correct", "--leave-out", "--edge", "--process", "--tool", "--work",
+    "--decimal", "--delimiter", "--sheet", "--hidden",
+)  # fmt: skip
+FLAGS = ("--force", "--json", "--full", "--quiet", "-q", "--student", "--verify", "--posterior-figures")
 
 
 def verdict_part(of: str, verdict: VerdictSection | None) -> VerdictPart:
@@ -71,8 +139,74 @@ def verdicts_of(pf: ParameterFile) -> tuple[VerdictPart, ...]:
         (TOOL_LIFE, pf.tool_life), (DYNAMICS, pf.dynamics), (DRIVE, pf.drive), (GAINS, gains),
         (ADAPTIVE_FORCE, pf.adaptive_force),
     )  # fmt: skip
-    laws = (verdict_part(response, law.verdict) for response, law in pf.laws.items())
-    return (*laws, *(verdict_part(name, section.verdict) for name, section in others if section is not None))
+    laws = (law_verdict(pf, law) for law in pf.laws.values())
+    found = (verdict_part(name, section.verdict) for name, section in others if section is not None)
+    return (*laws, *(with_remedies(pf, one) for one in found))
+
+
+def law_verdict(pf: ParameterFile, law: LawSection) -> VerdictPart:
+    """The verdict on a law, with a remedy for each of its reasons."""
+    return with_remedies(pf, verdict_part(law.response, law.verdict), law.checks)
+
+
+def with_remedies(
+    pf: ParameterFile, verdict: VerdictPart, checks: Mapping[str, LawCheck] = MappingProxyType({})
+) -> VerdictPart:
+    """The verdict with a remedy for each of its reasons, None where none is known; ``checks`` are those of its law."""
+    by_reason = {check.verdict: (name, check) for name, check in checks.items() if check.concern}
+    remedies = tuple(_remedy_of(pf, reason, *by_reason.get(reason, ("", None))) for reason in verdict.reasons)
+    return verdict.model_copy(update={"remedies": remedies})
+
+
+def _first_remedy(pf: ParameterFile) -> str:
+    """Options that settle the first doubt of the reading that has such options; empty without one."""
+    doubts = () if pf.reading is None else pf.reading.doubts
+    return next((one.remedy for one in doubts if one.remedy), "")
+
+
+def _remedy_of(pf: ParameterFile, reason: str, name: str, check: LawCheck | None) -> RemedyPart | None:
+    """The remedy of one reason: the option that it names, the correction of suspects, or that of its check."""
+    if check is not None and check.suspects:
+        remedies = " ".join(dict.fromkeys(_remedy(suspect) for suspect in check.suspects))
+        return RemedyPart(words=SUSPECTED, command=f"{_command(pf)} {remedies}")
+    if option := OPTION.search(reason):
+        words = "If the record confirms it" if name.startswith("time") else "Fit the law so"
+        refitted = "" if option[0].startswith(("--correct", "--leave-out")) else " --force"  # not a former reading
+        return RemedyPart(words=f"{words}: {option[0]}.", command=f"{_command(pf)} {option[0]}{refitted}")
+    if name == "reading" and (option_of_doubt := _first_remedy(pf)):
+        words = f"If this is so, read the file with {option_of_doubt}."
+        return RemedyPart(words=words, command=f"{_command(pf)} {option_of_doubt}")
+    if name == "number of edges" and (column := reason.removesuffix(".").partition("name its edges with --edge ")[2]):
+        edge = f"--edge {shlex.quote(column)}"
+        return RemedyPart(words=f"If {column} numbers the edges: {edge}.", command=f"{_command(pf)} {edge}")
+    if reason == NO_VERDICT:
+        return RemedyPart(words="Fit the data again.", command=_command(pf))
+    found = next((pair for heads, *pair in OF_REASONS if reason.startswith(heads)), None) or REMEDIES.get(name)
+    return None if found is None else RemedyPart(words=found[0], command=found[1] and follow_up(pf, found[1]))
+
+
+def follow_up(pf: ParameterFile, name: str) -> str:
+    """The command ``name`` on the data of the file, read with the same options; empty of standard input.
+
+    >>> from fitmodels import parameters
+    >>> pf = parameters.collect(tool="T", work="W", command="fitmodels d.csv --map V=col2 --draws 1000 --full")
+    >>> follow_up(pf, "next")
+    'fitmodels next d.csv --map V=col2'
+    """
+    words = shlex.split(_command(pf))[1:]
+    kept = (*READING, "--criterion") if name == "next" else READING
+    found = [word for group in _groups(words) if not group[0].startswith("-") or group[0].split("=")[0] in kept
+             for word in group]  # fmt: skip
+    return "" if not found or "-" in words else shlex.join(["fitmodels", name, *found])
+
+
+def _groups(words: Sequence[str]) -> Iterator[list[str]]:
+    """The words of a command, each option with its value."""
+    rest = list(words)
+    while rest:
+        word = rest.pop(0)
+        has_value = word.startswith("-") and "=" not in word and word not in (*FLAGS, "--hidden", "--") and rest
+        yield [word, rest.pop(0)] if has_value else [word]
 
 
 def law_cautions(pf: ParameterFile, responses: Iterable[str]) -> list[str]:
@@ -148,3 +282,44 @@ def _place(edges: Sequence[str], lines: Sequence[int]) -> str:
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
+
+
+def with_reasons(verdicts: Sequence[VerdictPart]) -> list[VerdictPart]:
+    """The verdicts with reasons, the worst first."""
+    order = (DO_NOT_USE, None, RESERVATIONS)
+    found = (one for one in verdicts if one.level != USABLE and one.reasons)
+    return sorted(found, key=lambda one: order.index(one.level))
+
+
+def remedy_command(verdicts: Sequence[VerdictPart]) -> list[str]:
+    """Words of the command that is shown as the remedy of the largest reservation; empty without one."""
+    held = with_reasons(verdicts)
+    remedy = main_reason(held[0])[0][1] if held else None
+    return shlex.split(remedy.command) if remedy else []
+
+
+def measured_first(pf: ParameterFile, computed: Collection[str]) -> ParameterFile:
+    """The file with the laws of measured responses before those of computed ones."""
+    order = sorted(pf.laws, key=lambda name: name in computed)
+    return pf.model_copy(update={"laws": {name: pf.laws[name] for name in order}})
+
+
+def short_reasons(law: LawSection, verdict: VerdictPart) -> list[str]:
+    """The reasons of the verdict on a law in two or three words each, in their order."""
+    by_reason = {check.verdict: name for name, check in law.checks.items() if check.concern}
+    names = (
+        ("few edges" if reason.startswith("Only") else "") or by_reason.get(reason, "") for reason in verdict.reasons
+    )
+    return list(dict.fromkeys(SHORT.get(name, name) for name in names if name))
+
+
+def main_reason(verdict: VerdictPart) -> tuple[tuple[str, RemedyPart | None], ...]:
+    """The first reason with its remedy; of reservations the first that an option removes, if there is one.
+
+    Empty where there is no reason.
+    """
+    found = verdict.reservations
+    if verdict.level == RESERVATIONS:
+        done = [(why, remedy) for why, remedy in found if remedy and CORRECTING.search(remedy.command)]
+        return (*done, *found)[:1]
+    return found[:1]

@@ -266,7 +266,7 @@ def _reaches(r: RoughnessSection, pf: ParameterFile) -> list[str]:
     if law.residual_se is None:
         return []
     at: dict[str, Any] = {law.factors[0].symbol: r.force}
-    return [law.get_prediction("prediction", **at).words]
+    return [law.predict(at).words]
 
 
 def operation_window(pf: ParameterFile) -> WindowPart | None:

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from ...core.display import TextTable
+from ...core.verdict import DO_NOT_USE, MARKS, RESERVATIONS
 from ..content.card import Card
-from ..content.numbers import fact_line, fact_text, quantity
-from ..content.parts import DoubtPart, FactorRangePart, LawPart, SuspectPart, VerdictPart
+from ..content.numbers import ends_words, fact_line, fact_text, quantity
+from ..content.parts import DoubtPart, FactorRangePart, LawPart, RemedyPart, SuspectPart, ToolLifePart, VerdictPart
 from ..content.tables import (
     budget_table,
     check_table,
     coefficient_table,
     fact_table,
     factor_table,
+    holds_words,
     posterior_table,
     uncertainty_table,
 )
@@ -28,10 +30,12 @@ if TYPE_CHECKING:
 
 FIELDS = {"tool_life": "tool life", "windows": "operating window", "design": "tests", "doubts": "doubts about the data"}
 # Markdown's own characters; an underscore inside a word is none of them
-MARKS = re.compile(r"([\\`*\[\]|~#{}$]|(?<![^\W_])_|_(?![^\W_]))")
+SPECIAL = re.compile(r"([\\`*\[\]|~#{}$]|(?<![^\W_])_|_(?![^\W_]))")
 ENTITY = re.compile(r"&(?=[#\w])")
 TAG = re.compile(r"<(?![\d ])")  # <0.001 is no tag
 LEAD = re.compile(r"^(?:(\d+)(?=[.)](?:\s|$))|(?=[-+](?:[\s-]|$)|=+$))")
+NO_PREDICTION = "No prediction: this law must not be used."
+OUTSIDE = f"{MARKS[RESERVATIONS].icon} outside the tested region: extrapolated"
 UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")  # control and bidirectional characters
 
 
@@ -75,7 +79,7 @@ def text(value: object) -> str:
     &lt;b&gt; a_1 \[x\](y) p <0.001
     """
     safe = ENTITY.sub("&amp;", one_line(value))
-    safe = TAG.sub("&lt;", MARKS.sub(r"\\\1", safe)).replace(">", "&gt;")
+    safe = TAG.sub("&lt;", SPECIAL.sub(r"\\\1", safe)).replace(">", "&gt;")
     return LEAD.sub(lambda found: f"{found[1] or ''}\\", safe, count=1)
 
 
@@ -103,28 +107,65 @@ def _doubts(doubts: Sequence[DoubtPart]) -> str:
     return "".join(lines) + "\n"
 
 
-def _verdicts(verdicts: Sequence[VerdictPart]) -> str:
-    """The verdict on each result with its first reason, as bullets."""
-    lines = (f"- **{text(v.of)}**: {text(v.words)}{f': {text(v.first)}' if v.first else ''}\n" for v in verdicts)
-    return "".join(lines) + "\n"
+def _results(card: Card) -> str:
+    """Each result as a bullet: verdict, equation, worked prediction, scatter; then its reasons and remedies."""
+    laws = {law.response: law for law in card.laws}
+    life = card.tool_life
+    lines = []
+    for verdict in card.verdicts:
+        law = laws.get(verdict.of)
+        more = _of_law(law) if law else _of_life(life) if life is not None and verdict is life.verdict else []
+        lines.append(f"- {verdict.mark.icon} **{text(verdict.of)}**: {text(verdict.words)}.")
+        lines += [f"  - {line}" for line in (*more, *_reservations(verdict, law.suspects if law else ()))]
+    return "\n".join(lines) + "\n\n"
+
+
+def _of_law(law: LawPart) -> list[str]:
+    """Rounded equation, worked predictions with the command of the first, scatter."""
+    unit = f", {law.unit}" if law.unit else ""
+    lines = [f"{text(law.quantity + unit)}: {code(law.short)}"]
+    for one in law.worked:
+        where = ", ".join(filter(None, (one.at, one.wear))) + ("" if one.inside else f"; {OUTSIDE}")
+        ends = f"{one.low.text} to {quantity(one.high)}"
+        lines.append(text(f"{quantity(one.value)} ({ends}, {quantity(one.level)} for {one.of}) at {where}"))
+    lines += [code(law.worked[0].command)] if law.worked else []
+    lines += [NO_PREDICTION] if law.verdict.level == DO_NOT_USE else []
+    return lines + ([text(f"scatter {quantity(law.scatter.number)}: {law.scatter.words}")] if law.scatter else [])
+
+
+def _of_life(life: ToolLifePart) -> list[str]:
+    """Life at the middle with its intervals, whether it is extrapolated, and the command."""
+    beyond = "extrapolated: the" if life.extrapolated else "the"
+    ends = f" ({ends_words(life.edge_low, life.edge_high)}, {quantity(life.level)} for one new edge; "
+    law = f"{ends_words(life.low, life.high)} for the law)"
+    interval = ends + law if life.low.text else ""
+    at = f" at {life.at}" if life.at else ""
+    said = f"{life.criterion} after {quantity(life.typical)}{interval}{at}; {beyond} longest test lasted "
+    return [text(f"{said}{quantity(life.longest)}"), code(life.command)]
+
+
+def _reservations(verdict: VerdictPart, suspects: Sequence[SuspectPart]) -> list[str]:
+    """Each reason with its icon, and what is suspected with the command that corrects it."""
+    reasons = [f"{verdict.mark.icon} {text(why)}{_remedy(remedy)}" for why, remedy in verdict.reservations]
+    return reasons + [f"{text(one.words)} {code(one.command)}" for one in verdict.without_remedy(suspects)]
+
+
+def _remedy(remedy: RemedyPart | None) -> str:
+    if remedy is None:
+        return ""
+    return f" **Remedy:** {text(remedy.words)}{f' {code(remedy.command)}' if remedy.command else ''}"
 
 
 def _verdict(verdict: VerdictPart) -> str:
-    """The verdict on one result with its reasons, a paragraph: the indented line after a list would belong to it."""
-    return " ".join([f"**Verdict: {text(verdict.words)}.**", *map(text, verdict.reasons)])
-
-
-def _suspects(suspects: Sequence[SuspectPart]) -> str:
-    """Each group of suspected values as a bullet, with the command that corrects them."""
-    lines = "".join(f"- {text(suspect.words)} {code(suspect.command)}\n" for suspect in suspects)
-    return f"Suspected values:\n\n{lines}\n" if lines else ""
+    """The verdict on one result with its icon."""
+    return f"**{verdict.mark.icon} Verdict: {text(verdict.words)}.**"
 
 
 def _table(table: TextTable) -> str:
     """A table with its blank line, columns of words aligned left; nothing where there are no rows."""
     if not table.rows:
         return ""
-    words = [j == 0 or any(row[j][:1].isalpha() for row in table.rows) for j in range(len(table.header))]
+    words = [holds_words(table, j) for j in range(len(table.header))]
     rows = (table.header, *table.rows)
     head, *lines = (f"| {' | '.join(map(text, row))} |" for row in rows)
     return "\n".join([head, f"|{'|'.join('---' if left else '--:' for left in words)}|", *lines]) + "\n\n"
@@ -172,8 +213,7 @@ def _example(card: Card) -> str:
         said = ["**{" + ", ".join(f"{_python_text(name)}: {value}" for name, value in at.items()) + "}"]
     levels = any("[" in c.name and c.name not in at for c in law.coefficients[1:])
     asked = ", ".join([*(["by=law.by.reference"] if levels else []), *said])
-    unit = f"  # {one_line(law.unit)}" if law.unit and "`" not in law.unit else ""
-    return f"law = pf.laws[{_python_text(law.response)}]\nlaw.predict({asked}){unit}"
+    return f"law = pf.laws[{_python_text(law.response)}]\nprint(law.predict({asked}).words)"
 
 
 def _python_text(value: str) -> str:
@@ -201,9 +241,8 @@ def _template() -> "Template":
         reasons=_reasons,
         bullets=_bullets,
         doubts=_doubts,
-        verdicts=_verdicts,
+        results=_results,
         verdict=_verdict,
-        suspects=_suspects,
         line=lambda facts: text(fact_line(facts)),
         fact=lambda item: text(fact_text(item)),
         domain=_domain,

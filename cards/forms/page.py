@@ -1,38 +1,47 @@
 """The card as a page: one self-contained HTML file that makes no requests."""
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
-from urllib.parse import quote
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
-from ...core.rounding import format_plain, format_rounded
-from ...parameters import ParameterFile
-from ..content.card import Card
-from ..content.parts import CoefficientPart, FactorRangePart, NumberPart, ProfilerPart
+from ...core.display import Display, Displayable, TextTable
+from ...core.errors import UsageError
+from ...core.rounding import format_plain, format_rounded, with_unit
+from ...core.suggestions import did_you_mean
+from ...fit import LawFit
+from ...parameters import ParameterFile, collect, read
+from ..content.card import Card, compose
+from ..content.guidance import join_words
+from ..content.numbers import ends_words, quantity
+from ..content.parts import FactorRangePart, ProfilerPart
 from ..content.profiler import Value, inside, profile_all
 from .page_figures import vector_figures
-from .rendering import asset, checksum, environment
+from .rendering import (
+    anchor,
+    asset,
+    checksum,
+    data_block,
+    doi,
+    environment,
+    equation,
+    interval,
+    number,
+    prose,
+    spread,
+)
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
 SPACES = re.compile(r"\s+")
-UNITS = "mm/rev|mm/min|m/min|1/min|min|mm|µm|um|kW|kN|Nm|N|Hz|ms|s|V|A|%"
-WORTH = re.compile(
-    r"(?P<doi>\b10\.\d{4,9}/[\w.;()/:-]*\w)"
-    rf"|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]* (?:{UNITS})(?![\w/]))"
-    r"|(?P<probability>\bp (?:[<=] ?)?\d?\.\d+(?:e-\d+)?)"
-    r"|(?P<power_of_ten>[-−]?\d[\d.]*e-?\d+)"
-    rf"|(?P<letters>\bU = k u\b|\b[uk] = \d[\d.e-]*(?: (?:{UNITS})(?![\w/]))?)"
-)
-LEVELS = " for "  # separates an equation from the level of the category that it is of
-TOKEN = re.compile(r"(?P<number>\d+\.?\d*(?:e[+-]?\d+)?)|(?P<function>exp|ln)(?=\()|(?P<name>[^\W\d]\w*)")
-POWER = re.compile(r"\^(-?[\d.]+(?:e[+-]?\d+)?)")
-DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/)?(10\.\d{4,9}/\S+)")
-LONGEST = 24  # characters
+REACH = 1.2  # of a slider beyond the tested range, as in profiler.js
+COUNTED = ("rows", "edges")  # facts on the tests at the head of a page
 
 
 class ProfiledPoint(NamedTuple):
@@ -40,6 +49,7 @@ class ProfiledPoint(NamedTuple):
 
     at: tuple[str, ...]
     values: tuple["ProfiledValue", ...]
+    held: tuple["ProfiledValue", ...]  # of laws on a wear, with the wear held at the middle of its range
     removal: str
 
 
@@ -84,17 +94,219 @@ def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "",
     style = asset("page.css") + _running_title(card.title)
     script = asset("profiler.js")
     return _template().render(
-        card=card,
+        **profiler_context(card),
         figures=figures,
+        contents=_contents(card),
         style=Markup(style),  # noqa: S704  our own, the title in it as a CSS string
         script=Markup(script),  # noqa: S704  our own
         style_hash=checksum(style),
         script_hash=checksum(script),
-        profiler=None if card.profiler is None else data_block(card.profiler.model_dump_json()),
-        points=[] if card.profiler is None else list(points(card.profiler)),
         json_ld=data_block(json_ld),
         neighbours=neighbours,
     )
+
+
+def profiler_context(card: Card) -> dict[str, object]:
+    """What the template of the profiler needs: the card, its data, and predictions at a few points."""
+    profiler = card.profiler
+    return {
+        "card": card,
+        "profiler": None if profiler is None else data_block(profiler.model_dump_json()),
+        "points": [] if profiler is None else list(points(profiler)),
+    }
+
+
+def _contents(card: Card) -> list[tuple[str, str, bool]]:
+    """Anchor and heading of each section, and whether the card has it."""
+    laws = bool(card.laws)
+    return [
+        ("results", "Results and verdicts", bool(card.verdicts)),
+        ("predicts", "Predictions", laws),
+        ("profiler", "Profiler", laws),
+        ("laws", "Laws and checks", laws),
+        ("tool-life", "Tool life", card.tool_life is not None),
+        ("window", "Window and settings", bool(card.windows)),
+        ("dynamics", "Dynamics", card.dynamics is not None),
+        ("gains", "Gains", card.gains is not None),
+        ("uncertainty", "Uncertainty", bool(card.uncertainty)),
+        ("design", "Design and data", card.design is not None),
+        ("use", "Use and limits", True),
+        ("safety", "Safety", True),
+        ("provenance", "For publishers", True),
+    ]
+
+
+WIDGET_STYLE = """
+body { max-width: 60rem; padding: .5rem 1rem; }
+h1 { font-size: 1.1rem; }
+.simulated { font-size: .875rem; padding: .3rem .8rem; }
+.simulated strong { font-size: 1em; display: inline; }
+"""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Profiler(Displayable):
+    """The profiler of a card for a notebook: a slider for each factor, and each prediction with its interval.
+
+    In a notebook it is a page of its own in a frame, with the script of the card: it needs neither a network nor a
+    running kernel. Viewers without scripts show the table of `summary`.
+
+    Attributes
+    ----------
+    card : Card
+    """
+
+    card: Card
+
+    @property
+    def page(self) -> str:
+        """The page in the frame: one HTML file that makes no requests."""
+        style, script = asset("page.css") + WIDGET_STYLE, asset("profiler.js")
+        return _template("widget.html").render(
+            **profiler_context(self.card),
+            style=Markup(style),  # noqa: S704  our own
+            script=Markup(script),  # noqa: S704  our own
+            style_hash=checksum(style),
+            script_hash=checksum(script),
+        )
+
+    def write(self, path: str | os.PathLike[str]) -> Path:
+        """Write the page to a file and return its path."""
+        Path(path).write_text(self.page, encoding="utf-8")
+        return Path(path)
+
+    def _display(self) -> Display:
+        part = cast(ProfilerPart, self.card.profiler)
+        rows = tuple((*point.at, *map(_cell, point.values)) for point in points(part))
+        head = tuple(with_unit(one.symbol, one.unit) for one in part.factors)
+        held = tuple(with_unit(law.response, law.unit) for law in part.laws)
+        verdicts = tuple(f"{one.of}: {one.mark.icon} {one.words}" for one in self.card.verdicts)
+        title = f"{self.card.title}{', simulated, not measured' if self.card.identity.simulated else ''}"
+        interval = f"Each with the {100 * part.level:g} % interval of {part.of}."
+        return Display(title, table=TextTable((*head, *held), rows), sentences=(*verdicts, interval))
+
+    def _repr_mimebundle_(self, **_: object) -> dict[str, str]:
+        """The frame as HTML, and the table as text for viewers that show no HTML."""
+        return {"text/html": self._repr_html_(), "text/plain": self.summary()}
+
+    def _repr_html_(self) -> str:
+        part = cast(ProfilerPart, self.card.profiler)
+        height = 270 + 92 * max(len(part.factors), len(part.laws)) + 70 * bool(part.wears)
+        height += 40 * bool(self.card.identity.simulated)
+        frame = Markup(
+            '<iframe srcdoc="{}" sandbox="allow-scripts" title="{}" width="100%" height="{}" '
+            'style="border: 1px solid #8888; max-width: 62rem"></iframe>'
+        ).format(self.page, f"Profiler of {self.card.title}", height)
+        table = Displayable._repr_html_(self)
+        return f"{frame}<details><summary>The same as a table, for viewers without scripts</summary>{table}</details>"
+
+
+def profiler(source: Any, at: Mapping[str, float] | None = None) -> Profiler:  # noqa: ANN401
+    """The interactive profiler of laws, for a notebook.
+
+    Parameters
+    ----------
+    source : ParameterFile, path, Analysis, LawFit or sequence of LawFit
+        What holds the laws; a path is that of a params.json.
+    at : mapping of str to float, optional
+        Where the sliders begin, in the units of the laws; in the middle of the tested ranges otherwise.
+
+    Raises
+    ------
+    UsageError
+        The source holds no law, or ``at`` names no factor or a value that the slider does not reach.
+
+    Examples
+    --------
+    >>> from fitmodels import cards, datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("ac2017_table1"))
+    >>> cards.profiler(fit.power_law(runs, "AW", ["V", "f"]))
+    Profiler: GC435 on 709M40 (En 19), simulated, not measured
+    """
+    card = compose(_file_of(source))
+    if card.profiler is None:
+        raise UsageError(f"{card.title}: the parameter file holds no law; a profiler needs one.")
+    start = dict(card.profiler.start)
+    sliders = {one.symbol: one for one in (*card.profiler.factors, *card.profiler.wears)}
+    for name, value in (at or {}).items():
+        if name not in sliders:
+            raise UsageError(f"at: {name!r} is no slider. {did_you_mean(name, sliders, names='There are ')}")
+        start[name] = _within_reach(sliders[name], value)
+    return Profiler(card.model_copy(update={"profiler": card.profiler.model_copy(update={"start": start})}))
+
+
+def _within_reach(f: FactorRangePart, value: float) -> float:
+    """A value on the slider of a factor, which ends a fifth beyond the tested range."""
+    low, high = f.low.value or 0.0, f.high.value or 0.0
+    ends = (
+        (low / REACH, high * REACH)
+        if low > 0
+        else (low - (REACH - 1) * (high - low), high + (REACH - 1) * (high - low))
+    )
+    if isinstance(value, int | float) and ends[0] * (1 - 1e-9) <= value <= ends[1] * (1 + 1e-9):
+        return float(value)
+    tested = f"{f.low.text} to {f.high.text} {f.unit}".rstrip()
+    raise UsageError(f"at: {f.symbol} {value!r} is not on its slider; tested {tested}, the slider ends a fifth beyond.")
+
+
+def _file_of(source: Any) -> ParameterFile:  # noqa: ANN401
+    """The parameter file of what holds laws."""
+    if isinstance(source, ParameterFile):
+        return source
+    if isinstance(source, str | os.PathLike):
+        return read(source)
+    if isinstance(held := getattr(source, "parameters", None), ParameterFile):  # of an analysis
+        return held
+    laws: list[Any] = [getattr(one, "law", one) for one in (source if isinstance(source, list | tuple) else [source])]
+    if not laws or not all(isinstance(law, LawFit) for law in laws):
+        raise UsageError(
+            f"{type(source).__name__}: no source of a profiler; give a law, a list of laws, an analysis, a parameter "
+            "file or the path of a params.json."
+        )
+    first = laws[0].source
+    return collect(laws=laws, tool=first.tool or "tool not stated", work=first.work or "work not stated")
+
+
+def _cell(value: ProfiledValue) -> str:
+    """A prediction with its interval, and a note where it was not tested."""
+    band = f" ({value.low} to {value.high})" if value.low else ""
+    return f"{value.value}{band}{'' if value.inside else ', not tested'}"
+
+
+def data_words(card: Card) -> str:
+    """Whether the data were measured, and how many rows and edges there are.
+
+    >>> from fitmodels import parameters
+    >>> from fitmodels.cards.content.card import compose
+    >>> data_words(compose(parameters.collect(tool="GC435", work="709M40")))
+    'measured'
+    """
+    kind = {True: "simulated", False: "measured", None: "not known whether measured"}[card.identity.simulated]
+    facts = () if card.design is None else card.design.facts
+    counts = [f"{item.number.text} {item.name}" for item in facts if item.name in COUNTED and item.number.text]
+    return ", ".join([kind, *counts])
+
+
+def legend(card: Card) -> list[str]:
+    """What stands in brackets after the worked predictions, and what the scatter is, each once for all laws."""
+    brackets: dict[str, list[str]] = {}
+    scatters: dict[str, list[str]] = {}
+    for law in card.laws:
+        for one in law.worked[:1]:
+            words = f"{quantity(one.level)} prediction interval for {one.of}"
+            brackets.setdefault(words, []).append(law.response)
+        if law.scatter is not None:
+            scatters.setdefault(law.scatter.words, []).append(law.response)
+    said = [_each(name, found) for name, found in (("In brackets", brackets), ("Scatter", scatters)) if found]
+    on_wear = [law.response for law in card.laws if len(law.worked) > 1]
+    return said + ([f"{join_words(on_wear)} at two wears; each interval is that at the wear shown."] if on_wear else [])
+
+
+def _each(name: str, found: Mapping[str, Sequence[str]]) -> str:
+    """A sentence on what a number is; where it differs between laws, of which."""
+    if len(found) == 1:
+        return f"{name}: {next(iter(found))}."
+    return f"{name}: {'; '.join(f'of {join_words(list(laws))} {words}' for words, laws in found.items())}."
 
 
 def points(profiler: ProfilerPart) -> Iterator[ProfiledPoint]:
@@ -107,16 +319,18 @@ def points(profiler: ProfilerPart) -> Iterator[ProfiledPoint]:
 
 
 def _point(profiler: ProfilerPart, at: Mapping[str, float]) -> ProfiledPoint:
-    answers = profile_all(profiler, at)
+    answers, answers_held = profile_all(profiler, at), profile_all(profiler, at, held=True)
     wears = {law.wear: answers[law.wear][0] for law in profiler.laws if law.wear}
-    laws = {law.response: law for law in profiler.laws}
     known = {law.response: inside(law, {**at, **wears}) for law in profiler.laws}
     values = tuple(
-        ProfiledValue(*value_texts(answers[name]), known[name] and (not law.wear or known[law.wear]))
-        for name, law in laws.items()
+        ProfiledValue(*value_texts(answers[law.response]), known[law.response] and known.get(law.wear, True))
+        for law in profiler.laws
+    )
+    held = tuple(
+        ProfiledValue(*value_texts(answers_held[law.response]), inside(law, at)) for law in profiler.laws if law.wear
     )
     settings = tuple(format_plain(at[f.symbol], 4) for f in profiler.factors)
-    return ProfiledPoint(settings, values, _removal_rate(profiler, at))
+    return ProfiledPoint(settings, values, held, _removal_rate(profiler, at))
 
 
 def _removal_rate(profiler: ProfilerPart, at: Mapping[str, float]) -> str:
@@ -147,86 +361,9 @@ def _running_title(title: str) -> str:
     return f'\n@page{{@top-left{{content:"{safe}"}}}}\n'
 
 
-@lru_cache(maxsize=1)
-def _template() -> "Template":
+@lru_cache(maxsize=2)
+def _template(name: str = "page.html") -> "Template":
     return environment(
         autoescape=True, n=number, interval=interval, spread=spread, equation=equation, prose=prose, doi=doi,
-        anchor=anchor,
-    ).get_template("page.html")  # fmt: skip
-
-
-def number(n: NumberPart) -> Markup:
-    """A number with its unit, which no line break parts."""
-    unit = Markup('\u00a0<span class="unit">{}</span>').format(n.unit) if n.unit and n.text else Markup()
-    return Markup('<span class="number{}">{}{}</span>').format(_kept(n.text + n.unit), n.text, unit)
-
-
-def interval(c: CoefficientPart) -> str:
-    """Both ends, or nothing."""
-    return f"{c.low.text} … {c.high.text}" if c.low.text else ""
-
-
-def spread(f: FactorRangePart) -> Markup:
-    """A factor's range: symbol, both ends, unit."""
-    return Markup('<span class="number{}"><var>{}</var> {} to {}\u00a0<span class="unit">{}</span></span>').format(
-        _kept(f.symbol + f.unit), f.symbol, f.low.text, f.high.text, f.unit
-    )
-
-
-def _kept(text: str) -> str:
-    """Class of what no line break parts: not of a name longer than a line of a phone."""
-    return " kept" if len(text) <= LONGEST else ""
-
-
-def equation(text: str) -> Markup:
-    """An equation typeset: names as variables, powers raised; what is read and copied is the text as it was.
-
-    >>> print(equation("AW = 0.5 V^0.3"))
-    <var>AW</var> = 0.5 <var>V</var><span class="hat">^</span><sup>0.3</sup>
-    """
-    text, separator, level = text.partition(LEVELS)
-    out, at = [], 0
-    for power in POWER.finditer(text):
-        out += [_names(text[at : power.start()]), Markup('<span class="hat">^</span><sup>{}</sup>').format(power[1])]
-        at = power.end()
-    return Markup().join([*out, _names(text[at:]), escape(separator + level)])
-
-
-def prose(text: str) -> Markup:
-    """A sentence: numbers stay with their units, a p with its value, and a DOI is a link."""
-    out, at = [], 0
-    for found in WORTH.finditer(text):
-        out.append(escape(text[at : found.start()]))
-        out.append(doi(found[0]) if found["doi"] else Markup('<span class="kept">{}</span>').format(found[0]))
-        at = found.end()
-    return Markup().join([*out, escape(text[at:])])
-
-
-def doi(text: str) -> Markup:
-    """A DOI as a link to its resolver; anything else as it is."""
-    found = DOI.fullmatch(text.strip())
-    if found is None:
-        return escape(text)
-    address = f"https://doi.org/{quote(found[1], safe='/.:;()-_')}"
-    return Markup('<a href="{}" rel="noopener noreferrer">{}</a>').format(address, text)
-
-
-def anchor(index: int, prefix: str) -> str:
-    """An id that holds no name from the file."""
-    return f"{prefix}-{index}"
-
-
-def data_block(text: str) -> Markup:
-    """JSON for a script element: nothing in it can end the element or begin a comment."""
-    for letter in "<>&\u2028\u2029":
-        text = text.replace(letter, f"\\u{ord(letter):04x}")
-    return Markup(text)  # noqa: S704
-
-
-def _names(text: str) -> Markup:
-    out, at = [], 0
-    for token in TOKEN.finditer(text):
-        if token["name"]:
-            out += [escape(text[at : token.start()]), Markup("<var>{}</var>").format(token[0])]
-            at = token.end()
-    return Markup().join([*out, escape(text[at:])])
+        anchor=anchor, data_words=data_words, legend=legend, ends=ends_words,
+    ).get_template(name)  # fmt: skip

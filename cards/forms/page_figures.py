@@ -1,5 +1,6 @@
 """Inline SVG figures of a page: laws with bands, exponents with intervals, Bode diagram and step response."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from typing import Any
@@ -8,20 +9,34 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.errors import ParameterError
+from ...core.rounding import with_unit
 from ...parameters import LawSection, ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
 from ...parameters.sections.dynamics import DynamicsSection
+from ...parameters.sections.law_parts import Factor
 from ..content.card import Card
-from ..content.design import middle, reference
-from ..content.figure_texts import response_text
+from ..content.design import at_words, middle, middle_of, reference
+from ..content.figure_texts import (
+    at_first,
+    limits_of,
+    response_text,
+    surface_factors,
+    surface_text,
+    wear_words,
+    with_own_wear,
+)
 from ..content.parts import CoefficientPart, FigurePart, LawPart
+from ..content.profiler import WEARS
 from .svg_panel import (
     BAND,
     INK,
+    LIMIT,
     LINE,
+    SECOND,
     SIZE,
     SOFT,
     TESTED,
+    WIDTH,
     Margins,
     PanelAxis,
     PanelCanvas,
@@ -35,7 +50,10 @@ from .svg_panel import (
 
 ROW = 18.0  # px
 BEYOND = 0.2  # drawn beyond the tested range, as a share of its ends
-POINTS = 41
+POINTS, FINE = 41, 61  # of a curve, and of a surface along each factor
+AROUND = 0.06  # of a range, about it in a figure of contours
+LETTER = 7.6  # px, the width of a letter
+FAR = 1.6  # times the highest value drawn, up to which a limit is drawn
 HIGHEST = 3.0  # times the largest predicted value, at which a band is cut off
 FREQUENCIES = 80
 BELOW = 10.0  # times below the excited band, or 200 below Nyquist, where a frequency axis begins
@@ -74,8 +92,21 @@ def vector_figures(card: Card, pf: ParameterFile | None = None) -> dict[str, tup
         return {}
     number = count(1)
     with settings():
-        drawn = {name: tuple(svg(next(number), drawing) for drawing in drawings) for name, drawings in wanted.items()}
+        marked = {name: [_marked(each, pf) for each in drawings] for name, drawings in wanted.items()}
+        drawn = {name: tuple(svg(next(number), each) for each in drawings) for name, drawings in marked.items()}
     return {name: panels for name, panels in drawn.items() if panels}
+
+
+def _marked(drawing: PanelDrawing, pf: ParameterFile | None) -> PanelDrawing:
+    """The drawing, with the word ``simulated`` in it where the data were not measured."""
+    if pf is None or not pf.identity.simulated:
+        return drawing
+
+    def draw(panel: PanelCanvas) -> None:
+        drawing.draw(panel)
+        panel.text(WIDTH - 2, panel.margins.height - 6, "simulated", "end", "f-limit strong")
+
+    return drawing._replace(draw=draw)
 
 
 def _drawings(figure: FigurePart, card: Card, pf: ParameterFile | None) -> Iterator[PanelDrawing]:
@@ -85,6 +116,8 @@ def _drawings(figure: FigurePart, card: Card, pf: ParameterFile | None) -> Itera
         return
     elif figure.name == "responses":
         yield from responses(card, pf)
+    elif figure.name == "surfaces":
+        yield from surfaces(pf)
     elif figure.name == "dynamics" and pf.dynamics is not None:
         yield from bode(figure, pf.dynamics)
     elif figure.name == "loop" and pf.dynamics is not None and pf.pi is not None:
@@ -144,19 +177,21 @@ def responses(card: Card, pf: ParameterFile) -> Iterator[PanelDrawing]:
         ticks = [(n.value, n.text) for n in levels.get(law.response, ()) if n.value is not None]
         ends = [(at_low, f"{at_low:.4g}"), (at_high, f"{at_high:.4g}")]
         title = f"{law.response} over {law.factors[0].symbol}"
-        yield _response(law, title, response_text(pf, law), ticks if len(ticks) > 1 else ends)
+        yield _response(pf, law, title, ticks if len(ticks) > 1 else ends)
 
 
-def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tuple[float, str]]) -> PanelDrawing:
-    first = law.factors[0]
+def _response(pf: ParameterFile, law: LawSection, title: str, ticks: Sequence[tuple[float, str]]) -> PanelDrawing:
+    first, limit, wear = law.factors[0], limits_of(pf).get(law.response), wear_words(pf, law)
     low, high = first.low, first.high
     margin = BEYOND * (high - low) if high > low else BEYOND * abs(high)
     x = np.unique(np.r_[np.linspace(max(low - margin, low / (1 + BEYOND)), high + margin, POINTS), low, high])
-    value, band = _over(law, first.symbol, x)
+    value, band = _over(law, at_first(pf, law, x))
+    held = np.asarray(law.values(at_first(pf, law, x, held=True), by=reference(law))) if wear else None
     top = HIGHEST * float(value.max()) if band is None else min(HIGHEST * float(value.max()), float(band[1].max()))
+    top = max(top, 0.0 if held is None else float(held.max()), limit[0] if limit and limit[0] < FAR * top else 0.0)
     bottom = 0.0 if band is None else min(float(band[0].min()), 0.0)
-    across = at_levels(x[0], x[-1], ticks, f"{first.symbol}, {first.unit}".rstrip(", "))
-    up = even(bottom, 1.04 * top, f"{law.response}, {law.unit}".rstrip(", "))
+    across = at_levels(x[0], x[-1], ticks, with_unit(first.symbol, first.unit))
+    up = even(bottom, 1.04 * top, with_unit(law.response, law.unit))
     inside = (x >= low) & (x <= high)
 
     def draw(panel: PanelCanvas) -> None:
@@ -168,20 +203,112 @@ def _response(law: LawSection, title: str, alternative: str, ticks: Sequence[tup
                 ax.plot(x, end, color=SOFT, lw=0.8, ls=(0, (3, 3)))
         ax.plot(x, value, color=LINE, lw=1, ls=(0, (4, 3)))
         ax.plot(x[inside], value[inside], color=LINE, lw=2)
+        if held is not None and wear is not None:
+            ax.plot(x[inside], held[inside], color=SECOND, lw=1.6, ls=(0, (6, 3)))
+            panel.key(wear[0], "s-line")
+            panel.key(wear[1], "s-second", dashed=True)
         panel.above((low + high) / 2, "tested")
+        _limit(panel, limit)
 
-    return PanelDrawing(title, alternative, across, up, draw)
+    margins = Margins(height=240, top=54) if wear else Margins()
+    return PanelDrawing(title, response_text(pf, law), across, up, draw, margins)
 
 
-def _over(law: LawSection, symbol: str, x: Array) -> tuple[Array, tuple[Array, Array] | None]:
-    """Values over a factor, and the band of one further row on a new edge where there is one."""
-    at: dict[str, Any] = {**middle(law), symbol: x}
+def _limit(panel: PanelCanvas, limit: tuple[float, str] | None) -> None:
+    """A limit as a dashed line with its words, where the axis reaches it."""
+    if limit is not None and panel.y.low < limit[0] < panel.y.high:
+        panel.ax.axhline(limit[0], color=LIMIT, lw=1.6, ls=(0, (6, 3)))
+        panel.text(panel.margins.left + 4, panel.at(0, limit[0])[1] - 4, limit[1], style="f-limit halo")
+
+
+def _over(law: LawSection, at: dict[str, Any]) -> tuple[Array, tuple[Array, Array] | None]:
+    """Values at conditions, and the band of one further row on a new edge where there is one."""
     level = reference(law)
     try:
-        found = law.get_prediction("prediction", by=level, **at)
+        found = law.predict(at, by=level)
     except ParameterError:
-        return np.asarray(law.predict(by=level, **at)), None
+        return np.asarray(law.values(at, by=level)), None
     return np.asarray(found.value), (np.asarray(found.low), np.asarray(found.high))
+
+
+def surfaces(pf: ParameterFile) -> Iterator[PanelDrawing]:
+    """Contours of each law over its first two factors inside the tested region, the limit of its response dashed."""
+    for law in pf.laws.values():
+        over = surface_factors(pf, law)
+        if len(over) == 2:
+            yield _surface(pf, law, (over[0], over[1]))
+
+
+def _surface(pf: ParameterFile, law: LawSection, over: tuple[str, str]) -> PanelDrawing:
+    """Axes are logarithmic where the law takes logarithms; ``u`` and ``v`` are the coordinates that are drawn."""
+    found = {f.symbol: (f, log) for f, log in zip(law.factors, law.formula.logs, strict=True)}
+    axes = [_factor_axis(*found[name]) for name in over]
+    u, v = (np.linspace(axis.ticks[0], axis.ticks[-1], FINE) for axis in axes)
+    grid = np.meshgrid(u, v)
+    shown = {name: np.exp(g) if found[name][1] else g for name, g in zip(over, grid, strict=True)}
+    at = {name: np.broadcast_to(x, grid[0].shape) for name, x in {**middle(law), **shown}.items()}
+    at, level = with_own_wear(pf, law, at), reference(law)
+    inside = np.asarray(law.inside(by=level, **at))
+    z = np.ma.masked_array(np.asarray(law.values(at, by=level)), ~inside)
+    wear, limit = wear_words(pf, law), limits_of(pf).get(law.response)
+    others = {symbol: value for symbol, value in middle(law).items() if symbol not in over}
+    held = {name: value for name, value in others.items() if not (wear and name in WEARS)}
+    words = ", ".join(filter(None, (at_words(law, held, level, 3), wear[0] if wear else "")))
+
+    name, up_name = with_unit(law.response, law.unit), axes[1].name
+
+    def draw(panel: PanelCanvas) -> None:
+        panel.text(2, SIZE + 1, name, style="f-ink strong")
+        panel.text(12 + LETTER * len(name), SIZE + 1, f"at {words}" if words else "", style="f-soft")
+        panel.text(2, 2.6 * SIZE, up_name)
+        if z.count():
+            _contours(panel, (u, v, z), limit)
+            if limit is not None and not z.min() < limit[0] < z.max():
+                side = "not reached" if limit[0] >= z.max() else "exceeded everywhere"
+                panel.text(WIDTH - 2, 2.6 * SIZE, f"{limit[1]}: {side}", "end", "f-limit")
+
+    title = f"{law.response} over {over[0]} and {over[1]}"
+    return PanelDrawing(
+        title, surface_text(pf, law), axes[0], axes[1]._replace(name=""), draw, Margins(height=250, top=44)
+    )
+
+
+def _factor_axis(factor: Factor, log: bool) -> PanelAxis:
+    """The tested range of a factor and a margin about it, with ticks at its ends and middle."""
+    ends = (factor.low, middle_of(factor.low, factor.high, logs=log), factor.high)
+    ticks = [math.log(x) if log else x for x in ends]
+    margin = AROUND * (ticks[-1] - ticks[0])
+    name = with_unit(factor.symbol, factor.unit)
+    return PanelAxis(ticks[0] - margin, ticks[-1] + margin, ticks, [f"{x:.4g}" for x in ends], name)
+
+
+def _contours(panel: PanelCanvas, surface: tuple[Array, Array, Any], limit: tuple[float, str] | None) -> None:
+    """The tested region, labelled contours in it, and that of a limit."""
+    from ...core.plotting import contour_levels
+
+    u, v, z = surface
+    panel.ax.contourf(u, v, np.where(np.ma.getmaskarray(z), 0.0, 1.0), [0.5, 1.5], colors=[TESTED])
+    levels = contour_levels(z.compressed())
+    for level, line in zip(levels, _lines(panel.ax, surface, levels, LINE, 1.2), strict=True):
+        _label(panel, line, f"{level:.4g}", "f-ink halo")
+    if limit is not None and float(z.min()) < limit[0] < float(z.max()):
+        for line in _lines(panel.ax, surface, np.array([limit[0]]), LIMIT, 1.8):
+            _label(panel, line, limit[1], "f-limit halo")
+
+
+def _lines(ax: Any, surface: tuple[Array, Array, Any], levels: Array, color: str, width: float) -> list[Array]:  # noqa: ANN401
+    """Draw contours; return the points of each, shape (n, 2)."""
+    if not len(levels):
+        return []
+    drawn = ax.contour(*surface, levels, colors=color, linewidths=width)
+    return [path.vertices for path in drawn.get_paths()]
+
+
+def _label(panel: PanelCanvas, line: Array, words: str, style: str) -> None:
+    """Put words on the middle of a contour."""
+    if len(line):
+        x, y = panel.at(*line[len(line) // 2])
+        panel.text(x, y + 0.35 * SIZE, words, "middle", style)
 
 
 def bode(figure: FigurePart, model: DynamicsSection) -> Iterator[PanelDrawing]:
@@ -195,12 +322,12 @@ def bode(figure: FigurePart, model: DynamicsSection) -> Iterator[PanelDrawing]:
     if not len(f):
         return
     gain, phase = np.log10(np.abs(G)), np.degrees(np.unwrap(np.angle(G)))
-    across = decades(float(np.log10(f[0])), float(np.log10(nyquist)), "frequency, Hz")
+    across = decades(float(np.log10(f[0])), float(np.log10(nyquist)), "frequency [Hz]")
     unit = f"{model.unit_y or 'output'}/{model.unit_u or 'input'}"
     margin = 0.08 * float(np.ptp(gain)) + 0.05
     for name, values, up in (
-        ("gain", gain, decades(float(gain.min()) - margin, float(gain.max()) + margin, f"gain, {unit}")),
-        ("phase", phase, even(float(phase.min()) - 10, float(phase.max()) + 10, "phase, degrees")),
+        ("gain", gain, decades(float(gain.min()) - margin, float(gain.max()) + margin, f"gain [{unit}]")),
+        ("phase", phase, even(float(phase.min()) - 10, float(phase.max()) + 10, "phase [degrees]")),
     ):
         title = f"{name.capitalize()} over frequency"
         yield PanelDrawing(title, figure.alternative, across, up, _over_frequency(np.log10(f), values, model.band))
@@ -226,7 +353,7 @@ def step(figure: FigurePart, loop: ClosedLoop) -> Iterator[PanelDrawing]:
     y = loop.run(np.convolve(np.convolve(loop.b, loop.pn), loop.hd), np.ones(n))
     time = np.arange(n) * loop.sample_time
     every = slice(None, None, -(-n // DRAWN))
-    across = even(0.0, float(time[-1]), "time, s")
+    across = even(0.0, float(time[-1]), "time [s]")
     up = even(min(0.0, float(y.min())), 1.06 * max(1.0, float(y.max())), "output per unit of reference")
 
     def draw(panel: PanelCanvas) -> None:

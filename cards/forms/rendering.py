@@ -1,14 +1,34 @@
-"""Templates and assets of the package, for Markdown and HTML."""
+"""Templates and assets of the package, for Markdown and HTML, and the typesetting of numbers and text in HTML."""
 
 import base64
 import hashlib
+import re
 from collections.abc import Callable
 from functools import lru_cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+from markupsafe import Markup, escape
+
+from ..content.parts import CoefficientPart, FactorRangePart, NumberPart
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+UNITS = "mm/rev|mm/min|m/min|1/min|min|mm|µm|um|kW|kN|Nm|N|Hz|ms|s|V|A|%"
+TYPESET = re.compile(
+    r"(?P<doi>\b10\.\d{4,9}/[\w.;()/:-]*\w)"
+    rf"|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]* (?:{UNITS})(?![\w/]))"
+    r"|(?P<probability>\bp (?:[<=] ?)?\d?\.\d+(?:e-\d+)?)"
+    r"|(?P<power_of_ten>[-−]?\d[\d.]*e-?\d+)"
+    rf"|(?P<letters>\bU = k u\b|\b[uk] = \d[\d.e-]*(?: (?:{UNITS})(?![\w/]))?)"
+)
+LEVELS = " for "  # separates an equation from the level of the category that it is of
+TOKEN = re.compile(r"(?P<number>\d+\.?\d*(?:e[+-]?\d+)?)|(?P<function>exp|ln)(?=\()|(?P<name>[^\W\d]\w*)")
+POWER = re.compile(r"\^(-?[\d.]+(?:e[+-]?\d+)?)")
+DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/)?(10\.\d{4,9}/\S+)")
+LONGEST = 24  # characters
 
 
 def environment(*, autoescape: bool, **filters: Callable[..., object]) -> "Environment":
@@ -36,3 +56,80 @@ def asset(name: str) -> str:
 def checksum(text: str) -> str:
     """SHA-256 in base64, as a content security policy states it."""
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def number(n: NumberPart) -> Markup:
+    """A number with its unit, which no line break parts."""
+    unit = Markup('\u00a0<span class="unit">{}</span>').format(n.unit) if n.unit and n.text else Markup()
+    return Markup('<span class="number{}">{}{}</span>').format(_kept(n.text + n.unit), n.text, unit)
+
+
+def interval(c: CoefficientPart) -> str:
+    """Both ends, or nothing; on a narrow screen the line breaks between them."""
+    return f"{c.low.text}\u00a0… {c.high.text}" if c.low.text else ""
+
+
+def spread(f: FactorRangePart) -> Markup:
+    """A factor's range: symbol, both ends, unit."""
+    return Markup('<span class="number{}"><var>{}</var> {} to {}\u00a0<span class="unit">{}</span></span>').format(
+        _kept(f.symbol + f.unit), f.symbol, f.low.text, f.high.text, f.unit
+    )
+
+
+def _kept(text: str) -> str:
+    """Class of what no line break parts: not of a name longer than a line of a phone."""
+    return " kept" if len(text) <= LONGEST else ""
+
+
+def equation(text: str) -> Markup:
+    """An equation typeset: names as variables, powers raised; what is read and copied is the text as it was.
+
+    >>> print(equation("AW = 0.5 V^0.3"))
+    <var>AW</var> = 0.5 <var>V</var><span class="hat">^</span><sup>0.3</sup>
+    """
+    text, separator, level = text.partition(LEVELS)
+    out, at = [], 0
+    for power in POWER.finditer(text):
+        out += [_names(text[at : power.start()]), Markup('<span class="hat">^</span><sup>{}</sup>').format(power[1])]
+        at = power.end()
+    return Markup().join([*out, _names(text[at:]), escape(separator + level)])
+
+
+def prose(text: str) -> Markup:
+    """A sentence: numbers stay with their units, a p with its value, and a DOI is a link."""
+    out, at = [], 0
+    for found in TYPESET.finditer(text):
+        out.append(escape(text[at : found.start()]))
+        out.append(doi(found[0]) if found["doi"] else Markup('<span class="kept">{}</span>').format(found[0]))
+        at = found.end()
+    return Markup().join([*out, escape(text[at:])])
+
+
+def doi(text: str) -> Markup:
+    """A DOI as a link to its resolver; anything else as it is."""
+    found = DOI.fullmatch(text.strip())
+    if found is None:
+        return escape(text)
+    address = f"https://doi.org/{quote(found[1], safe='/.:;()-_')}"
+    return Markup('<a href="{}" rel="noopener noreferrer">{}</a>').format(address, text)
+
+
+def anchor(index: int, prefix: str) -> str:
+    """An id that holds no name from the file."""
+    return f"{prefix}-{index}"
+
+
+def data_block(text: str) -> Markup:
+    """JSON for a script element: nothing in it can end the element or begin a comment."""
+    for letter in "<>&\u2028\u2029":
+        text = text.replace(letter, f"\\u{ord(letter):04x}")
+    return Markup(text)  # noqa: S704
+
+
+def _names(text: str) -> Markup:
+    out, at = [], 0
+    for token in TOKEN.finditer(text):
+        if token["name"]:
+            out += [escape(text[at : token.start()]), Markup("<var>{}</var>").format(token[0])]
+            at = token.end()
+    return Markup().join([*out, escape(text[at:])])

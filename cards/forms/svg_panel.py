@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # colours that represent classes of the style sheet, written the way matplotlib writes them
-INK, SOFT, LINE, BAND, TESTED = (f"#{k:02d}{k:02d}{k:02d}" for k in range(1, 6))
-CLASSES = {INK: "ink", SOFT: "soft", LINE: "line", BAND: "band", TESTED: "tested"}
+INK, SOFT, LINE, BAND, TESTED, SECOND, LIMIT = (f"#{k:02d}{k:02d}{k:02d}" for k in range(1, 8))
+CLASSES = {INK: "ink", SOFT: "soft", LINE: "line", BAND: "band", TESTED: "tested", SECOND: "second", LIMIT: "limit"}
 WIDTH = 340.0  # px, about that of a phone: text keeps its size there
 SIZE = 11.0  # px of text
 TICK = 4.0  # px
@@ -72,6 +72,7 @@ class PanelCanvas:
     def __init__(self, ax: "Axes", x: PanelAxis, y: PanelAxis, margins: Margins) -> None:
         self.ax, self.x, self.y, self.margins = ax, x, y, margins
         self.words: list[str] = []
+        self.keys = 0
 
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Data as px from the left and from the top."""
@@ -85,6 +86,14 @@ class PanelCanvas:
         """Put words at px, y that of their base line; ``anchor`` is start, middle or end."""
         said = escape(" ".join(words.split()))
         self.words.append(f'<text class="{style}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{said}</text>')
+
+    def key(self, words: str, style: str, *, dashed: bool = False) -> None:
+        """Put a line of this style with its words over the panel, below those put before."""
+        y = self.margins.top - 30 + (SIZE + 2) * self.keys
+        dashes = ' stroke-dasharray="6 3"' if dashed else ""
+        self.words.append(f'<path class="{style}" stroke-width="2"{dashes} d="M{self.margins.left:g} {y - 4:g}h22"/>')
+        self.text(self.margins.left + 27, y, words)
+        self.keys += 1
 
     def above(self, x: float, words: str) -> None:
         """Put words over the panel, about x."""

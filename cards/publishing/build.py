@@ -5,17 +5,17 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 from ...core.errors import UsageError
 from ...core.files import cause, staged, write_whole
 from .entries import CardEntry, with_slugs
-from .feeds import atom_feed, card_list
-from .pages import compare_page, index_page
-from .pair import TOML, PairReview, PairTask, PublicationProblem, pair_folders, review
+from .pages import atom_feed, card_list, compare_page, index_page
+from .pair import TOML, PairReview, PairTask, PublicationProblem, pair_folders, review, shared_toml
 from .pool import each
 from .requirements import QUESTIONS, shared_template
-from .site_folder import NAMES, put, refuse, same
+from .site_folder import NAMES, is_draft, put, refuse, same
 
 TITLE = "Model cards of tools and work materials"
 Progress = Callable[[str], None]
@@ -28,7 +28,7 @@ class PublicationReport:
     Attributes
     ----------
     cards : tuple of CardEntry
-        Of the site, in its order; empty if there are problems.
+        Of the site, in its order; empty if there are problems, unless the site is a draft.
     problems : tuple of PublicationProblem
         All of them, in the order of the folders.
     templates : tuple of Path
@@ -39,6 +39,8 @@ class PublicationReport:
         The site existed already with the same content.
     found : int
         Pairs in the folder.
+    draft : bool
+        Whether a draft was asked for.
     """
 
     cards: tuple[CardEntry, ...] = ()
@@ -47,6 +49,7 @@ class PublicationReport:
     site: Path | None = None
     unchanged: bool = False
     found: int = 0
+    draft: bool = False
 
     @property
     def ok(self) -> bool:
@@ -59,6 +62,7 @@ class PublicationReport:
             "ok": self.ok,
             "found": self.found,
             "site": None if self.site is None else str(self.site),
+            "draft": self.draft,
             "unchanged": self.unchanged,
             "cards": [card.slug for card in self.cards],
             "problems": [asdict(problem) for problem in self.problems],
@@ -73,6 +77,7 @@ def publish(
     title: str = TITLE,
     jobs: int = 1,
     force: bool = False,
+    draft: bool = False,
     progress: Progress = lambda words: None,
 ) -> PublicationReport:
     """Write the static site of all pairs in a folder: index, comparison, a folder a card, feed and list.
@@ -92,15 +97,18 @@ def publish(
     jobs : int
         Processes; the bytes do not depend on it.
     force : bool
-        Replace another site of ours.
+        Replace another site of ours; a draft is replaced without it.
+    draft : bool
+        Write the site in spite of problems, each page marked as a draft with its gaps. A pair without a readable
+        parameter file is listed on the index. A draft never replaces a published site.
     progress : callable
         Receives progress messages.
 
     Returns
     -------
-    Report
-        With ``problems``, if any: then only templates of ``card.toml`` are written, one in ``folder`` for fields that
-        all pairs lack, or one in the folder of each pair.
+    PublicationReport
+        With ``problems``, if any: then only templates of ``card.toml`` are written, unless the site is a draft: one
+        in ``folder`` for fields that all pairs lack, or one in the folder of each pair.
 
     Raises
     ------
@@ -129,17 +137,18 @@ def publish(
         with staged(site.absolute().parent) as hidden:
             made = hidden / "made"
             made.mkdir()
-            reviews = _review(folder, pairs, jobs, progress, made / "cards")
+            reviews = _review(folder, pairs, jobs, progress, made / "cards", draft=draft)
             problems = _problems(reviews)
-            if problems:
-                return PublicationReport(problems=problems, templates=_templates(folder, reviews), found=len(pairs))
-            entries = _fill(made, reviews, title)
-            unchanged = _put(made, site, hidden, force)
+            templates = _templates(folder, reviews)
+            if problems and not (draft and any(one.entry for one in reviews)):
+                return PublicationReport(problems=problems, templates=templates, found=len(pairs), draft=draft)
+            entries = _fill(made, reviews, title, draft=draft)
+            unchanged = _put(made, site, hidden, force, draft=draft)
     except OSError as error:
         raise UsageError(
             f"{site}: the site cannot be written: {cause(error)}; choose another place with --site."
         ) from None
-    return PublicationReport(cards=tuple(entries), site=site, unchanged=unchanged, found=len(pairs))
+    return PublicationReport(tuple(entries), problems, templates, site, unchanged, len(pairs), draft)
 
 
 def check(
@@ -159,12 +168,17 @@ def check(
 
 
 def _review(
-    folder: Path, pairs: Sequence[Path], jobs: int, progress: Progress, to: Path | None = None
+    folder: Path,
+    pairs: Sequence[Path],
+    jobs: int,
+    progress: Progress,
+    to: Path | None = None,
+    *,
+    draft: bool = False,
 ) -> list[PairReview]:
-    shared = folder / TOML
-    above = shared if os.path.lexists(shared) and folder not in pairs else None
+    above = shared_toml(folder, pairs)
     tasks = [
-        PairTask(pair, pair.relative_to(folder).as_posix(), None if to is None else to / f".{number}", above)
+        PairTask(pair, pair.relative_to(folder).as_posix(), None if to is None else to / f".{number}", above, draft)
         for number, pair in enumerate(pairs)
     ]
     return each(review, tasks, jobs, lambda done: progress(f"{done} of {len(tasks)} cards"))
@@ -211,36 +225,63 @@ def _asked_of_all(asking: Sequence[PairReview]) -> list[str]:
     return [name for name in QUESTIONS if name != "iso513" and all(name in fields for fields in each)]
 
 
+def _shown(reviews: Sequence[PairReview]) -> list[PairReview]:
+    """Reviews with a card, the first of each content: a draft may hold two of the same."""
+    first: dict[str, PairReview] = {}
+    for one in reviews:
+        if one.entry is not None:
+            first.setdefault(one.entry.content_sha256, one)
+    return list(first.values())
+
+
 def _ordered(reviews: Sequence[PairReview]) -> list[CardEntry]:
-    named = with_slugs([one.entry for one in reviews if one.entry is not None])
+    named = with_slugs([one.entry for one in _shown(reviews) if one.entry is not None])
     return sorted(named, key=lambda e: (e.title.casefold(), e.slug))
 
 
-def _fill(made: Path, reviews: Sequence[PairReview], title: str) -> list[CardEntry]:
+def _fill(made: Path, reviews: Sequence[PairReview], title: str, *, draft: bool) -> list[CardEntry]:
     """Name the folder of every card by its slug, and write the pages, the feed and the list."""
     entries = _ordered(reviews)
     slugs = {e.content_sha256: e.slug for e in entries}
-    for one in reviews:
+    shown = _shown(reviews)
+    for one in shown:
         if one.entry is not None and one.task.to is not None:
             one.task.to.rename(made / "cards" / slugs[one.entry.content_sha256])
     pages = {
-        "index.html": index_page(entries, title).encode(),
-        "compare.html": compare_page(entries, title).encode(),
-        "atom.xml": atom_feed(entries, title),
-        "cards.json": card_list(entries, title),
+        "index.html": index_page(entries, title, draft=draft, left_out=_left_out(reviews, shown)).encode(),
+        "compare.html": compare_page(entries, title, draft=draft).encode(),
+        "atom.xml": atom_feed(entries, title, draft=draft),
+        "cards.json": card_list(entries, title, draft=draft),
     }
     for name, content in pages.items():
         (made / name).write_bytes(content)
     return entries
 
 
-def _put(made: Path, site: Path, hidden: Path, force: bool) -> bool:
+def _left_out(reviews: Sequence[PairReview], shown: Sequence[PairReview]) -> list[tuple[str, str]]:
+    """Pairs without a card, and the reason; the folder of the second of the same content is removed."""
+    named = {one.task.name for one in shown}
+    for one in reviews:
+        if one.task.name not in named and one.entry is not None and one.task.to is not None:
+            rmtree(one.task.to)
+    return [(problem.folder, problem.words) for problem in _problems(reviews) if problem.folder not in named]
+
+
+def _check_replaced(site: Path, *, force: bool, draft: bool) -> None:
+    """Refuse to replace a published site by a draft, or without ``force``."""
+    if draft:
+        raise UsageError(f"{site}: holds a published site, which a draft does not replace; choose another --site.")
+    if not force:
+        raise UsageError(f"{site}: holds another site; replace it with --force, or choose another --site.")
+
+
+def _put(made: Path, site: Path, hidden: Path, force: bool, *, draft: bool) -> bool:
     """Move the site to its place; True if the same site existed already."""
     held = [name for name in NAMES if (site / name).exists()]
     if held and same(made, site):
         return True
-    if held and not force:
-        raise UsageError(f"{site}: holds another site; replace it with --force, or choose another --site.")
+    if held and not is_draft(site):
+        _check_replaced(site, force=force, draft=draft)
     aside = hidden / "aside"
     aside.mkdir()
     put(made, site, aside)

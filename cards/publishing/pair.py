@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from ..content.card import Card, compose
 from ..folder import PAGE, PARAMETERS, PROGRAM, README, card_files
 from .card_toml import read_toml
 from .entries import CardEntry, card_entry
+from .pages import mark_page, mark_readme
 from .requirements import QUESTIONS, PublicationCheck, card_toml_template, check_publication
 
 TOML = "card.toml"
@@ -43,17 +44,20 @@ class PairTask:
         Folder of its card, if it is to be written.
     above : Path or None
         The ``card.toml`` for all pairs, if there is one.
+    draft : bool
+        Whether a card with problems is written too, with a list of them on it.
     """
 
     folder: Path
     name: str
     to: Path | None = None
     above: Path | None = None
+    draft: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class PairReview:
-    """Result of one pair: its entry, or its problems and a template of ``card.toml``."""
+    """Result of one pair: its entry, or its problems and a template of ``card.toml``; of a draft, both."""
 
     task: PairTask
     entry: CardEntry | None
@@ -98,6 +102,11 @@ def _holding_parameters(folder: Path, site: Path | None) -> Iterator[Path]:
             yield Path(place)
 
 
+def shared_toml(folder: Path, pairs: Sequence[Path]) -> Path | None:
+    """The ``card.toml`` of a folder of pairs that adds to the card of each; None without one."""
+    return folder / TOML if folder not in pairs and os.path.lexists(folder / TOML) else None
+
+
 def _real(place: str, name: str) -> Path:
     return Path(place, name).resolve()
 
@@ -112,11 +121,13 @@ def review(task: PairTask) -> PairReview:
             task, None, (PublicationProblem(task.name, "unreadable", str(error).replace(f"{task.folder}/", "")),)
         )
     problems = tuple(_problems(task, report))
-    if problems:
-        asks = any(p.kind == "field" for p in problems) and not os.path.lexists(task.folder / TOML)
-        return PairReview(task, None, problems, card_toml_template(card) if asks else "")
-    hashes = {} if task.to is None else _write(task.folder, task.to, whole, card)
-    return PairReview(task, card_entry(card, whole, hashes))
+    asks = "field" in {p.kind for p in problems} and not os.path.lexists(task.folder / TOML)
+    template = card_toml_template(card) if asks else ""
+    if problems and not task.draft:
+        return PairReview(task, None, problems, template)
+    gaps = tuple(one.words for one in problems)
+    hashes = {} if task.to is None else _write(task, whole, card, gaps)
+    return PairReview(task, card_entry(card, whole, hashes, gaps), problems, template)
 
 
 def read_pair(
@@ -162,8 +173,8 @@ def _problems(task: PairTask, report: PublicationCheck) -> Iterator[PublicationP
         yield PublicationProblem(task.name, "check", words)
 
 
-def _write(folder: Path, to: Path, pf: ParameterFile, card: Card) -> dict[str, str]:
-    """Write the folder of a card; SHA-256 of each file by its path."""
+def contents(folder: Path, pf: ParameterFile, card: Card) -> dict[str, bytes]:
+    """Files of the folder of a published card, by their names: parameter file, pictures, draws, the card's forms."""
     copied = [PARAMETERS, *(f.file for f in card.figures if f.file)]
     if pf.posterior is not None and pf.posterior.draws_file is not None:
         copied.append(pf.posterior.draws_file)  # without them the file that is published fails its own check
@@ -171,6 +182,15 @@ def _write(folder: Path, to: Path, pf: ParameterFile, card: Card) -> dict[str, s
     named = sorted(name for name in (*made, README, PROGRAM) if "/" not in name)
     for name, content in card_files(card, pf, named).items():
         made["index.html" if name == PAGE else name] = content
+    return made
+
+
+def _write(task: PairTask, pf: ParameterFile, card: Card, gaps: tuple[str, ...]) -> dict[str, str]:
+    """Write the folder of a card; SHA-256 of each file by its path."""
+    made, to = contents(task.folder, pf, card), task.to or task.folder
+    if task.draft:
+        made["index.html"] = mark_page(made["index.html"], gaps)
+        made[README] = mark_readme(made[README], gaps)
     for name, content in made.items():
         (to / name).parent.mkdir(parents=True, exist_ok=True)
         (to / name).write_bytes(content)

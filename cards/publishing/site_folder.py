@@ -3,10 +3,11 @@
 import filecmp
 import json
 from pathlib import Path
+from typing import Any
 
 from ...core.errors import UsageError
 
-SCHEMA = "fitmodels.site/2"
+SCHEMA = "fitmodels.site/3"
 LIST = "cards.json"
 NAMES = ("index.html", "compare.html", "atom.xml", LIST, "cards")
 
@@ -31,11 +32,21 @@ def refuse(site: Path, folder: Path) -> None:
 
 def is_site(site: Path) -> bool:
     """Whether the folder holds a site that ``publish`` wrote."""
+    return str(_listed(site).get("schema")).startswith(SCHEMA[:-1])
+
+
+def is_draft(site: Path) -> bool:
+    """Whether the folder holds a draft."""
+    return is_site(site) and _listed(site).get("draft") is True
+
+
+def _listed(site: Path) -> dict[str, Any]:
+    """The list of a site; empty where there is none."""
     try:
         listed = json.loads((site / LIST).read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(listed, dict) and str(listed.get("schema")).startswith(SCHEMA[:-1])
+        return {}
+    return listed if isinstance(listed, dict) else {}
 
 
 def same(made: Path, site: Path) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from ...controllers.economics.part_cost import cost_of_edge
 from ...controllers.recursion.controller import TurningRecursion, WearingEdge
 from ...controllers.recursion.distribution import LifeDraws, life_draws
 from ...controllers.recursion.from_file import depth, life_laws, shortfall
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from ...parameters import ParameterFile
     from ...parameters.draws import Draws
+    from ...parameters.sections.costs import CostsSection
 
 TITLE = "Recursive turning to the end of an edge (AC-2017: Alaskari and Oraby 2017)"
 CALCULATED = "All results are calculated from the laws of the file; none is measured."
@@ -44,6 +46,7 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     exact = None if not_convex(laws) else whole_life(laws, rules, how="exact")
     found = drawn(laws, draws, rules, seed)
     lines = [*_life_lines(life), *_reading_lines(life), *_exact_lines(life, exact), *fixed_lines(life)]
+    lines += cost_lines(life, pf.costs)
     return Replayed(
         system="recursion",
         title=TITLE,
@@ -301,6 +304,22 @@ def fixed_lines(life: Life) -> list[str]:
         f"recursion removes {ratio.per_minute:.2f} times as much per minute and {ratio.removed:.2f} times as much "
         "per edge"
         f"{f'; peaks of the fixed pair: {listed(compared)}' if compared else ''}."
+    ]
+
+
+def cost_lines(life: Life, costs: "CostsSection | None") -> list[str]:
+    """Cost and rate of an edge under the plan and at the best fixed pair, with its change, where the file has costs."""
+    if costs is None or not len(life.time):
+        return []
+    plan = cost_of_edge(costs, life.minutes, life.removed)
+    words = f"{plan[0]:.4g} {costs.currency} per cm3 and {plan[1]:.4g} cm3/min"
+    fixed = best_fixed(life.laws, life.rules, life.grid)
+    other = ""
+    if fixed is not None:
+        pair = cost_of_edge(costs, fixed.minutes, fixed.removed)
+        other = f"; at the best fixed pair {pair[0]:.4g} and {pair[1]:.4g}"
+    return [
+        f"With the costs of the file and a change of {costs.change:g} min, the plan costs and removes {words}{other}."
     ]
 
 

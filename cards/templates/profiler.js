@@ -19,6 +19,8 @@
     });
   }
 
+  addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((d) => (d.open = true)));
+
   const source = $("profiler-data");
   if (!source) return;
   const P = JSON.parse(source.textContent);
@@ -41,7 +43,7 @@
   };
 
   // value to the digits that its uncertainty deserves
-  const told = (x, u) => {
+  const rounded = (x, u) => {
     if (u <= Math.abs(x) * 1e-5) return plain(x, 7);
     const places = decimals(u);
     if (places > 6 || Math.abs(x) >= 1e7) {
@@ -91,7 +93,7 @@
   };
 
   // a slider: its steps in the law's own scale, the ends of the tests on a step
-  const sliders = P.factors.map((f, i) => {
+  const sliders = [...P.factors, ...P.wears].map((f, i) => {
     const [low, high] = [f.low.value, f.high.value];
     const logs = low > 0 && P.laws.some((law) => law.logs[law.factors.indexOf(f.symbol)]);
     const [a, b] = logs ? [Math.log(low), Math.log(high)] : [low, high];
@@ -106,21 +108,22 @@
       return k > first && k < last ? Math.min(Math.max(x, low), high) : x;
     };
     const where = (x) => Math.round(((logs ? Math.log(x) : x) - a + reach) / step);
-    return { f, value, where, input: $(`slider-${i}`), output: $(`told-${i}`) };
+    return { f, value, where, input: $(`slider-${i}`), output: $(`value-${i}`) };
   });
 
   const withUnit = (text, unit) => (unit ? `${text}\u00a0${unit}` : text);
 
   const show = () => {
     const point = { ...at };
-    for (const law of P.laws) if (law.wear) point[law.wear] = predict(laws[law.wear], at)[0];
+    const held = Boolean($("wear-held")?.checked);
+    for (const law of P.laws) if (law.wear && !held) point[law.wear] = predict(laws[law.wear], at)[0];
     const outside = [];
     const heard = [];
     P.laws.forEach((law, i) => {
       const [value, low, high] = predict(law, point);
       const width = low === null ? 0 : low > 0 ? Math.min((high - low) / 2, low) : (high - low) / 2;
-      const text = low === null ? [plain(value, 4)] : [value, low, high].map((x) => told(x, width));
-      const known = inside(law, point) && (!law.wear || inside(laws[law.wear], at));
+      const text = low === null ? [plain(value, 4)] : [value, low, high].map((x) => rounded(x, width));
+      const known = inside(law, point) && (held || !law.wear || inside(laws[law.wear], at));
       if (!known) outside.push(law);
       const row = $(`answer-${i}`);
       row.classList.toggle("out", !known);
@@ -166,6 +169,11 @@
     s.input.setAttribute("aria-valuetext", text);
   };
 
+  const choose = () => {
+    for (const each of document.querySelectorAll("[data-wear]")) each.hidden = !$("wear-held").checked;
+    show();
+  };
+
   const reset = () => {
     for (const s of sliders) {
       s.input.value = s.where(P.start[s.f.symbol]);
@@ -179,6 +187,7 @@
       set(s, s.value(Number(s.input.value)));
       show();
     });
+  for (const id of ["wear-own", "wear-held"]) $(id)?.addEventListener("change", choose);
   $("profiler-reset").addEventListener("click", reset);
   reset();
   $("profiler-live").hidden = false;

@@ -8,13 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...core.arrays import Array
-from ...core.plotting import BLUE, NotebookFigure
+from ...core.figure_style import BLUE, GREEN, GREY, LINE, ORANGE, SMALL, THIN
+from ...core.plotting import NotebookFigure
 
 if TYPE_CHECKING:
     from .runs import ForceRun
     from .stability import StepSize
 
-ORANGE, GREEN, GREY = "#b5541c", "#3a7d44", "0.45"
 COLOURS = {"adaptive": BLUE, "pi": ORANGE}
 NAMES = {"adaptive": "adaptive law", "pi": "fixed PI"}
 FLOOR = 1e-16  # of V: below it a rise is rounding
@@ -27,20 +27,20 @@ def depths_figure(runs: Sequence["ForceRun"], others: Sequence["ForceRun"] = ())
     for column, run in enumerate(runs):
         force, error, feed = grid[:, column]
         point, depth = run.settings.set_point, run.depths[0][1]
-        force.plot(run.trace.time, run.trace.measurement, color="0.82", lw=0.5, label="reading")
-        force.plot(run.trace.time, run.trace.reference, color=GREY, lw=1.0, ls="--", label="$F_d$")
+        force.plot(run.trace.time, run.trace.measurement, color="0.82", lw=THIN, label="reading")
+        force.plot(run.trace.time, run.trace.reference, color=GREY, lw=THIN, ls="--", label="$F_d$")
         for one in (run, *others[column : column + 1]):
             _line(force, one, one.force)
             _line(error, one, 100 * (one.force - point) / point)
             _line(feed, one, one.trace.command)
         error.axhspan(-2, 2, color="0.9", zorder=0)
         error.set_ylim(-15, 15)
-        force.set_title(f"depth {depth:g} mm, set point {point:g} N", fontsize=10)
-        feed.set_xlabel("time, s")
-    for ax, words in zip(grid[:, 0], ("force, N", "error of the mean, %", "feed command, mm/min"), strict=True):
+        force.set_title(f"depth {depth:g} mm, set point {point:g} N")
+        feed.set_xlabel("time [s]")
+    for ax, words in zip(grid[:, 0], ("force [N]", "error of the mean [%]", "feed command [mm/min]"), strict=True):
         ax.set_ylabel(words)
-    grid[0, 0].legend(fontsize=8, loc="lower right")
-    figure.suptitle("Simulated: force averaged over a revolution at the three depths (grey band: 2 %)", fontsize=11)
+    grid[0, 0].legend(loc="lower right")
+    figure.suptitle("Simulated: force averaged over a revolution at the three depths (grey band: 2 %)")
     return figure
 
 
@@ -49,19 +49,19 @@ def steps_figure(run: "ForceRun", other: "ForceRun | None" = None) -> Figure:
     figure = NotebookFigure(figsize=(9.0, 6.5), layout="constrained")
     depth, force, feed = figure.subplots(3, 1, sharex=True, height_ratios=(1, 2, 2))
     times, values = zip(*run.depths, (run.trace.time[-1], run.depths[-1][1]), strict=True)
-    depth.step(times, values, where="post", color="0.25", lw=1.2)
-    depth.set(ylabel="depth, mm", ylim=(0, 1.15 * max(values)))
+    depth.step(times, values, where="post", color=GREY, lw=LINE)
+    depth.set(ylabel="depth [mm]", ylim=(0, 1.15 * max(values)))
     point = run.settings.set_point
     force.axhspan(0.98 * point, 1.02 * point, color="0.9", zorder=0)
     for one in (run, *(() if other is None else (other,))):
         _line(force, one, one.force)
         _line(feed, one, one.trace.command)
-    force.set_ylabel("force, mean of a\nrevolution, N")
-    force.legend(fontsize=8, loc="upper left")
-    feed.axhline(run.settings.low, color=GREY, lw=0.7, ls=":")
-    feed.axhline(run.settings.high, color=GREY, lw=0.7, ls=":")
-    feed.set(xlabel="time, s", ylabel="feed command, mm/min\n(dotted: limits)")
-    figure.suptitle(f"Simulated: steps of depth at a set point of {point:g} N (grey band: 2 %)", fontsize=11)
+    force.set_ylabel("force, mean of a\nrevolution [N]")
+    force.legend(loc="upper left")
+    feed.axhline(run.settings.low, color=GREY, lw=THIN, ls=":")
+    feed.axhline(run.settings.high, color=GREY, lw=THIN, ls=":")
+    feed.set(xlabel="time [s]", ylabel="feed command [mm/min]\n(dotted: limits)")
+    figure.suptitle(f"Simulated: steps of depth at a set point of {point:g} N (grey band: 2 %)")
     return figure
 
 
@@ -71,21 +71,20 @@ def lyapunov_figure(run: "ForceRun") -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     found, time = run.energy(), run.trace.time
     drawn = np.maximum(found.V, 1e-12 * found.V.max())
-    upper.semilogy(time, drawn, color="0.75", lw=1.0, label="V where the depth or a limit just changed")
-    upper.semilogy(time, np.where(found.free, drawn, np.nan), color=BLUE, lw=1.5, label="V where the proof applies")
-    upper.set(ylabel="V, N mm/min", ylim=(1e-7 * float(found.V[found.free].max()), None))
-    upper.legend(fontsize=8, loc="lower right")
+    upper.semilogy(time, drawn, color="0.75", lw=THIN, label="V where the depth or a limit just changed")
+    upper.semilogy(time, np.where(found.free, drawn, np.nan), color=BLUE, lw=LINE, label="V where the proof applies")
+    upper.set(ylabel="V [N mm/min]", ylim=(1e-7 * float(found.V[found.free].max()), None))
+    upper.legend(loc="lower right")
     recorded, plant = run.trace.recorded, run.plant
     true = {"m": plant.m, "alpha": plant.m * plant.c + plant.d, "beta": plant.d * plant.c}
     for (name, value), colour in zip(true.items(), (GREEN, ORANGE, BLUE), strict=True):
         word = name if name == "m" else f"\\{name}"
-        lower.plot(time, recorded[name] * recorded["k"] / value, color=colour, lw=1.2, label=f"${word}$")
-    lower.axhline(1.0, color=GREY, lw=0.8, ls="--")
-    lower.set(xlabel="time, s", ylabel="estimate over its true value")
-    lower.legend(fontsize=8, ncols=3, loc="upper right")
+        lower.plot(time, recorded[name] * recorded["k"] / value, color=colour, lw=LINE, label=f"${word}$")
+    lower.axhline(1.0, color=GREY, lw=THIN, ls="--")
+    lower.set(xlabel="time [s]", ylabel="estimate over its true value")
+    lower.legend(ncols=3, loc="upper right")
     figure.suptitle(
         "Simulated: V and the estimates; a step of depth changes the true values, a constant $F_d$ excites beta only",
-        fontsize=11,
     )
     return figure
 
@@ -101,23 +100,27 @@ def step_size_figure(rows: Sequence["StepSize"]) -> Figure:
         kept = [row for row in some if row.settled]
         label = way if times == 1 else f"{way}, {times:g} Kd"
         ax.loglog([1e3 * r.step for r in kept], [max(r.rise, FLOOR) for r in kept], color=colour, marker=marker, ms=5,
-                  lw=1.2, label=label)  # fmt: skip
+                  lw=LINE, label=label)  # fmt: skip
         for sign, those in (("x", [r for r in some if r.diverged]), (marker, _swinging(some))):
             ax.plot([1e3 * r.step for r in those], [10.0 ** (2 * i)] * len(those), sign, color=colour, ms=7, mew=1.5,
                     mfc="none")  # fmt: skip
     ax.set_yticks(10.0 ** np.arange(-16, 0, 2))
     ax.minorticks_off()
     ax.axhspan(FLOOR / 10, 1e-12, color="0.92", zorder=0)
-    ax.axhline(0.1, color="0.7", lw=0.7)
-    ax.text(0.11, 2e-13, "rounding: V does not rise", fontsize=8, color="0.4", va="top")
+    ax.axhline(0.1, color="0.7", lw=THIN)
+    ax.text(0.11, 2e-13, "rounding: V does not rise", fontsize=SMALL, color=GREY, va="top")
     ax.text(
-        0.09, 0.2, "does not settle: diverges (cross), or oscillates between the limits (open)", fontsize=8, color="0.4"
+        0.09,
+        0.2,
+        "does not settle: diverges (cross), or oscillates between the limits (open)",
+        fontsize=SMALL,
+        color=GREY,
     )
     ax.set(
-        xlabel="step of the law, ms", ylabel="largest rise of V, share of V at the start", ylim=(FLOOR / 10, 1e8),
+        xlabel="step of the law [ms]", ylabel="largest rise of V, share of V at the start", ylim=(FLOOR / 10, 1e8),
         title="Simulated: deepest cut, no ripple",
     )  # fmt: skip
-    ax.legend(fontsize=8, loc=(0.62, 0.25))
+    ax.legend(loc=(0.62, 0.25))
     return figure
 
 
@@ -126,4 +129,4 @@ def _swinging(rows: Sequence["StepSize"]) -> list["StepSize"]:
 
 
 def _line(ax: Axes, run: "ForceRun", values: Array) -> None:
-    ax.plot(run.trace.time, values, color=COLOURS[run.by], lw=1.3, label=NAMES[run.by])
+    ax.plot(run.trace.time, values, color=COLOURS[run.by], lw=LINE, label=NAMES[run.by])

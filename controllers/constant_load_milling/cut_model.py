@@ -159,7 +159,7 @@ def _wear(pf: "ParameterFile", symbol: str, line: "LoadLineSection") -> tuple[fl
     _same_units(law, factors, line)
     held: dict[str, Any] = {name: factor.low for name, factor in factors.items() if name not in FACTORS}
     held |= {name: 1.0 for name in FACTORS if name in factors}
-    c0 = float(law.predict(**held))
+    c0 = float(law.values(**held))
     c0, n = c0 * unit_factor("s", factors["t"].unit) ** law.coefficients["t"], law.coefficients["t"]
     if not n > 0:
         raise ParameterError(f"the law of {symbol} has t^{n:g}: wear grows with time; {remedy}")

@@ -8,14 +8,15 @@ from matplotlib.figure import Figure
 
 from ...core.arrays import Array
 from ...core.display import plot
-from ...core.plotting import BLUE, NotebookFigure, new_axes
+from ...core.figure_style import BLUE, GREEN, GREY, LINE, ORANGE, SMALL, THIN
+from ...core.plotting import NotebookFigure, new_axes
 from .runs import ToolRun
 from .steady import SteadyLife
 
 if TYPE_CHECKING:
     from ...parameters.sections.load_line import LoadLineSection
 
-LOAD, FEED, OTHER = "#1f5fa8", "#b5541c", "#5a7d3a"
+LOAD, FEED, OTHER = BLUE, ORANGE, GREEN
 MOST = 6000  # points of a line
 LABEL = {"I": "spindle current"}
 
@@ -26,7 +27,7 @@ def run_figure(run: ToolRun, line: "LoadLineSection", fixed: ToolRun | None = No
     load, feed = figure.subplots(2, 1, sharex=True)
     name = LABEL.get(line.load, "load")
     load.axhline(
-        line.reference, color="0.4", lw=0.9, ls="--", zorder=4, label=f"reference {line.reference:g} {line.unit_load}"
+        line.reference, color=GREY, lw=THIN, ls="--", zorder=4, label=f"reference {line.reference:g} {line.unit_load}"
     )
     _along(load, run, run.trace.measurement, LOAD, "constant load")
     held = [p for p in run.passes if p.mean_load is not None]
@@ -38,18 +39,20 @@ def run_figure(run: ToolRun, line: "LoadLineSection", fixed: ToolRun | None = No
         _along(load, fixed, fixed.trace.measurement, OTHER, f"constant feed, {fixed.mean_feed:.0f} {line.unit_feed}")
         _along(feed, fixed, fixed.trace.recorded["feed"], OTHER, "constant feed")
     for value in (line.lower.value, line.upper.value):
-        feed.axhline(value, color="0.4", lw=0.9, ls="--")
-    feed.annotate("feed limits", (0.0, line.lower.value), (4, 4), textcoords="offset points", color="0.35", fontsize=9)
+        feed.axhline(value, color=GREY, lw=THIN, ls="--")
+    feed.annotate(
+        "feed limits", (0.0, line.lower.value), (4, 4), textcoords="offset points", color=GREY, fontsize=SMALL
+    )
     if run.worn:
         for ax in (load, feed):
-            ax.axvline(run.length, color="0.6", lw=1.0, ls=":")
+            ax.axvline(run.length, color="0.6", lw=THIN, ls=":")
         at, over = (run.length, 0.04), ("data", "axes fraction")
         words = f"tool change, VB {run.wear:.0f} {line.unit_wear}"
-        load.annotate(words, at, (-6, 0), xycoords=over, textcoords="offset points", ha="right", fontsize=9)
-    load.set(ylabel=f"{name}, {line.unit_load}", title=f"Simulated: constant load{', ' + work if work else ''}")
-    feed.set(ylabel=f"feed, {line.unit_feed}", xlabel="cutting length, mm", xlim=(0, None))
+        load.annotate(words, at, (-6, 0), xycoords=over, textcoords="offset points", ha="right", fontsize=SMALL)
+    load.set(ylabel=f"{name} [{line.unit_load}]", title=f"Simulated: constant load{', ' + work if work else ''}")
+    feed.set(ylabel=f"feed [{line.unit_feed}]", xlabel="cutting length [mm]", xlim=(0, None))
     feed.margins(y=0.12)
-    load.legend(loc="lower left", fontsize=9)
+    load.legend(loc="lower left")
     return figure
 
 
@@ -63,20 +66,20 @@ def pass_figure(run: ToolRun, line: "LoadLineSection", number: int = 2, settle: 
     one = next(p for p in run.passes if p.number == number)
     ref = line.reference
     load.axhspan(0.99 * ref, 1.01 * ref, color=LOAD, alpha=0.12, lw=0, label="reference +- 1 %")
-    load.axhline(ref, color="0.4", lw=0.9, ls="--")
-    load.plot(time, run.trace.measurement[rows], color=LOAD, lw=1.1)
+    load.axhline(ref, color=GREY, lw=THIN, ls="--")
+    load.plot(time, run.trace.measurement[rows], color=LOAD, lw=LINE)
     low, high = load.get_ylim()
     load.set_ylim(min(low, 0.98 * ref), max(high, 1.02 * ref))
-    feed.plot(time, r["feed"][rows], color=FEED, lw=1.1)
+    feed.plot(time, r["feed"][rows], color=FEED, lw=LINE)
     feed.margins(y=0.15)
     for ax in (load, feed):
         ax.axvspan(0.0, settle, color="0.9", lw=0, zorder=0)
     load.annotate("settling, excluded", (0.0, 1.0), (4, -4), xycoords=("data", "axes fraction"),
-                  textcoords="offset points", va="top", fontsize=9, color="0.35")  # fmt: skip
+                  textcoords="offset points", va="top", fontsize=SMALL, color=GREY)  # fmt: skip
     at = f"{one.start:.0f} to {one.start + one.length:.0f} mm"
-    load.set(ylabel=f"{LABEL.get(line.load, 'load')}, {line.unit_load}", title=f"Simulated: pass {number}, {at}")
-    feed.set(ylabel=f"feed, {line.unit_feed}", xlabel="time in the pass, s", xlim=(0, None))
-    load.legend(loc="upper right", fontsize=9)
+    load.set(ylabel=f"{LABEL.get(line.load, 'load')} [{line.unit_load}]", title=f"Simulated: pass {number}, {at}")
+    feed.set(ylabel=f"feed [{line.unit_feed}]", xlabel="time in the pass [s]", xlim=(0, None))
+    load.legend(loc="upper right")
     return figure
 
 
@@ -85,7 +88,7 @@ def _along(ax: Axes, run: ToolRun, values: Array, color: str, label: str) -> Non
     r = run.trace.recorded
     step = max(len(values) // MOST, 1)
     y = np.where(r["in_cut"] > 0, values, np.nan)[::step]
-    ax.plot(r["length"][::step], y, color=color, lw=1.0, label=label)
+    ax.plot(r["length"][::step], y, color=color, lw=THIN, label=label)
 
 
 @plot.register
@@ -101,5 +104,5 @@ def plot_steady_life(life: SteadyLife, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, 4.8, 3.6)
     minutes = life.time[np.isfinite(life.time)] / 60
     ax.hist(minutes, bins=min(30, max(1, len(minutes))), color=BLUE)
-    ax.set(xlabel="in the cut until the lower limit, min", ylabel="tools", title="Calculated")
+    ax.set(xlabel="in the cut until the lower limit [min]", ylabel="tools", title="Calculated")
     return ax

@@ -9,13 +9,13 @@ from matplotlib.lines import Line2D
 
 from ...core.arrays import Array
 from ...core.display import plot
-from ...core.plotting import BLUE, NotebookFigure, new_axes
+from ...core.figure_style import BLUE, FILL, GREEN, LINE, ORANGE, RED, SMALL, THICK, THIN
+from ...core.plotting import NotebookFigure, new_axes
 from .distribution import LifeDraws
 from .interval_optimum import best_exact, not_convex
 from .laws import response_at_end, wear_after
 from .life import Life, by_speed
 
-ORANGE, GREEN = "#b5541c", "#3a7d44"
 FINE = 160  # points along a side of a contour figure
 CALCULATED = "Calculated from the laws"
 
@@ -26,7 +26,7 @@ def speeds_figure(life: Life, k: int = 0) -> Figure:
     rows: list[tuple[str, Array, float]] = []
     for terms, values in ((laws.force, table.Fxz), (laws.power, table.P), (laws.wear, table.AW)):
         if terms is not None and values is not None:
-            rows.append((f"{terms.response}, {terms.unit}", values, terms.most))
+            rows.append((f"{terms.response} [{terms.unit}]", values, terms.most))
     figure = NotebookFigure(figsize=(7.2, 1.0 + 2.0 * len(rows)), layout="constrained")
     axes = np.atleast_1d(figure.subplots(len(rows), 1, sharex=True))
     best = int(table.MRR.argmax()) if len(table.V) else None
@@ -34,8 +34,8 @@ def speeds_figure(life: Life, k: int = 0) -> Figure:
         _with_rate(ax, table.V, table.MRR, values, name, most)
         if best is not None:
             ax.plot(table.V[best], values[best], "o", ms=10, mfc="none", mec="k", mew=1.4)
-    axes[-1].set_xlabel("V, m/min (at each speed the best feed)")
-    figure.suptitle(f"{CALCULATED}: {_interval(life, k)}\nCircle: the selected pair.", fontsize=10)
+    axes[-1].set_xlabel("V [m/min], at each speed the best feed")
+    figure.suptitle(f"{CALCULATED}: {_interval(life, k)}\nCircle: the selected pair.")
     return figure
 
 
@@ -52,19 +52,20 @@ def plane_figure(life: Life, k: int = 0) -> Figure:
         shares.append((name, response_at_end(terms, rules, V, f, end, AW) / terms.most, colour))
     worst = np.maximum.reduce([share for _, share, _ in shares])
     x, y = V.ravel(), f.ravel()
-    ax.contourf(x, y, worst, levels=[0.0, 1.0], colors=["#eef3e6"])
+    ax.contourf(x, y, worst, levels=[0.0, 1.0], colors=[GREEN], alpha=FILL)
     _labelled(ax, x, y, laws.mrr(V, f) / 1000, "0.6", "-", "%g")
     _labelled(ax, x, y, AW, GREEN, ":", "%.4g")
-    lines = [Line2D([], [], color="0.6", lw=0.8, label="MRR, cm3/min"),
-             Line2D([], [], color=GREEN, ls=":", lw=0.9, label=f"{laws.wear.response}, {laws.wear.unit}")]  # fmt: skip
+    wear = f"{laws.wear.response} [{laws.wear.unit}]"
+    lines = [Line2D([], [], color="0.6", lw=THIN, label="MRR [cm3/min]"),
+             Line2D([], [], color=GREEN, ls=":", lw=THIN, label=wear)]  # fmt: skip
     for name, share, colour in shares:
         if share.min() < 1 < share.max():
             ax.contour(x, y, share, levels=[1.0], colors=[colour], linewidths=2.0)
-            lines.append(Line2D([], [], color=colour, lw=2.0, label=f"limit of {name}"))
+            lines.append(Line2D([], [], color=colour, lw=THICK, label=f"limit of {name}"))
     _best_pairs(ax, life, k, lines)
-    ax.set(xlabel="V, m/min", ylabel="f, mm/rev", xlim=laws.V, ylim=laws.f)
-    figure.suptitle(f"{CALCULATED}: {_interval(life, k)}\nShaded: within every limit.", fontsize=10)
-    figure.legend(handles=lines, fontsize=8, loc="outside lower center", ncols=4, frameon=False)
+    ax.set(xlabel="V [m/min]", ylabel="f [mm/rev]", xlim=laws.V, ylim=laws.f)
+    figure.suptitle(f"{CALCULATED}: {_interval(life, k)}\nShaded: within every limit.")
+    figure.legend(handles=lines, loc="outside lower center", ncols=4)
     return figure
 
 
@@ -76,10 +77,10 @@ def life_figure(life: Life, exact: Life | None = None) -> Figure:
     figure = NotebookFigure(figsize=(7.2, 1.0 + 2.0 * len(shown)), layout="constrained")
     axes = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
     for ax, (terms, values) in zip(axes, shown, strict=True):
-        _with_rate(ax, life.time, life.MRR, values, f"{terms.response}, {terms.unit}", terms.most, exact)
-    axes[-1].set_xlabel("end of the interval, min")
+        _with_rate(ax, life.time, life.MRR, values, f"{terms.response} [{terms.unit}]", terms.most, exact)
+    axes[-1].set_xlabel("end of the interval [min]")
     note = "\nDashed: MRR of the exact optimum." if exact is not None else ""
-    figure.suptitle(f"{CALCULATED}: {_how(life)}{note}", fontsize=10)
+    figure.suptitle(f"{CALCULATED}: {_how(life)}{note}")
     return figure
 
 
@@ -90,13 +91,13 @@ def pairs_figure(life: Life, exact: Life | None = None) -> Figure:
     for ax, name, unit in ((top, "V", "m/min"), (bottom, "f", "mm/rev")):
         for one, colour, style, label in _lives(life, exact):
             ax.stairs(getattr(one, name), np.arange(len(one.time) + 1) * one.rules.interval, baseline=None,
-                      color=colour, ls=style, lw=1.8, label=label)  # fmt: skip
-        ax.set(ylabel=f"{name}, {unit}")
+                      color=colour, ls=style, lw=LINE, label=label)  # fmt: skip
+        ax.set(ylabel=f"{name} [{unit}]")
         ax.set_axisbelow(True)  # stairs are patches, which lie below a grid
         ax.grid(color="0.92")
-    top.legend(fontsize=8, frameon=False)
-    bottom.set_xlabel("time of cut, min")
-    figure.suptitle(f"{CALCULATED}: {_how(life)}", fontsize=10)
+    top.legend()
+    bottom.set_xlabel("time of cut [min]")
+    figure.suptitle(f"{CALCULATED}: {_how(life)}")
     return figure
 
 
@@ -112,12 +113,12 @@ def draws_figure(plan: LifeDraws, own: LifeDraws, level: float = 0.95) -> Figure
             row, ("minutes", "removed"), ("life, min", "metal removed, 1000 cm3"), (1.0, 1e-6), strict=True
         ):
             _histogram(ax, found, what, scale, level)
-            ax.set_title(title, fontsize=9)
+            ax.set_title(title)
             if found is own:
                 ax.set_xlabel(name)
         row[0].set_ylabel("draws")
     words = f"shaded: {100 * level:g} % band, equal-tailed; line: the laws as fitted"
-    figure.suptitle(f"{CALCULATED} with {len(plan.minutes)} draws; {words}", fontsize=10)
+    figure.suptitle(f"{CALCULATED} with {len(plan.minutes)} draws; {words}")
     return figure
 
 
@@ -127,30 +128,32 @@ def _histogram(ax: Axes, found: LifeDraws, what: str, scale: float, level: float
     step = found.plan.rules.interval
     even = np.arange(values.min() - step / 2, values.max() + step, step).tolist()
     bins = even if what == "minutes" else 18
-    ax.axvspan(low, high, color="#e4ecf5", zorder=0)
+    ax.axvspan(low, high, color=BLUE, alpha=FILL, lw=0, zorder=0)
     ax.hist(values, bins=bins, color=BLUE, alpha=0.85)
-    ax.axvline(getattr(found.plan, what) * scale, color=ORANGE, lw=1.8)
+    ax.axvline(getattr(found.plan, what) * scale, color=ORANGE, lw=LINE)
 
 
 def _with_rate(
     ax: Axes, x: Array, rate: Array, values: Array, name: str, most: float, exact: Life | None = None
 ) -> None:
-    ax.plot(x, values, "o-", color=BLUE, ms=4, lw=1.4)
-    ax.axhline(most, color=BLUE, lw=0.9, ls=":")
+    ax.plot(x, values, "o-", color=BLUE, ms=4, lw=LINE)
+    ax.axhline(most, color=RED, lw=LINE, ls="--")
     ax.set_ylim(0, 1.12 * most)
-    ax.text(0.995, most, "limit", color=BLUE, fontsize=8, ha="right", va="bottom", transform=ax.get_yaxis_transform())
+    ax.text(
+        0.995, most, "limit", color=RED, fontsize=SMALL, ha="right", va="bottom", transform=ax.get_yaxis_transform()
+    )
     ax.set_ylabel(name, color=BLUE)
     other = ax.twinx()
-    other.plot(x, rate / 1000, "s-", color=ORANGE, ms=3.5, lw=1.2)
+    other.plot(x, rate / 1000, "s-", color=ORANGE, ms=3.5, lw=LINE)
     if exact is not None:
-        other.plot(exact.time, exact.MRR / 1000, "--", color=ORANGE, lw=1.0)
+        other.plot(exact.time, exact.MRR / 1000, "--", color=ORANGE, lw=THIN)
     other.set_ylim(bottom=0)
-    other.set_ylabel("MRR, cm3/min", color=ORANGE)
+    other.set_ylabel("MRR [cm3/min]", color=ORANGE)
 
 
 def _labelled(ax: Axes, x: Array, y: Array, z: Array, colour: str, style: str, digits: str) -> None:
     lines = ax.contour(x, y, z, levels=8, colors=colour, linestyles=style, linewidths=0.8)
-    ax.clabel(lines, fontsize=7, fmt=digits)
+    ax.clabel(lines, fontsize=SMALL, fmt=digits)
 
 
 def _best_pairs(ax: Axes, life: Life, k: int, lines: list[Line2D]) -> None:
@@ -186,8 +189,8 @@ def plot_life(life: Life, ax: Axes | None = None) -> Axes:
     ax, wear = new_axes(ax, 6.4, 3.8), life.laws.wear
     if len(life.time):
         _with_rate(ax, life.time, life.MRR, life.AW, f"{wear.response}, {wear.unit}", wear.most)
-    ax.set_xlabel("end of the interval, min")
-    ax.set_title(f"{CALCULATED}: {life.minutes:g} min, {life.removed / 1000:.4g} cm3", fontsize=9)
+    ax.set_xlabel("end of the interval [min]")
+    ax.set_title(f"{CALCULATED}: {life.minutes:g} min, {life.removed / 1000:.4g} cm3")
     return ax
 
 
@@ -196,5 +199,5 @@ def plot_draws(found: LifeDraws, ax: Axes | None = None) -> Axes:
     """Life over the draws, with its band and that of the laws as fitted."""
     ax = new_axes(ax, 4.8, 3.6)
     _histogram(ax, found, "minutes", 1.0, 0.95)
-    ax.set(xlabel="life, min", ylabel="draws", title=f"{CALCULATED}; shaded: 95 %")
+    ax.set(xlabel="life [min]", ylabel="draws", title=f"{CALCULATED}; shaded: 95 %")
     return ax

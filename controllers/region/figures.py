@@ -15,7 +15,8 @@ from matplotlib.ticker import MaxNLocator
 
 from ...core.arrays import Array
 from ...core.display import plot
-from ...core.plotting import BLUE, NotebookFigure, new_axes
+from ...core.figure_style import AMBER, BLUE, DIVERGING, GREEN, GREY, LINE, ORANGE, PURPLE, SMALL, THICK, THIN, TITLE
+from ...core.plotting import HALO, NotebookFigure, new_axes
 from .curved import Limit, worst
 from .operating_point import OperatingPoint
 from .probability import Feasibility
@@ -23,7 +24,7 @@ from .visible import VisibleRegion, WearFront
 
 FINE = 241  # points of a contour along each axis
 ALONG = 41  # points along a side of the region, which is curved in V and f
-COLOURS = ("#b5541c", BLUE, "#7a3b8f", "#2f7f4f", "#8a6d1a")
+COLOURS = (ORANGE, BLUE, PURPLE, GREEN, AMBER)
 Values = Callable[[Array], Array]
 
 
@@ -53,7 +54,7 @@ def _region(
 ) -> Axes:
     V, f, x = plane
     lines = ax.contour(V, f, _mrr(region)(x) / 1000, 9, colors="0.55", linewidths=0.7)
-    ax.clabel(lines, fmt="%g", fontsize=7)
+    ax.clabel(lines, fmt="%g", fontsize=SMALL)
     _shade(region, ax)
     _limits(region, ax, V, f, x)
     _letters(region, ax)
@@ -61,7 +62,7 @@ def _region(
     if not region.empty:
         best = region.best
         ax.plot(*best.xy, "*", color="k", ms=11, label=f"best: {best.MRR / 1000:.1f} cm3/min", zorder=5)
-    ax.plot([], [], color="0.55", lw=0.7, label="MRR, cm3/min")
+    ax.plot([], [], color=GREY, lw=THIN, label="MRR [cm3/min]")
     _key(ax)
     return ax
 
@@ -71,19 +72,20 @@ def plot_wear(
 ) -> Axes:
     """Contours of wear, or of its rate, over the region, and the pairs of least wear (Figs 6 and 7)."""
     symbol = region.wear or ""
-    what = f"d{symbol}/dt, um/min" if rate else f"{symbol}, {region.planes[symbol].unit}"
+    what = f"d{symbol}/dt [um/min]" if rate else f"{symbol} [{region.planes[symbol].unit}]"
     ax = _axes(ax, region, f"{'Wear rate' if rate else 'Wear'} over the region")
     V, f, x = _plane(region)
     of = _rate(region) if rate else region.planes[symbol].value
-    lines = ax.contour(V, f, of(x), 10, cmap="YlOrRd", linewidths=1.1, vmin=float(of(x).min()) * 0.3)
-    ax.clabel(lines, fmt="%.3g", fontsize=7)
+    lines = ax.contour(V, f, of(x), 10, colors=GREEN, linewidths=THIN, linestyles=":")
+    for text in ax.clabel(lines, fmt="%.3g", fontsize=SMALL):
+        text.set_path_effects(HALO)
     _shade(region, ax)
     _limits(region, ax, V, f, x)
     if front is not None:
-        ax.plot(front.V, front.f, color="k", lw=1.8, label=f"least wear, to {100 * front.loss[-1]:.3g} % less MRR")
+        ax.plot(front.V, front.f, color="k", lw=LINE, label=f"least wear, to {100 * front.loss[-1]:.3g} % less MRR")
     if not region.empty:
         ax.plot(*region.best.xy, "*", color="k", ms=11, label="greatest MRR")
-    ax.plot([], [], color="#e8743b", lw=1.1, label=what)
+    ax.plot([], [], color=GREEN, lw=THIN, ls=":", label=what)
     _key(ax)
     return ax
 
@@ -92,22 +94,22 @@ def plot_wear(
 def plot_front(front: WearFront, ax: Axes | None = None) -> Axes:
     """Least wear over metal removal rate; the wear rate on an axis of its own."""
     ax = new_axes(ax, 6.4, 4.4)
-    ax.plot(front.MRR / 1000, front.wear, color=BLUE, lw=1.8)
-    ax.set(xlabel="metal removal rate, cm3/min", ylabel=f"least {front.symbol}, {front.unit}")
-    ax.set_title("Least wear over metal removal rate (calculated)", fontsize=10)
+    ax.plot(front.MRR / 1000, front.wear, color=BLUE, lw=LINE)
+    ax.set(xlabel="metal removal rate [cm3/min]", ylabel=f"least {front.symbol} [{front.unit}]")
+    ax.set_title("Least wear over metal removal rate (calculated)")
     for loss in (0.0, 0.05, 0.1, 0.2, 0.3, 0.5):
         near = int(np.argmin(np.abs(front.loss - loss)))
         if abs(front.loss[near] - loss) < 1e-9:
             at = (float(front.MRR[near] / 1000), float(front.wear[near]))
             ax.plot(*at, "o", color=BLUE, ms=4)
             words = f"{100 * loss:.0f} %: V {front.V[near]:.0f}, f {front.f[near]:.3f}"
-            ax.annotate(words, at, xytext=(-6, 3), textcoords="offset points", ha="right", fontsize=7.5)
+            ax.annotate(words, at, xytext=(-6, 3), textcoords="offset points", ha="right", fontsize=SMALL)
     low, high = ax.get_xlim()
     ax.set_xlim(low - 0.25 * (high - low), high)
     if front.wear_rate is not None and np.all(front.wear > 0):
         scale = float(front.wear_rate[0] / front.wear[0])
         other = ax.secondary_yaxis("right", functions=(lambda w: np.multiply(w, scale), lambda r: np.divide(r, scale)))
-        other.set_ylabel(f"d{front.symbol}/dt there, um/min")
+        other.set_ylabel(f"d{front.symbol}/dt there [um/min]")
     return ax
 
 
@@ -119,9 +121,9 @@ def plot_probability(
     region = chance.region
     ax = _axes(ax, region, f"Probability of keeping the limits: {chance.of}")
     levels = [0.0, 0.05, 0.25, 0.5, 0.75, 0.9, 0.95, 1.0]
-    filled = ax.contourf(chance.V, chance.f, chance.probability, levels, cmap="RdYlGn", alpha=0.75)
+    filled = ax.contourf(chance.V, chance.f, chance.probability, levels, cmap=DIVERGING, alpha=0.75)
     lines = ax.contour(chance.V, chance.f, chance.probability, [0.5, 0.95], colors="k", linewidths=(0.8, 1.4))
-    ax.clabel(lines, fmt="%.2f", fontsize=7)
+    ax.clabel(lines, fmt="%.2f", fontsize=SMALL)
     V, f, x = _plane(region)
     _limits(region, ax, V, f, x)
     if not region.empty:
@@ -136,32 +138,32 @@ def plot_probability(
 
 def surfaces_figure(region: VisibleRegion) -> Figure:
     """Every response over V and f, with wear rate and removal rate (Fig. 2)."""
-    shown: list[tuple[str, Values]] = [(f"{n}, {p.unit}", p.value) for n, p in region.planes.items()]
+    shown: list[tuple[str, Values]] = [(f"{n} [{p.unit}]", p.value) for n, p in region.planes.items()]
     if region.wear is not None and region.rate_of_wear is not None:
-        shown.append((f"d{region.wear}/dt, um/min", _rate(region)))
-    shown.append(("MRR, cm3/min", lambda x: _mrr(region)(x) / 1000))
+        shown.append((f"d{region.wear}/dt [um/min]", _rate(region)))
+    shown.append(("MRR [cm3/min]", lambda x: _mrr(region)(x) / 1000))
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
     figure = NotebookFigure(figsize=(4.0 * columns, 3.6 * rows + 0.4), layout="constrained")
     V, f, x = _plane(region, 31)
     for i, (label, of) in enumerate(shown):
         ax: Any = figure.add_subplot(rows, columns, i + 1, projection="3d")
-        ax.plot_surface(V, f, of(x), cmap="viridis", linewidth=0.2, edgecolor="0.35", alpha=0.95)
-        ax.set_xlabel("V, m/min", fontsize=8)
-        ax.set_ylabel("f, mm/rev", fontsize=8)
-        ax.set_title(label, fontsize=9)
-        ax.tick_params(labelsize=7, pad=0)
+        ax.plot_surface(V, f, of(x), cmap="viridis", linewidth=THIN, edgecolor=GREY, alpha=0.95)
+        ax.set_xlabel("V [m/min]", fontsize=SMALL)
+        ax.set_ylabel("f [mm/rev]", fontsize=SMALL)
+        ax.set_title(label, fontsize=TITLE)
+        ax.tick_params(labelsize=SMALL, pad=0)
         ax.xaxis.set_major_locator(MaxNLocator(4))
         ax.yaxis.set_major_locator(MaxNLocator(4))
         ax.view_init(elev=24, azim=-130)
         ax.set_box_aspect(None, zoom=0.92)
-    figure.suptitle(f"Calculated from the laws: {region.at_words}", fontsize=10)
+    figure.suptitle(f"Calculated from the laws: {region.at_words}")
     return figure
 
 
 def _key(ax: Axes) -> None:
     """Legend below the axes, where it hides nothing."""
-    ax.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.12), ncols=3, fontsize=7.5, frameon=False)
+    ax.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.12), ncols=2)
 
 
 def _axes(ax: Axes | None, region: VisibleRegion, title: str) -> Axes:
@@ -170,8 +172,8 @@ def _axes(ax: Axes | None, region: VisibleRegion, title: str) -> Axes:
     wide = high - low
     ax.set_xlim(low[0] - 0.02 * wide[0], high[0] + 0.02 * wide[0])
     ax.set_ylim(low[1] - 0.02 * wide[1], high[1] + 0.06 * wide[1])
-    ax.set(xlabel="cutting speed V, m/min", ylabel="feed f, mm/rev")
-    ax.set_title(f"{title}\ncalculated, {region.at_words}", fontsize=9.5)
+    ax.set(xlabel="cutting speed V [m/min]", ylabel="feed f [mm/rev]")
+    ax.set_title(f"{title}\ncalculated, {region.at_words}")
     return ax
 
 
@@ -206,10 +208,10 @@ def _shade(region: VisibleRegion, ax: Axes) -> None:
         V, f, x = _plane(region)
         over = worst(region.limits, x)
         ax.contourf(V, f, over, [over.min() - 1.0, 0.0], colors=[BLUE], alpha=0.12)
-        ax.add_patch(Polygon(np.empty((0, 2)), facecolor=BLUE, alpha=0.12, edgecolor="0.2", lw=1.0, label="feasible"))
+        ax.add_patch(Polygon(np.empty((0, 2)), facecolor=BLUE, alpha=0.12, edgecolor=GREY, lw=THIN, label="feasible"))
     elif len(region.polygon) > 2:
         outline = np.exp(_sides(region.polygon))
-        ax.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.12, edgecolor="0.2", lw=1.0, label="feasible"))
+        ax.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.12, edgecolor=GREY, lw=THIN, label="feasible"))
 
 
 def _sides(polygon: Array) -> Array:
@@ -226,14 +228,14 @@ def _limits(region: VisibleRegion, ax: Axes, V: Array, f: Array, x: Array) -> No
         note = " (not active here)" if over.max() <= 0 else " (exceeded everywhere)" if over.min() >= 0 else ""
         if not note:
             ax.contour(V, f, over, [0.0], colors=colour, linewidths=1.8)
-        ax.plot([], [], color=colour, lw=1.8, label=each.words + note)
+        ax.plot([], [], color=colour, lw=LINE, label=each.words + note)
 
 
 def _letters(region: VisibleRegion, ax: Axes) -> None:
     right = np.exp(region.box.high[0])
     for corner in region.corners:
         aside = -12 if 0.98 * right < corner.V else 5
-        ax.plot(corner.V, corner.f, "o", color="0.2", ms=3.5)
+        ax.plot(corner.V, corner.f, "o", color=GREY, ms=3.5)
         ax.annotate(
             corner.letter,
             (corner.V, corner.f),
@@ -241,7 +243,7 @@ def _letters(region: VisibleRegion, ax: Axes) -> None:
             textcoords="offset points",
             weight="bold",
             annotation_clip=True,
-            path_effects=[withStroke(linewidth=2.5, foreground="w")],  # over the numbers of the contours
+            path_effects=[withStroke(linewidth=THICK, foreground="w")],  # over the numbers of the contours
             zorder=6,
         )
 

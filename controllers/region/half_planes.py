@@ -22,7 +22,36 @@ FAR = 200.0  # half width of the square that stands for the unbounded plane
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class HalfPlane(Displayable):
+class ValueLimit(Displayable):
+    """A limit on one quantity, without its geometry.
+
+    Attributes
+    ----------
+    symbol, unit : str
+    side : {"most", "least"}
+        Whether ``value`` is the largest or the smallest allowed.
+    value : float
+        In ``unit``.
+    """
+
+    symbol: str
+    unit: str
+    side: Literal["most", "least"]
+    value: float
+
+    @property
+    def name(self) -> str:
+        """Short: ``P 7 kW``."""
+        return f"{self.symbol} {self.value:g} {self.unit}"
+
+    @property
+    def words(self) -> str:
+        """The limit as a phrase: ``P at most 7 kW``."""
+        return f"{self.symbol} at {self.side} {self.value:g} {self.unit}"
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class HalfPlane(ValueLimit):
     """``a . (ln V, ln f) <= b``: one limit.
 
     Attributes
@@ -41,22 +70,8 @@ class HalfPlane(Displayable):
     'f at least 0.06 mm/rev'
     """
 
-    symbol: str
-    unit: str
-    side: Literal["most", "least"]
-    value: float
     a: tuple[float, float]
     b: float
-
-    @property
-    def name(self) -> str:
-        """Short: ``P 7 kW``."""
-        return f"{self.symbol} {self.value:g} {self.unit}"
-
-    @property
-    def words(self) -> str:
-        """The limit as a phrase: ``P at most 7 kW``."""
-        return f"{self.symbol} at {self.side} {self.value:g} {self.unit}"
 
     def beyond(self, x: Array) -> Array:
         """Excess of points over the limit, in logarithms: (..., 2) -> (...,); negative is within."""

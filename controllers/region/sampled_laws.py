@@ -216,6 +216,13 @@ def _sampled(
     return SampledLaw(plane(law, region.setting, wear, of), off, adds, words)
 
 
+def sampled_parameters(law: "LawSection", draws: "Draws | None", count: int, rng: np.random.Generator) -> Array:
+    """Parameters of a law, shape (count, p): from its draws, or from its covariance where it has none."""
+    if draws is None:
+        return _from_covariance(law, count, rng)[0]
+    return _from_draws(law, draws, rng.permutation(len(draws.values))[:count])[0]
+
+
 def _from_draws(law: "LawSection", draws: "Draws", rows: NDArray[np.int64]) -> tuple[Array, Array, Array | None]:
     """Parameters (S, p), sd of a row of a new edge (S,), degrees of freedom of heavy tails (S,) or None."""
     column = dict(zip(draws.names, draws.values[rows].T, strict=True))

@@ -17,7 +17,7 @@ from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...datasets import region as tested_region
 from ...parameters.evaluation import Equation, equation_of
-from .half_planes import HalfPlane
+from .half_planes import HalfPlane, ValueLimit
 from .log_planes import USUAL, CutSetting, LogPlane, known_value, need_speed_and_feed, plane, ratio, with_wear
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ Surface = LogPlane | LawSurface
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class CurvedLimit(Displayable):
+class CurvedLimit(ValueLimit):
     """One limit on a law that is no plane in ln V and ln f.
 
     Attributes
@@ -106,22 +106,8 @@ class CurvedLimit(Displayable):
         The value in the unit of the surface.
     """
 
-    symbol: str
-    unit: str
-    side: Literal["most", "least"]
-    value: float
     surface: Surface
     allowed: float
-
-    @property
-    def name(self) -> str:
-        """Short: ``P 7 kW``."""
-        return f"{self.symbol} {self.value:g} {self.unit}"
-
-    @property
-    def words(self) -> str:
-        """The limit as a phrase: ``P at most 7 kW``."""
-        return f"{self.symbol} at {self.side} {self.value:g} {self.unit}"
 
     def beyond(self, x: Array) -> Array:
         """Excess of points over the limit, in logarithms: (..., 2) -> (...,); negative is within."""

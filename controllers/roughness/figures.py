@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ...core.display import plot
-from ...core.plotting import BLUE, ORANGE, NotebookFigure, new_axes
+from ...core.figure_style import BLUE, LINE, ORANGE, SMALL, THIN
+from ...core.plotting import NotebookFigure, new_axes
 from .simulations import TableSimulation, TurningRun
 
 GREY = "0.45"
@@ -30,34 +31,34 @@ def comparison_figure(
     axes = figure.subplots(3, 2, sharex=True, sharey="row")
     for column, (cut, title) in enumerate(((without, "constant feed"), (controlled, "with control"))):
         _column(axes[:, column], cut, sections)
-        axes[0, column].set_title(title, fontsize=10, pad=16)
-    for ax, label in zip(axes[:, 0], ("Ra, um", "F, N", "f, mm/rev"), strict=True):
+        axes[0, column].set_title(title, pad=16)
+    for ax, label in zip(axes[:, 0], ("Ra [um]", "F [N]", "f [mm/rev]"), strict=True):
         ax.set_ylabel(label)
         ax.set_ylim(bottom=0)
-    axes[0, 0].legend(loc="upper right", fontsize=8)
-    axes[2, 1].legend(loc="lower left", bbox_to_anchor=(0.0, 0.12), fontsize=8)
-    figure.suptitle(f"{SIMULATED}: force disturbed at random by up to 10 %", fontsize=10)
+    axes[0, 0].legend(loc="upper right")
+    axes[2, 1].legend(loc="lower left", bbox_to_anchor=(0.0, 0.12))
+    figure.suptitle(f"{SIMULATED}: force disturbed at random by up to 10 %")
     return figure
 
 
 def _column(axes: Sequence[Axes], cut: TurningRun, sections: Sequence[tuple[str, float]]) -> None:
     t, recorded = cut.trace.time, cut.trace.recorded
-    axes[0].plot(t, cut.Ra, color=BLUE, lw=0.7)
-    axes[0].plot(t, cut.required, color="black", lw=1.2, ls="--", label="required")
-    axes[1].plot(t, recorded["force"], color=BLUE, lw=0.7)
-    axes[1].plot(t, cut.trace.reference, color="black", lw=1.2, ls="--")
-    axes[2].plot(t, cut.trace.command, color=ORANGE, lw=0.7, label="command")
-    axes[2].plot(t, recorded["feed"], color=BLUE, lw=1.2, label="servo's output")
-    axes[2].set_xlabel("time, s")
+    axes[0].plot(t, cut.Ra, color=BLUE, lw=THIN)
+    axes[0].plot(t, cut.required, color="black", lw=LINE, ls="--", label="required")
+    axes[1].plot(t, recorded["force"], color=BLUE, lw=THIN)
+    axes[1].plot(t, cut.trace.reference, color="black", lw=LINE, ls="--")
+    axes[2].plot(t, cut.trace.command, color=ORANGE, lw=THIN, label="command")
+    axes[2].plot(t, recorded["feed"], color=BLUE, lw=LINE, label="servo's output")
+    axes[2].set_xlabel("time [s]")
     for ax in axes:
         for _, start in sections[1:]:
-            ax.axvline(start, color="0.8", lw=0.8, zorder=0)
-    axes[2].axhline(cut.high, color="0.7", lw=0.8, ls=":", label="limits")
-    axes[2].axhline(cut.low, color="0.7", lw=0.8, ls=":")
+            ax.axvline(start, color="0.8", lw=THIN, zorder=0)
+    axes[2].axhline(cut.high, color="0.7", lw=THIN, ls=":", label="limits")
+    axes[2].axhline(cut.low, color="0.7", lw=THIN, ls=":")
     ends = [*(start for _, start in sections[1:]), t[-1]]
     for (name, start), end in zip(sections, ends, strict=False):
         at = (start + end) / 2, 1.02
-        axes[0].annotate(name, at, xycoords=("data", "axes fraction"), fontsize=8, ha="center", color=GREY)
+        axes[0].annotate(name, at, xycoords=("data", "axes fraction"), fontsize=SMALL, ha="center", color=GREY)
 
 
 def readings_figure(servo: TurningRun, command: TurningRun, title: str = "", until: float = 6.0) -> Figure:
@@ -69,25 +70,25 @@ def readings_figure(servo: TurningRun, command: TurningRun, title: str = "", unt
         part = cut.trace.time <= until
         t = cut.trace.time[part]
         _feed(axes[0, column], cut, part)
-        axes[1, column].plot(t, cut.trace.recorded["force"][part], color=BLUE, lw=0.9)
-        axes[1, column].plot(t, cut.trace.reference[part], color="black", lw=1.1, ls="--")
-        axes[0, column].set_title(name, fontsize=10)
-        axes[1, column].set_xlabel("time, s")
-    axes[0, 0].set_ylabel("f, mm/rev")
-    axes[1, 0].set_ylabel("F, N")
+        axes[1, column].plot(t, cut.trace.recorded["force"][part], color=BLUE, lw=THIN)
+        axes[1, column].plot(t, cut.trace.reference[part], color="black", lw=LINE, ls="--")
+        axes[0, column].set_title(name)
+        axes[1, column].set_xlabel("time [s]")
+    axes[0, 0].set_ylabel("f [mm/rev]")
+    axes[1, 0].set_ylabel("F [N]")
     axes[0, 0].set_ylim(bottom=0)
     axes[1, 0].set_ylim(bottom=0)
-    axes[0, 0].legend(loc="lower right", fontsize=8)
-    figure.suptitle(f"{SIMULATED}. {title}".rstrip(), fontsize=10)
+    axes[0, 0].legend(loc="lower right")
+    figure.suptitle(f"{SIMULATED}. {title}".rstrip())
     return figure
 
 
 def _feed(ax: Axes, cut: TurningRun, part: NDArray[np.bool_]) -> None:
     t = cut.trace.time[part]
-    ax.plot(t, cut.trace.command[part], color=ORANGE, lw=0.9, label="command")
-    ax.plot(t, cut.trace.recorded["feed"][part], color=BLUE, lw=1.3, label="servo's output")
+    ax.plot(t, cut.trace.command[part], color=ORANGE, lw=THIN, label="command")
+    ax.plot(t, cut.trace.recorded["feed"][part], color=BLUE, lw=LINE, label="servo's output")
     for limit in (cut.low, cut.high):
-        ax.axhline(limit, color="0.7", lw=0.8, ls=":")
+        ax.axhline(limit, color="0.7", lw=THIN, ls=":")
 
 
 def table_figure(found: Sequence[TableSimulation], title: str = "") -> Figure:
@@ -105,10 +106,10 @@ def table_figure(found: Sequence[TableSimulation], title: str = "") -> Figure:
             "with control, as printed",
         ),
     ):
-        ax.plot(required, 100 * np.array(values), lw=0.8, label=name, **style)  # type: ignore[arg-type]
-    ax.set(xlabel="required Ra, um", ylabel="deviation of mean Ra from the required one, %")
-    ax.legend(fontsize=8)
-    ax.set_title(f"{SIMULATED}{title}", fontsize=10)
+        ax.plot(required, 100 * np.array(values), lw=THIN, label=name, **style)  # type: ignore[arg-type]
+    ax.set(xlabel="required Ra [um]", ylabel="deviation of mean Ra from the required one [%]")
+    ax.legend()
+    ax.set_title(f"{SIMULATED}{title}")
     return figure
 
 
@@ -116,7 +117,7 @@ def table_figure(found: Sequence[TableSimulation], title: str = "") -> Figure:
 def plot_roughness(run: TurningRun, ax: Axes | None = None) -> Axes:
     """Roughness over time, with the required one."""
     ax = new_axes(ax, 6.4, 3.6)
-    ax.plot(run.trace.time, run.Ra, color=BLUE, lw=0.9)
-    ax.plot(run.trace.time, run.required, color="0.4", lw=0.9, ls="--")
-    ax.set(xlabel="time, s", ylabel="Ra, um; dashed: required", title="Simulated")
+    ax.plot(run.trace.time, run.Ra, color=BLUE, lw=THIN)
+    ax.plot(run.trace.time, run.required, color=GREY, lw=THIN, ls="--")
+    ax.set(xlabel="time [s]", ylabel="Ra [um]; dashed: required", title="Simulated")
     return ax

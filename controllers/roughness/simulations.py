@@ -140,7 +140,7 @@ def turn(
     for time, Ra in schedule:
         required[trace.time > time - 1e-9] = Ra
     given: dict[str, Any] = {law.factors[0].symbol: trace.recorded["force"]}
-    return TurningRun(trace, np.asarray(law.predict(**given)), required, made.low, made.high)
+    return TurningRun(trace, np.asarray(law.values(**given)), required, made.low, made.high)
 
 
 def steady(cut: TurningRun, start: float = SETTLED, end: float = np.inf) -> SteadyCut:

@@ -173,7 +173,9 @@ def known_of(data: dict[str, Values], notes: Iterable[str], options: ReadOptions
     return Known(data, given, unwanted, process, stated is not None)
 
 
-def apply(known: Known, words: Mapping[str, str], only: Iterable[str] | None = None) -> list[Derived]:
+def apply(
+    known: Known, words: Mapping[str, str], only: Iterable[str] | None = None, targets: Iterable[str] = TARGETS
+) -> list[Derived]:
     """Compute in place every target that is missing and follows from what is known.
 
     Parameters
@@ -183,11 +185,13 @@ def apply(known: Known, words: Mapping[str, str], only: Iterable[str] | None = N
         Header of each role's column, for the sentences.
     only : iterable of str, optional
         Equations that may be used; all where None.
+    targets : iterable of str
+        Quantities to compute.
     """
     found: list[Derived] = []
     names = dict(words)
     allowed = None if only is None else frozenset(only)
-    for target in TARGETS:
+    for target in targets:
         if known.has(target) or target in known.data or target in known.unwanted:
             continue
         steps = _steps(target, known, frozenset(), allowed) or ()

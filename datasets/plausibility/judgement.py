@@ -1,10 +1,13 @@
 """Plausibility of a file of tests: what cannot be is refused, what is unusual or contradictory is doubted."""
 
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.errors import DataError
 from ...core.rounding import format_decimal
-from ..columns import NONE
+from ..columns import NONE, ColumnUse
 from ..doubts import Doubt
 from ..draft import CORRECTS, Draft
 from ..edges.checks import of_another_order
@@ -18,6 +21,7 @@ from .stray_values import check_cells, check_levels
 from .unused_columns import check_uses
 
 _POSITIVE = ("wear", "load", "surface", "condition", "time")
+_NO_FACTOR = ("load", "surface")  # results that other laws do not need
 _RESULTS = ("load", "surface", "other")  # exchanged among each other, conditions with time and wear
 CLOSE = 10  # values that are merely uncommon do not decide between units of a smaller ratio
 NEGATIVE = 0.95  # share of the values of a column whose sign is reversed
@@ -46,12 +50,14 @@ def settle_units(draft: Draft, options: ReadOptions) -> None:
 
 
 def check_signs(draft: Draft, options: ReadOptions) -> None:
-    """Refuse a measured quantity or a condition that is negative throughout, and doubt such a component of the force.
+    """Refuse a condition or a wear that is negative throughout, and doubt other results, which then have no law.
 
     Raises
     ------
     DataError
+        Laws need the column: a condition, a time, a wear, or the only result of the file.
     """
+    results = {use.role for use in draft.uses if use.role and ROLES[use.role].kind in ("wear", *_NO_FACTOR)}
     for place, use in enumerate(draft.uses):
         kind = ROLES[use.role].kind if use.role else ""
         if use.role is None or kind not in _POSITIVE or use.role in options.ranges:
@@ -60,15 +66,31 @@ def check_signs(draft: Draft, options: ReadOptions) -> None:
         known = values[np.isfinite(values) & (values != 0)]
         if not known.size or np.mean(known < 0) < NEGATIVE:
             continue
-        share = "all" if (known < 0).all() else f"{np.count_nonzero(known < 0)} of {known.size}"
-        low, high = format_decimal(float(known.min())), format_decimal(float(known[known < 0].max()))
-        values_shown = f"{low if low == high else f'{low} to {high}'} {use.unit}".rstrip()
-        sentence = f"{use.role} is negative in {share} rows ({values_shown}): reversed sign"
-        remedy = f"--correct all:{use.role}*-1"
+        sentence, remedy = _reversed(use, known), f"--correct 'all:{use.role}*-1'"
+        if use.role not in _AXES and (kind not in _NO_FACTOR or results == {use.role}):
+            raise DataError(f"column {draft.columns[place].name!r}: {sentence}; read it with {remedy}.")
+        sentence += f", so that no law of {use.role} is fitted"
+        concerned = use.role if use.role in _AXES else use.header
+        draft.doubts.append(Doubt((concerned,), sentence, remedy.replace("'", "")))
         if use.role not in _AXES:
-            read = f"--correct 'all:{use.role}*-1'"
-            raise DataError(f"column {draft.columns[place].name!r}: {sentence}; read it with {read}.")
-        draft.doubts.append(Doubt((use.role,), f"{sentence}, so that no law of {use.role} is fitted", remedy))
+            _give_no_role(draft, place)
+            results.remove(use.role)
+
+
+def _reversed(use: ColumnUse, known: NDArray[np.float64]) -> str:
+    """In how many rows a column is negative, and between which values."""
+    share = "all" if (known < 0).all() else f"{np.count_nonzero(known < 0)} of {known.size}"
+    low, high = format_decimal(float(known.min())), format_decimal(float(known[known < 0].max()))
+    shown = f"{low if low == high else f'{low} to {high}'} {use.unit}".rstrip()
+    return f"{use.role} is negative in {share} rows ({shown}): reversed sign"
+
+
+def _give_no_role(draft: Draft, place: int) -> None:
+    """Take its role from a column: it is not used."""
+    use = draft.uses[place]
+    draft.uses = (*draft.uses[:place], replace(use, role=None, suggestion=None), *draft.uses[place + 1 :])
+    draft.data.pop(str(use.role), None)
+    draft.units.pop(str(use.role), None)
 
 
 def check_values(draft: Draft, options: ReadOptions) -> None:
@@ -189,11 +211,13 @@ def _units_in_use(draft: Draft, one: Quantity) -> list[str]:
 
 def _doubt_unnamed(draft: Draft, one: Quantity, unit: str) -> None:
     """Doubt the default unit, which is taken, where another unit would make the values usual."""
-    sentence = (
-        f"{one.role} {one.shown(ROLES[one.role].unit)} is unusual ({one.usual}), its unit is not named; "
-        f"{one.shown(unit)} would be usual"
-    )
-    draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={unit}"))
+    home, factor = ROLES[one.role].unit, unit_factor(unit, one.role)
+    head = f"{one.role} {one.shown(home)} is unusual ({one.usual}), its unit is not named"
+    sentence = f"{head}; {one.shown(unit)} would be usual"
+    far = not 1 / CLOSE < factor < CLOSE
+    if far:
+        sentence += f"; if the values are in {home}, confirm it with --unit {one.role}={home}"
+    draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={unit}", unsettled=far))
 
 
 def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) -> None:

@@ -113,8 +113,9 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
     """Doubt columns that resemble a condition or a result of the tests and have no role."""
     process = table_process(draft, options)
     taken: set[str] = set()
+    doubted = {name for doubt in draft.doubts for name in doubt.columns}
     for column, use in zip(draft.columns, draft.uses, strict=True):
-        if use.role is not None or not column.is_numeric or column.bad:
+        if use.role is not None or not column.is_numeric or column.bad or use.header in doubted:
             continue
         values = np.asarray(column.values, dtype=float)[:SAMPLE]
         levels = np.unique(values[np.isfinite(values)])

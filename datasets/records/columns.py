@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import DataError, UsageError
+from ...core.rounding import count
 from ...core.suggestions import closest
 from ..headers import parse_header
 from ..tables import Column
@@ -220,7 +221,9 @@ def choose(
 
 def _unnamed(candidates: Sequence[ColumnHeader], options: str) -> str:
     if len(candidates) < 1 + (" and " in options):
-        return f"the file has {len(candidates)} signal(s) besides time, and a record needs an input and an output."
+        return (
+            f"the file has {count(len(candidates), 'signal')} besides time, and a record needs an input and an output."
+        )
     shown = ", ".join(h.label for h in candidates[:12]) + (", ..." if len(candidates) > 12 else "")
     number = candidates[0].column.number
     return (

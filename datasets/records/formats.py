@@ -311,7 +311,7 @@ def looks_like_record(file: str | os.PathLike[str] | Table) -> FileKind:
         step = float(np.median(np.diff(values))) * (scale or 1.0) if values is not None else 1.0
         return FileKind("record", f"{clock.name} rises evenly, {1 / step:.6g} samples a second", loads)
     if count < 2:
-        return FileKind("table", f"{count} signal(s) besides the time {clock.name}")
+        return FileKind("table", f"{'1 signal' if count == 1 else 'no signals'} besides the time {clock.name}")
     if values is not None and not _even(np.asarray(values, dtype=np.float64), any(is_label(h) for h in known)):
         return FileKind("table", f"{clock.name} does not rise evenly")
     tested = [h.name for h in known if h.role in TESTED]

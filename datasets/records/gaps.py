@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
+from ...core.rounding import count
 from .record import Record
 
 Rows = NDArray[np.intp]
@@ -127,8 +128,9 @@ def _filled_note(columns: Sequence[_Column], names: Iterable[str], line_of: Call
         for rule, error in [max(column.rules.values(), key=lambda found: found[1], default=(0, -1.0))]
         if error >= 0
     ]
+    samples, verb = count(int(lengths.sum()), "sample"), "is" if lengths.sum() == 1 else "are"
     return (
-        f"{int(lengths.sum())} sample(s) in {len(begins)} gap(s) of at most {int(lengths.max())} are filled "
+        f"{samples} in {count(len(begins), 'gap')} of at most {lengths.max()} {verb} filled "
         f"({_lines([line_of(int(b)) for b in begins])}): {'; '.join(rules)}",
     )
 
@@ -139,8 +141,9 @@ def _open_note(gaps: Sequence[tuple[int, int]], sample_time: float) -> tuple[str
         return ()
     low, high = min(n for _, n in gaps), max(n for _, n in gaps)
     size = f"{low}" if low == high else f"{low} to {high}"
+    samples, verb = "sample" if high == 1 else "samples", "is" if len(gaps) == 1 else "are"
     return (
-        f"{len(gaps)} gap(s) of {size} sample(s), the longest {high * sample_time:.3g} s, are not filled "
+        f"{count(len(gaps), 'gap')} of {size} {samples}, the longest {high * sample_time:.3g} s, {verb} not filled "
         f"({_lines(sorted(int(line) for line, _ in gaps))}): a new segment begins after each",
     )
 

@@ -9,7 +9,9 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.errors import DataError, UsageError
+from ...core.rounding import count
 from ...core.suggestions import closest
+from ..runs import disclaimers
 from ..tables import Table
 from .columns import ColumnHeader, choose, find, heads, in_unit, is_counter, is_label, time_column, times
 from .formats import record_tables
@@ -125,7 +127,16 @@ def _record(table: Table, asked: RecordOptions) -> Record:
         record = timed(clock, samples, asked, given[0])
     else:
         record = untimed(samples, asked, asked.sample_time or 0.0)
-    found = (*(text.rstrip(".") for text in table.warnings), *presumed, *u_notes, *y_notes, *notes, *record.notes)
+    declared = (f"from the file: {note.strip('#;%. ')}" for note in disclaimers(table.notes))
+    found = (
+        *declared,
+        *(text.rstrip(".") for text in table.warnings),
+        *presumed,
+        *u_notes,
+        *y_notes,
+        *notes,
+        *record.notes,
+    )
     checked = (
         *(
             note
@@ -169,7 +180,9 @@ def _samples(
     notes = []
     if not full.all():
         first = int(table.lines[np.flatnonzero(~full)[0]])
-        notes.append(f"{np.count_nonzero(~full)} row(s) lack a number, the first in line {first}")
+        notes.append(
+            f"{count(int(np.count_nonzero(~full)), 'row lacks', 'rows lack')} a number, the first in line {first}"
+        )
     if np.count_nonzero(full) < FEWEST:
         raise DataError(
             f"{table.path.name} has {np.count_nonzero(full)} full rows of time, input and output; a record needs "
@@ -191,7 +204,8 @@ def _samples(
         if np.count_nonzero(again) > 0.2 * len(again):
             again[:] = False  # a time that does not change, not duplicate rows
     if again.any():
-        notes.append(f"{np.count_nonzero(again)} row(s) are duplicates, the first in line {lines[again][0]}: kept once")
+        rows = count(int(np.count_nonzero(again)), "row is a duplicate", "rows are duplicates")
+        notes.append(f"{rows}, the first in line {lines[again][0]}: kept once")
     places = (np.flatnonzero(keep) - np.cumsum(again))[~again]
     cuts = np.flatnonzero(np.diff(runs[~again])) + 1
     if cuts.size:
@@ -222,8 +236,9 @@ def signal_findings(name: str, values: Array, unit: str = "") -> tuple[str, ...]
         places, samples = clipped(values, extreme)
         if places:
             out.append(
-                f"{name} looks clipped: {places} time(s) it runs into its {which} value {extreme:g}{tail} and stays "
-                f"there, {samples} samples in all; a linear model does not saturate: lower the level or widen the range"
+                f"{name} looks clipped: {count(places, 'time')} it runs into its {which} value {extreme:g}{tail} "
+                f"and stays there, {samples} samples in all; a linear model does not saturate: lower the level or "
+                "widen the range"
             )
     return tuple(out)
 

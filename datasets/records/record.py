@@ -10,7 +10,7 @@ import numpy as np
 from ...core.arrays import Array, is_positive
 from ...core.display import Display, Plottable, as_columns
 from ...core.errors import DataError
-from ...core.rounding import format_plain
+from ...core.rounding import count, format_plain
 
 if TYPE_CHECKING:
     from ...core.display import Frame
@@ -217,7 +217,7 @@ class Record(Plottable):
             f"{KEPT * slower * self.rate / 2:.4g} Hz is kept, that above {slower * self.rate / 2:.4g} Hz removed"
         ]
         if len(kept) < len(self.starts):
-            notes.append(f"{len(self.starts) - len(kept)} segment(s) too short for the new rate are left out")
+            notes.append(f"{count(len(self.starts) - len(kept), 'segment')} too short for the new rate left out")
         return replace(
             self,
             u=np.concatenate([part[0] for part in parts]),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...core.arrays import is_positive
 from ...core.errors import DataError, UsageError
+from ...core.rounding import count
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -229,15 +230,15 @@ def _break_notes(
 ) -> list[str]:
     notes = []
     if restarts > 0:
-        notes.append(f"{name} starts again {restarts} time(s): each is a separate run")
+        notes.append(f"{name} starts again {count(restarts, 'time')}: each is a separate run")
     for places, what, then in (
-        (lost, f"{missing} sample(s) are missing", ""),
+        (lost, f"{count(missing, 'sample is', 'samples are')} missing", ""),
         (stray, "the step is not a whole number of samples", ": a new segment begins after each"),
     ):
         rows = np.flatnonzero(places) + 1
         if rows.size:
             shown = ", ".join(str(lines[row]) for row in rows[:3]) + (", ..." if rows.size > 3 else "")
-            notes.append(f"{what}, in {rows.size} place(s) (line {shown}){then}")
+            notes.append(f"{what}, in {count(rows.size, 'place')} (line {shown}){then}")
     return notes
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...core.arrays import Array, is_positive
 from ...core.errors import DataError, UsageError
+from ...core.rounding import count
 from .columns import ColumnHeader, seconds_in, times
 from .gaps import fill_gaps
 from .record import Record
@@ -163,7 +164,7 @@ def _uneven(samples: Samples, seconds: float, name: str, rate: float, notes: tup
     assumptions = (
         f"{name} is not uniform (steps {steps[inside].min():.4g} to {steps[inside].max():.4g} s): samples are "
         f"interpolated linearly at {rate * times_denser:g} Hz",
-        *([f"{gaps.size} gap(s) of more than {GAP:g} median steps are left open"] if gaps.size else []),
+        *([f"{count(gaps.size, 'gap')} of more than {GAP:g} median steps left open"] if gaps.size else []),
     )
     u, y, *reference = values.T
     record = Record(u, y, 1 / (rate * times_denser), begins, notes=(*notes, *assumptions), reference=_only(reference))

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...core.arrays import Array
+from ...core.rounding import count
 from .contrast import Interval, block_means, widened
 from .cuts import Cut
 from .recording import Recording
@@ -62,9 +63,8 @@ def _gaps(name: str, part: Array, step: float) -> list[str]:
     if lost.mean() <= GAPS:
         return []
     places = len(widened(np.flatnonzero(lost), 1))
-    return [
-        f"{name}: {step * np.count_nonzero(lost):.2g} s in {places} gap(s) without a value ({100 * lost.mean():.1f} %)"
-    ]
+    gaps, share = count(places, "gap"), 100 * lost.mean()
+    return [f"{name}: {step * np.count_nonzero(lost):.2g} s in {gaps} without a value ({share:.1f} %)"]
 
 
 def _stuck(name: str, known: Array, values: Array, step: float, unit: str) -> list[str]:

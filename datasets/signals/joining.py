@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.errors import DataError, UsageError
+from ...core.rounding import count
 from ...core.suggestions import closest
 from ..headers import parse_header
 from ..records.columns import clock_seconds, heads
@@ -162,8 +163,8 @@ def _by_column(plan: Plan, files: Sequence[Path], column: Column) -> Assignment:
     without = [name for name, held in rows.items() if not held]
     if without:
         raise DataError(
-            f"{len(without)} record(s) are not named in column {column.name!r} of {plan.table.path.name}: "
-            f"{_listed(without)}. Take them out of the folder, or add their rows."
+            f"{count(len(without), 'record is', 'records are')} not named in column {column.name!r} of "
+            f"{plan.table.path.name}: {_listed(without)}. Take them out of the folder, or add their rows."
         )
     return Assignment(f"name (column {column.name!r} of the plan)", {k: tuple(v) for k, v in rows.items()})
 
@@ -184,7 +185,7 @@ def _by_edge(plan: Plan, files: Sequence[Path]) -> Assignment | None:
         return None  # a date or a test number in the names, not the edge
     if missing:
         raise DataError(
-            f"no record's name contains the edge(s) {_listed(natural_sorted(missing))} of {plan.table.path.name}. Add "
+            f"no record's name contains the edge {_listed(natural_sorted(missing))} of {plan.table.path.name}. Add "
             "the records, take the rows out, or name the record of each row in a column 'record'."
         )
     rows: dict[str, tuple[int, ...]] = {}
@@ -262,7 +263,10 @@ def _clock(seconds: float) -> str:
 def count_mismatch(plan: Plan, found: Sequence[tuple[str, int, int]], how: str, notes: Sequence[str] = ()) -> DataError:
     """Refusal that lists cuts and rows of each record; ``found`` holds name, cuts and rows (-1: not known)."""
     wrong = [item for item in found if item[1] != item[2]] or list(found)
-    texts = [f"{name}: {cuts} cut(s)" + (f", {rows} row(s)" if rows >= 0 else "") for name, cuts, rows in wrong[:12]]
+    texts = [
+        f"{name}: {count(cuts, 'cut')}" + (f", {count(rows, 'row')}" if rows >= 0 else "")
+        for name, cuts, rows in wrong[:12]
+    ]
     listed = "; ".join(texts)
     more = f" and {len(wrong) - 12} more" if len(wrong) > 12 else ""
     total = sum(cuts for _, cuts, _ in found)

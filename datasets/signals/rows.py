@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.errors import DataError
+from ...core.rounding import count
 from ...core.version import __version__
 from ..design import round_significant
 from ..records.columns import heads
@@ -153,8 +154,8 @@ def _head(reduction: Reduction, how: ReduceOptions, folder: Path) -> list[str]:
     rates = sorted({float(f"{record.rate:.6g}") for record in records})
     kinds = [name for name in DRIVEN if any(name in cut.figures for record in records for cut in record.cuts)]
     lines = [
-        f"reduced by fitmodels {__version__} from {len(records)} record(s) of {folder.name or folder}, a row a cut, "
-        f"joined to {reduction.plan.table.path.name} by {reduction.how}",
+        f"reduced by fitmodels {__version__} from {count(len(records), 'record')} of {folder.name or folder}, a row a "
+        f"cut, joined to {reduction.plan.table.path.name} by {reduction.how}",
         f"sampled at {', '.join(f'{rate:g}' for rate in rates[:6])} Hz; cuts found on {', '.join(signals)}; shortest "
         f"cut {how.shortest:g} s, threshold {how.threshold:g} of the largest load",
         f"mean, sd: between entry and exit, a further {100 * how.guard:g} % left out at each end, less the line "

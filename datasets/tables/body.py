@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from ...core.errors import DataError
+from ...core.rounding import count
 from ..doubts import Doubt
 from .layout import Layout, footer_label, is_text_line
 from .numerals import Cell, Decimal, Evidence, parse_number
@@ -80,7 +81,7 @@ class Findings:
         sentences = []
         if self.short:
             sentences.append(
-                f"{self.short} row(s) have fewer cells than the header, the first in line "
+                f"{count(self.short, 'row has', 'rows have')} fewer cells than the header, the first in line "
                 f"{self.first_short}; the cells they lack count as missing."
             )
         if self.footers:
@@ -227,8 +228,9 @@ def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, li
     warnings = []
     if evidence.counts[other]:
         line, number, text = evidence.first[other]
+        cells = count(evidence.counts[other], "cell is a number", "cells are numbers")
         warnings.append(
-            f"The numbers are read with a decimal {chosen}, but {evidence.counts[other]} cell(s) are numbers "
+            f"The numbers are read with a decimal {chosen}, but {cells} "
             f"with a decimal {other} only, the first in line {line}, "
             f"{_column(body, number)}: {text.strip()!r}."
         )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...core.errors import DataError
-from ...core.suggestions import closest
+from ...core.suggestions import near_path
 from .worksheet import FORMATS
 
 _SIGNATURES = (
@@ -126,11 +126,12 @@ def looks_like(data: bytes) -> str:
 
 
 def _absent(path: Path) -> str:
-    folder = path.parent
-    if not folder.is_dir():
-        return f"{path} does not exist: there is no folder {folder}."
-    near = closest(path.name, (entry.name for entry in folder.iterdir()), cutoff=0.6)
-    return f"{path} does not exist. " + (f"Did you mean {near}?" if near else f"Look in {folder.resolve()}.")
+    near = near_path(path)
+    if near is not None:
+        return f"{path} does not exist. Did you mean {near.name if near.parent == path.parent else near}?"
+    if not path.parent.is_dir():
+        return f"{path} does not exist: there is no folder {path.parent}."
+    return f"{path} does not exist. Look in {path.parent.resolve()}."
 
 
 def _refuse_signature(data: bytes, name: str) -> None:

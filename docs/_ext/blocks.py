@@ -2,6 +2,7 @@
 
     python docs/_ext/blocks.py docs/tutorial.md           # print the differences to the output of the program
     python docs/_ext/blocks.py --write docs/tutorial.md   # update the output, except where lines are left out
+    python docs/_ext/blocks.py --script docs/stories/ac2017.md   # write the commands of a page as a script, ac2017.sh
 
 Fenced blocks of a page are processed in order, in one folder that contains ``docs`` and ``datasets`` of the checkout:
 
@@ -153,7 +154,7 @@ def _command(source: str) -> str:
     if not SIMPLE.fullmatch(plain):
         run = {"capture_output": True, "text": True, "check": False}
         done = subprocess.run(["bash", "-c", _resolved(source)], **run)  # noqa: S603, S607
-        return done.stdout + done.stderr
+        return done.stdout + PROGRESS.sub("", done.stderr)
     out = io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         code = main(shlex.split(plain)[1:])
@@ -162,8 +163,22 @@ def _command(source: str) -> str:
     return ("" if kept else out.getvalue()) + (f"{code}\n" if asked else "")
 
 
+PROGRESS = re.compile(r"^.*\b\d[\d ]* of \d[\d ]* \w+.*\n", flags=re.M)  # printed on slow machines only
+
+
 def _resolved(source: str) -> str:
     return f'fitmodels() {{ {shlex.quote(sys.executable)} -m fitmodels "$@"; }}\n{source}'
+
+
+def script_of(page: str, name: str) -> str:
+    """The commands and files of a page as a script for ``bash`` that stops at the first failure."""
+    parts = ["set -eu"]
+    for item in examples_of(page):
+        if isinstance(item, tuple):
+            parts.append(f"cat > {item[0]} <<'END'\n{item[1].rstrip()}\nEND")
+        elif item.language == "console":
+            parts.append(item.source)
+    return f"# The commands of {name}; run it in the folder of a checkout.\n" + "\n".join(parts) + "\n"
 
 
 def written(page: str, found: list[Difference]) -> str:
@@ -180,8 +195,11 @@ def written(page: str, found: list[Difference]) -> str:
 
 def _main(arguments: list[str]) -> int:
     code = 0
-    for name in (word for word in arguments if word != "--write"):
+    for name in (word for word in arguments if word not in ("--write", "--script")):
         page = Path(name).resolve()
+        if "--script" in arguments:
+            page.with_suffix(".sh").write_text(script_of(page.read_text("utf-8"), page.name), "utf-8")
+            continue
         with tempfile.TemporaryDirectory() as folder:
             found = differences(page, Path(folder))
         for one in found:

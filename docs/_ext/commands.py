@@ -90,13 +90,10 @@ def _spellings(action: argparse.Action) -> list[str]:
 
 
 def _help(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
-    text = (action.help or "").replace("%(prog)s", parser.prog).replace("%%", "%")
-    more = (
-        []
-        if "default" in text or action.default in (None, False, [], argparse.SUPPRESS)
-        else [f"default: {action.default}"]
-    )
-    more += ["may be given several times"] if isinstance(action, argparse._AppendAction) else []
+    from fitmodels.cli.arguments import with_default
+
+    text = with_default(action).replace("%(prog)s", parser.prog).replace("%%", "%")
+    more = ["may be given several times"] if isinstance(action, argparse._AppendAction) else []
     more += ["required"] if action.option_strings and action.required else []
     return f"{text} ({'; '.join(more)})".strip() if more else text
 

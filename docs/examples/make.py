@@ -81,7 +81,7 @@ def milling() -> list[list[str]]:
     rows += [["# tool: AA238M-0200-D4-ML-10"], ["# work: S45C"], ["feed rate [mm/min]", "VB [um]", "I [A]"]]
     for wear in (20, 80, 140, 200):
         for feed in (500, 700, 900, 1100):
-            current = float(law.predict(fm=feed, VB=wear)) + 0.003 * noise.standard_normal()
+            current = float(law.values(fm=feed, VB=wear)) + 0.003 * noise.standard_normal()
             rows.append([str(feed), str(wear), f"{current:.3f}"])
     return rows
 

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ...core.display import Display, TextTable, display_of, estimates, with_error
+from ...core.display import Display, TextTable, display_of, estimates
+from ...core.rounding import with_error
 from .competing_posterior import CompetingPosterior
 from .convergence import ConvergenceChecks
 from .joint_posterior import JointPosterior

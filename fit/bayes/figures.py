@@ -1,6 +1,6 @@
 """Figures of posteriors and priors, registered with `plot`: marginals, pairs, predictive bands, curves."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from math import inf, lgamma, log, sqrt
@@ -10,19 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
-from ...core.display import plot
+from ...core.display import Drawing, figures_of, plot
 from ...core.errors import UsageError
+from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN
 from ...core.plotting import whiskers
 from ...core.suggestions import did_you_mean
 from ...datasets.runs import NOT_MEASURED
 from ..edges import EdgeInference
 from ..figures import intervals
-from ..law_figures import BLUE, GREY, ORANGE, even
+from ..law_figures import even
 from .competing_posterior import CompetingPosterior
-from .curve_figures import curves, predictive
 from .density import NU
 from .joint_posterior import JointPosterior
-from .panels import MOST_PANELS, WHOLE, Sheet, alone, laid_out
+from .panels import MOST_PANELS, WHOLE, Sheet, alone, curves, laid_out, predictive
 from .posterior import Posterior
 from .priors import Beta, HalfT, Normal, Priors, units_of_priors
 
@@ -51,24 +51,24 @@ def _marginal(posterior: Posterior, name: str, ax: Axes) -> None:
     density, edges = np.histogram(shown, bins=35, density=True)
     ax.stairs(density, edges, fill=True, color=BLUE, alpha=0.35, label="draws")
     for i, end in enumerate((low, high)):
-        ax.axvline(end, color=GREY, lw=0.8, ls="--", label="" if i else "95 % interval")
+        ax.axvline(end, color=GREY, lw=THIN, ls="--", label="" if i else "95 % interval")
     estimate = _estimates(posterior).get(name)
     if estimate is not None:
-        ax.axvline(estimate, color=ORANGE, lw=1.2, label="least squares")
+        ax.axvline(estimate, color=ORANGE, lw=LINE, label="least squares")
     ends = ax.get_xlim()
     bounds = BOUNDS.get(name, ends)
     grid = np.linspace(max(ends[0], bounds[0]), min(ends[1], bounds[1]), 200)
     prior = _prior(posterior, name, grid)
     if prior is not None:
-        ax.plot(grid, prior, color="black", lw=1.0, label="prior")
+        ax.plot(grid, prior, color="black", lw=THIN, label="prior")
     unit = _unit(posterior, name)
     highest = 0.0 if prior is None else min(prior.max(), 2 * density.max())
     ax.set(xlim=(grid[0], grid[-1]), ylim=(0, 1.12 * max(density.max(), highest)))
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(3))
         axis.set_major_formatter("{x:.7g}")
-    ax.set_xlabel(f"{_described(posterior, name)} [{unit}]", fontsize=9)
-    ax.set_ylabel(f"density [{_inverse(unit)}]", fontsize=9)
+    ax.set_xlabel(f"{_described(posterior, name)} [{unit}]")
+    ax.set_ylabel(f"density [{_inverse(unit)}]")
 
 
 def _described(posterior: Posterior, name: str) -> str:
@@ -149,14 +149,15 @@ def _pair(posterior: Posterior, i: int, j: int, r: float, ax: Axes) -> None:
     shown = posterior.draws[:: -(-len(posterior.draws) // PAIRED)]
     ax.plot(shown[:, i], shown[:, j], "o", ms=1.6, color=BLUE, alpha=0.3, mew=0)
     ax.text(
-        0.04, 0.96, f"{r:z.2f}".replace("-", "−"), va="top", fontsize=8, color=ORANGE if abs(r) > STRONG else "black",
+        0.04, 0.96, f"{r:z.2f}".replace("-", "−"), va="top", fontsize=SMALL,
+        color=ORANGE if abs(r) > STRONG else "black",
         bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 0.5}, transform=ax.transAxes,
     )  # fmt: skip
     for axis, column in ((ax.xaxis, i), (ax.yaxis, j)):
         axis.set_major_locator(FixedLocator(_inner_ticks(*axis.get_view_interval())))
         axis.set_major_formatter("{x:.7g}")
-        axis.set_label_text(f"{posterior.names[column]} [{_unit(posterior, posterior.names[column])}]", fontsize=8)
-    ax.tick_params(labelsize=7)
+        axis.set_label_text(f"{posterior.names[column]} [{_unit(posterior, posterior.names[column])}]", fontsize=SMALL)
+    ax.tick_params(labelsize=SMALL)
 
 
 def _inner_ticks(low: float, high: float) -> list[float]:
@@ -179,7 +180,7 @@ SHEETS: dict[str, Callable[[Posterior], Sheet]] = {
 
 @plot.register
 def posterior_figure(
-    posterior: Posterior, ax: Axes | None = None, *, what: str = "marginals", banner: str = ""
+    posterior: Posterior, ax: Axes | None = None, *, kind: str = "marginals", banner: str = ""
 ) -> Axes | NDArray[np.object_]:
     """Marginals, pairs of parameters, predictive bands by edge, or curves along the factors.
 
@@ -188,7 +189,7 @@ def posterior_figure(
     posterior : Posterior
     ax : Axes, optional
         Axes to draw on; only for figures of one panel: curves of one factor, or the predictive of rows without edges.
-    what : {"marginals", "pairs", "predictive", "curves"}
+    kind : {"marginals", "pairs", "predictive", "curves"}
         Each parameter with its prior; each pair of parameters; rows of each edge in the band of a row of a new edge;
         the law along each factor, the others at the middle of their range and the rows moved there along the law.
     banner : str
@@ -207,18 +208,24 @@ def posterior_figure(
     --------
     >>> from fitmodels import datasets, fit
     >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
-    >>> [ax.get_xlabel() for ax in posterior_figure(fit.posterior(law), what="curves")]
+    >>> [ax.get_xlabel() for ax in posterior_figure(fit.posterior(law), kind="curves")]
     ['V [m/min]', 'f [mm/rev]', 'd [mm]', 't [min]']
     """
-    if what not in SHEETS:
-        raise UsageError(f"no figure {what!r} of a posterior. {did_you_mean(what, SHEETS, names='There are ')}")
-    sheet = SHEETS[what](replace(posterior, draws=posterior.draws[even(len(posterior.draws))]))
+    if kind not in SHEETS:
+        raise UsageError(f"Posterior: no figure of kind {kind!r}. {did_you_mean(kind, SHEETS, names='There are ')}")
+    sheet = SHEETS[kind](replace(posterior, draws=posterior.draws[even(len(posterior.draws))]))
     if ax is not None and len(sheet.panels) > 1:
         n = sum(panel is not None for panel in sheet.panels)
-        raise UsageError(f"{what} of {posterior.response} has {n} panels, and ax is one: omit ax.")
+        raise UsageError(f"{kind} of {posterior.response} has {n} panels, and ax is one: omit ax.")
     text = banner or _not_measured(posterior)
     axes = laid_out(sheet, text) if ax is None else alone(sheet, text, ax)
     return axes if len(axes) > 1 else axes[0]
+
+
+@figures_of.register
+def kinds_of_posterior(posterior: Posterior) -> Mapping[str, Drawing]:
+    """Figures of a posterior by kind."""
+    return {kind: partial(posterior_figure, kind=kind) for kind in SHEETS}
 
 
 def _not_measured(posterior: Posterior) -> str:

@@ -2,25 +2,33 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
 
 from ...core.arrays import Array
+from ...core.calls import Conditions, Takes, check_share
 from ...core.display import Plottable
 from ...core.errors import UsageError
+from ...core.intervals import Kind as AnyKind
+from ...core.predictions import Prediction
+from ...core.predicts import Predicts
 from ..available import NotAvailable
 from ..edges import left_out_moves
 from ..lawfit import LawFit
+from ..prediction import inside_of, of_band
 from ..rows import as_table
 from .density import Errors, LawDensity, Method
 from .priors import Priors
 from .psis_loo import LeaveOut, leave_one_out, pareto_smoothed
-from .sampling import PosteriorDraws, check_level, draw
+from .sampling import PosteriorDraws, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+FigureKind = Literal["marginals", "pairs", "predictive", "curves"]
 
 
 def jackknife_of_level_model(density: LawDensity, phi: Array) -> "pd.Series[float] | None":
@@ -68,7 +76,7 @@ FINITE_VARIANCE = 0.5  # k-hat up to which a weighted mean has one
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
-class Posterior(PosteriorDraws):
+class Posterior(Predicts, PosteriorDraws):
     """Draws of the parameters of one law, with the attributes of ``PosteriorDraws`` and the law.
 
     Attributes
@@ -104,42 +112,35 @@ class Posterior(PosteriorDraws):
         """``normal`` or ``student``."""
         return self.density.errors
 
-    def predict(
-        self,
-        new: Mapping[str, object] | pd.DataFrame,
-        kind: Kind = "mean",
-        *,
-        edge: Edge = "new",
-        level: float = 0.95,
-    ) -> pd.DataFrame:
-        """Credible band of the law, or of a new row, at new points.
+    @property
+    def _takes(self) -> Takes:
+        return self.law._takes
 
-        Parameters
-        ----------
-        new : mapping or DataFrame
-            A value or column for each factor.
-        kind : {"mean", "prediction"}
-            Of the law itself (of errors that multiply: the median of rows), or of one new row.
-        edge : {"new", "same"}
-            Of a row: on a new edge, or on one at the level of the law.
-        level : float
-
-        Returns
-        -------
-        DataFrame, columns value (median of the draws), low, high, in the unit of the response; ``attrs["words"]``.
-        """
-        check_level(level)
-        draws = self.responses(new, kind, edge=edge)
+    def _predicted(self, given: Conditions, *, kind: AnyKind, level: float, **other: Any) -> Prediction:  # noqa: ANN401
+        """Credible interval of the law, or of a new row, at new points; the value is the median of the draws."""
+        check_share("level", level)
+        if kind == "tolerance" or other["centre"] != "median":
+            raise UsageError(
+                "draws give no tolerance limits and no other centre than the median; ask the law for them."
+            )
+        table, edge = as_table(self.response, given), other["edge"]
+        draws = self.responses(table, kind, edge=edge)
         low, value, high = np.quantile(draws, [(1 - level) / 2, 0.5, (1 + level) / 2], axis=0)
-        band = pd.DataFrame({"value": value, "low": low, "high": high})
+        band = pd.DataFrame({"value": value, "low": low, "high": high, "inside": inside_of(self.law, table)[0]})
         of = "the law" if kind == "mean" else f"one row of {'a new edge' if edge == 'new' else 'the same edge'}"
-        band.attrs["words"] = f"{100 * level:.4g} % credible interval for {of}, equal tails"
-        return band
+        words = f"{100 * level:.4g} % credible interval for {of}, equal tails"
+        band.attrs = {"kind": kind, "level": level, "coverage": None, "edge": edge, "centre": "median", "words": words}
+        return of_band(self.law, given, table, band)
+
+    def _values(self, given: Conditions) -> Any:  # noqa: ANN401
+        return self._predicted(given, kind="mean", edge="new", level=0.95, centre="median").value
 
     def exceeds(
         self, new: Mapping[str, object] | pd.DataFrame, limit: float, kind: Kind = "prediction", *, edge: Edge = "new"
     ) -> Array:
         """Probability that the response exceeds ``limit`` at each new point, shape (m,)."""
+        if not isinstance(limit, Real):
+            raise UsageError(f"limit={limit!r}: give a number in the unit of {self.response}.")
         return np.asarray((self.responses(new, kind, edge=edge) > limit).mean(axis=0))
 
     def responses(self, new: Mapping[str, object] | pd.DataFrame, kind: Kind = "mean", *, edge: Edge = "new") -> Array:
@@ -219,11 +220,22 @@ class Posterior(PosteriorDraws):
 
         return to_arviz(self)
 
-    def plot(  # type: ignore[override]  # the kind of figure first, as in ``post.plot("pairs")``
-        self, what: str = "marginals", ax: "Axes | None" = None, *, banner: str = ""
-    ) -> Any:  # noqa: ANN401
-        """Draw ``marginals``, ``pairs``, ``predictive`` (by edge) or ``curves``; the axes are returned.
+    def plot(self, kind: "FigureKind | Axes | None" = None, ax: "Axes | None" = None, **options: Any) -> Any:  # noqa: ANN401
+        """Draw a figure of the posterior; the axes are returned, an array of them where there are several.
 
-        ``banner`` is text above the figure, for instance "simulated".
+        Parameters
+        ----------
+        kind : {"marginals", "pairs", "predictive", "curves"}
+            Each parameter with its prior; each pair of parameters; rows of each edge in the band of a row of a new
+            edge; the law along each factor with its credible bands.
+        ax : Axes, optional
+            For figures of one panel; without it the figure is new and known to pyplot.
+        **options
+            ``banner``: text above the figure, for instance "simulated".
+
+        Raises
+        ------
+        UsageError
+            No such kind or option, or several panels for one ``ax``.
         """
-        return Plottable.plot(self, ax, what=what, banner=banner)
+        return Plottable.plot(self, kind, ax, **options)

@@ -67,17 +67,19 @@ def replaced(priors: Priors, law: LawFit, tables: Mapping[str, object], name: st
     Normal: mean 2, sd 0.5
     """
     table = tables.get(law.response)
+    alone = [key for key, given in tables.items() if not isinstance(given, Mapping) or "distribution" in given]
+    if alone:
+        example = f"{{{law.response!r}: {{'V': {{'distribution': 'normal', 'mean': 0.5, 'sd': 0.2}}}}}}"
+        raise UsageError(f"{name}: {alone[0]!r} is no table of a law; priors are by response: {example}.")
     if table is None:
         return priors
     if not isinstance(table, dict):
         raise UsageError(f"{name}: {law.response} must be a table of priors, not {table!r}.")
-    known = list(priors.of)
     of, sources = dict(priors.of), dict(priors.sources)
-    for key, given in table.items():
-        if key == "source":
-            continue
+    stated = {key: given for key, given in table.items() if key != "source"}
+    for key, given in stated.items():
         if key not in of:
-            hint = did_you_mean(key, known, names="Its parameters are ")
+            hint = did_you_mean(key, priors.of, names="Its parameters are ")
             raise UsageError(f"{name}: the law of {law.response} has no parameter {key!r}. {hint}")
         of[key] = _prior(f"{name}: {law.response}.{key}", key, given, priors.units[key], law)
         sources[key] = str(table.get("source", name))

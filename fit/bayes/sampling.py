@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ...core.arrays import Array
+from ...core.calls import check_share
 from ...core.display import Plottable
 from ...core.errors import UsageError
 from ...core.progress import status_line
@@ -79,7 +80,7 @@ class PosteriorDraws(Plottable):
 
     def table(self, level: float = 0.95) -> pd.DataFrame:
         """Mean, sd, median and equal-tailed interval of each parameter, with its diagnostics."""
-        check_level(level)
+        check_share("level", level)
         low, median, high = np.quantile(self.draws, [(1 - level) / 2, 0.5, (1 + level) / 2], axis=0)
         columns = {
             "mean": self.draws.mean(axis=0),
@@ -100,12 +101,6 @@ class PosteriorDraws(Plottable):
     def to_frame(self) -> pd.DataFrame:
         """The draws, a column for each parameter."""
         return pd.DataFrame(self.draws, columns=list(self.names))
-
-
-def check_level(level: float) -> None:
-    """Refuse a level that is not between 0 and 1."""
-    if not 0 < level < 1:
-        raise UsageError(f"level {level:g} of an interval: it must be between 0 and 1, for instance 0.95.")
 
 
 def draw(

@@ -1,19 +1,21 @@
 """The result of one check of a law, and the list of several: null hypothesis, statistic, p, level and verdict."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
 from pandas import DataFrame
 
-from ...core.display import Displayable
+from ...core.display import Displayable, TextTable
 from ...core.errors import UsageError
-from ...core.rounding import format_plain
+from ...core.rounding import format_plain, p_value
+from ...core.verdict import MARKS
 from ..available import NotAvailable
 
 SIGNIFICANT, STRONG = 0.05, 0.001  # p-values below which a test gives a warning, or fails
 LEVELS = ("passed", "warning", "failed")  # by ``Check.concern``
+LARGE = 1e7  # from here on a statistic is shown with its power of ten
 FAMILY_LEVEL = 0.1  # of all tests of the laws of a file together, by Holm's procedure
 # Weights of tests in the family, 1 of those not named: that of curvature is of three squares or so, and tests of the
 # errors have half a weight, because what they find changes intervals, not the law.
@@ -35,6 +37,7 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "number of edges": "Inference by edge",
     "reading": "Doubts of the reading",
     "form": "Lack of fit",
+    "form within edges": "Lack of fit within edges",
     "curvature": "Curvature (squares of factors)",
     "single edges": "Influence",
     "prediction": "Cross-validation (PRESS)",
@@ -66,6 +69,24 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "distribution of lives": "Distribution of the lives",
     "single lives": "Influence of single lives",
 })  # fmt: skip
+SYMBOLS: Mapping[str, str] = MappingProxyType({  # of statistics, as tables show them; others are shown as they are
+    "A2": "A²",
+    "Breusch-Pagan chi2": "χ²",
+    "LR chi2": "χ²",
+    "R2": "R²",
+    "difference of RMS error": "difference",
+    "log-likelihood difference": "difference in log L",
+    "largest difference in SE": "difference / SE",
+    "max. D by edge": "largest Cook's D",
+    "max. D by row": "largest Cook's D",
+    "max. F": "largest F",
+    "max. VIF": "largest VIF",
+    "n ln(RSS0/RSS1)": "n ln(RSS₀/RSS₁)",
+    "predicted R2": "predicted R²",
+    "score t": "t",
+    "z of lag-1 correlation": "z",
+})  # fmt: skip
+UNTESTABLE = "not testable"
 BY_EDGE = ("order within edges", "even scatter of edges", "normality of edges")  # not applicable to independent rows
 
 
@@ -196,6 +217,57 @@ class Check(Displayable):
         else:
             df = f"({self.df})" if isinstance(self.df, int) else f"({self.df[0]}, {self.df[1]})"
         return f"{self.symbol}{df} = {format_plain(self.statistic, 3)}"
+
+
+def statistic_name(symbol: str, df: int | tuple[int, int] | None, p: float | None) -> str:
+    """The symbol of a statistic as tables show it, with degrees of freedom where it has a p-value.
+
+    >>> statistic_name("Breusch-Pagan chi2", 4, 0.8), statistic_name("max. VIF", None, None)
+    ('χ²(4)', 'largest VIF')
+    """
+    freedom = "" if df is None or p is None else f"({', '.join(map(str, df if isinstance(df, tuple) else [df]))})"
+    return f"{SYMBOLS.get(symbol, symbol)}{freedom}"
+
+
+def check_table(lines: Iterable[tuple[str, str, str, str]]) -> TextTable:
+    """Checks as a table, the same in terminal, card and notebook.
+
+    Parameters
+    ----------
+    lines : iterable of (title, statistic, p, verdict)
+        As text; the verdict is ``passed``, ``warning``, ``failed`` or ``not testable``, and gets its icon.
+
+    Examples
+    --------
+    >>> print(check_table([("Lack of fit", "F(11, 9) = 1.47", "0.571", "passed")]).text())
+    check              statistic      p   verdict
+    Lack of fit  F(11, 9) = 1.47  0.571  ✓ passed
+    """
+    rows, tones = [], []
+    for title, statistic, p, verdict in lines:
+        mark = MARKS[LEVELS.index(verdict) if verdict in LEVELS else None]
+        rows.append((title, statistic, p, f"{mark.icon} {verdict}"))
+        tones.append(mark.tone)
+    return TextTable(("check", "statistic", "p", "verdict"), tuple(rows), tuple(tones))
+
+
+def line_of_check(name: str, check: "Check | NotAvailable") -> tuple[str, str, str, str]:
+    """Title, statistic, p and verdict of a check as text, for `check_table`."""
+    if not isinstance(check, Check):
+        return TITLES[name], "", "", UNTESTABLE
+    p = "" if check.pvalue is None else p_value(check.pvalue)
+    statistic = f"{statistic_name(check.symbol, check.df, check.pvalue)} = {format_statistic(check.statistic)}"
+    return TITLES[name], statistic if check.symbol else "", p, check.level
+
+
+def format_statistic(value: float) -> str:
+    """Three digits, from 1000 to 10 million without a power of ten.
+
+    >>> format_statistic(1.4712), format_statistic(12345.6)
+    ('1.47', '12300')
+    """
+    text = format_plain(value, 3)
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < LARGE else text
 
 
 def family_wise(checks: Mapping[str, Check | NotAvailable], level: float = FAMILY_LEVEL) -> dict[str, Any]:

@@ -22,7 +22,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import FitError
-from ...datasets import Runs
+from ...datasets.runs import Readable, as_runs
 from ..available import NotAvailable, computed
 from ..composite_law import without_fixed
 from ..edges import EdgeInference
@@ -121,14 +121,14 @@ class CompetingModels(Check, Plottable):
         return _chosen(self.power, self.alternatives)
 
 
-def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | NotAvailable:
+def compare_forms(law: LawFit, runs: Readable | None = None) -> CompetingModels | NotAvailable:
     """Fit competing models to the rows of a power law, and compare them by cross-validation over units.
 
     Parameters
     ----------
     law : LawFit
         A power law with either error structure; all forms are fitted in logarithms.
-    runs : Runs, optional
+    runs : Runs, DataFrame or path, optional
         The runs that it was fitted to. Forms are compared on the rows of the power law; those that allow it are fitted
         to rows at zero wear as well, and predict these.
 
@@ -150,7 +150,7 @@ def compare_forms(law: LawFit, runs: Runs | None = None) -> CompetingModels | No
     base = prediction_errors(form, codes)
     if isinstance(base, NotAvailable):
         return NotAvailable(f"the power law without one {unit} cannot be fitted: {base}")
-    zero = None if runs is None else with_zero_wear(law, runs)
+    zero = None if runs is None else with_zero_wear(law, as_runs(runs))
     found = {one.name: _alternative(one, rows_of(law), base, codes, icc, zero) for one in alternative_forms(law)}
     fitted = [model for model in found.values() if isinstance(model, CompetingModel)]
     power = replace(_compared(form, base, base, codes, icc), pvalue=1.0)

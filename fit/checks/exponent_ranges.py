@@ -9,6 +9,7 @@ is the exponent 2 of f and -1 of the nose radius. Temperature: .5 of V and .3 of
 Cutting Principles, ch. 12), less where heat is lost. Limits beyond the usual, and what has no source, are judgement.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -17,7 +18,6 @@ import numpy as np
 from ...core.arrays import Array
 from ...datasets.options import Process
 from ..lawfit import LawFit
-from ..life import ANY_TOOL, usual_taylor_n
 from .missing_factors import WEAR
 
 Range = tuple[float, float]
@@ -30,6 +30,40 @@ class Exponent:
     usual: Range
     limits: Range
     sign: int = 0
+
+
+# Names in four languages and grades; limits of n are judgement
+_COATED = r"\bgc ?\d{3,4}\b|coat|beschichtet|revêtu|recubiert|\btin\b|tialn|altin|ticn"
+ANY_TOOL = "any tool material"
+
+
+@dataclass(frozen=True, slots=True)
+class TaylorN:
+    """Taylor's n of a tool material: usual range, and limits beyond which it is doubted."""
+
+    material: str
+    usual: Range
+    limits: Range
+
+
+_TAYLOR = {
+    r"\bhss\b|high.speed steel|schnellarbeitsstahl|acier rapide": TaylorN("high-speed steel", (0.08, 0.2), (0.05, 0.3)),
+    r"ceramic|keramik|céramique|cerámica|\bsialon\b|\bwhisker": TaylorN("ceramic", (0.4, 0.6), (0.25, 1.0)),
+    _COATED: TaylorN("coated carbide", (0.2, 0.5), (0.12, 0.7)),
+    r"carbide|hartmetall|carbure|metal duro|\b[pmk]\d\d\b": TaylorN("carbide", (0.2, 0.3), (0.12, 0.5)),
+}
+
+
+def usual_taylor_n(tool: str) -> TaylorN:
+    """Range of Taylor's n by the tool material that a name states.
+
+    Examples
+    --------
+    >>> usual_taylor_n("GC435").usual, usual_taylor_n("T1").material
+    ((0.2, 0.5), 'any tool material')
+    """
+    found = (row for names, row in _TAYLOR.items() if re.search(names, tool.casefold()))
+    return next(found, TaylorN(ANY_TOOL, (0.08, 0.6), (0.05, 1.0)))
 
 
 _NO_TREND = Exponent((-0.1, 0.3), (-0.5, 0.8))  # of time in a law that may contain wear

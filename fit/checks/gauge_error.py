@@ -152,7 +152,7 @@ def _uncorrectable(law: LawFit) -> str | None:
     if not (law.formula.first_order and law.formula.linearisable):
         return f"the correction needs a law that is linear in the wear, which the form {law.form} is not"
     in_units = law.error == "additive" and law.formula.logarithmic
-    return "the correction holds for multiplicative errors only: fit with error='multiplicative'" if in_units else None
+    return "the correction holds for multiplicative errors only: fit with multiplicative errors" if in_units else None
 
 
 def _corrected(Z: Array, y: Array, at: int, variance: Array, unit: Codes) -> tuple[Array, Array] | NotAvailable:

@@ -8,13 +8,16 @@ counted together (Holm's procedure), so that a sound file is rarely accused.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from math import isclose
 
+import numpy as np
 from pandas import DataFrame
 
 from ...core.display import Plottable
+from ...core.errors import UsageError
 from ...core.threads import one_thread
 from ...core.verdict import RESERVATIONS, Verdict, verdict_from
-from ...datasets import Runs
+from ...datasets.runs import Readable, Runs, as_runs
 from ..available import NotAvailable, computed
 from ..composite_law import without_fixed
 from ..lawfit import LawFit
@@ -43,10 +46,12 @@ from .tool_lives import (
     useful_law,
 )
 from .usefulness import doubts_of_reading, number_of_edges, predictive_use
+from .within_edges import lack_of_fit_within
 from .wrong_edges import mixed_units, outlying_edges
 from .wrong_rows import copies, outlying_rows
 
 Found = Check | NotAvailable
+SAME, SOME = 1e-9, 50  # relative difference of equal values, and rows that are compared
 WITHOUT_ROWS = (
     "The law was fitted to a stream and keeps no rows, so its residuals were not checked: fit a sample in memory."
 )
@@ -202,7 +207,7 @@ def judge(
     law: LawFit,
     gauge_sd: float | None = None,
     *,
-    runs: Runs | None = None,
+    runs: Readable | None = None,
     alternative: LawFit | None = None,
     laws: int = 1,
 ) -> Judgement:
@@ -214,7 +219,7 @@ def judge(
     gauge_sd : float, optional
         Standard deviation of the wear gauge, in the unit of the wear; its effect on the exponent of wear is then
         checked as well.
-    runs : Runs, optional
+    runs : Runs, DataFrame or path, optional
         The runs that the law was fitted to: columns that it does not use are tested, and doubts of the reading count.
     alternative : LawFit, optional
         ``law.alternative`` where it is known: fitting it again takes a sixth of the time.
@@ -228,6 +233,7 @@ def judge(
     >>> fit.judge(law).checks["collinearity"].level
     'passed'
     """
+    runs = _checked(law, runs, gauge_sd, laws)
     whole = without_fixed(law)
     chosen = even_choice(whole)
     given = CheckInput(law, whole, chosen, runs, gauge_sd, alternative if chosen is law else None)
@@ -237,6 +243,39 @@ def judge(
     rows = 0 if chosen.rows is None else chosen.nobs
     found = Judgement(family_wise(checks, FAMILY_LEVEL / max(laws, 1)), not has_repeated_edges(chosen), rows)
     return replace(found, without=without_suspects(law, found.suspects)) if found.suspects else found
+
+
+def _checked(law: LawFit, runs: Readable | None, gauge_sd: float | None, laws: int) -> Runs | None:
+    """The runs of the law, after the arguments of `judge` are checked."""
+    if (gauge_sd is not None and not gauge_sd > 0) or laws < 1:
+        raise UsageError(f"gauge_sd={gauge_sd}, laws={laws}: a standard deviation is above zero, and laws at least 1.")
+    return None if runs is None else _of_the_fit(law, as_runs(runs))
+
+
+def _holds(runs: Runs, law: LawFit) -> bool:
+    """Whether the lines of the law are lines of the runs, with the same responses in the first rows."""
+    if not runs.has(law.response):
+        return False
+    lines, first, count = np.unique(runs.lines, return_index=True, return_counts=True)
+    if not np.isin(law.lines, lines).all():
+        return False
+    once = dict(zip(lines[count == 1].tolist(), first[count == 1].tolist(), strict=True))  # a line may be several rows
+    values = runs.values(law.response)
+    pairs = zip(law.lines.tolist(), law.observed.tolist(), strict=True)
+    compared = [(values[once[line]], y) for line, y in pairs if line in once]
+    return all(isclose(value, y, rel_tol=SAME) for value, y in compared[:SOME])
+
+
+def _of_the_fit(law: LawFit, runs: Runs) -> Runs:
+    """The runs, where their lines hold the rows of the law."""
+    if law.rows is None or law.life is not None:  # rows of lives hold bounds that are no values of the runs
+        return runs
+    if not _holds(runs, law):
+        raise UsageError(
+            f"{law.response}: {runs.source.name} does not hold the rows of the law at their lines: give as runs what"
+            " the law was fitted to, the same DataFrame or Runs."
+        )
+    return runs
 
 
 def _of_column(check: Found, response: str) -> Found:
@@ -324,6 +363,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "missing conditions": lambda given: missing_conditions(given.stated, given.runs),
     "unused columns": lambda given: unused_columns(given.stated, given.runs, given.icc),
     "form": lambda given: lack_of_fit(given.law, given.strata),
+    "form within edges": lambda given: lack_of_fit_within(given.law),
     "curvature": lambda given: curvature(given.law, given.strata),
     "single edges": _influence,
     "prediction": _deleted(lambda given, left: press(given.law, left)),

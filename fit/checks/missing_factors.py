@@ -11,6 +11,7 @@ Sources: Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from shlex import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from ..edges import changes_within, left_out_moves
 from ..lawfit import LawFit
 from ..least_squares import sums_by
 from .check import Check, concern_of, format_p
-from .strata import Codes, no_scatter, units_of
+from .strata import Codes, blocks_between, levels_of_edges, no_scatter, units_of
 
 # Conditions that determine the response in each process, and quantities that stand for them.
 NEEDED: Mapping[str | None, tuple[str, ...]] = {
@@ -38,20 +39,12 @@ NEEDED: Mapping[str | None, tuple[str, ...]] = {
 STAND_INS: Mapping[str, tuple[str, ...]] = {"V": ("n",), "f": ("fz", "fm"), "t": ("lf", "lc")}
 DRILLS = ("D", "Dc")  # a diameter in place of a depth: the process may be drilling
 WEAR = ("AW", "VB", "VBC", "VBN")
-TESTED = (
-    "V",
-    "f",
-    "fz",
-    "fm",
-    "d",
-    "ae",
-    "n",
-    "t",
-    "D",
-    "Dc",
-    "z",
-    "re",
-)  # quantities that are set; others are measured
+TESTED = ("V", "f", "fz", "fm", "d", "ae", "n", "t", "D", "Dc", "z", "re")  # are set; others are measured
+BLOCK = re.compile(  # names of columns of blocks: nuisance levels that shift all tests cut in them
+    r"\s*(?:test )?(?:block|day|date|shift|batch|lot|heat|operator|machine|lathe|bar|blank|series|session|setup"
+    r"|Tag|Datum|Schicht|Charge|Los|Bediener|Maschine|Serie|Stange|jour|équipe|lot|coulée|opérateur|día|turno|lote"
+    r"|colada|máquina|operario)\s*(?:no\.?|nr\.?|number|id|#)?\s*", flags=re.IGNORECASE
+)  # fmt: skip
 LEAST = np.log(1.05)  # spread of a column, given the factors, below which it is a rounding or a copy of them
 MOST_LEVELS = 7  # of a column without a role: a setting of the plan, not a measurement
 KNOWN = 0.9  # share of the rows in which a column has a value
@@ -60,7 +53,7 @@ FEWEST = 3  # degrees of freedom
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """The test of one column as an added variable."""
+    """The test of one column as an added variable; of blocks ``t`` is F and ``levels`` their number, 0 otherwise."""
 
     name: str
     coefficient: float
@@ -68,6 +61,14 @@ class Added:
     df: int
     p: float
     span: str
+    levels: int = 0
+
+    @property
+    def blocks_verdict(self) -> str:
+        """The finding of a column of blocks."""
+        test = f"F({self.levels - 1}, {self.df}) = {self.t:.3g}, {format_p(self.p)}"
+        by = f"fit it with --by {quote(self.name)}"
+        return f"Column {self.name!r} shifts the law; {by} (levels {self.span}; {test})."
 
 
 def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
@@ -157,11 +158,13 @@ def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAva
     columns = _columns(law, runs)
     if isinstance(columns, NotAvailable):
         return columns
-    if not columns:
+    blocks = _blocks(law, runs)
+    if not columns and not blocks:
         return None
     tests = [one for name, x in columns.items() if (one := _tested(law, name, x, icc)) is not None]
+    tests += [one for name, x in blocks.items() if (one := _tested_blocks(law, name, x, icc)) is not None]
     if not tests:
-        return NotAvailable(f"{', '.join(columns)}: constant, or not separable from the factors of the law")
+        return NotAvailable(f"{', '.join((*columns, *blocks))}: constant, or not separable from the factors of the law")
     return _check(law, runs, min(tests, key=lambda one: one.p), tests)
 
 
@@ -182,7 +185,49 @@ def _columns(law: LawFit, runs: Runs) -> dict[str, Array] | NotAvailable:
 
 def _unused(law: LawFit, runs: Runs) -> list[str]:
     used = {*law.factors, law.response, *(one.role for one in runs.derived), "" if law.by is None else law.by.column}
-    return [name for name in map(str, runs.data.columns) if name not in used and _varies(runs, name)]
+    names = [name for name in map(str, runs.data.columns) if name not in used and not BLOCK.fullmatch(name)]
+    return [name for name in names if _varies(runs, name)]
+
+
+def _blocks(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
+    """Columns of blocks at the rows of the law: named as such, of few levels, constant within edges, two edges each."""
+    place = {line: i for i, line in enumerate(runs.lines.tolist())}
+    names = [name for name in map(str, runs.data.columns) if name not in ROLES and BLOCK.fullmatch(name)]
+    if law.by is not None or no_scatter(law) or len(place) < len(runs):
+        return {}
+    rows = [place[line] for line in law.lines.tolist()]
+    columns = {name: _as_labels(runs.data[name].to_numpy()[rows]) for name in names}
+    unit = units_of(law)[1]
+    return {name: x for name, x in columns.items() if _are_blocks(x, unit)}
+
+
+def _as_labels(values: NDArray[np.generic]) -> NDArray[np.object_]:
+    """Levels as text, whole numbers without a decimal point."""
+    texts = (f"{x:.15g}" if isinstance(x, float) else str(x) for x in values.tolist())
+    return np.array(list(texts), dtype=object)
+
+
+def _are_blocks(x: NDArray[np.object_], unit: Codes) -> bool:
+    pairs = set(zip(unit.tolist(), x.tolist(), strict=True))
+    levels = [level for _, level in pairs]
+    numbers = [levels.count(level) for level in set(levels)]
+    return len(pairs) == int(unit.max()) + 1 and 2 <= len(numbers) <= MOST_LEVELS and min(numbers) > 1
+
+
+def _tested_blocks(law: LawFit, name: str, x: NDArray[np.object_], icc: float) -> Added | None:
+    """Blocks as added indicators between edges."""
+    levels = sorted(set(x.tolist()))
+    D = np.column_stack([(x == level).astype(float) for level in levels[1:]])
+    unit = units_of(law)[1]
+    columns = np.column_stack([D * law.gradient[:, :1], law.gradient])
+    moving = changes_within(columns, unit)
+    if moving[: len(levels) - 1].any():
+        return None
+    k = len(levels) - 1
+    y, others, blocks, size = levels_of_edges(law.gradient, law.residuals, columns[:, :k], unit, moving[k:])
+    found = blocks_between(y, others, blocks, 1 / (icc + (1 - icc) / size))
+    shown = ", ".join(levels[:4]) + (", ..." if len(levels) > 4 else "")
+    return None if found is None else Added(name, 0.0, *found, shown, len(levels))
 
 
 def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
@@ -193,9 +238,16 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
     add = "Keep a form that can have it" if law.formula.fixed else f'Add it (--law "{law.response} ~ + {first.name}")'
     size = f"exponent {first.coefficient:.2f}" if law.form == "power" else f"coefficient {first.coefficient:.3g}"
     others = ", ".join(f"{one.name} {format_p(one.p)}" for one in sorted(tests, key=lambda one: one.p))
+    kept = f"Columns that are not in the law have no effect that these tests show ({others})."
+    null = "columns of the file that are not in the law have no effect"
+    if first.levels:
+        return Check(
+            null=null, statistic=first.t, symbol="F", df=(first.levels - 1, first.df), pvalue=p,
+            concern=concern_of(p), verdict=first.blocks_verdict, kept=kept,
+        )  # fmt: skip
     many = f"; {len(tests)} columns tested" if len(tests) > 1 else ""
     return Check(
-        null="columns of the file that are not in the law have no effect",
+        null=null,
         statistic=first.t,
         symbol="t",
         df=first.df,
@@ -205,7 +257,7 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
             f"{first.name} ({values}) is not in the law of {law.response} and matters: {size} when it is added "
             f"({format_p(p)}{many}). {add}, or fit the tests at one {first.name}."
         ),
-        kept=f"Columns that are not in the law have no effect that these tests show ({others}).",
+        kept=kept,
     )
 
 
@@ -261,14 +313,8 @@ def _between(
     Z: Array, r: Array, x: Array, unit: Codes, moving: NDArray[np.bool_], icc: float
 ) -> tuple[float, float, int, float] | None:
     """Coefficient, t, degrees of freedom and p of a column that is constant within edges."""
-    size = np.bincount(unit).astype(float)
-    means = sums_by(unit, np.column_stack([Z, r, x]), len(size)) / size[:, None]
-    levels = means[:, -2]
-    if moving.any():
-        inside = np.column_stack([Z[:, moving], r]) - (means[:, :-1][:, np.append(moving, True)])[unit]
-        slope = np.linalg.lstsq(inside[:, :-1], inside[:, -1], rcond=1e-9)[0]
-        levels = levels - means[:, :-2][:, moving] @ slope
-    return added_between(levels, means[:, :-2][:, ~moving], means[:, -1], 1 / (icc + (1 - icc) / size))
+    levels, others, means, size = levels_of_edges(Z, r, x[:, None], unit, moving)
+    return added_between(levels, others, means[:, 0], 1 / (icc + (1 - icc) / size))
 
 
 def added_between(levels: Array, others: Array, x: Array, weight: Array) -> tuple[float, float, int, float] | None:

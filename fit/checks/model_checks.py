@@ -99,7 +99,7 @@ def _of_edges(law: LawFit, strata: Strata) -> LackOfFit | NotAvailable:
     _, outer = without_levels(outer, np.sqrt(strata.weights), setting, S)
     rows = np.vstack([stacked[:w, others], outer])
     pure, rank = _left(rows[:, :-1], rows[:, -1])
-    return _test("edges", law_ss, pure, (S + rank - p, w + G - S - rank), setting)
+    return lack_of_fit_test("edges", law_ss, pure, (S + rank - p, w + G - S - rank), setting)
 
 
 def _of_rows(law: LawFit) -> LackOfFit | NotAvailable:
@@ -113,7 +113,7 @@ def _of_rows(law: LawFit) -> LackOfFit | NotAvailable:
     one = np.ones(law.nobs)
     about = without_levels(law.residuals[:, None], one, setting, S)[1][:, 0]
     df = (S - len(law.theta), law.nobs - S)
-    return _test("rows", law.rss, float(about @ about), df, setting)
+    return lack_of_fit_test("rows", law.rss, float(about @ about), df, setting)
 
 
 def _left(A: Array, b: Array) -> tuple[float, int]:
@@ -130,14 +130,15 @@ def settings_of(Z: Array) -> Codes:
     return np.asarray(np.unique(np.round(Z / size, 9), axis=0, return_inverse=True)[1].ravel(), dtype=np.intp)
 
 
-def _test(units: str, ss_law: float, pure: float, df: tuple[int, int], setting: Codes) -> LackOfFit | NotAvailable:
+def lack_of_fit_test(
+    units: str, ss_law: float, pure: float, df: tuple[int, int], setting: Codes
+) -> LackOfFit | NotAvailable:
+    """F test of lack of fit: sums of squares about the law and about the settings, and their degrees of freedom."""
     from scipy.special import fdtr, fdtrc
 
     counts = np.bincount(setting)
     if df[0] <= 0:
-        return NotAvailable(
-            f"{len(counts)} settings leave no degrees of freedom for lack of fit: test further settings"
-        )
+        return NotAvailable(f"{len(counts)} settings leave no degrees of freedom for lack of fit: test more settings")
     if pure <= COPIES * ss_law:
         return NotAvailable(
             f"replicated {units} are identical, so they are copies without pure error: replicate by a new test"

@@ -217,7 +217,7 @@ def _not_positive(law: LawFit, values: Array, span: str) -> Iterator[Found]:
     role = ROLES.get(law.response)
     if role is None or role.kind in ("label", "other") or values.min() > 0:
         return
-    remedy = "fit with error='multiplicative', or restrict the range"
+    remedy = "fit with multiplicative errors, or restrict the range"
     words = f"The law predicts {law.response} of {span} in the tested region, where it is above zero: {remedy}."
     yield 1 + int((law.fitted <= 0).any()), words
 

@@ -248,7 +248,7 @@ def spread(law: LawFit, residuals: Residuals) -> Homoscedasticity | NotAvailable
 
 def _rejected(law: LawFit, of: str, result: str, term: str, rises: bool) -> str:
     rescaled = law.error == "additive" and rises  # in logs, a scatter that grows with the response is constant
-    remedy = "fit with error='multiplicative'" if rescaled else "one interval width for all conditions is misleading"
+    remedy = "fit with multiplicative errors" if rescaled else "one interval width for all conditions is misleading"
     return (
         f"Heteroscedasticity: the variance of residuals of {of} {'rises' if rises else 'falls'} with {term} "
         f"({result}): {remedy}."

@@ -81,7 +81,7 @@ def box_cox(law: LawFit, strata: Strata | NotAvailable) -> BoxCox | NotAvailable
         return NotAvailable("with additive wear the law is not linear on any scale of the response")
     if law.formula.logarithmic and law.error == "additive":
         return NotAvailable(
-            "with additive errors the law is not linear on the scale of the response: fit with error='multiplicative'"
+            "with additive errors the law is not linear on the scale of the response: fit with multiplicative errors"
         )
     if not (law.observed > 0).all():
         return NotAvailable(f"{law.response} is not above zero in every row, as its powers require")
@@ -362,7 +362,7 @@ def _structure_verdict(preferred: Error | None, size: float, error: float | None
     found = f"log-likelihood higher by {size:.{0 if size >= 10 else 1}f}"
     if error is not None:
         found += f" ± {error:.2g} over {over}, not significant"
-    remedy = f"; fit with error='{preferred}'" if refit else ""
+    remedy = f"; fit with {preferred} errors" if refit else ""
     return f"{preferred.capitalize()} errors are preferred ({found}){remedy}."
 
 

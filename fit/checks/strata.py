@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import FitError
 from ..available import NotAvailable
 from ..lawfit import LawFit
@@ -20,6 +21,8 @@ from ..least_squares import sums_by
 from ..regression import refitted
 from .check import Suspect
 
+Codes = NDArray[np.intp]
+FEWEST = 3  # degrees of freedom of a test between edges
 NO_ROWS = "a law of a stream keeps no rows, and checks use them: fit a sample of the rows in memory"
 
 
@@ -52,6 +55,46 @@ def units_of(law: LawFit) -> tuple[str, NDArray[np.intp]]:
     return "edge", np.unique(law.edge, return_inverse=True)[1]
 
 
+def levels_of_edges(
+    Z: Array, r: Array, x: Array, unit: Codes, moving: NDArray[np.bool_]
+) -> tuple[Array, Array, Array, Array]:
+    """Levels of edges about the law, means of the columns that are constant within edges and of x, rows per edge."""
+    size, p = np.bincount(unit).astype(float), Z.shape[1]
+    means = sums_by(unit, np.column_stack([Z, r, x]), len(size)) / size[:, None]
+    levels = means[:, p]
+    if moving.any():
+        inside = np.column_stack([Z[:, moving], r]) - (means[:, : p + 1][:, np.append(moving, True)])[unit]
+        slope = np.linalg.lstsq(inside[:, :-1], inside[:, -1], rcond=1e-9)[0]
+        levels = levels - means[:, :p][:, moving] @ slope
+    return levels, means[:, :p][:, ~moving], means[:, p + 1 :], size
+
+
+def blocks_between(levels: Array, others: Array, D: Array, weight: Array) -> tuple[float, int, float] | None:
+    """Weighted regression of levels of edges on other columns and indicators D: F of D, its denominator df and p.
+
+    None where D depends on the other columns, or too few degrees of freedom are left.
+
+    Examples
+    --------
+    >>> D = np.repeat(np.eye(2)[:, 1:], 4, axis=0)
+    >>> F, df, p = blocks_between(D[:, 0] + np.tile([0.1, -0.1], 4), np.ones((8, 1)), D, np.ones(8))
+    >>> round(F, 6), df
+    (150.0, 6)
+    """
+    from scipy.special import fdtrc
+
+    root = np.sqrt(weight)[:, None]
+    Q, R = np.linalg.qr(np.hstack([others, D]) * root)
+    p, k, size = others.shape[1], D.shape[1], np.abs(np.diag(R))
+    df = len(levels) - p - k
+    if df < FEWEST or (size < 1e-9 * np.linalg.norm(np.hstack([others, D]) * root, axis=0)).any():
+        return None
+    y = root[:, 0] * levels
+    effects = Q.T @ y
+    F = float(np.sum(effects[p:] ** 2) / k / ((y @ y - effects @ effects) / df))
+    return F, df, float(fdtrc(k, df, F))
+
+
 MOST_ROWS = 5_000
 
 
@@ -72,9 +115,6 @@ def even_choice(law: LawFit, most: int = MOST_ROWS) -> LawFit:
     except FitError:  # a level or setting without selected rows
         return law
 
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.intp]
 
 # Of columns scaled to length one: what is left of a column below this is rounding.
 ROUNDING = 1e-9

@@ -33,6 +33,8 @@ MOVED = 2.0  # standard errors that one life may move an exponent by
 EQUAL_BY_CHANCE = 1.15  # ratio of expected lives above which equal ones are no chance
 MOST_LEFT_OUT = 200  # lives that are left out one by one
 WIDE = 10.0  # factor within which 95 % of lives lie, beyond which the law says little
+BY_SCATTER, MOST_BEYOND = 2.0, 1.5  # SD of ln life, and ratio, by which a life may be longer than the longest test
+SETTINGS = 3  # that are named
 OUTLYING = 0.02  # level of the largest of all lives together
 
 
@@ -112,17 +114,45 @@ def longest_lives(law: LawFit) -> Check | None:
 
 
 def extrapolated_lives(law: LawFit) -> Check:
-    """Check that the life at the middle of the tests was reached by tests."""
+    """Check that the lives at the middle of the tests and at each tested setting were reached by tests."""
     middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items()}
     level = {law.by.column: law.by.reference} if law.by is not None else {}
-    typical, longest = float(law.predict({**middle, **level})[0]), float(law.observed.max())
+    typical, longest = float(law.values({**middle, **level})), float(law.observed.max())
     unit = law.units[law.response]
     beyond = typical > longest
-    verdict = f"Life at the middle of the tests {typical:.3g} {unit}; the longest test lasted {longest:.3g} {unit}" + (
-        ": extrapolated. Test longer, or at conditions of shorter life." if beyond else "."
+    settings = "" if beyond else _settings_beyond(law, longest)
+    verdict = (
+        settings
+        + (f"Life at the middle of the tests {typical:.3g} {unit}; the longest test lasted {longest:.3g} {unit}")
+        + (": extrapolated. Test longer, or at conditions of shorter life." if beyond else ".")
     )
-    return Check(null="The life at the middle of the tests was tested.", statistic=typical / longest,
-                 symbol="life over longest test", concern=int(beyond), verdict=verdict)  # fmt: skip
+    return Check(null="The lives at the middle of the tests and at the tested settings were tested.",
+                 statistic=typical / longest, symbol="life over longest test", concern=int(beyond or bool(settings)),
+                 verdict=verdict)  # fmt: skip
+
+
+def _settings_beyond(law: LawFit, longest: float) -> str:
+    """Tested settings whose life by the law is longer than any test, by more than scatter explains; empty if none."""
+    if law.rows is None:
+        return ""
+    allowed = longest * min(float(np.exp(BY_SCATTER * _life_of(law).scale)), MOST_BEYOND)
+    lives = {
+        tuple(x): float(life) for x, life in zip(law.X.tolist(), law.fitted.tolist(), strict=True) if life > allowed
+    }
+    if not lives:
+        return ""
+    unit = law.units[law.response]
+    named = [
+        f"{life:.3g} {unit} at {', '.join(_set_to(law, name, x) for name, x in zip(law.factors, row, strict=True))}"
+        for row, life in sorted(lives.items(), key=lambda one: -one[1])
+    ]
+    more = f" and at {len(named) - SETTINGS} more settings" if len(named) > SETTINGS else ""
+    head = f"EXTRAPOLATED at tested settings, up to {max(lives.values()) / longest:.2g} times the longest test"
+    return f"{head}: {'; '.join(named[:SETTINGS])}{more}. Test longer there. "
+
+
+def _set_to(law: LawFit, name: str, value: float) -> str:
+    return f"{name} {value:.4g} {law.units.get(name, '')}".rstrip()
 
 
 def distribution_of_lives(law: LawFit) -> Check | NotAvailable:
@@ -175,8 +205,8 @@ def useful_law(law: LawFit) -> Check | None:
     p = float(fdtrc(q, df, F))
     middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items()}
     level = {law.by.column: law.by.reference} if law.by is not None else {}
-    one = law.predict({**middle, **level}, "prediction").iloc[0]
-    factor = float(one["high"] / one["value"])
+    one = law.predict({**middle, **level})
+    factor = float(one.high / one.value)
     concern = 2 if p > SIGNIFICANT else int(factor > WIDE)
     verdict = {
         0: f"The lives follow the factors (p {p:.2g}); 95 % of lives lie within a factor of {factor:.2g} of the law.",

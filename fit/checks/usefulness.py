@@ -246,7 +246,7 @@ def doubts_of_reading(law: LawFit, runs: Runs | None) -> Check | NotAvailable | 
         null="the reading has no doubt on a column of the law",
         statistic=float(len(doubts)),
         symbol="doubts",
-        concern=max((1 + int("--correct" in doubt.remedy) for doubt in doubts), default=0),
+        concern=max((1 + int(doubt.unsettled or "--correct" in doubt.remedy) for doubt in doubts), default=0),
         verdict=f"Doubts of the reading: {'; '.join(words)}."
         if doubts
         else "The reading has no doubt on these columns.",

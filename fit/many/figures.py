@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from ...core.display import plot
 from ...core.errors import UsageError
-from ...core.plotting import BLUE, GREY, ORANGE, new_axes
+from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN
+from ...core.plotting import new_axes
 from .many_laws import ManyLaws
 from .pooling import PooledExponents
 
@@ -27,10 +28,10 @@ def exponents_figure(laws: ManyLaws, ax: Axes | None = None, factor: str | None 
     value, low, high = laws.params[name].to_numpy(), ends[f"low_{name}"].to_numpy(), ends[f"high_{name}"].to_numpy()
     order = _some(value)
     x = np.arange(len(order))
-    ax.vlines(x, low[order], high[order], color=BLUE, lw=1.2, alpha=0.6, label="95 % interval")
+    ax.vlines(x, low[order], high[order], color=BLUE, lw=LINE, alpha=0.6, label="95 % interval")
     ax.plot(x, value[order], "o", ms=3, color=BLUE)
     ax.set(xlabel=_axis(len(order), int(np.isfinite(value).sum())), ylabel=f"exponent of {name} in {laws.response}")
-    ax.legend(fontsize=7, frameon=False)
+    ax.legend()
     return ax
 
 
@@ -41,18 +42,18 @@ def shrinkage_figure(found: PooledExponents, ax: Axes | None = None) -> Axes:
     table = table.sort_values(["family", "estimate"])
     chosen = np.unique(np.linspace(0, max(len(table) - 1, 0), min(len(table), MOST)).astype(int))
     some, x = table.iloc[chosen], np.arange(len(chosen))
-    ax.vlines(x - 0.15, some["low"], some["high"], color=GREY, lw=1)
+    ax.vlines(x - 0.15, some["low"], some["high"], color=GREY, lw=THIN)
     ax.plot(x - 0.15, some["estimate"], "o", ms=3, color=GREY, label="alone")
-    ax.vlines(x + 0.15, some["pooled_low"], some["pooled_high"], color=BLUE, lw=1.4)
+    ax.vlines(x + 0.15, some["pooled_low"], some["pooled_high"], color=BLUE, lw=LINE)
     ax.plot(x + 0.15, some["pooled"], "o", ms=3, color=BLUE, label="with its family")
     names = some["family"].to_numpy()
     for name, mean in found.families["mean"].items() if len(found.families) else ():
         at = np.flatnonzero(names == name)
         if at.size:
-            ax.hlines(mean, at[0] - 0.5, at[-1] + 0.5, color=ORANGE, lw=1.2)
+            ax.hlines(mean, at[0] - 0.5, at[-1] + 0.5, color=ORANGE, lw=LINE)
     _name_families(ax, names)
     ax.set(xlabel=_axis(len(chosen), len(table)), ylabel=f"exponent of {found.factor}", **_reach(some))
-    ax.legend(fontsize=7, frameon=False)
+    ax.legend()
     return ax
 
 
@@ -62,7 +63,7 @@ def _name_families(ax: Axes, names: NDArray[np.object_]) -> None:
     for name in met if len(met) <= NAMED else ():
         at = float(np.flatnonzero(names == name).mean())
         ax.annotate(
-            str(name), (at, 1), (0, 2), ("data", "axes fraction"), "offset points", fontsize=7, color=ORANGE,
+            str(name), (at, 1), (0, 2), ("data", "axes fraction"), "offset points", fontsize=SMALL, color=ORANGE,
             rotation=0 if len(met) == 1 else 40, ha="center" if len(met) == 1 else "left", va="bottom",
         )  # fmt: skip
 

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.calls import check_share
 from ...core.display import Display, Plottable, TextTable
 from ...core.errors import FitmodelsError, UsageError
 from ...datasets.runs import Runs, Source
@@ -220,8 +221,7 @@ class ManyLaws(Plottable):
         """The columns of ``conf_int`` but those of the pair, as arrays of shape (K,)."""
         from scipy.special import stdtrit
 
-        if not 0 < level < 1:
-            raise UsageError(f"level={level}: it must be between 0 and 1, for instance 0.95.")
+        check_share("level", level)
         made = self.estimates
         half = stdtrit(np.maximum(made.df, 1), (1 + level) / 2)[:, None] * made.se
         ends = {"low": made.theta - half, "high": made.theta + half}

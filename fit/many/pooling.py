@@ -20,8 +20,10 @@ import numpy as np
 import pandas as pd
 
 from ...core.arrays import Array
-from ...core.display import Display, Plottable, TextTable, with_error
+from ...core.calls import check_share
+from ...core.display import Display, Plottable, TextTable
 from ...core.errors import UsageError
+from ...core.rounding import with_error
 from .many_laws import ManyLaws
 from .random_effects import Family, family, given, half_t, moments, of_pairs, quantiles, reml, tau_quantile, thinned
 
@@ -167,8 +169,7 @@ def _separate(
     """The pairs by themselves: estimate, se, df and t intervals, and why some cannot be pooled."""
     from scipy.special import stdtrit
 
-    if not 0 < level < 1:
-        raise UsageError(f"level={level}: it must be between 0 and 1, for instance 0.95.")
+    check_share("level", level)
     frame = table.table if isinstance(table, ManyLaws) else pd.DataFrame(table)
     needed = [f"params_{factor}", f"bse_{factor}", *([] if by is None else [by])]
     missing = [name for name in needed if name not in frame]

@@ -306,7 +306,7 @@ class _Coding:
 
     def predicted(self, u: Array) -> Array:
         """Response, shape (n,)."""
-        return np.asarray(self.law.predict(self.points(u)))
+        return np.asarray(self.law.values(self.points(u)))
 
     def inside(self, u: Array) -> NDArray[np.bool_]:
         """Whether points lie in the tested region, shape (n,)."""

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...core.display import Display, TextTable, display_of, joined_facts, with_error
-from ...core.rounding import format_plain
+from ...core.display import Display, TextTable, display_of, joined_facts
+from ...core.rounding import format_plain, with_error
 from ..available import NotAvailable
 from ..checks.check import SIGNIFICANT, format_p
 from ..checks.exponent_ranges import usual_exponents

@@ -13,15 +13,16 @@ import numpy as np
 import pandas as pd
 
 from ...core.arrays import Array
-from ...core.display import Plottable
 from ...core.errors import FitError, UsageError
 from ...core.formula import Term, first_order_terms, second_order_terms
-from ...datasets import Runs
+from ...core.predicts import PredictsByLaw
+from ...datasets.runs import Readable, as_runs
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable, computed
 from ..checks.model_checks import LackOfFit, lack_of_fit
 from ..checks.strata import split
 from ..edges import EdgeInference
+from ..fitted_rows import LawFigures
 from ..lawfit import LawFit
 from ..laws import Error
 from ..regression import fit_form, refitted
@@ -69,7 +70,7 @@ TERMS_OF: Mapping[str, Callable[[Sequence[str]], tuple[Term, ...]]] = {
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ResponseSurface(Plottable):
+class ResponseSurface(PredictsByLaw, LawFigures):
     """A response surface of second order.
 
     Attributes
@@ -107,6 +108,8 @@ class ResponseSurface(Plottable):
         FitError
             These rows do not allow tests.
         """
+        if typ not in get_args(Type):
+            raise UsageError(f"typ={typ!r}: a test is of type 2 or 3.")
         if isinstance(self.model, NotAvailable):
             raise FitError(f"{self.full.response}: no tests of terms: {self.model}.")
         return term_tests(
@@ -229,7 +232,7 @@ class ResponseSurface(Plottable):
 
 
 def response_surface(
-    runs: Runs,
+    runs: Readable,
     response: str,
     factors: Sequence[str],
     *,
@@ -242,7 +245,7 @@ def response_surface(
 
     Parameters
     ----------
-    runs : Runs
+    runs : Runs, DataFrame or path
     response : str
     factors : sequence of str
         Most important first. Terms that the rows do not identify are left out by name.
@@ -255,10 +258,6 @@ def response_surface(
         Category of blocks (days, machines, charges), each with a level of its own.
     edge : str or None
         Column with the edge of each row; None: rows are taken as independent.
-
-    Returns
-    -------
-    ResponseSurface
 
     Raises
     ------
@@ -281,10 +280,11 @@ def response_surface(
         raise UsageError(f"scale={scale!r}: it is 'log' or 'original'.")
     form, first_order, error = FORM_OF[scale]
     options: dict[str, Any] = {"error": error, "edge": edge, "by": blocks}
-    plane = fit_form(runs, first_order, response, factors, **options)  # leaves out factors that are not identified
+    tests = as_runs(runs)
+    plane = fit_form(tests, first_order, response, factors, **options)  # leaves out factors that are not identified
 
     def fitted(terms: Sequence[Term], left_out: tuple[LeftOut, ...]) -> LawFit:
-        law = fit_form(runs, form, response, factors_in(terms, plane.factors), terms=own_terms(terms), **options)
+        law = fit_form(tests, form, response, factors_in(terms, plane.factors), terms=own_terms(terms), **options)
         return replace(law, left_out=(*left_out, *law.left_out))
 
     terms = TERMS_OF[model](plane.factors)

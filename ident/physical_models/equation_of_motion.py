@@ -108,7 +108,8 @@ def motion_of(
     if not np.ptp(raw) > 0:
         raise IdentError(f"{rec.output} is constant: the inertia of a drive at rest is not identifiable.")
     left = len(rec.stretches) - len(kept)
-    notes = (f"{left} segment(s) shorter than {FEWEST} samples are omitted",) if left else ()
+    segments = "1 segment" if left == 1 else f"{left} segments"
+    notes = (f"{segments} shorter than {FEWEST} samples left out",) if left else ()
     return Motion(
         force, v, a, raw, rec.sample_time, low, factor, unit or rec.unit_y, held,
         tuple(slice(b, e) for b, e in pairwise(ends)), notes,

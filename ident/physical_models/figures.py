@@ -4,8 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ...core.display import plot, with_unit
-from ...core.plotting import BLUE, ORANGE, new_axes
+from ...core.display import plot
+from ...core.figure_style import BLUE, LINE, ORANGE
+from ...core.plotting import new_axes
+from ...core.rounding import with_unit
 from .drive import DriveFit
 from .force_process import ForceProcess
 from .step_response import StepFit
@@ -15,8 +17,8 @@ ANSWER = 10.0  # times to 63.2 %: the response is drawn that long
 
 
 def _both(ax: Axes, time: Array, measured: Array, model: Array, label: str) -> None:
-    ax.plot(time, measured, color=BLUE, lw=1.2, label="measured" if label else None)
-    ax.plot(time, model, color=ORANGE, lw=1.2, ls="--", label=label or None)
+    ax.plot(time, measured, color=BLUE, lw=LINE, label="measured" if label else None)
+    ax.plot(time, model, color=ORANGE, lw=LINE, ls="--", label=label or None)
 
 
 @plot.register
@@ -30,8 +32,8 @@ def step_fit_figure(fit: StepFit, ax: Axes | None = None) -> Axes:
     last = min(max(float(run.at[-1]) for run in fit.runs) + answer, max(float(run.time[-1]) for run in fit.runs))
     ax.set(xlabel="time [s]", ylabel=with_unit(fit.output, fit.unit_y), xlim=(first, last))
     gain = f"{fit.gain:.4g} {fit.units['gain']}".rstrip()
-    ax.set_title(f"gain {gain}, 63.2 % after {fit.time_to_63:.4g} s, fit {fit.fit:.1f} %", fontsize=9)
-    ax.legend(frameon=False, fontsize=8)
+    ax.set_title(f"gain {gain}, 63.2 % after {fit.time_to_63:.4g} s, fit {fit.fit:.1f} %")
+    ax.legend()
     return ax
 
 
@@ -44,8 +46,8 @@ def drive_figure(fit: DriveFit, ax: Axes | None = None) -> Axes:
     _both(ax, time, fit.motion.v, simulated, "from the force alone")
     ax.set(xlabel="time [s]", ylabel=f"velocity [{fit.motion.speed_unit}]")
     values = ", ".join(f"{name} {fit.params[name]:.4g} {unit}" for name, unit in fit.units.items())
-    ax.set_title(f"{values}; fit {percent:.1f} %", fontsize=9)
-    ax.legend(frameon=False, fontsize=8, ncols=2, loc="upper left", bbox_to_anchor=(0, -0.13))
+    ax.set_title(f"{values}; fit {percent:.1f} %")
+    ax.legend(ncols=2, loc="upper left", bbox_to_anchor=(0, -0.13))
     return ax
 
 
@@ -56,6 +58,6 @@ def force_process_figure(fit: ForceProcess, ax: Axes | None = None) -> Axes:
     _both(ax, fit.time, fit.measured, fit.simulated, "from the command alone")
     ax.set(xlabel="time [s]", ylabel=with_unit(fit.output, fit.unit_y))
     poles = " and ".join(f"{p.real:.4g}" if p.imag == 0 else f"{p:.4g}" for p in fit.poles)
-    ax.set_title(f"poles {poles} rad/s, fit {fit.fit:.1f} %", fontsize=9)
-    ax.legend(frameon=False, fontsize=8, ncols=2, loc="upper left", bbox_to_anchor=(0, -0.13))
+    ax.set_title(f"poles {poles} rad/s, fit {fit.fit:.1f} %")
+    ax.legend(ncols=2, loc="upper left", bbox_to_anchor=(0, -0.13))
     return ax

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ...core.display import plot
-from ...core.plotting import BLUE, GREY, ORANGE, NotebookFigure, new_axes, whiskers
+from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN
+from ...core.plotting import NotebookFigure, new_axes, whiskers
 from ..figures import gain_axes, settling_samples
 from ..model import Model
 from .controller import LoopTrace
@@ -33,7 +35,7 @@ def feasible_map_figure(found: FeasibleMap, ax: Axes | None = None, chosen: tupl
         thin = ax.contour(
             found.kp, found.ki, ms, levels=[1.1, 1.2, 1.3, 1.4, 1.6, 1.8, 2, 2.5], colors=GREY, linewidths=0.5
         )
-        ax.clabel(thin, fmt="Ms %g", fontsize=6)
+        ax.clabel(thin, fmt="Ms %g", fontsize=SMALL)
     for k, (name, limit, value) in enumerate(found.specification.active()):
         figure = found.figures[limit.figure].T
         figure = np.where(np.isfinite(figure), figure, np.nan)
@@ -42,11 +44,12 @@ def feasible_map_figure(found: FeasibleMap, ax: Axes | None = None, chosen: tupl
             ax.contour(
                 found.kp, found.ki, figure, levels=[value], colors=[BLUE], linestyles=STYLES[k % 4], linewidths=1.2
             )
-            ax.plot([], [], color=BLUE, ls=STYLES[k % 4], lw=1.2, label=label)
+            ax.plot([], [], color=BLUE, ls=STYLES[k % 4], lw=LINE, label=label)
     if chosen is not None:
         ax.plot(*chosen, "o", color=ORANGE, label=f"Kp {chosen[0]:.4g}, Ki {chosen[1]:.4g} per second")
-    ax.set(xlabel="Kp", ylabel="Ki, per second")
-    ax.legend(fontsize=7, loc="best")
+    ax.set(xlabel="Kp", ylabel="Ki [per second]")
+    ax.xaxis.set_major_locator(MaxNLocator(4))
+    ax.legend(loc="best", frameon=True, framealpha=0.8, edgecolor="none")
     return ax
 
 
@@ -56,7 +59,7 @@ def tuned_figure(tuned: TunedPi, ax: Axes | None = None) -> Axes:
     ax = feasible_map_figure(tuned.map, ax, (tuned.kp, tuned.ki))
     if tuned.gains.unit_u and tuned.gains.unit_y:
         per = f"{tuned.gains.unit_u}/{tuned.gains.unit_y}"
-        ax.set(xlabel=f"Kp, {per}", ylabel=f"Ki, {per} per second")
+        ax.set(xlabel=f"Kp [{per}]", ylabel=f"Ki [{per} per second]")
     return ax
 
 
@@ -72,16 +75,16 @@ def trade_off_figure(found: TradeOff, ax: Axes | None = None, chosen: tuple[floa
             found.speed, found.ms, c=100 * found.probability, cmap="viridis_r", vmin=0, vmax=100, s=22, lw=0
         )
         bar = ax.figure.colorbar(shown, ax=ax)
-        bar.set_label("probability of the specification, %", fontsize=8)
-    ax.plot(*found.least, "-", color=GREY, lw=1, label="smallest Ms at each speed")
+        bar.set_label("probability of the specification [%]", fontsize=SMALL)
+    ax.plot(*found.least, "-", color=GREY, lw=THIN, label="smallest Ms at each speed")
     if (limit := getattr(asked, found.speed_name)) is not None:
-        ax.axvline(limit, color=BLUE, lw=1.2, ls="--", label=f"{name} <= {limit:g} s")
+        ax.axvline(limit, color=BLUE, lw=LINE, ls="--", label=f"{name} <= {limit:g} s")
     if asked.ms is not None:
-        ax.axhline(asked.ms, color=BLUE, lw=1.2, ls=":", label=f"Ms <= {asked.ms:g}")
+        ax.axhline(asked.ms, color=BLUE, lw=LINE, ls=":", label=f"Ms <= {asked.ms:g}")
     if chosen is not None:
         ax.plot(*chosen, "o", color=ORANGE, ms=8, mec="white", label="chosen gains")
-    ax.set(xlabel=f"{name}, s", ylabel="maximum sensitivity Ms")
-    ax.legend(fontsize=7, loc="upper right")
+    ax.set(xlabel=f"{name} [s]", ylabel="maximum sensitivity Ms")
+    ax.legend(loc="upper right")
     return ax
 
 
@@ -103,7 +106,7 @@ def tuning_figure(tuned: TunedPi, step: float = 1.0) -> Figure:
     _steps(tuned, drawn, step, axes[:, 1], axes[:, 2])
     u, y = tuned.gains.unit_u or "1", tuned.gains.unit_y or "1"
     size = step * load_step(loop_of(tuned.model, tuned.gains), tuned.map.duration).size
-    of = f"{tuned.model.output}, {y}"
+    of = f"{tuned.model.output} [{y}]"
     axes[0, 1].set(title=f"simulated step of the reference by {step:.3g} {y}", ylabel=f"change of {of}")
     axes[0, 2].set(title=f"simulated step of load\n({size:.3g} {u} at the input)", ylabel=f"deviation of {of}")
     settled = tuned.figures.settling_time
@@ -111,7 +114,7 @@ def tuning_figure(tuned: TunedPi, step: float = 1.0) -> Figure:
     for ax in axes[:, 1:].flat:
         ax.set_xlim(-0.02 * end, end)
     for ax in axes[1, 1:]:
-        ax.set(xlabel="time, s", ylabel=f"change of the command, {u}")
+        ax.set(xlabel="time [s]", ylabel=f"change of the command [{u}]")
     axes[0, 0].set_title("gains")
     axes[1, 0].set_title("speed, robustness and probability")
     if drawn:
@@ -136,17 +139,17 @@ def _steps(tuned: TunedPi, drawn: Sequence[Model], step: float, left: Sequence[A
         rows = (loop.step(n), loop.command_step(n), same * load.output, same * load.command)
         for ax, row in zip((*left, *right), rows, strict=True):
             ax.step(load.time, step * row, where="post", color=color, lw=width, alpha=alpha)
-    left[0].axhline(step, color=GREY, lw=0.8, ls="--")
-    right[0].axhline(0.0, color=GREY, lw=0.8, ls="--")
+    left[0].axhline(step, color=GREY, lw=THIN, ls="--")
+    right[0].axhline(0.0, color=GREY, lw=THIN, ls="--")
     asked = tuned.specification
     for name, style in (("overshoot", "--"), ("undershoot", ":")):
         if limit := getattr(asked, name):
             level = 1 + limit if name == "overshoot" else -limit
-            left[0].axhline(step * level, color=ORANGE, lw=0.8, ls=style, label=f"{name} {100 * limit:g} %")
+            left[0].axhline(step * level, color=ORANGE, lw=THIN, ls=style, label=f"{name} {100 * limit:g} %")
     if asked.settling_time is not None:
-        left[0].axvline(asked.settling_time, color=ORANGE, lw=0.8, label=f"settled after {asked.settling_time:g} s")
+        left[0].axvline(asked.settling_time, color=ORANGE, lw=THIN, label=f"settled after {asked.settling_time:g} s")
     if left[0].get_legend_handles_labels()[0]:
-        left[0].legend(fontsize=7, loc="lower right")
+        left[0].legend(loc="lower right")
 
 
 @plot.register
@@ -155,20 +158,20 @@ def loop_trace_figure(trace: LoopTrace, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, 6.4, 3.6)
     t, right = trace.time, ax.twinx()
     if (trace.measurement != trace.output).any():
-        ax.plot(t, trace.measurement, color=BLUE, lw=0.4, alpha=0.5, label="measurement")
-    ax.plot(t, trace.reference, color=GREY, ls="--", lw=1, label="reference")
-    ax.plot(t, trace.output, color=BLUE, lw=1.4, label="output")
-    right.step(t, trace.command, where="post", color=ORANGE, lw=1, label="command")
+        ax.plot(t, trace.measurement, color=BLUE, lw=THIN, alpha=0.5, label="measurement")
+    ax.plot(t, trace.reference, color=GREY, ls="--", lw=THIN, label="reference")
+    ax.plot(t, trace.output, color=BLUE, lw=LINE, label="output")
+    right.step(t, trace.command, where="post", color=ORANGE, lw=THIN, label="command")
     if trace.saturated.any():
         right.plot(t[trace.saturated], trace.command[trace.saturated], ".", color=ORANGE, ms=4, label="at a limit")
     if not trace.engaged.all():
         ax.fill_between(
             t, 0, 1, where=~trace.engaged, step="post", transform=ax.get_xaxis_transform(), color=GREY, alpha=0.15, lw=0
         )
-    ax.set(xlabel="time, s", ylabel=f"output, {trace.unit_y}" if trace.unit_y else "output")
-    right.set_ylabel(f"command, {trace.unit_u}" if trace.unit_u else "command")
+    ax.set(xlabel="time [s]", ylabel=f"output [{trace.unit_y}]" if trace.unit_y else "output")
+    right.set_ylabel(f"command [{trace.unit_u}]" if trace.unit_u else "command")
     (one, first), (two, second) = ax.get_legend_handles_labels(), right.get_legend_handles_labels()
-    ax.legend(one + two, first + second, fontsize=7, loc="best")
+    ax.legend(one + two, first + second, loc="best")
     return ax
 
 
@@ -189,7 +192,7 @@ def loop_figure(loop: Loop, ax: Axes | None = None) -> Axes:
     n = settling_samples(loop.radius)
     time = loop.model.sample_time * np.arange(n)
     ax.plot(time, loop.step(n), color=BLUE, drawstyle="steps-post")
-    ax.axhline(1, color=GREY, lw=0.8, ls="--")
+    ax.axhline(1, color=GREY, lw=THIN, ls="--")
     ax.set(xlabel="time [s]", ylabel=f"{loop.model.output}, unit step of the reference")
     return ax
 
@@ -205,5 +208,5 @@ def check_figure(found: PiCheck, ax: Axes | None = None) -> Axes:
             for low, high in intervals:
                 ax.plot([low, high], [at, at], "|-", color=colour, lw=width, solid_capstyle="butt")
     ax.set(xscale="log", xlabel=f"scaling, {found.command_unit or '1'} per {found.input_unit or '1'}")
-    ax.set_title("blue: stable, orange: meets the specification", fontsize=9)
+    ax.set_title("blue: stable, orange: meets the specification")
     return ax

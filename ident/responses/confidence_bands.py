@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.calls import check_share
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
 from ..draws import bounded, components, drawn_models, mixture_quantile
@@ -161,8 +162,7 @@ def check_band(model: Model, level: float) -> None:
         raise IdentError(
             f"a model of structure {model.structure} has no covariance, hence no bands: identify it from a record."
         )
-    if not 0 < level < 1:
-        raise IdentError(f"level {level!r} of a band: between 0 and 1, for instance 0.95.")
+    check_share("level", level, IdentError)
 
 
 def tails(level: float) -> tuple[float, float]:

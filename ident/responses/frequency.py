@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.calls import check_share
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
 from ...datasets.records.record import Record
@@ -145,8 +146,7 @@ def frequency_response(
     [0.859, 0.643]
     """
     check_varies(rec)
-    if not 0 < level < 1:
-        raise IdentError(f"level {level!r} of error bars: between 0 and 1, for instance 0.95.")
+    check_share("level", level, IdentError)
     if method not in METHODS:
         raise IdentError(f"method {method!r}: {', '.join(METHODS[:-1])} or {METHODS[-1]}.")
     band = excited_band(rec)

@@ -9,6 +9,7 @@ from dataclasses import asdict, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ...core.errors import GateError, ParameterError
+from ...core.suggestions import did_you_mean
 from ...core.verdict import Verdict
 from ..messages import short
 from ..sections.base import ModelCovariance, Section, VerdictSection
@@ -351,7 +352,14 @@ def limits_section(limits: LimitsSection | Mapping[str, Any]) -> dict[str, Any]:
     >>> limits_section({"power": 7, "speed": (50, 200)})
     {'power': {'value': 7.0, 'unit': 'kW'}, 'speed': {'low': 50.0, 'high': 200.0, 'unit': 'm/min'}}
     """
-    return {name: _limit(name, value) for name, value in as_data(limits).items()}
+    given = as_data(limits)
+    strange = next(
+        (name for name in given if isinstance(limits, Mapping) and name not in LimitsSection.model_fields), ""
+    )
+    if strange:
+        hint = did_you_mean(strange, LimitsSection.model_fields, names="There are ")
+        raise ParameterError(f"limits: there is no limit {strange!r}. {hint}")
+    return {name: _limit(name, value) for name, value in given.items()}
 
 
 def _limit(name: str, value: Any) -> Any:  # noqa: ANN401

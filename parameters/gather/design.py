@@ -5,7 +5,7 @@ composite and Box-Behnken designs).
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import comb, prod
 from typing import TYPE_CHECKING, Any
 
@@ -119,7 +119,8 @@ def reading_section(design: object) -> dict[str, Any] | None:
 
     if not (isinstance(design, Runs) and design.judged):
         return None
-    return {"doubts": [asdict(doubt) for doubt in design.doubts]}
+    kept = ("columns", "sentence", "remedy")
+    return {"doubts": [{name: getattr(doubt, name) for name in kept} for doubt in design.doubts]}
 
 
 def criterion_of(

@@ -102,7 +102,7 @@ def law_section(
     >>> from fitmodels import datasets, fit
     >>> table = datasets.read_runs(datasets.bundled("gc435_709m40")).data
     >>> section = law_section(fit.streamed_power_law([table[:60], table[60:]], "AW", ["V", "f", "d", "t"]))
-    >>> round(float(section.predict(V=100.0, f=0.2, d=2.0, t=10.0)), 3), section.n_edges, section.region is None
+    >>> round(float(section.values(V=100.0, f=0.2, d=2.0, t=10.0)), 3), section.n_edges, section.region is None
     (0.169, 24, True)
     """
     from ...fit import judge

@@ -32,6 +32,7 @@ def life_fields(law: "LawFit") -> dict[str, Any] | None:
         **found,
         "distribution": distribution,
         "with_scale": dict(zip(law.theta_names, found["with_scale"], strict=True)),
+        "longest": float(law.observed.max()),
         "log_likelihood": known(law.life.log_likelihood),
         "taylor": _taylor(taylor_constants(law), law),
     }
@@ -70,6 +71,7 @@ def tool_life_section(
         "standard_errors": {} if life.bse is None else {str(k): float(v) for k, v in life.bse.items()},
         "taylor_n": life.taylor_n,
         "t_observed": life.t_observed,
+        "wear_observed": None if life.law is None or life.law.rows is None else float(life.law.observed.max()),
         "typical": life.typical,
         "typical_at": dict(life.typical_at),
         "taylor": None if life.law is None else _taylor(life.taylor, life.law),
@@ -99,12 +101,12 @@ def _curves(life: "ToolLife") -> dict[str, Any] | None:
     }
     if isinstance(found.law, NotAvailable) or found.law.no_interval:
         return data
-    one = found.law.predict({name: life.typical_at[name] for name in found.law.factors}, "mean").iloc[0]
+    one = found.law.predict({name: life.typical_at[name] for name in found.law.factors}, "mean")
     return {
         **data,
         "coefficients": finite(found.law.params),
-        "typical": float(one["value"]),
-        "typical_interval": (float(one["low"]), float(one["high"])),
+        "typical": float(one.value),
+        "typical_interval": (float(one.low), float(one.high)),
         "taylor": _taylor(taylor_constants(found.law), found.law),
     }
 

@@ -41,7 +41,7 @@ def ac2016() -> ParameterFile:
     Examples
     --------
     >>> pf = ac2016()
-    >>> round(pf.laws["AW"].predict(V=154.7, f=0.53, d=2.5, t=10.0), 3), pf.limits.force.value
+    >>> round(pf.laws["AW"].values(V=154.7, f=0.53, d=2.5, t=10.0), 3), pf.limits.force.value
     (0.277, 1300.0)
     """
     misprint = "AC-2016 names the insert GC345, AC-2017 GC435."

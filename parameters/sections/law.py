@@ -3,13 +3,18 @@
 from collections.abc import Mapping
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from ...core.calls import Conditions, Takes
 from ...core.display import Plottable
+from ...core.errors import ParameterError
 from ...core.intervals import Centre, Edge, Kind
+from ...core.predictions import Prediction
+from ...core.predicts import Predicts
 from ..budget import UncertaintyBudget, uncertainty_budget
 from ..evaluation import IntervalOptions, as_given, interval_band, point_values, region_contains
-from ..prediction import Prediction, predict_with_interval
+from ..prediction import predict_with_interval
 from .law_fields import LawFields
 
 EXAMPLE: Mapping[str, object] = {  # the law of the examples below
@@ -34,7 +39,7 @@ EXAMPLE: Mapping[str, object] = {  # the law of the examples below
 }
 
 
-class LawSection(Plottable, LawFields):
+class LawSection(Predicts, Plottable, LawFields):
     """One fitted equation, which predicts from the file alone.
 
     Attributes
@@ -90,42 +95,32 @@ class LawSection(Plottable, LawFields):
     Examples
     --------
     >>> law = LawSection.model_validate(EXAMPLE)
-    >>> round(law.predict(V=100.0), 9)
-    0.1
+    >>> print(law.predict(V=100.0).words)
+    AW 0.100 mm at V 100 m/min; 95 % prediction interval for one row 0.071 to 0.140 mm; inside the tested region.
     """
 
     alternative: "LawSection | None" = None
 
-    def predict(self, by: str | None = None, **factors: ArrayLike) -> Any:  # noqa: ANN401
-        """Response at the given factors, from the coefficients alone.
+    @property
+    def _takes(self) -> Takes:
+        units = {factor.symbol: factor.unit for factor in self.factors}
+        return Takes(f"the law of {self.response}", units, self.by.column if self.by else None, ParameterError)
 
-        Of a multiplicative law this is the median of the response, not its mean; of an additive law
-        it is the mean.
+    def _predicted(self, given: Conditions, *, kind: Kind, level: float, **other: Any) -> Prediction:  # noqa: ANN401
+        by, factors = self._level(given)
+        return predict_with_interval(self, IntervalOptions(kind, level, **other), by, factors)
 
-        Parameters
-        ----------
-        by : str, optional
-            Level of the ``by`` column; needed where the law has one.
-        **factors : float or array_like
-            Every factor of the law by its symbol, in the unit of the file; they broadcast.
-
-        Returns
-        -------
-        float or ndarray
-            In the law's unit: a float when every factor is one number.
-
-        Raises
-        ------
-        ParameterError
-            A factor is missing, unknown, or not a number the law can take; the level is unknown.
-
-        Examples
-        --------
-        >>> law = LawSection.model_validate(EXAMPLE)
-        >>> law.predict(V=[100.0, 200.0]).round(6).tolist()
-        [0.1, 0.141421]
-        """
+    def _values(self, given: Conditions) -> Any:  # noqa: ANN401
+        by, factors = self._level(given)
         return point_values(self, by, factors)
+
+    def _level(self, given: Conditions) -> tuple[str | None, Conditions]:
+        """The level of the category, and the factors; of an edge a file knows nothing."""
+        factors = {name: value for name, value in given.items() if name in self._takes.units}
+        levels = {str(one) for one in np.ravel(given[self.by.column])} if self.by and self.by.column in given else set()
+        if len(levels) > 1:
+            raise ParameterError(f"the law of {self.response}: one level of {self._takes.category} at a time.")
+        return next(iter(levels), None), factors
 
     def interval(
         self,
@@ -181,37 +176,6 @@ class LawSection(Plottable, LawFields):
         """
         found = interval_band(self, IntervalOptions(kind, level, edge, coverage, centre), by, factors)
         return as_given(self, found.low), as_given(self, found.high)
-
-    def get_prediction(
-        self,
-        kind: Kind = "prediction",
-        level: float = 0.95,
-        by: str | None = None,
-        *,
-        edge: Edge = "new",
-        coverage: float = 0.95,
-        centre: Centre = "median",
-        **factors: ArrayLike,
-    ) -> Prediction:
-        """Value, interval and whether the point lies in the tested region, as numbers and as a sentence.
-
-        Parameters
-        ----------
-        kind, level, by, edge, coverage, centre, **factors
-            As in `interval`; ``centre`` selects the value returned where errors are multiplicative.
-
-        Raises
-        ------
-        ParameterError
-            As in `interval`.
-
-        Examples
-        --------
-        >>> law = LawSection.model_validate(EXAMPLE)
-        >>> print(law.get_prediction(V=100.0).words)
-        AW 0.100 mm at V 100 m/min; 95 % prediction interval for one row 0.071 to 0.140 mm; inside the tested region.
-        """
-        return predict_with_interval(self, IntervalOptions(kind, level, edge, coverage, centre), by, factors)
 
     def budget(
         self,

@@ -185,7 +185,8 @@ class ToolLifeSection(Section):
     """Tool life ``T = c0 V^a f^b ...`` at a wear criterion, solved from the wear law.
 
     ``typical`` is T at ``typical_at``, the middle of each factor's range, and ``t_observed`` the longest
-    time in the data: beyond it T is extrapolated. ``taylor`` holds Taylor's constants with intervals, ``curves`` the
+    time in the data: beyond it T is extrapolated; ``wear_observed`` is the largest
+    wear, which earlier files lack. ``taylor`` holds Taylor's constants with intervals, ``curves`` the
     lives read from the wear curves of the edges; files before version 6 lack both. ``verdict`` states how far T can be
     used; files of versions 1 and 2 have none.
 
@@ -204,6 +205,7 @@ class ToolLifeSection(Section):
     standard_errors: dict[str, NotNegative] = Field(default_factory=dict)
     taylor_n: Number | None = None
     t_observed: NotNegative
+    wear_observed: NotNegative | None = None
     typical: NotNegative
     typical_at: dict[str, Number]
     taylor: TaylorSection | None = None
@@ -216,7 +218,8 @@ class LifeSection(Section):
 
     ``scale`` is s of ``ln T``: the standard deviation of lognormal lives, the reciprocal shape of Weibull ones; it is
     corrected for the parameters of the law. ``ended`` lives ended, ``run_outs`` are longer and ``earlier`` shorter than
-    their time in the data. ``with_scale`` holds the covariance of ln s with each parameter.
+    their time in the data. ``with_scale`` holds the covariance of ln s with each parameter, ``longest`` the longest
+    time in the data, ended or not, in the unit of the law; earlier files lack it.
 
     Examples
     --------
@@ -232,6 +235,7 @@ class LifeSection(Section):
     run_outs: Count = 0
     earlier: Count = 0
     log_likelihood: Number | None = None
+    longest: NotNegative | None = None
     taylor: TaylorSection | None = None
 
     @property
