@@ -33,7 +33,7 @@ class ParameterFile(Plottable, Section):
     Attributes
     ----------
     schema_version : str
-        ``fitmodels.parameters/7``.
+        ``fitmodels.parameters/8``.
     identity : IdentitySection
     reading : ReadingSection or None
         Doubts about the data file; None where its values were not judged, as in files of schema version 1.
@@ -75,7 +75,7 @@ class ParameterFile(Plottable, Section):
     True
     """
 
-    schema_version: Literal["fitmodels.parameters/7"] = SCHEMA
+    schema_version: Literal["fitmodels.parameters/8"] = SCHEMA
     identity: IdentitySection
     reading: ReadingSection | None = None
     design: DesignSection | None = None

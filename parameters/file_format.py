@@ -159,7 +159,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 
 
 FAMILY: Final = "fitmodels.parameters"
-SCHEMA: Final = "fitmodels.parameters/7"
+SCHEMA: Final = "fitmodels.parameters/8"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
 
 JUDGED = ("tool_life", "dynamics", "adaptive_force")  # sections with a verdict, as each law has one
@@ -234,6 +234,14 @@ def _to_version_7(data: dict[str, Any]) -> dict[str, Any]:
     return {**data, **({"laws": laws} if "laws" in data else {}), **tool_life, "costs": None}
 
 
+def _to_version_8(data: dict[str, Any]) -> dict[str, Any]:
+    """Data of version 7 with the origin of settings of force control and of merged sections unknown."""
+    roughness = {"force_low": None, "force_high": None, "depth": None, "nose_radius": None, "unit_depth": "mm"}
+    both = {"spindle_speed": None, "sources": {}}
+    added = {"roughness": {**roughness, **both}, "adaptive_force": both, "provenance": {"merged": []}}
+    return {**data, **{name: {**data[name], **new} for name, new in added.items() if data.get(name)}}
+
+
 def _without_longest(law: dict[str, Any]) -> dict[str, Any]:
     other = {"alternative": _without_longest(law["alternative"])} if law.get("alternative") else {}
     return {**law, **other, **({"life": {**law["life"], "longest": None}} if law.get("life") else {})}
@@ -252,6 +260,8 @@ def _without_longest(law: dict[str, Any]) -> dict[str, Any]:
 # ``life`` of laws, the distribution of tool lives; ``taylor`` and ``curves`` of the tool life;
 # and ``responses`` of limits.
 # Version 7 added ``costs``, ``longest`` of the lives of a law and ``wear_observed`` of the tool life.
+# Version 8 added ``merged`` of the provenance; ``sources`` and ``spindle_speed`` of roughness and adaptive force; the
+# valid readings, depth and nose radius of roughness.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,
@@ -259,10 +269,11 @@ STEPS: Mapping[int, Step] = {
     4: _to_version_5,
     5: _to_version_6,
     6: _to_version_7,
+    7: _to_version_8,
 }
 
 
-def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 7) -> dict[str, Any]:
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 8) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
     A checksum that was valid before a step is renewed after it.

@@ -460,7 +460,7 @@ def test_what_is_written_is_read(pf):
 def test_the_text_is_for_people(path):
     content = write(whole(), path).read_bytes()
     assert content.endswith(b"}\n")
-    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/7",\n  "identity": {\n')
+    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/8",\n  "identity": {\n')
     assert "µ and ü" in content.decode()
 
 
@@ -545,7 +545,7 @@ def deep(levels):
         (b'{"a": "\xff"}', r"is not UTF-8 text \(byte 7\)"),
         (b"[]", "is not a parameter file"),
         (b"{}", "is not a parameter file"),
-        (b'{"schema_version": "fitmodels.parameters/8"}', "newer schema.*Upgrade"),
+        (b'{"schema_version": "fitmodels.parameters/9"}', "newer schema.*Upgrade"),
         (b'{"schema_version": "fitmodels.card/1"}', "schema_version is 'fitmodels.card/1'"),
         (b'{"schema_version": [1]}', r"schema_version is a list"),
         (b'{"schema_version": "fitmodels.parameters/1"}', "identity is missing; provenance is missing"),

@@ -66,6 +66,14 @@ class RoughnessSection(Section):
         s between force samples, and the time constant of the feed drive.
     force_per_feed, process_time : float or None
         Of the cut that a replay simulates: kc a, unit_force per unit_feed, and the time constant of the process, s.
+    force_low, force_high : float or None
+        A reading at or beyond these is invalid, unit_force.
+    spindle_speed : float or None
+        1/min, of the cut; a time per revolution and a feed per minute follow from it.
+    depth, nose_radius : float or None
+        Depth of the cut and nose radius of the tool, unit_depth.
+    sources : dict of str
+        Origin of the values, one sentence for each field that was derived or given.
     notes : tuple of str
 
     Examples
@@ -92,6 +100,13 @@ class RoughnessSection(Section):
     servo_time: NotNegative | None = None
     force_per_feed: Positive | None = None
     process_time: NotNegative | None = None
+    force_low: Number | None = None
+    force_high: Number | None = None
+    spindle_speed: Positive | None = None
+    depth: Positive | None = None
+    nose_radius: Positive | None = None
+    unit_depth: Text = "mm"
+    sources: dict[str, Text] = Field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @model_validator(mode="after")
@@ -154,6 +169,10 @@ class AdaptiveForceSection(Section):
         Of the run that the estimates come from, unit_depth.
     force_low, force_high : float or None
         A reading at or beyond these is invalid, unit_force.
+    spindle_speed : float or None
+        1/min, of the run that the estimates come from.
+    sources : dict of str
+        Origin of the values, one sentence for each field that was derived or given.
     verdict : VerdictSection or None
         How far the estimates can be used; None where they were not judged.
     notes : tuple of str
@@ -188,6 +207,8 @@ class AdaptiveForceSection(Section):
     depth: Positive | None = None
     force_low: Number | None = None
     force_high: Number | None = None
+    spindle_speed: Positive | None = None
+    sources: dict[str, Text] = Field(default_factory=dict)
     verdict: VerdictSection | None = None
     notes: tuple[str, ...] = ()
 

@@ -112,6 +112,22 @@ class ReadingSection(Section):
     doubts: tuple[ReadingDoubt, ...] = ()
 
 
+class MergedFile(Section):
+    """A parameter file whose sections were merged into this one: its name, its checksum, and the sections taken.
+
+    Examples
+    --------
+    >>> MergedFile(file="feeds.json", sections=["laws.VB"]).sections
+    ('laws.VB',)
+    """
+
+    file: Text
+    content_sha256: Sha256 | None = None
+    data_file: str | None = None
+    data_sha256: Sha256 | None = None
+    sections: tuple[Text, ...]
+
+
 class ProvenanceSection(Section):
     """Provenance: the data, the program and how it was called.
 
@@ -129,6 +145,8 @@ class ProvenanceSection(Section):
         How it was called.
     then : tuple of str
         Commands that added further sections since, in their order.
+    merged : tuple of MergedFile
+        Other parameter files that sections come from.
 
     Examples
     --------
@@ -145,6 +163,7 @@ class ProvenanceSection(Section):
     command: str | None = None
     options: dict[str, JsonValue] = Field(default_factory=dict)
     then: tuple[str, ...] = ()
+    merged: tuple[MergedFile, ...] = ()
     seed: Count | None = None
 
     @field_validator("created")
