@@ -7,12 +7,10 @@ from ..core.errors import UsageError
 from .arguments import Parser
 from .output import Printer, output_options, print_json
 
-SIMULATED = ("simulation", "draws", "fault")  # findings that state how the control was tried
-
 
 def parser() -> Parser:
     """Arguments of ``fitmodels export``."""
-    from ..controllers.exports import FORMATS
+    from ..controllers.exports import FORMATS, SYSTEMS
 
     p = Parser(
         "fitmodels export",
@@ -23,6 +21,12 @@ def parser() -> Parser:
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
     p.add_argument("--to", metavar="KIND", required=True, help=f"{', '.join(FORMATS)}")
+    p.add_argument(
+        "--system",
+        metavar="NAME",
+        help=f"what is controlled: {', '.join(SYSTEMS)} (default: constant-load if the file has gains, else the only "
+        "one that it supports)",
+    )
     p.add_argument("--out", metavar="FILE", help="where to write (default: ./<PARAMS> with the suffix of the kind)")
     accept = "export parts that must not be used for control all the same; the exported file names them and the reasons"
     p.add_argument("--accept-verdict", action="store_true", help=accept)
@@ -34,34 +38,26 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Write the file, print what was assumed and what it cannot contain, and return the exit code."""
     from .. import parameters
-    from ..controllers.exports import ControlFormat, export, export_format
-    from ..controllers.gate import check_control
-    from ..parameters.checks.report import require_verdicts
-    from ..parameters.exports.view import export_view
+    from ..controllers.exports import SYSTEMS, ControlFormat, ExportJob, export_format, exported, system_of
+    from ..parameters.exports import write_export
 
-    kind = export_format(args.to)
-    loop_only = isinstance(kind, ControlFormat)
+    export_format(args.to)
+    pf = parameters.read(args.file)
+    system = system_of(pf, args.to, args.system)
+    kind = export_format(args.to, system or None)
     name = kind.file_name if isinstance(kind, ControlFormat) else ""
     path = Path(args.out or name or Path(args.file).stem + kind.suffix)
     if path.is_dir():
         raise UsageError(f"--out {path}: is a folder; give the name of the file.")
-    pf = parameters.read(args.file)
-    written = export(pf, args.to, path, force=args.force, accept_verdict=args.accept_verdict)
-    view = export_view(pf, accept_verdict=args.accept_verdict, loop_only=loop_only)
-    control = check_control(pf).findings
-    notes = [
-        *require_verdicts(pf, args.accept_verdict, loop_only=loop_only),
-        *(f"VERDICT ACCEPTED - {f.words}" for f in control if f.passed is False),
-        *(f"{f.name}: {f.words}" for f in control if f.passed and f.name in SIMULATED),
-        *(f"not known: {f.words}" for f in control if f.passed is None),
-        *(f"assumed: {words}" for words in view.assumed),
-        *(f"not included: {words}" for words in kind.not_carried),
-    ]
+    uses = bool(system) and SYSTEMS[system].draws
+    draws = parameters.read_draws(pf, Path(args.file).parent) if uses else {}
+    made = exported(pf, args.to, system=args.system, job=ExportJob(args.accept_verdict, draws))
+    written = write_export(made.content, path, force=args.force)
     if args.json:
-        print_json("export", {"file": str(written), "to": args.to, "notes": notes})
+        print_json("export", {"file": str(written), "to": args.to, "system": made.system or None, "notes": made.notes})
         return 0
     out = Printer(quiet=args.quiet)
     out.wrote(f"wrote {written}", written)
-    for words in notes:
+    for words in made.notes:
         out.show(f"  {words}")
     return 0

@@ -1,5 +1,7 @@
 """Exports of a parameter file: running controls, and the values that `fitmodels.parameters.exports` writes.
 
+`SYSTEMS` holds what can be controlled, each in its formats:
+
 hal     LinuxCNC HAL: the loop from a load pin to motion.adaptive-feed
 st      IEC 61131-3 structured text: the loop as a function block
 c       C for firmware: one step function with the settings of the tool
@@ -10,16 +12,17 @@ A running control, and the values of a file that has one, are written only after
 """
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from ...core.errors import GateError, UsageError
 from ...core.suggestions import did_you_mean
+from ...parameters.checks.report import require_verdicts
 from ...parameters.exports import VALUES, ExportFormat, write_export
 from ...parameters.exports.view import export_view
-from ..gate import GatedControl, gated_control, require_control
+from ..gate import GatedControl, check_control, gated_control, require_control
 from .c_source import NOT_IN_C, c_file
 from .component import NOT_IN_COMPONENT, component_file
 from .fmu import NOT_IN_FMU, fmu_file
@@ -28,22 +31,99 @@ from .st import NOT_IN_ST, structured_text
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
+    from ...parameters.draws import Draws
+
+SIMULATED: Final = ("simulation", "draws", "fault")  # findings that state how the control was tried
+
+
+@dataclass(frozen=True, slots=True)
+class ExportJob:
+    """Choices of one export besides its format.
+
+    ``accept_verdict`` exports parts that must not be used for control all the same; ``draws`` are those of the file, by
+    response; ``seed`` is that of random draws.
+    """
+
+    accept_verdict: bool = False
+    draws: "Mapping[str, Draws]" = field(default_factory=dict)
+    seed: int = 1
 
 
 @dataclass(frozen=True, slots=True)
 class ControlFormat:
     """A format of a running control: suffix, description, function that writes it, what it cannot carry.
 
-    ``file_name`` is the name that the program which reads it demands; ``incremental_sum`` whether it carries that
-    form of the PI.
+    ``render`` takes what `ControlSystem.prepared` returns. ``file_name`` is the name that the program which reads it
+    demands; ``incremental_sum`` whether it carries that form of the PI.
     """
 
     suffix: str
     words: str
-    render: Callable[[GatedControl], str | bytes]
+    render: Callable[[Any], str | bytes]
     not_carried: tuple[str, ...]
     file_name: str = ""
     incremental_sum: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class ControlSystem:
+    """What a running control controls, with the formats in which it is exported.
+
+    Attributes
+    ----------
+    words : str
+        Description in one line.
+    lacks : callable
+        Reason why a file does not support it; empty where it does.
+    prepared : callable
+        The control of a file and a job, as the formats render it; raises GateError where it must not be exported.
+    notes : callable
+        Lines on it for the person who exports it: verdicts, how it was tried, what was assumed.
+    formats : mapping of ControlFormat
+        By kind.
+    draws : bool
+        Whether it uses the draws of the file.
+    """
+
+    words: str
+    lacks: "Callable[[ParameterFile], str]"
+    prepared: "Callable[[ParameterFile, ExportJob], Any]"
+    notes: "Callable[[ParameterFile, Any], tuple[str, ...]]"
+    formats: Mapping[str, ControlFormat]
+    draws: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """Content of an exported file, the lines to print about it, and its system, empty of values."""
+
+    content: str | bytes
+    notes: tuple[str, ...]
+    system: str = ""
+
+
+def _load_lacks(pf: "ParameterFile") -> str:
+    lacking = [name for name in ("pi", "load_line") if getattr(pf, name) is None]
+    return f"the file has no section {' nor '.join(lacking)}." if lacking else ""
+
+
+def _load_control(pf: "ParameterFile", job: ExportJob) -> GatedControl:
+    return gated_control(pf, accept_verdict=job.accept_verdict)
+
+
+def _load_notes(pf: "ParameterFile", control: GatedControl) -> tuple[str, ...]:
+    held = require_verdicts(pf, accepted=True, loop_only=True)
+    return (*held, *_findings(pf), *(f"assumed: {words}" for words in control.view.assumed))
+
+
+def _findings(pf: "ParameterFile") -> tuple[str, ...]:
+    """Lines on how the control of the file was tried."""
+    found = check_control(pf).findings
+    return (
+        *(f"VERDICT ACCEPTED - {f.words}" for f in found if f.passed is False),
+        *(f"{f.name}: {f.words}" for f in found if f.passed and f.name in SIMULATED),
+        *(f"not known: {f.words}" for f in found if f.passed is None),
+    )
 
 
 CONTROLS: Final = {
@@ -57,11 +137,26 @@ CONTROLS: Final = {
     ),
     "fmu": ControlFormat(".fmu", "FMI 2.0 co-simulation, source FMU", fmu_file, NOT_IN_FMU),
 }
-FORMATS: Final[dict[str, ControlFormat | ExportFormat]] = {**CONTROLS, **VALUES}
+LOAD: Final = "constant-load"
+SYSTEMS: Final[dict[str, ControlSystem]] = {
+    LOAD: ControlSystem("constant load by feed override", _load_lacks, _load_control, _load_notes, CONTROLS),
+}
 
 
-def export_format(kind: str) -> ControlFormat | ExportFormat:
-    """The format of this name.
+def _formats() -> dict[str, ControlFormat | ExportFormat]:
+    """Every format by kind: of a kind that several systems have, that of the first."""
+    found: dict[str, ControlFormat | ExportFormat] = {}
+    for system in SYSTEMS.values():
+        for kind, of in system.formats.items():
+            found.setdefault(kind, of)
+    return {**found, **VALUES}
+
+
+FORMATS: Final = _formats()
+
+
+def export_format(kind: str, system: str | None = None) -> ControlFormat | ExportFormat:
+    """The format of this name; of a running control that of the system, by default the first that has it.
 
     Raises
     ------
@@ -75,24 +170,83 @@ def export_format(kind: str) -> ControlFormat | ExportFormat:
     """
     if kind not in FORMATS:
         raise UsageError(f"there is no export {kind!r}. {did_you_mean(kind, FORMATS, names='There are ')}")
-    return FORMATS[kind]
+    return FORMATS[kind] if system is None or kind in VALUES else SYSTEMS[system].formats[kind]
 
 
-def rendered(pf: "ParameterFile", kind: str, *, accept_verdict: bool = False) -> str | bytes:
-    """Content of an export; arguments and errors are those of `export`."""
-    of = export_format(kind)
+def system_of(pf: "ParameterFile", kind: str, system: str | None = None) -> str:
+    """The system whose control is exported in this kind; empty for values.
+
+    Without a name it is constant load where the file has gains and a load line, else the only one that the file
+    supports.
+
+    Raises
+    ------
+    UsageError
+        There is no such system, it is not exported in this kind, or the file supports several.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> system_of(parameters.collect(tool="GC435", work="709M40", laws=[]), "hal")
+    'constant-load'
+    """
+    export_format(kind)
+    if system is not None and system not in SYSTEMS:
+        raise UsageError(f"--system {system}: there is no such system. {did_you_mean(system, SYSTEMS, 0.6)}")
+    if kind in VALUES:
+        if system is not None:
+            raise UsageError(f"{kind} holds the values of the whole file; leave --system {system} out.")
+        return ""
+    able = [name for name, each in SYSTEMS.items() if kind in each.formats]
+    if system is not None:
+        if system not in able:
+            kinds = ", ".join(SYSTEMS[system].formats)
+            raise UsageError(f"{system} is not exported as {kind}; its kinds: {kinds}.")
+        return system
+    if len(able) == 1 or (LOAD in able and not _load_lacks(pf)):
+        return LOAD if LOAD in able else able[0]
+    supported = [name for name in able if not SYSTEMS[name].lacks(pf)]
+    if len(supported) > 1:
+        raise UsageError(f"the file supports {' and '.join(supported)}; choose one with --system {supported[0]}.")
+    return supported[0] if supported else LOAD if LOAD in able else able[0]
+
+
+def exported(pf: "ParameterFile", kind: str, *, system: str | None = None, job: ExportJob | None = None) -> Exported:
+    """Content of an export with its notes; errors are those of `export`."""
+    job = job or ExportJob()
+    name = system_of(pf, kind, system)
+    of = export_format(kind, name or None)
+    not_carried = tuple(f"not included: {words}" for words in of.not_carried)
     if isinstance(of, ControlFormat):
-        control = gated_control(pf, accept_verdict=accept_verdict)
-        if control.loop.form == "incremental_sum" and not of.incremental_sum:
+        control = SYSTEMS[name].prepared(pf, job)
+        if isinstance(control, GatedControl) and control.loop.form == "incremental_sum" and not of.incremental_sum:
             raise GateError(
                 f"the gains of {control.view.tool} on {control.view.work} have the form incremental_sum, which "
                 f"{kind} does not carry; use the component (kind comp) or the C controller (kind c), or tune in the "
                 "form position."
             )
-        return of.render(control)
-    view = export_view(pf, accept_verdict=accept_verdict)
-    require_control(pf, accept_verdict=accept_verdict)
-    return of.render(view)
+        content = of.render(control)
+        return Exported(content, (*SYSTEMS[name].notes(pf, control), *not_carried), name)
+    view = export_view(pf, accept_verdict=job.accept_verdict)
+    require_control(pf, accept_verdict=job.accept_verdict)
+    notes = (
+        *require_verdicts(pf, accepted=True),
+        *_findings(pf),
+        *(f"assumed: {words}" for words in view.assumed),
+    )
+    return Exported(of.render(view), (*notes, *not_carried))
+
+
+def rendered(
+    pf: "ParameterFile",
+    kind: str,
+    *,
+    system: str | None = None,
+    job: ExportJob | None = None,
+    accept_verdict: bool = False,
+) -> str | bytes:
+    """Content of an export; arguments and errors are those of `export`."""
+    return exported(pf, kind, system=system, job=job or ExportJob(accept_verdict)).content
 
 
 def export(
@@ -100,6 +254,8 @@ def export(
     kind: str,
     path: str | os.PathLike[str],
     *,
+    system: str | None = None,
+    job: ExportJob | None = None,
     force: bool = False,
     accept_verdict: bool = False,
 ) -> Path:
@@ -115,6 +271,10 @@ def export(
         ``ini``.
     path : path-like
         In a folder that exists.
+    system : str, optional
+        What is controlled, a name of ``SYSTEMS``; by default see `system_of`.
+    job : ExportJob, optional
+        Choices of the system; ``accept_verdict`` counts without one.
     force : bool
         Replace an existing file. It does not bypass the check.
     accept_verdict : bool
@@ -128,7 +288,7 @@ def export(
     Raises
     ------
     UsageError
-        There is no such kind.
+        There is no such kind or system.
     GateError
         The file fails the check, lacks what the export needs, or a part of it must not be used for control.
     ParameterError
@@ -143,4 +303,5 @@ def export(
     ...     print(controllers.export(pf, "ini", f"{folder}/params.ini").name)
     params.ini
     """
-    return write_export(rendered(pf, kind, accept_verdict=accept_verdict), path, force=force)
+    content = rendered(pf, kind, system=system, job=job, accept_verdict=accept_verdict)
+    return write_export(content, path, force=force)
