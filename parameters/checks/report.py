@@ -1,6 +1,6 @@
 """Findings of the check of a parameter file, and verdicts of its parts: findings, sentences, refusal of an export."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -157,7 +157,9 @@ def cautions(pf: "ParameterFile", *names: str) -> list[str]:
     return said
 
 
-def require_verdicts(pf: "ParameterFile", accepted: bool, *, loop_only: bool = False) -> tuple[str, ...]:
+def require_verdicts(
+    pf: "ParameterFile", accepted: bool, *, loop_only: bool = False, only: Collection[str] = ()
+) -> tuple[str, ...]:
     """Raise where a part that is exported must not be used or has no verdict, unless that is accepted.
 
     Parameters
@@ -167,6 +169,8 @@ def require_verdicts(pf: "ParameterFile", accepted: bool, *, loop_only: bool = F
         Whether such parts are exported all the same.
     loop_only : bool
         As of `judged_parts`.
+    only : collection of str
+        Responses of the laws that are used; all parts without it.
 
     Returns
     -------
@@ -178,7 +182,8 @@ def require_verdicts(pf: "ParameterFile", accepted: bool, *, loop_only: bool = F
     GateError
         A part must not be used for control, or its verdict is not known.
     """
-    parts = judged_parts(pf, loop_only=loop_only)
+    laws = {f"laws.{short_name(name)}" for name in only}
+    parts = [part for part in judged_parts(pf, loop_only=loop_only) if not laws or part.where in laws]
     refused = [part for part in parts if part.verdict is None or part.verdict.concern == DO_NOT_USE]
     if refused and not accepted:
         raise GateError(_refusal(*refused))
