@@ -1,19 +1,16 @@
-/* FMI 2.0 co-simulation interface of controller.c: one call of load_control_step in each communication step, which
- * lasts the sample time of the controller. Value references are those of modelDescription.xml.
+/* FMI 2.0 co-simulation interface of controller.c: one call of CONTROL_STEP in each communication step, which lasts
+ * the sample time of the controller. The lines above this one name its types and functions (CONTROL_), its start values
+ * and its variables: REALS, INTEGERS and BOOLEANS list value reference and member of the input or output, as
+ * modelDescription.xml has them.
  */
-#include "fmi2Functions.h"
-#include "controller.c"
-
-enum { LOAD, REQUESTED, FEED_OVERRIDE = 10, OVERRIDE_U, MEASURED };
-enum { ENABLE, SPINDLE_ON, IDLE, BEAT, RESET, FAULT = 10, WORN, OVERLOAD, FEED_INHIBIT };
-enum { STATE, CAUSE };
+#define PERIOD_SHARE 0.01 /* of the sample time */
 
 typedef enum { INSTANTIATED, INITIALIZATION, STEP, TERMINATED } Mode;
 
 typedef struct {
-    LoadState state;
-    LoadInput in;
-    LoadOutput out;
+    ControlState state;
+    ControlInput in;
+    ControlOutput out;
     fmi2Real time;
     Mode mode;
 } Snapshot;
@@ -34,11 +31,9 @@ static fmi2Status refuse(Instance *m, const char *text, double value)
 static int start(Instance *m)
 {
     memset(&m->now, 0, sizeof m->now);
-    m->now.in.period = load_settings.sample_time;
-    m->now.in.requested = load_settings.feed_programmed;
-    m->now.out.feed_override = load_settings.low;
-    m->now.out.u = load_settings.low;
-    return load_control_init(&load_settings, &m->now.state);
+    m->now.in.period = CONTROL_PERIOD;
+    CONTROL_START(m->now)
+    return CONTROL_INIT(&m->now.state);
 }
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
@@ -59,7 +54,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     m = (Instance *)calloc(1, sizeof *m);
     if (!m) return NULL;
     m->callbacks = *callbacks;
-    strncpy(m->name, name ? name : "fm_control", sizeof m->name - 1);
+    strncpy(m->name, name ? name : CONTROL_NAME, sizeof m->name - 1);
     if (start(m) != 0) {
         free(m);
         return NULL;
@@ -100,16 +95,17 @@ fmi2Status fmi2Reset(fmi2Component c)
     return start((Instance *)c) == 0 ? fmi2OK : fmi2Error;
 }
 
+#define GET_INPUT(number, name) case number: value[k] = m->now.in.name; break;
+#define GET_OUTPUT(number, name) case number: value[k] = m->now.out.name; break;
+#define SET_INPUT(number, name) case number: m->now.in.name = value[k]; break;
+#define NOT_SET(number, name)
+
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
     Instance *m = (Instance *)c;
     size_t k;
     for (k = 0; k < n; ++k) switch (vr[k]) {
-        case LOAD: value[k] = m->now.in.load; break;
-        case REQUESTED: value[k] = m->now.in.requested; break;
-        case FEED_OVERRIDE: value[k] = m->now.out.feed_override; break;
-        case OVERRIDE_U: value[k] = m->now.out.u; break;
-        case MEASURED: value[k] = m->now.out.measured; break;
+        REALS(GET_INPUT, GET_OUTPUT)
         default: return refuse(m, "there is no real variable %g", (double)vr[k]);
     }
     return fmi2OK;
@@ -119,9 +115,9 @@ fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t
 {
     Instance *m = (Instance *)c;
     size_t k;
-    for (k = 0; k < n; ++k) {
-        if (vr[k] != STATE && vr[k] != CAUSE) return refuse(m, "there is no integer variable %g", (double)vr[k]);
-        value[k] = vr[k] == STATE ? (fmi2Integer)m->now.out.state : (fmi2Integer)m->now.out.cause;
+    for (k = 0; k < n; ++k) switch (vr[k]) {
+        INTEGERS(GET_INPUT, GET_OUTPUT)
+        default: return refuse(m, "there is no integer variable %g", (double)vr[k]);
     }
     return fmi2OK;
 }
@@ -131,15 +127,7 @@ fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t
     Instance *m = (Instance *)c;
     size_t k;
     for (k = 0; k < n; ++k) switch (vr[k]) {
-        case ENABLE: value[k] = m->now.in.enable; break;
-        case SPINDLE_ON: value[k] = m->now.in.spindle_on; break;
-        case IDLE: value[k] = m->now.in.idle; break;
-        case BEAT: value[k] = m->now.in.beat; break;
-        case RESET: value[k] = m->now.in.reset; break;
-        case FAULT: value[k] = m->now.out.fault; break;
-        case WORN: value[k] = m->now.out.worn; break;
-        case OVERLOAD: value[k] = m->now.out.overload; break;
-        case FEED_INHIBIT: value[k] = m->now.out.feed_inhibit; break;
+        BOOLEANS(GET_INPUT, GET_OUTPUT)
         default: return refuse(m, "there is no boolean variable %g", (double)vr[k]);
     }
     return fmi2OK;
@@ -156,8 +144,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     Instance *m = (Instance *)c;
     size_t k;
     for (k = 0; k < n; ++k) switch (vr[k]) {
-        case LOAD: m->now.in.load = value[k]; break;
-        case REQUESTED: m->now.in.requested = value[k]; break;
+        REALS(SET_INPUT, NOT_SET)
         default: return refuse(m, "real variable %g is no input", (double)vr[k]);
     }
     return fmi2OK;
@@ -174,11 +161,7 @@ fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t
     Instance *m = (Instance *)c;
     size_t k;
     for (k = 0; k < n; ++k) switch (vr[k]) {
-        case ENABLE: m->now.in.enable = value[k]; break;
-        case SPINDLE_ON: m->now.in.spindle_on = value[k]; break;
-        case IDLE: m->now.in.idle = value[k]; break;
-        case BEAT: m->now.in.beat = value[k]; break;
-        case RESET: m->now.in.reset = value[k]; break;
+        BOOLEANS(SET_INPUT, NOT_SET)
         default: return refuse(m, "boolean variable %g is no input", (double)vr[k]);
     }
     return fmi2OK;
@@ -193,14 +176,14 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean noRewind)
 {
     Instance *m = (Instance *)c;
-    const double T = load_settings.sample_time, off = step > T ? step - T : T - step;
+    const double T = CONTROL_PERIOD, off = step > T ? step - T : T - step;
     (void)noRewind;
     if (m->now.mode != STEP) return refuse(m, "a step at %g s: leave the initialization mode first", time);
-    if (!(off <= LOAD_PERIOD_SHARE * T))
+    if (!(off <= PERIOD_SHARE * T))
         return refuse(m, "a communication step of %g s; it must be the sample time of the controller, as the default "
                          "experiment has it", step);
-    m->now.in.period = (LoadReal)T;
-    load_control_step(&load_settings, &m->now.state, &m->now.in, &m->now.out);
+    m->now.in.period = T;
+    CONTROL_STEP(&m->now.state, &m->now.in, &m->now.out);
     m->now.time = time + step;
     return fmi2OK;
 }

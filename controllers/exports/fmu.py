@@ -14,6 +14,7 @@ from zipfile import ZipFile, ZipInfo
 
 from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.ssv import si_unit
+from ...parameters.exports.view import ExportView
 from ..gate import GatedControl
 from .c_source import c_controller, c_file, c_head
 
@@ -28,7 +29,7 @@ MODEL: Final = "fm_control"
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A variable of the FMU: causality ``input`` or ``output``, type, number in it, start value or none, unit."""
+    """A variable of the FMU: member of the input or output in C, its causality, type, number, start value and unit."""
 
     name: str
     causality: str
@@ -40,7 +41,7 @@ class Variable:
 
 
 def _variables(loop: LoadLoop) -> tuple[Variable, ...]:
-    """The variables; their numbers are those of ``fmi2.c``."""
+    """The variables; their names are those of ``LoadInput`` and ``LoadOutput``."""
     load, feed, low = loop.unit_load, loop.unit_feed, repr(loop.low)
     out = "output"
     return (
@@ -65,14 +66,69 @@ def _variables(loop: LoadLoop) -> tuple[Variable, ...]:
     )  # fmt: skip
 
 
+@dataclass(frozen=True, slots=True)
+class ControlSource:
+    """A controller in C as an interface calls it: its text, names and period.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model, an identifier of C.
+    text : str
+        The C source with the settings.
+    prefix : str
+        Of the types ``State``, ``Input`` and ``Output``: ``Load``.
+    init, step : str
+        Calls in C with ``x``, ``in`` and ``out`` as pointers to these: ``load_control_init(&load_settings, x)``.
+    period : str
+        Expression in C of the period of the calls, s.
+    sample_time : float
+        The same as a number.
+    """
+
+    model: str
+    text: str
+    prefix: str
+    init: str
+    step: str
+    period: str
+    sample_time: float
+
+
 def fmu_file(control: GatedControl) -> bytes:
-    """Content of the FMU, an uncompressed zip archive; the same control gives the same bytes with every zlib."""
-    guid = f"{{{uuid5(NAMESPACE_URL, control.view.checksum + c_controller(control.loop))}}}"
+    """Content of the FMU of the load controller."""
+    loop = control.loop
+    source = ControlSource(
+        MODEL, c_file(control), "Load", "load_control_init(&load_settings, x)",
+        "load_control_step(&load_settings, x, in, out)", "load_settings.sample_time", loop.sample_time,
+    )  # fmt: skip
+    about = "; ".join(c_head(control, NOT_IN_FMU))
+    return fmu_archive(control.view, source, _variables(loop), about, key=c_controller(loop))
+
+
+def fmu_archive(
+    view: ExportView, source: ControlSource, variables: tuple[Variable, ...], about: str, key: str = ""
+) -> bytes:
+    """An FMU, an uncompressed zip archive; the same control gives the same bytes with every zlib.
+
+    Parameters
+    ----------
+    view : ExportView
+        Of the parameter file.
+    source : ControlSource
+    variables : tuple of Variable
+        Inputs and outputs of a step; ``period`` is set by the interface.
+    about : str
+        Description of the model.
+    key : str
+        What another control differs in; by default the C text.
+    """
+    guid = f"{{{uuid5(NAMESPACE_URL, view.checksum + (key or source.text))}}}"
     interface = Path(__file__).with_name("fmi2.c").read_text("ascii")
     files = {
-        "modelDescription.xml": _description(control, guid),
-        "sources/controller.c": c_file(control),
-        "sources/fmi2.c": f'#define FMU_GUID "{guid}"\n{interface}',
+        "modelDescription.xml": _description(view, source, variables, about, guid),
+        "sources/controller.c": source.text,
+        "sources/fmi2.c": f"{_definitions(source, variables, guid)}{interface}",
     }
     out = BytesIO()
     with ZipFile(out, "w") as archive:
@@ -83,22 +139,45 @@ def fmu_file(control: GatedControl) -> bytes:
     return out.getvalue()
 
 
-def _description(control: GatedControl, guid: str) -> str:
-    loop, variables = control.loop, _variables(control.loop)
+def _definitions(source: ControlSource, variables: tuple[Variable, ...], guid: str) -> str:
+    """What ``fmi2.c`` needs to know of a controller."""
+    values = {"false": "0", "true": "1"}
+    places = {"input": "in", "output": "out"}
+    starts = " ".join(f"now.{places[v.causality]}.{v.name} = {values.get(v.start, v.start)};" for v in variables)
+    lists = "".join(
+        f"#define {kind.upper()}S(INPUT, OUTPUT){''.join(f' {_listed(v)}' for v in variables if v.kind == kind)}\n"
+        for kind in ("Real", "Integer", "Boolean")
+    )
+    return (
+        f'#define FMU_GUID "{guid}"\n#include "fmi2Functions.h"\n#include "controller.c"\n\n'
+        f'#define CONTROL_NAME "{source.model}"\n#define CONTROL_PERIOD {source.period}\n'
+        f"#define CONTROL_INIT(x) {source.init}\n#define CONTROL_STEP(x, in, out) {source.step}\n"
+        f"#define CONTROL_START(now) {starts}\n{lists}"
+        + "".join(f"typedef {source.prefix}{name} Control{name};\n" for name in ("State", "Input", "Output"))
+        + "\n"
+    )
+
+
+def _listed(variable: Variable) -> str:
+    return f"{variable.causality.upper()}({variable.reference}, {variable.name})"
+
+
+def _description(
+    view: ExportView, source: ControlSource, variables: tuple[Variable, ...], about: str, guid: str
+) -> str:
     outputs = [place for place, v in enumerate(variables, 1) if v.causality == "output"]
     unknowns = "".join(f'      <Unknown index="{place}"/>\n' for place in outputs)
-    about = _text("; ".join(c_head(control, NOT_IN_FMU)))
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
-        f'<fmiModelDescription fmiVersion="2.0" modelName="{MODEL}" guid="{guid}" version="{control.view.checksum}"\n'
-        f'    generationTool="{_text(control.view.made_by)}" variableNamingConvention="flat"\n'
-        f'    description="{about}">\n'
-        f'  <CoSimulation modelIdentifier="{MODEL}" canHandleVariableCommunicationStepSize="false"\n'
+        f'<fmiModelDescription fmiVersion="2.0" modelName="{source.model}" guid="{guid}" version="{view.checksum}"\n'
+        f'    generationTool="{_text(view.made_by)}" variableNamingConvention="flat"\n'
+        f'    description="{_text(about)}">\n'
+        f'  <CoSimulation modelIdentifier="{source.model}" canHandleVariableCommunicationStepSize="false"\n'
         '      canGetAndSetFMUstate="true" canSerializeFMUstate="true" canNotUseMemoryManagementFunctions="true">\n'
         '    <SourceFiles><File name="fmi2.c"/></SourceFiles>\n  </CoSimulation>\n'
         f"{_units(variables)}"
         '  <LogCategories><Category name="logStatusError"/></LogCategories>\n'
-        f'  <DefaultExperiment startTime="0.0" stepSize="{loop.sample_time!r}"/>\n'
+        f'  <DefaultExperiment startTime="0.0" stepSize="{source.sample_time!r}"/>\n'
         f"  <ModelVariables>\n{''.join(map(_variable, variables))}  </ModelVariables>\n"
         f"  <ModelStructure>\n    <Outputs>\n{unknowns}    </Outputs>\n  </ModelStructure>\n"
         "</fmiModelDescription>\n"
