@@ -18,6 +18,7 @@ from fitmodels.controllers.recursion.interval_optimum import best_exact, grid_of
 from fitmodels.controllers.recursion.laws import Rules, response_at_end, wear_after
 from fitmodels.controllers.recursion.life import apply_plan, best_fixed, by_speed, fixed_life, life_ratios, whole_life
 from fitmodels.core.errors import UsageError
+from fitmodels.datasets.units import canonical
 from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.published import published
 from hypothesis import given, settings
@@ -358,7 +359,7 @@ def _other_form(law):
         ),
         (lambda data: _without_time(data["laws"]["AW"]), "without t"),
         (lambda data: data["laws"]["AW"]["coefficients"].update(t=-0.1), "does not grow with time"),
-        (lambda data: data["laws"]["P"]["factors"][0].update(unit="m/s"), "computes in m/min"),
+        (lambda data: data["laws"]["P"]["factors"][0].update(unit="1/min"), "computes in m/min"),
         (lambda data: data["limits"]["force"].update(unit="kW"), "give it in that"),
         (lambda data: data["limits"]["feed"].update(low=0.0), "above zero"),
         (lambda data: _with_factor(data["laws"]["P"], "HB"), "needs HB"),
@@ -390,6 +391,24 @@ def test_a_factor_beside_those_that_move_and_a_level_are_put_in():
         pf.laws["P"].values(V=150.0, f=0.3, d=2.5, t=5.0, AW=0.2, HB=250.0)
     )
     assert laws.wear(150.0, 0.3, 5.0) == pytest.approx(pf.laws["AW"].values(by="2", V=150.0, f=0.3, d=2.5, t=5.0))
+
+
+def test_laws_in_inches_and_wear_in_um_give_the_same_plan(laws, life):
+    """V in ft/min, f in inch/rev, d in inch in the laws of loads, wear in um there: the constants follow."""
+    data = published("AC-2017").model_dump()
+    per = {"V": ("ft/min", 1 / 0.3048), "f": ("inch/rev", 1 / 25.4), "d": ("inch", 1 / 25.4), "AW": ("um", 1000.0)}
+    for law in data["laws"].values():
+        for factor in law["factors"]:
+            unit, times = per.get(factor["symbol"], (factor["unit"], 1.0))
+            law["coefficients"]["c0"] *= times ** -law["coefficients"][factor["symbol"]]
+            factor |= {"unit": canonical(unit), "low": factor["low"] * times, "high": factor["high"] * times}
+    pf = ParameterFile.model_validate({**data, "content_sha256": None})
+    found = life_laws(pf)
+    assert found.d == 2.5  # mm, though the tested depths are in inch
+    for mine, theirs in zip((found.wear, found.power, found.force), (laws.wear, laws.power, laws.force), strict=True):
+        assert mine(130.0, 0.4, 5.0, 0.2) == pytest.approx(theirs(130.0, 0.4, 5.0, 0.2), rel=1e-12)
+    again = whole_life(found, PUBLISHED)
+    assert (again.V.tolist(), again.f.tolist()) == (life.V.tolist(), life.f.tolist())
 
 
 def test_limits_in_other_units_are_the_same_limits(laws):

@@ -232,6 +232,7 @@ def life_draws(
     seed: int = 1,
     count: int | None = None,
     most: int = MOST,
+    life: Life | None = None,
 ) -> LifeDraws:
     """The distribution of life and of metal removed.
 
@@ -252,6 +253,8 @@ def life_draws(
         Of the levels of new edges.
     count : int, optional
         Number of evenly spaced draws to use; by default all.
+    life : Life, optional
+        The plan, by the same rules; by default that of `whole_life`.
 
     Raises
     ------
@@ -281,7 +284,7 @@ def life_draws(
     _check(laws, draws, used)
     chosen, left_out = _rows(laws, draws, used, count)
     many = _many(laws, draws, chosen, np.random.default_rng(seed) if edge == "new" else None)
-    plan = whole_life(laws, rules, grid, most=most)
+    plan = whole_life(laws, rules, grid, most=most) if life is None else life
     if of == "own":
         n, removed = recursions(laws, many, rules, grid, most)
         power = force = None

@@ -5,17 +5,21 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...core.arrays import is_positive
+from ...core.arrays import Array, is_positive
 from ...core.errors import UsageError
-from ...datasets.units import convert, same_dimension
+from ...datasets.units import convert, is_unit, same_dimension
+from ..region.log_planes import ratio
 from .laws import LifeLaws, Terms
 
 if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
+    from ...parameters.sections.law_parts import Factor
     from ...parameters.sections.load_line import Bound, LimitsSection, Range
 
 DEPTH = 2.5  # mm, of both papers
+NEAR = 1e-9  # of an end of a tested range: a value on it is inside
 PAPER = "AC-2017"  # provenance.options["paper"] of its own file
 UNITS: Mapping[str, str] = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 MOVING = ("V", "f", "t")
@@ -62,9 +66,9 @@ def life_laws(
     if limits.responses:
         notes.append(f"The recursion does not apply the limits of {', '.join(limits.responses)}.")
     return LifeLaws(
-        wear=_terms(wear, name, criterion, fixed, by, notes),
-        power=_limited(pf, "power", name, fixed, by, notes),
-        force=_limited(pf, "force", name, fixed, by, notes),
+        wear=_terms(wear, wear, criterion, fixed, by, notes),
+        power=_limited(pf, "power", wear, fixed, by, notes),
+        force=_limited(pf, "force", wear, fixed, by, notes),
         d=float(d),
         V=_range(limits.speed, wear, "V"),
         f=_range(limits.feed, wear, "f"),
@@ -89,12 +93,13 @@ def shortfall(pf: "ParameterFile") -> str:
 
 def depth(pf: "ParameterFile") -> float:
     """Default depth of cut, mm: the papers' 2.5, or the geometric mean of the tested range where that excludes it."""
-    tested = [(f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol == "d" and f.low > 0]
+    factors = [f for law in pf.laws.values() for f in law.factors if f.symbol == "d" and f.low > 0]
+    tested = [(f.low * ratio(f.unit, "mm"), f.high * ratio(f.unit, "mm")) for f in factors if _alike(f.unit, "mm")]
     if not tested:
         return DEPTH
     lows, highs = zip(*tested, strict=True)
     low, high = max(lows), min(highs)
-    return DEPTH if low <= DEPTH <= high or low > high else round(math.sqrt(low * high), 3)
+    return DEPTH if low * (1 - NEAR) <= DEPTH <= high * (1 + NEAR) or low > high else round(math.sqrt(low * high), 3)
 
 
 def _limits(pf: "ParameterFile") -> "tuple[LimitsSection, Bound]":
@@ -137,7 +142,7 @@ def _need_wear(law: "LawSection") -> None:
 
 
 def _limited(
-    pf: "ParameterFile", what: str, wear: str, fixed: Mapping[str, float], by: str | None, notes: list[str]
+    pf: "ParameterFile", what: str, wear: "LawSection", fixed: Mapping[str, float], by: str | None, notes: list[str]
 ) -> Terms | None:
     """The law of power or force with its limit, or None and a note."""
     bound = getattr(pf.limits, what)
@@ -152,12 +157,12 @@ def _limited(
 
 
 def _terms(
-    law: "LawSection", wear: str, bound: "Bound", fixed: Mapping[str, float], by: str | None, notes: list[str]
+    law: "LawSection", wear: "LawSection", bound: "Bound", fixed: Mapping[str, float], by: str | None, notes: list[str]
 ) -> Terms:
     put_in = [*_constants(law, wear, fixed), *_shift(law, by, notes)]
     levels = law.by.shifts if law.by else {}
     known = {**law.coefficients, **{f"{law.by.column if law.by else ''}[{name}]": levels[name] for name in levels}}
-    exponent = {name: law.coefficients.get(name, 0.0) for name in (*MOVING, wear)}
+    exponent = {name: law.coefficients.get(name, 0.0) for name in (*MOVING, wear.response)}
     return Terms(
         response=law.response,
         unit=law.unit,
@@ -165,28 +170,38 @@ def _terms(
         V=exponent["V"],
         f=exponent["f"],
         t=exponent["t"],
-        AW=exponent[wear],
+        AW=exponent[wear.response],
         most=_in_unit(law, bound),
         put_in=tuple(put_in),
     )
 
 
-def _constants(law: "LawSection", wear: str, fixed: Mapping[str, float]) -> list[tuple[str, float]]:
-    """Fixed factors with the logarithms of their values; UsageError for an unsuitable unit."""
-    out = []
+def _constants(law: "LawSection", wear: "LawSection", fixed: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Terms of the constant: logarithms of fixed factors, and of the ratios of units of the others."""
+    units, out = {**UNITS, wear.response: wear.unit}, []
     for factor in law.factors:
         name = factor.symbol
-        if name in UNITS and factor.unit != UNITS[name]:
+        if name in units and not _alike(factor.unit, units[name]):
             raise UsageError(
-                f"the law of {law.response} has {name} in {factor.unit!r}; the recursion computes in {UNITS[name]}: "
+                f"the law of {law.response} has {name} in {factor.unit!r}; the recursion computes in {units[name]}: "
                 "fit it in that."
             )
-        if name in MOVING or name == wear:
-            continue
-        if not fixed.get(name, 0.0) > 0:
-            raise UsageError(f"the law of {law.response} needs {name} ({factor.unit}) too; give at={{{name!r}: ...}}.")
-        out.append((name, math.log(fixed[name])))
+        times = ratio(units[name], factor.unit) if name in units else 1.0
+        if name not in (*MOVING, wear.response):
+            if not fixed.get(name, 0.0) > 0:
+                raise UsageError(
+                    f"the law of {law.response} needs {name} ({factor.unit}) too; give --at {name}=..., in Python "
+                    f"at={{{name!r}: ...}}."
+                )
+            times *= fixed[name]
+        if times != 1.0 or name not in units:
+            out.append((name, math.log(times)))
     return out
+
+
+def _alike(unit: str, other: str) -> bool:
+    """Whether two units are the same, or convert into each other."""
+    return unit == other or (is_unit(unit) and is_unit(other) and same_dimension(unit, other))
 
 
 def _shift(law: "LawSection", by: str | None, notes: list[str]) -> list[tuple[str, float]]:
@@ -220,3 +235,57 @@ def _range(given: "Range | None", wear: "LawSection", name: str) -> tuple[float,
     if not ends[0] > 0:
         raise UsageError(f"the range of {name} begins at {low:g} {unit}; a power law needs it above zero.")
     return float(ends[0]), float(ends[1])
+
+
+def outside_tests(
+    pf: "ParameterFile", laws: LifeLaws, path: Mapping[str, Array], at: Mapping[str, float], by: str | None
+) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Rows of a plan inside the tested region of every law in use, shape (n,), and sentences on what is EXTRAPOLATED.
+
+    Every edge begins new, so times and wear below those tested are not extrapolated, but those above are.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    laws : LifeLaws
+    path : mapping of ndarray, shape (n,)
+        V, m/min, f, mm/rev, t, min, and the wear by its symbol, at the end of each row.
+    at, by
+        As in `life_laws`.
+    """
+    wear, count = laws.wear, len(path["V"])
+    units, held = {**UNITS, wear.response: wear.unit}, {**at, **path, "d": laws.d}
+    inside, beyond = np.full(count, True), dict[tuple[str, str], list[str]]()
+    combined: list[str] = []
+    for name in (wear.response, *(terms.response for _, terms in laws.limited)):
+        law, given, within = pf.laws[name], dict[str, Array](), np.full(count, True)
+        for factor in law.factors:
+            times = ratio(units[factor.symbol], factor.unit) if factor.symbol in units else 1.0
+            values = np.broadcast_to(np.asarray(held[factor.symbol], dtype=np.float64) * times, (count,))
+            begins = factor.symbol in ("t", wear.response)
+            kept = np.clip(values, factor.low if begins else -np.inf, np.inf)
+            on_end = np.clip(kept, factor.low, factor.high)
+            within &= np.abs(kept - on_end) <= NEAR * np.abs(on_end)
+            given[factor.symbol] = np.where(within, on_end, kept)
+            if (np.abs(kept - on_end) > NEAR * np.abs(on_end)).any():
+                beyond.setdefault(_beyond_words(factor, values), []).append(name)
+        tested = np.asarray(law.inside(None if law.by is None else by, **given))
+        if (within & ~tested).any():
+            combined.append(name)
+        inside &= within & tested
+    words = [f"EXTRAPOLATED: {what}, tested {span} ({', '.join(of)})." for (what, span), of in beyond.items()]
+    if combined:
+        words.append(
+            f"EXTRAPOLATED: {int((~inside).sum())} of {count} pairs lie in a corner of the ranges outside the tested "
+            f"region of {', '.join(combined)}."
+        )
+    return inside, tuple(words)
+
+
+def _beyond_words(factor: "Factor", values: Array) -> tuple[str, str]:
+    """Values of a factor beyond its tests, and the range of these."""
+    low, high = float(values.min()), float(values.max())
+    span = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+    if factor.symbol == "t" or (low != high and low >= factor.low * (1 - NEAR)):
+        span = f"up to {high:.4g}"
+    return f"{factor.symbol} {span} {factor.unit}", f"{factor.low:.4g} to {factor.high:.4g} {factor.unit}"

@@ -142,9 +142,9 @@ def whole_life(
     while len(chosen) < most:
         best = choose(laws, rules, grid, how, chosen[-1].AW if chosen else 0.0, len(chosen) * rules.interval)
         if best is None:
-            return _life(laws, rules, grid, chosen)
+            return life_of(laws, rules, grid, chosen)
         chosen.append(best)
-    return _life(laws, rules, grid, chosen, ended=False)
+    return life_of(laws, rules, grid, chosen, ended=False)
 
 
 def apply_plan(plan: Life, laws: LifeLaws, rules: Rules | None = None, most: int = MOST) -> Life:
@@ -166,9 +166,9 @@ def apply_plan(plan: Life, laws: LifeLaws, rules: Rules | None = None, most: int
         V, f = float(plan.V[min(k, len(plan.V) - 1)]), float(plan.f[min(k, len(plan.f) - 1)])
         AW = float(wear_after(laws, rules, V, f, done[-1].AW if done else 0.0, k * step, (k + 1) * step))
         if laws.wear.most < AW:
-            return _life(laws, rules, plan.grid, done)
+            return life_of(laws, rules, plan.grid, done)
         done.append(outcome(laws, rules, V, f, AW, (k + 1) * step))
-    return _life(laws, rules, plan.grid, done, ended=not len(plan.time))
+    return life_of(laws, rules, plan.grid, done, ended=not len(plan.time))
 
 
 def by_speed(life: Life, k: int) -> BySpeed:
@@ -195,7 +195,8 @@ def by_speed(life: Life, k: int) -> BySpeed:
     )  # fmt: skip
 
 
-def _life(laws: LifeLaws, rules: Rules, grid: Grid, chosen: Sequence[Choice], ended: bool = True) -> Life:
+def life_of(laws: LifeLaws, rules: Rules, grid: Grid, chosen: Sequence[Choice], ended: bool = True) -> Life:
+    """The life of chosen pairs, one an interval."""
     V, f, AW, P, Fxz, MRR = (
         np.array([getattr(one, name) for one in chosen], dtype=np.float64)
         for name in ("V", "f", "AW", "P", "Fxz", "MRR")
