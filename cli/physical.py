@@ -1,11 +1,14 @@
 """``fitmodels ident --as``: a step response, a feed drive, or drive and cut of adaptive force from a recorded run."""
 
 import argparse
+import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ..core.errors import UsageError
+from ..datasets.units import canonical
 from .arguments import Parser, traced, typed, values
 from .output import Printer, print_json
 
@@ -22,10 +25,11 @@ SECTION: Final = {STEP: "dynamics", DRIVE: "drive", FORCE: "adaptive_force"}
 OPTIONS: Final = {  # of each model; an option of another one would have no effect
     STEP: ("order", "delay", "held_out"),
     DRIVE: ("force_per_unit", "cutoff", "held_out"),
-    FORCE: ("given", "drive_pole", "depth"),
+    FORCE: ("given", "drive_pole", "depth", "spindle"),
 }
 OF_IDENTIFICATION: Final = ("orders", "trend", "handover", "amplitudes", "reference")
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
+TURNING = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)?")
 
 
 class Found(NamedTuple):
@@ -64,10 +68,30 @@ def physical_options(p: Parser) -> None:
         "--depth", type=float, metavar="MM", help="force-process: depth of cut of the run (default: not stated)"
     )
     group.add_argument(
+        "--spindle",
+        type=spindle_speed,
+        metavar="RPM",
+        help="force-process: spindle speed of the run, 1/min; the force is averaged over a revolution (default: not "
+        "stated)",
+    )
+    group.add_argument(
         "--given", action="append", metavar="m=2.0", help="force-process: one of m, k and d (default: none is known)"
     )
     pole = "force-process: which pole is that of the drive (default: by --given)"
     group.add_argument("--drive-pole", choices=["faster", "slower"], help=pole)
+
+
+def spindle_speed(text: str) -> float:
+    """A spindle speed, 1/min, with or without its unit.
+
+    >>> spindle_speed("3000"), spindle_speed("3000rpm"), spindle_speed("50 rev/s")
+    (3000.0, 3000.0, 3000.0)
+    """
+    found = TURNING.fullmatch(text.strip())
+    unit = "1/min" if found is None else canonical(found[2] or "rpm")
+    if found is None or unit not in ("1/min", "rev/s") or not 0 < float(found[1]) < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a spindle speed; give it in 1/min, for instance 3000rpm")
+    return float(found[1]) * (60 if unit == "rev/s" else 1)
 
 
 def check_options(args: argparse.Namespace) -> None:
@@ -134,9 +158,10 @@ def _force(rec: "Record", args: argparse.Namespace, pf: "ParameterFile | None") 
             f"output {rec.output} is in {rec.unit_y}, but a force process needs the cutting force: name that column "
             "with --output, or identify a transfer function without --as."
         )
-    fit = force_process_fit(rec.centred(), drive=args.drive_pole, **given)
+    turn = None if args.spindle is None else 60 / args.spindle
+    fit = force_process_fit(rec.centred(), drive=args.drive_pole, revolution=turn, **given)
     former = None if pf is None else pf.adaptive_force
-    return Found(fit, force_process_section(fit, former, args.depth), fit.verdict)
+    return Found(fit, force_process_section(fit, former, args.depth, args.spindle, rec), fit.verdict)
 
 
 def _with_held_out(verdict: "Verdict", percent: float, what: str) -> "tuple[Verdict, str]":

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fitmodels import parameters
 from fitmodels.cli import main
+from fitmodels.controllers.adaptive_force.plant import DriveAndCut
 from fitmodels.core.verdict import DO_NOT_USE
 from fitmodels.ident.continuous import ContinuousModel, sampled
 from fitmodels.ident.physical_models.equation_of_motion import velocity_and_travel
@@ -194,6 +195,27 @@ def test_estimates_replace_those_of_a_file_and_keep_its_settings(run, cut, tmp_p
     assert after.adaptive_force.Kd == before.adaptive_force.Kd
     assert after.adaptive_force.m != before.adaptive_force.m
     assert "Written: adaptive_force in p.json" in out
+
+
+def test_ripple_of_the_teeth_is_averaged_over_a_revolution(run, tmp_path):
+    """30 % ripple of two flutes at 3000 1/min: no part of (2.2), so the verdict is of the average over 20 ms."""
+    dt, noise = 0.004, np.random.default_rng(1)
+    t = dt * np.arange(2500)
+    u = 250 + 100 * np.sin(2 * np.pi * (0.1 + 0.245 * t) * t)
+    plant = DriveAndCut(depth=2.0, ripple=0.3, noise=2.0)
+    F = np.r_[0.0, [plant.step(float(command), dt, noise) for command in u[:-1]]]
+    name = written(tmp_path / "rippled.csv", ("time [s]", "feed rate [mm/min]", "force [N]"), t[250:], u[250:], F[250:])
+    code, out, err = run(name, "--as", "force-process", "--depth", 2, "--spindle", "3000rpm")
+    assert code == 0, err
+    assert "Fit 96.9 %" in out
+    assert "averaged over 20 ms" in out
+    a = parameters.read(tmp_path / "rippled-fit/params.json").adaptive_force
+    assert (a.spindle_speed, a.average_time, a.verdict.concern) == (3000.0, 0.02, 0)
+    np.testing.assert_allclose([a.m, a.alpha, a.beta], [0.002, 0.125, 1.25], rtol=0.02)  # DriveAndCut at 2 mm
+    np.testing.assert_allclose(a.tested.command, (u[250:].min(), u[250:].max()), rtol=1e-5)
+    assert run(name, "--as", "force-process", "--out", "plain")[0] == 4  # the ripple hides the faster pole
+    assert run(name, "--as", "force-process", "--spindle", "20m/min")[0] == 2
+    assert run(name, "--as", "drive", "--spindle", "3000")[0] == 2
 
 
 def test_settings_in_other_units_are_refused(run, cut, tmp_path):

@@ -58,6 +58,7 @@ def force_process_figure(fit: ForceProcess, ax: Axes | None = None) -> Axes:
     _both(ax, fit.time, fit.measured, fit.simulated, "from the command alone")
     ax.set(xlabel="time [s]", ylabel=with_unit(fit.output, fit.unit_y))
     poles = " and ".join(f"{p.real:.4g}" if p.imag == 0 else f"{p:.4g}" for p in fit.poles)
-    ax.set_title(f"poles {poles} rad/s, fit {fit.fit:.1f} %")
+    over = f", averaged over {1e3 * fit.averaged:.4g} ms" if fit.averaged else ""
+    ax.set_title(f"poles {poles} rad/s, fit {fit.fit:.1f} %{over}")
     ax.legend(ncols=2, loc="upper left", bbox_to_anchor=(0, -0.13))
     return ax

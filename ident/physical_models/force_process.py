@@ -11,7 +11,7 @@ r = (m/k, (mc+d)/k, dc/k) the poles -c and -d/m are the roots of r0 s^2 + r1 s +
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -64,6 +64,8 @@ class ForceProcess(Plottable):
         100 (1 - |F - simulated| / |F - mean F|), %, of the reduced model with estimated initial state.
     time, measured, simulated : ndarray, shape (n,)
         Of the longest segment; the simulation includes the initial state.
+    averaged : float
+        s over which command and force were averaged before the fit, whole samples of a revolution; 0: not averaged.
     """
 
     ratios: Array
@@ -82,6 +84,7 @@ class ForceProcess(Plottable):
     unit_u: str
     unit_y: str
     notes: tuple[str, ...] = ()
+    averaged: float = 0.0
 
     @property
     def params(self) -> "pd.Series[float]":
@@ -125,7 +128,9 @@ class ForceProcess(Plottable):
         ]
         if self.fit < GOOD:
             level, limit = (RESERVATIONS, GOOD) if self.fit >= POOR else (DO_NOT_USE, POOR)
-            found.append((level, f"The model explains {self.fit:.0f} % of the force, less than {limit:.0f} %."))
+            what = "the force averaged over a revolution" if self.averaged else "the force"
+            remedy = "" if self.averaged else " With --spindle it is judged by the force averaged over a revolution."
+            found.append((level, f"The model explains {self.fit:.0f} % of {what}, less than {limit:.0f} %.{remedy}"))
         return verdict_from(found, CHECKED, (NOT_HELD_OUT,))
 
     def _of_structure(self) -> Iterator[tuple[int, str]]:
@@ -163,7 +168,8 @@ class ForceProcess(Plottable):
     def remarks(self) -> tuple[str, ...]:
         """Fit and poles, and m, d, c, k or the reason why they are not identifiable, a sentence each."""
         poles = " and ".join(f"{p.real:.4g}" if p.imag == 0 else f"{p:.4g}" for p in self.poles)
-        fit = f"Fit {self.fit:.1f} %; poles {poles} rad/s."
+        over = f" of the force averaged over {1e3 * self.averaged:.4g} ms" if self.averaged else ""
+        fit = f"Fit {self.fit:.1f} %{over}; poles {poles} rad/s."
         if not self.parameters:
             free = next(name for name in PARAMETERS if self.identifiable[name] != "given")
             return fit, f"The parameter {free} is {self.identifiable[free]}."
@@ -180,6 +186,7 @@ def force_process_fit(
     k: float | None = None,
     d: float | None = None,
     drive: Faster | None = None,
+    revolution: float | None = None,
 ) -> ForceProcess:
     """Fit LYAP's drive and process (eq. 2.1-2.4) to a run of feed command f_r and cutting force F.
 
@@ -192,6 +199,9 @@ def force_process_fit(
         At most one known value, in units consistent with the record.
     drive : {"faster", "slower"} or None
         Whether the pole of the drive d/m is the faster one; required with m, k or d, as it is not identifiable.
+    revolution : float or None
+        s of a revolution of the spindle. The ripple of the teeth is no part of (2.2), so command and force are averaged
+        over a revolution, in whole samples; a record with fewer than two in it is not averaged.
 
     Raises
     ------
@@ -222,6 +232,9 @@ def force_process_fit(
         raise IdentError(f"drive {drive!r}: 'faster' or 'slower', its pole d/m relative to the process pole c.")
 
     rec = rec if isinstance(rec, Record) else join_records(rec)
+    window = 0 if revolution is None else round(revolution / rec.sample_time)
+    window = window if window > 1 else 0
+    rec = averaged_over(rec, window) if window else rec
     discrete = output_error(rec, nb=2, nf=2, nk=1)
     ratios, cov, zero = _ratios(discrete)
     values, errors = parameters_of(ratios, cov, given, drive)
@@ -230,7 +243,7 @@ def force_process_fit(
     return ForceProcess(
         ratios, cov, values, errors, basis_of(ratios, given, drive), zero, discrete, fit,
         np.arange(s.stop - s.start) * rec.sample_time, rec.y[s], simulated[s],
-        rec.input, rec.output, rec.unit_u, rec.unit_y, discrete.notes,
+        rec.input, rec.output, rec.unit_u, rec.unit_y, discrete.notes, window * rec.sample_time,
     )  # fmt: skip
 
 
@@ -275,6 +288,32 @@ def _free_run(rec: Record, ratios: Array) -> tuple[Array, float]:
     model = ContinuousModel(np.ones(1), ratios).sampled(rec.sample_time)
     e = simulation_error(free_run(rec, 2, 2, 1, free=True), model.theta)
     return rec.y - e, 100 * (1 - float(np.linalg.norm(e) / np.linalg.norm(rec.y - rec.y.mean())))
+
+
+def averaged_over(rec: Record, samples: int) -> Record:
+    """The record with command and force averaged over a number of samples, which leaves their relation unchanged.
+
+    Stretches of fewer samples than three averages are left out.
+
+    Examples
+    --------
+    >>> averaged_over(Record(u=[1.0, 3.0, 5.0, 7.0, 9.0, 1.0], y=np.ones(6), sample_time=0.1), 2).u.tolist()
+    [2.0, 4.0, 6.0, 8.0, 5.0]
+    """
+    kept = [k for k, s in enumerate(rec.stretches) if s.stop - s.start >= 3 * samples]
+    if not kept:
+        raise IdentError(
+            f"a revolution of {samples * rec.sample_time:.4g} s is more than a third of the record; record longer, or "
+            "leave out the spindle speed."
+        )
+    weights, parts = np.full(samples, 1 / samples), [rec.stretches[k] for k in kept]
+    u, y = ([np.convolve(row[s], weights, "valid") for s in parts] for row in (rec.u, rec.y))
+    starts = np.cumsum([0, *map(len, u)])[:-1]
+    assert rec.offsets is not None  # noqa: S101
+    return replace(
+        rec, u=np.concatenate(u), y=np.concatenate(y), starts=tuple(map(int, starts)), offsets=rec.offsets[kept],
+        sha256=None, reference=None,
+    )  # fmt: skip
 
 
 def parameters_of(

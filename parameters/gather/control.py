@@ -6,6 +6,7 @@ Gains that miss their specification need a reason.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ...core.errors import GateError, ParameterError
@@ -14,7 +15,7 @@ from ...core.verdict import Verdict
 from ..messages import short
 from ..sections.base import ModelCovariance, Section, VerdictSection
 from ..sections.dynamics import AlternativeModel, DynamicsSection, PiFigures, PiSection, PiSpecification
-from ..sections.force_control import COEFFICIENTS, AdaptiveForceSection
+from ..sections.force_control import COEFFICIENTS, TESTED, AdaptiveForceSection, RecordRanges
 from ..sections.load_line import LimitsSection
 
 if TYPE_CHECKING:
@@ -33,6 +34,9 @@ Gains: TypeAlias = "PiGains | TunedPi | PiSection | Mapping[str, Any]"
 BOUNDS = {"power": "kW", "force": "N", "wear": "mm"}
 ESTIMATES = ("m", "alpha", "beta")  # m/k, (mc+d)/k, dc/k
 UNITS = ("unit_u", "unit_force")
+DESIGNED_BEFORE = (
+    "Kd, lambda and rates are of earlier estimates: design them again, fitmodels adaptive-force PARAMS --force."
+)
 RANGES = {"feed": "mm/rev", "feed_rate": "mm/min", "speed": "m/min", "spindle_speed": "1/min"}
 
 
@@ -201,7 +205,11 @@ def drive_section(
 
 
 def force_process_section(
-    fit: "ForceProcess", former: AdaptiveForceSection | None = None, depth: float | None = None
+    fit: "ForceProcess",
+    former: AdaptiveForceSection | None = None,
+    depth: float | None = None,
+    spindle_speed: float | None = None,
+    rec: "Record | None" = None,
 ) -> dict[str, Any]:
     """The section ``adaptive_force``: the estimates of a force process; the settings are those of a former section.
 
@@ -212,6 +220,10 @@ def force_process_section(
         Its rates, gains, set points and limits are kept.
     depth : float, optional
         Depth of cut of the run, mm; without it no plant can be simulated, as k is proportional to it.
+    spindle_speed : float, optional
+        1/min, of the run; the force is averaged over one of its revolutions.
+    rec : Record, optional
+        The run as it was recorded, for the ranges of command and force that were tested.
 
     Raises
     ------
@@ -228,10 +240,13 @@ def force_process_section(
                 "write to another file."
             )
     cov = (fit.cov_params + fit.cov_params.T) / 2
+    designed = former is not None and former.sources.get("Kd", "").startswith("design rule")
+    turning = {} if spindle_speed is None else {"spindle_speed": spindle_speed, "average_time": 60 / spindle_speed}
     return {
         **kept,
         **dict(zip(ESTIMATES, map(float, fit.ratios), strict=True)),
         **units,
+        **turning,
         "uncertainty": {
             "kind": "covariance",
             "of": list(ESTIMATES),
@@ -239,9 +254,24 @@ def force_process_section(
             "df": fit.df,
         },
         "depth": depth,
+        "sources": {**kept.get("sources", {}), **_sources(fit, depth, spindle_speed, rec)},
         "verdict": VerdictSection.of(fit.verdict).model_dump(),
-        "notes": [f"Estimates: {fit.words}", *fit.notes],
+        "notes": [f"Estimates: {fit.words}", *([DESIGNED_BEFORE] if designed else []), *fit.notes],
     }
+
+
+def _sources(
+    fit: "ForceProcess", depth: float | None, spindle_speed: float | None, rec: "Record | None"
+) -> dict[str, str]:
+    """Origin of the estimates, and of the timing that follows from the spindle."""
+    name = "the record" if rec is None or rec.source is None else Path(rec.source).name
+    found = dict.fromkeys(ESTIMATES, f"identified from {name}, eq. 2.3 (fit {fit.fit:.1f} %)")
+    found |= {} if depth is None else {"depth": f"given: of {name}"}
+    if spindle_speed is not None:
+        found |= {"spindle_speed": f"given: of {name}", "average_time": f"one revolution at {spindle_speed:g} 1/min"}
+    if rec is not None:
+        found[TESTED] = RecordRanges.of(rec.u, rec.y).words(fit.unit_u, fit.unit_y or "N", name)
+    return found
 
 
 def pi_section(pi: Gains, *, scaling_u: float = 1.0, forced: str | None = None) -> dict[str, Any]:

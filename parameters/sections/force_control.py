@@ -4,8 +4,11 @@ The force that gives a roughness is the inverse of the law Ra = a exp(b F), or a
 """
 
 import math
-from typing import Annotated, Final, Literal, Self
+import re
+from typing import Annotated, Final, Literal, NamedTuple, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..messages import short
@@ -24,6 +27,8 @@ from .base import (
 
 COEFFICIENTS: Final = ("M", "Fv", "Fc", "offset")
 ROUNDING = 0.01  # relative, of a reference force entered by hand with its regression
+TESTED: Final = "tested"  # entry of ``sources`` with the ranges of the record that estimates come from
+RANGES = re.compile(r"command (\S+) to (\S+)(?: [^,]*)?, force (\S+) to (\S+)")
 
 
 class ForceRegression(Section):
@@ -139,6 +144,41 @@ class SetPoint(Section):
     force: Positive
 
 
+class RecordRanges(NamedTuple):
+    """Smallest and largest command and force of the record that estimates come from.
+
+    Examples
+    --------
+    >>> ranges = RecordRanges((100.0, 400.0), (35.5, 250.0))
+    >>> RecordRanges.parsed(ranges.words("mm/min", "N", "run.csv")) == ranges
+    True
+    """
+
+    command: tuple[float, float]
+    force: tuple[float, float]
+
+    @classmethod
+    def of(cls, command: NDArray[np.float64], force: NDArray[np.float64]) -> Self:
+        """The ranges of a record: command and force, shape (n,)."""
+        return cls((float(command.min()), float(command.max())), (float(force.min()), float(force.max())))
+
+    def words(self, unit_u: str, unit_force: str, name: str) -> str:
+        """The ranges in a sentence, as ``sources`` holds them."""
+        (a, b), (c, d) = self
+        command = f"{a:.6g} to {b:.6g} {unit_u}".rstrip()
+        return f"command {command}, force {c:.6g} to {d:.6g} {unit_force}: smallest and largest values of {name}"
+
+    @classmethod
+    def parsed(cls, words: str) -> Self | None:
+        """The ranges of such a sentence; None where it is another one."""
+        found = RANGES.match(words)
+        try:
+            a, b, c, d = map(float, found.groups() if found else ())
+        except ValueError:
+            return None
+        return cls((a, b), (c, d))
+
+
 class AdaptiveForceSection(Section):
     """Initial estimates and settings of an adaptive force controller; settings that are not stated are None.
 
@@ -172,7 +212,8 @@ class AdaptiveForceSection(Section):
     spindle_speed : float or None
         1/min, of the run that the estimates come from.
     sources : dict of str
-        Origin of the values, one sentence for each field that was derived or given.
+        Origin of the values, one sentence for each field that was derived or given; ``tested`` holds the ranges of
+        command and force of the record.
     verdict : VerdictSection or None
         How far the estimates can be used; None where they were not judged.
     notes : tuple of str
@@ -211,6 +252,11 @@ class AdaptiveForceSection(Section):
     sources: dict[str, Text] = Field(default_factory=dict)
     verdict: VerdictSection | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def tested(self) -> RecordRanges | None:
+        """Ranges of the record that the estimates come from; None where they are not known."""
+        return RecordRanges.parsed(self.sources.get(TESTED, ""))
 
 
 class DriveSection(Section):
