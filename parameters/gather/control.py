@@ -34,9 +34,7 @@ Gains: TypeAlias = "PiGains | TunedPi | PiSection | Mapping[str, Any]"
 BOUNDS = {"power": "kW", "force": "N", "wear": "mm"}
 ESTIMATES = ("m", "alpha", "beta")  # m/k, (mc+d)/k, dc/k
 UNITS = ("unit_u", "unit_force")
-DESIGNED_BEFORE = (
-    "Kd, lambda and rates are of earlier estimates: design them again, fitmodels adaptive-force PARAMS --force."
-)
+DESIGNED_BEFORE = "Kd, lambda and rates are of earlier estimates: renew them, fitmodels adaptive-force PARAMS --force."
 RANGES = {"feed": "mm/rev", "feed_rate": "mm/min", "speed": "m/min", "spindle_speed": "1/min"}
 
 
@@ -247,12 +245,7 @@ def force_process_section(
         **dict(zip(ESTIMATES, map(float, fit.ratios), strict=True)),
         **units,
         **turning,
-        "uncertainty": {
-            "kind": "covariance",
-            "of": list(ESTIMATES),
-            "matrix": cov.tolist(),
-            "df": fit.df,
-        },
+        "uncertainty": {"kind": "covariance", "of": list(ESTIMATES), "matrix": cov.tolist(), "df": fit.df},
         "depth": depth,
         "sources": {**kept.get("sources", {}), **_sources(fit, depth, spindle_speed, rec)},
         "verdict": VerdictSection.of(fit.verdict).model_dump(),
