@@ -56,6 +56,8 @@ _MODULES = {
 
 def __getattr__(name: str) -> object:
     if name not in __all__:
+        if not __package__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
         from .core.suggestions import did_you_mean
 
         hint = did_you_mean(name, __all__, 0.7, names="Its public names: ")

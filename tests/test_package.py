@@ -1,6 +1,7 @@
 """The package tests itself: what pyproject promises, what the README shows, what a wheel holds."""
 
 import importlib
+import importlib.util
 import re
 import subprocess
 import sys
@@ -94,6 +95,14 @@ def test_the_gate_names_files_that_exist():
     assert studies
     assert [name for name in tests if not (ROOT / f"tests/test_{name}.py").is_file()] == []
     assert [name for name in studies if not (ROOT / "benchmarks" / name).is_file()] == []
+
+
+def test_the_root_file_runs_on_its_own():
+    """pytest does so where the folder of the checkout is no package name, and asks for names of its own."""
+    spec = importlib.util.spec_from_file_location("__init__", Path(fitmodels.__file__))
+    alone = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(alone)
+    assert not hasattr(alone, "pytest_plugins")
 
 
 @pytest.mark.parametrize("package", PACKAGES)
