@@ -254,6 +254,22 @@ def constants(words: list[str] | None) -> dict[str, float]:
     return values(plain)
 
 
+def measured(text: str, unit: str, option: str, example: str) -> float:
+    """A number above zero, in the unit that is asked for; another unit of the same kind is converted.
+
+    >>> measured("1.5mm", "mm", "--depth", "1.5mm"), measured("0.1 in", "mm", "--depth", "1.5mm")
+    (1.5, 2.54)
+    """
+    try:
+        value = float(_in_unit(text, unit))
+    except ValueError:
+        of = f" in {unit}" if unit else ""
+        raise UsageError(f"{option} {text}: give a number{of}, for instance {example}.") from None
+    if not 0 < value < float("inf"):
+        raise UsageError(f"{option} {text}: give a value above zero, for instance {example}.")
+    return value
+
+
 def criterion(text: str) -> float:
     """A wear criterion, mm.
 

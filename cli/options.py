@@ -4,11 +4,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import Parser, constants, criterion, pairs, ranges, seed
+from ..core.errors import UsageError
+from .arguments import Parser, constants, criterion, measured, pairs, ranges, seed
 from .output import complain
 
 if TYPE_CHECKING:
+    from ..controllers.recursion.plan import PlanOptions
     from ..datasets import Runs
+    from ..parameters import ParameterFile
     from ..pipeline import FitOptions
 
 
@@ -143,3 +146,106 @@ def read(file: str | Path, args: argparse.Namespace) -> "Runs":
     for doubt in () if args.quiet else runs.doubts:
         complain(f"doubt about {runs.source.name}: {doubt}")
     return runs
+
+
+PLAN_NAMES = ("depth", "time", "interval", "grid", "wear_state", "factors", "objective", "removal", "by", "at")
+
+
+def plan_options(parser: Parser | argparse._ArgumentGroup) -> None:
+    """Add the settings and objective of a region and of a plan."""
+    group = parser.add_argument_group("settings") if isinstance(parser, Parser) else parser
+    group.add_argument(
+        "--depth", metavar="1.5mm", help="depth of cut (default: 2.5 mm, or the middle of the tested depths)"
+    )
+    group.add_argument(
+        "--time", metavar="15min",
+        help="time in the cut: of the region (default: 10 min, or the middle of the tests); of the plan at most "
+        "(default: to the end of the edge)",
+    )  # fmt: skip
+    group.add_argument(
+        "--objective", choices=["removal", "life", "cost", "time"],
+        help="of the plan: removal, the largest removal rate of each interval (default); life, the longest life at "
+        "--removal; cost, the least cost by `fitmodels costs`; time, most metal in --time",
+    )  # fmt: skip
+    group.add_argument(
+        "--removal", metavar="60cm3/min", help="least removal rate of every interval, with --objective life"
+    )
+    group.add_argument("--interval", metavar="2min", help="between changes of V and f (default: 1 min)")
+    group.add_argument(
+        "--grid", action="append", metavar="V=5m/min", help="steps of V and of f (default: 10 m/min and 0.005 mm/rev)"
+    )
+    group.add_argument(
+        "--wear-state", action="store_true", help="wear adds up from the wear reached (default: by the time, AC-2017)"
+    )
+    group.add_argument(
+        "--factors", choices=["published", "full"],
+        help="whether power and force have their factors of time; published, as in AC-2017, leaves them out (default: "
+        "full, except for the file of that paper)",
+    )  # fmt: skip
+    group.add_argument("--by", metavar="LEVEL", help="level of laws that have levels (default: their reference)")
+    group.add_argument(
+        "--at",
+        action="append",
+        metavar="D=80mm",
+        help="a further factor of the laws, or the diameter (default: none)",
+    )
+
+
+def plan_asked(args: argparse.Namespace) -> list[str]:
+    """The options of `plan_options` that were given, as they are typed."""
+    return [f"--{name.replace('_', '-')}" for name in PLAN_NAMES if getattr(args, name)]
+
+
+def plan_options_of(args: argparse.Namespace, pf: "ParameterFile") -> "PlanOptions":
+    """Settings and objective from the command line; values with a unit are converted.
+
+    Raises
+    ------
+    UsageError
+        A value that is no number, is not above zero, is in another unit, or an objective without what it needs.
+    """
+    from ..controllers.recursion.plan import PlanOptions, need_level
+
+    need_level(pf, args.by)
+    asked = {
+        name: None if text is None else measured(text, unit, f"--{name}", example) * times
+        for name, text, unit, example, times in (
+            ("depth", args.depth, "mm", "1.5mm", 1.0), ("time", args.time, "min", "15min", 1.0),
+            ("interval", args.interval, "min", "2min", 1.0), ("removal", args.removal, "cm3/min", "60cm3/min", 1000.0),
+        )
+    }  # fmt: skip
+    return PlanOptions(
+        **asked,
+        grid=_grid(args.grid),
+        wear_state=args.wear_state,
+        factors=args.factors,
+        objective=args.objective or "removal",
+        by=args.by,
+        at=_further(args.at, pf),
+    )
+
+
+def _grid(words: list[str] | None) -> tuple[float, float] | None:
+    """Steps of V and f; one that is not named stays as in the paper."""
+    from ..controllers.recursion.interval_optimum import FEED_STEP, SPEED_STEP
+
+    given = pairs(words, "--grid", "V=5m/min")
+    if unknown := [name for name in given if name not in ("V", "f")]:
+        raise UsageError(f"--grid {unknown[0]}: the grid is of V and f; write --grid V=5m/min --grid f=0.002mm/rev.")
+    units = {"V": ("m/min", SPEED_STEP), "f": ("mm/rev", FEED_STEP)}
+    steps = {
+        name: measured(given[name], unit, f"--grid {name}", f"{name}={usual:g}{unit}") if name in given else usual
+        for name, (unit, usual) in units.items()
+    }
+    return (steps["V"], steps["f"]) if given else None
+
+
+def _further(words: list[str] | None, pf: "ParameterFile") -> dict[str, float]:
+    """Further factors in the units of the laws; the diameter D in mm."""
+    units = {"D": "mm", **{factor.symbol: factor.unit for law in pf.laws.values() for factor in law.factors}}
+    found = {}
+    for name, text in pairs(words, "--at", "D=80mm").items():
+        if name not in units:
+            raise UsageError(f"--at {name}: no law has this factor; they have {', '.join(sorted(units))}.")
+        found[name] = measured(text, units[name], f"--at {name}", f"{name}=80")
+    return found

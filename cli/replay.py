@@ -9,6 +9,7 @@ from ..core.errors import ParameterError, UsageError
 from ..core.files import write_whole
 from ..core.suggestions import closest, did_you_mean
 from .arguments import Parser, seed
+from .options import plan_asked, plan_options, plan_options_of
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from ..cards.replays import Replayed
+    from ..controllers.recursion.plan import PlanOptions
     from ..parameters import ParameterFile
     from ..parameters.draws import Draws
 
@@ -28,13 +30,16 @@ def parser() -> Parser:
         "fitmodels replay AC-2017 --system recursion",
         "Run the controllers of the papers from a parameter file alone, on simulated machines, and draw the results:\n"
         "region and optimum, recursion to the end of tool life, constant load, constant roughness, adaptive force.\n"
-        "Instead of a file: AC-2016, AC-2017, CLM-2023, CLM-2023-slot, SURF or LYAP, the published values.",
+        "Instead of a file: AC-2016, AC-2017, CLM-2023, CLM-2023-slot, SURF or LYAP, the published values.\n"
+        "A depth, time or factor outside the tested ranges is marked EXTRAPOLATED.",
+        main="--system --depth --time --objective --removal --out --json",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json, or the short name of a paper")
     p.add_argument("--system", metavar="NAME", help=f"{', '.join(SYSTEMS)}; default: all that the file supports")
     p.add_argument("--seed", type=seed, default=1, metavar="N", help="random seed (default: 1)")
     p.add_argument("--out", metavar="FOLDER", help="folder of the figures (default: figures/ next to the file)")
-    output_options(p, "print the same facts as JSON (fitmodels.replay/2); draws figures only with --out")
+    plan_options(p)
+    output_options(p, "print the same facts as JSON (fitmodels.replay/3); draws figures only with --out")
     return p
 
 
@@ -47,25 +52,27 @@ def run(args: argparse.Namespace) -> int:
     from ..parameters.checks.report import cautions
 
     pf, draws, home = _given(args.file)
-    systems = _chosen(pf, args.system, args.file)
+    options = plan_options_of(args, pf)
+    systems = _chosen(pf, args.system, args.file, options)
+    _need_used(systems, plan_asked(args))
     results: list[Replayed] = []
     with progress_bar(lines=False) as step:
         for system in systems:
             step.say(f"replaying {system}")
-            results.append(replays.replayed(system, pf, draws, args.seed))
+            results.append(replays.replayed(system, pf, draws, args.seed, options))
     written = [] if args.json and not args.out else _drawn(results, Path(args.out) if args.out else home)
     verdicts = cautions(pf)
     if args.json:
         facts = {one.system: {"lines": one.lines, "assumed": one.assumed, **one.facts} for one in results}
         report = {"file": Path(args.file).name, "simulated": True, "seed": args.seed, "systems": facts}
-        print_json("replay", {**report, "verdicts": verdicts}, version=2)
+        print_json("replay", {**report, "verdicts": verdicts}, version=3)
         return 0
     out = Printer(quiet=args.quiet)
     for line in verdicts:
         out.show(Text(line))
     for one in results:
         out.show(_block(one))
-    for line in _not_replayed(pf, args.system, systems):
+    for line in _not_replayed(pf, args.system, systems, options):
         out.show(line)
     if written:
         folder = written[0].parent
@@ -86,12 +93,12 @@ def _given(file: str) -> "tuple[ParameterFile, Mapping[str, Draws], Path]":
     return pf, parameters.read_draws(pf, Path(file).parent), Path(file).parent / "figures"
 
 
-def _chosen(pf: "ParameterFile", name: str | None, file: str) -> list[str]:
+def _chosen(pf: "ParameterFile", name: str | None, file: str, options: "PlanOptions") -> list[str]:
     from ..cards import replays
 
     if name is not None and name not in SYSTEMS:
         raise UsageError(f"--system {name}: there is no such system. {did_you_mean(name, SYSTEMS, 0.6)}")
-    lacking = {system: replays.lacks(system, pf) for system in SYSTEMS if name in (None, system)}
+    lacking = {system: replays.lacks(system, pf, options) for system in SYSTEMS if name in (None, system)}
     able = [system for system, why in lacking.items() if not why]
     if not able:
         reasons = " ".join(f"{system}: {why.rstrip('.')}." for system, why in lacking.items())
@@ -100,13 +107,26 @@ def _chosen(pf: "ParameterFile", name: str | None, file: str) -> list[str]:
     return able
 
 
-def _not_replayed(pf: "ParameterFile", asked: str | None, done: list[str]) -> list[str]:
+def _need_used(systems: list[str], asked: list[str]) -> None:
+    """Raise UsageError for settings that no replayed system has."""
+    from ..cards.replays import PLANNED
+
+    for option in asked:
+        able = [name for name, has in PLANNED.items() if option in has]
+        if not {*able} & {*systems}:
+            raise UsageError(
+                f"{option} belongs to {' and '.join(able)}, and {', '.join(systems)} is replayed; leave it out, or "
+                f"choose --system {able[-1]}."
+            )
+
+
+def _not_replayed(pf: "ParameterFile", asked: str | None, done: list[str], options: "PlanOptions") -> list[str]:
     """Why the recursion is not replayed of a file with a region and a wear criterion, which it seems to be for."""
     from ..cards import replays
 
     if asked is not None or "recursion" in done or "region" not in done or pf.limits is None or pf.limits.wear is None:
         return []
-    return [f"Not replayed: recursion: {replays.lacks('recursion', pf)}"]
+    return [f"Not replayed: recursion: {replays.lacks('recursion', pf, options)}"]
 
 
 def _block(one: "Replayed") -> "RenderableType":
@@ -122,7 +142,11 @@ def _block(one: "Replayed") -> "RenderableType":
 
 def _marked(line: str) -> str:
     """An assumption with its label; a reconstruction has its own."""
-    return line if line.startswith("Reconstruction: ") else f"Assumed: {line.removeprefix('Assumption: ')}"
+    return (
+        line
+        if line.startswith(("Reconstruction: ", "EXTRAPOLATED: "))
+        else f"Assumed: {line.removeprefix('Assumption: ')}"
+    )
 
 
 def _drawn(results: "list[Replayed]", folder: Path) -> list[Path]:

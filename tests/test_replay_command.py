@@ -34,7 +34,7 @@ def test_the_name_of_a_paper_stands_for_its_file(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["replay", "AC-2017", "--system", "recursion", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["schema"] == "fitmodels.replay/2"
+    assert facts["schema"] == "fitmodels.replay/3"
     assert facts["simulated"] is True
     assert list(facts["systems"]) == ["recursion"]
     assert not list(tmp_path.iterdir())  # nothing is drawn without --out
@@ -81,6 +81,68 @@ def test_a_file_without_what_a_controller_needs_says_what_is_missing(tmp_path, c
     assert "fitmodels settings" in said
 
 
+def _replayed(capsys, *words):
+    assert main(["replay", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)["systems"]
+
+
+def test_settings_take_units_and_hold_for_region_and_plan(capsys):
+    """0.1 inch is 2.54 mm, 330 s are 5.5 min, of which 5 whole minutes are planned."""
+    systems = _replayed(capsys, "AC-2017", "--depth", "0.1in", "--time", "330s", "--at", "D=8cm")
+    region, plan = systems["region"], systems["recursion"]
+    assert (region["d_mm"], region["t_min"], region["at"]) == (2.54, 5.5, {"D": 80.0})
+    assert (plan["depth_mm"], plan["life_min"], plan["worn_out"]) == (2.54, 5.0, False)
+    assert plan["intervals"][0]["n_per_min"] == pytest.approx(1000 * 150 / (3.141592653589793 * 80))
+    assert "Of 5.5 min 5 are planned: whole intervals of 1 min." in plan["assumed"][1]
+    assert plan["extrapolated"] == region["extrapolated"] == []
+    assert plan["replay_agrees"]
+
+
+@pytest.mark.parametrize(
+    ("words", "begins"),
+    [
+        (
+            ["--objective", "time", "--time", "12min", "--grid", "V=25m/min", "--grid", "f=0.06mm/rev"],
+            "Most metal in 12",
+        ),
+        (["--objective", "life", "--removal", "130cm3/min"], "Longest life at 130 cm3 per min or more"),
+    ],
+)
+def test_an_objective_is_stated_with_what_the_recursion_gives(words, begins, capsys):
+    plan = _replayed(capsys, "AC-2017", "--system", "recursion", "--wear-state", *words)["recursion"]
+    assert plan["lines"][0].startswith(begins)
+    assert any("the largest removal rate of each interval for itself: that gives" in line for line in plan["lines"])
+    assert plan["replay_agrees"]
+    assert (plan["wear"], plan["objective"]) == ("wear_state", words[1])
+
+
+def test_least_cost_is_stated_with_its_bound(tmp_path, capsys):
+    file = parameters.write(published("AC-2017"), tmp_path / "params.json")
+    assert main(["costs", str(file), "machine=30/h", "edge=3", "change=2min", "currency=USD"]) == 0
+    capsys.readouterr()
+    words = ["--objective", "cost", "--wear-state", "--grid", "V=25m/min", "--grid", "f=0.06mm/rev"]
+    plan = _replayed(capsys, str(file), "--system", "recursion", *words)["recursion"]
+    assert plan["lines"][0].startswith("Least cost, 0.00")
+    assert any(line.startswith("No sequence costs less than 0.00") for line in plan["lines"])
+    assert plan["cost_per_cm3"]["currency"] == "USD"
+
+
+def test_outside_the_tests_both_replays_say_extrapolated(capsys):
+    systems = _replayed(capsys, "AC-2017", "--depth", "1.2mm", "--time", "8min")
+    for name in ("region", "recursion"):
+        assert any(line.startswith("EXTRAPOLATED: d 1.2") for line in systems[name]["lines"]), name
+        assert systems[name]["extrapolated"]
+        assert not any("EXTRAPOLATED" in line for line in systems[name]["assumed"])
+
+
+def test_the_recursion_states_the_best_sequence_of_its_time_and_the_bound(capsys):
+    plan = _replayed(capsys, "AC-2017", "--system", "recursion")["recursion"]
+    words = "By the wear state the recursion removes 2158 cm3, and the best sequence of its 14 min removes 2235 cm3"
+    assert any(line.startswith(words) for line in plan["lines"])
+    best = plan["best_sequence_wear_state"]
+    assert best["recursion_mm3"] < best["removed_mm3"] <= best["bound_mm3"]
+
+
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
@@ -88,6 +150,15 @@ def test_a_file_without_what_a_controller_needs_says_what_is_missing(tmp_path, c
         (["AC-2017", "--system", "roughness"], 3, "does not support this controller"),
         (["nowhere.json"], 3, "the file does not exist"),
         (["AC-2017", "--seed", "-1"], 2, "seed"),
+        (["AC-2017", "--depth", "1.5kg"], 2, "--depth 1.5kg: give a number in mm, for instance 1.5mm"),
+        (["AC-2017", "--time", "0min"], 2, "give a value above zero"),
+        (["AC-2017", "--by", "steel"], 2, "no law has levels"),
+        (["AC-2017", "--at", "HB=200"], 2, "no law has this factor"),
+        (["AC-2017", "--grid", "d=1mm"], 2, "the grid is of V and f"),
+        (["AC-2017", "--objective", "cost"], 2, "the file has no costs"),
+        (["AC-2017", "--objective", "time"], 2, "--time 15min"),
+        (["CLM-2023", "--depth", "1mm"], 2, "--depth belongs to region and recursion"),
+        (["AC-2017", "--system", "region", "--removal", "3", "--objective", "life"], 2, "belongs to recursion"),
     ],
 )
 def test_a_wrong_word_is_one_sentence(words, code, says, capsys):

@@ -9,10 +9,12 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from ...controllers.recursion.plan import PlanOptions
     from ...parameters import ParameterFile
     from ...parameters.draws import Draws
 
-# name of the system -> module of this package, with ``lacks(pf)`` and ``replayed(pf, draws, seed)``
+# name of the system -> module of this package, with ``lacks(pf)`` and ``replayed(pf, draws, seed)``; those of `PLANNED`
+# take ``options`` too
 SYSTEMS = {
     "region": "region",
     "recursion": "recursion",
@@ -20,6 +22,15 @@ SYSTEMS = {
     "roughness": "roughness",
     "adaptive-force": "adaptive_force",
 }
+
+# name of the system -> settings of `PlanOptions` that it has, as they are typed
+PLANNED = {
+    "region": ("--depth", "--time", "--by", "--at"),
+    "recursion": (
+        "--depth", "--time", "--interval", "--grid", "--wear-state", "--factors", "--objective", "--removal", "--by",
+        "--at",
+    ),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +61,18 @@ class Replayed:
     figures: "dict[str, Figure]" = field(default_factory=dict)
 
 
-def lacks(system: str, pf: "ParameterFile") -> str:
+def lacks(system: str, pf: "ParameterFile", options: "PlanOptions | None" = None) -> str:
     """Reason why a file cannot drive a system; empty where it can."""
-    found: str = import_module(f".{SYSTEMS[system]}", __name__).lacks(pf)
+    module = import_module(f".{SYSTEMS[system]}", __name__)
+    found: str = module.lacks(pf, options) if system in PLANNED else module.lacks(pf)
     return found
 
 
-def replayed(system: str, pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
-    """Replay a system from a file with all that it needs."""
-    found: Replayed = import_module(f".{SYSTEMS[system]}", __name__).replayed(pf, draws, seed)
+def replayed(
+    system: str, pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int, options: "PlanOptions | None" = None
+) -> Replayed:
+    """Replay a system from a file with all that it needs; region and recursion with these options."""
+    module = import_module(f".{SYSTEMS[system]}", __name__)
+    more = (options,) if system in PLANNED else ()
+    found: Replayed = module.replayed(pf, draws, seed, *more)
     return found

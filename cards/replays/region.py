@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from ...controllers.region.log_planes import ratio
 from ...controllers.region.operating_point import OperatingPoint, four, three
 from ...controllers.region.probability import Feasibility, feasibility
 from ...controllers.region.sampled_laws import Kind
@@ -16,6 +17,7 @@ from . import Replayed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ...controllers.recursion.plan import PlanOptions
     from ...parameters import ParameterFile
     from ...parameters.draws import Draws
 
@@ -46,27 +48,35 @@ class DefaultSetting:
         return feasibility(pf, draws=draws, d=self.d, t=self.t, by=self.by, at=self.at, kind=kind, seed=seed)
 
 
-def default_setting(pf: "ParameterFile") -> DefaultSetting:
-    """The paper's depth and time where tested, else the middle of the tested range; laws at their reference level."""
+def default_setting(pf: "ParameterFile", options: "PlanOptions | None" = None) -> DefaultSetting:
+    """The setting of the options, and else the paper's depth and time where tested, or the middle of the tests.
+
+    Laws with levels are taken at their reference level, other factors in the middle of their range.
+    """
     assumed = ["The laws come from simulated tests."] if pf.identity.simulated else []
-    chosen = {name: _middle(pf, name, usual, assumed) for name, usual in USUAL.items()}
+    given = {} if options is None else {"d": options.depth, "t": options.time}
+    chosen = {name: given.get(name) or _middle(pf, name, usual, assumed) for name, usual in USUAL.items()}
+    asked = {} if options is None else dict(options.at)
     laws = [law for law in pf.laws.values() if law.form == "power" or {"V", "f"} & {f.symbol for f in law.factors}]
     by = next((law.by for law in laws if law.by is not None), None)
-    if by is not None:
+    level = None if options is None else options.by
+    if by is not None and level is None:
         assumed.append(f"The laws are evaluated at {by.column} {by.reference}, their reference level.")
     known = {"V", "f", "d", "t", *pf.laws}
     others = {
         f.symbol: float(f"{sqrt(f.low * f.high):.4g}")
         for law in laws
         for f in law.factors
-        if f.symbol not in known and f.low > 0
+        if f.symbol not in {*known, *asked} and f.low > 0
     }
     assumed += [f"{name} is fixed at {value:.4g}, the middle of its tested range." for name, value in others.items()]
-    return DefaultSetting(chosen["d"], chosen["t"], None if by is None else by.reference, others, tuple(assumed))
+    level = by.reference if by is not None and level is None else level
+    return DefaultSetting(chosen["d"], chosen["t"], level, {**others, **asked}, tuple(assumed))
 
 
 def _middle(pf: "ParameterFile", name: str, usual: float, assumed: list[str]) -> float:
-    ranges = [(f.low, f.high) for law in pf.laws.values() for f in law.factors if f.symbol == name and f.low > 0]
+    factors = [f for law in pf.laws.values() for f in law.factors if f.symbol == name and f.low > 0]
+    ranges = [(f.low * ratio(f.unit, UNITS[name]), f.high * ratio(f.unit, UNITS[name])) for f in factors]
     low, high = max((low for low, _ in ranges), default=0.0), min((high for _, high in ranges), default=usual)
     straight = all(law.form == "power" for law in pf.laws.values())  # others are limited to their tests
     if (straight and low <= usual <= high) or not 0 < low <= high:
@@ -78,32 +88,34 @@ def _middle(pf: "ParameterFile", name: str, usual: float, assumed: list[str]) ->
     return value
 
 
-def lacks(pf: "ParameterFile") -> str:
+def lacks(pf: "ParameterFile", options: "PlanOptions | None" = None) -> str:
     """Reason why a file cannot drive the system; empty where it can."""
     limits = pf.limits
     if limits is None or not (limits.power or limits.force or limits.wear or limits.responses):
         return "The file has no limit of a response: add one, e.g. `fitmodels limits params.json P=7kW`."
     try:
-        default_setting(pf).region(pf)
+        default_setting(pf, options).region(pf)
     except UsageError as error:
         return str(error)
     return ""
 
 
-def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Replayed:
+def replayed(
+    pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int, options: "PlanOptions | None" = None
+) -> Replayed:
     """Report on the region of a file, its best pair, and its probabilities."""
-    held = default_setting(pf)
+    held = default_setting(pf, options)
     region = held.region(pf)
-    assumed = [*held.assumed, *region.notes]
-    setting = {"d_mm": held.d, "t_min": held.t, "by": held.by, "at": held.at}
+    beyond = [line for line in region.notes if line.startswith("EXTRAPOLATED: ")]
+    assumed = [*held.assumed, *(line for line in region.notes if line not in beyond)]
+    setting = {"d_mm": held.d, "t_min": held.t, "by": held.by, "at": held.at, "extrapolated": beyond}
     if region.empty:
         facts: dict[str, object] = {**setting, "empty": True, "conflict": region.conflict}
-        return Replayed(
-            "region", TITLE, (region.conflict,), tuple(assumed), facts, _figures(region, {}, None, None, {})
-        )
+        lines = [*beyond, region.conflict]
+        return Replayed("region", TITLE, tuple(lines), tuple(assumed), facts, _figures(region, {}, None, None, {}))
     front = wear_front(region) if region.wear is not None else None
     marks = {f"AC-2016's {name}": region.at(*pair) for name, pair in PRINTED.items()} if _is_ac2016(pf, held) else {}
-    lines = [*_optimum(region), *_less(region)]
+    lines = [*beyond, *_optimum(region), *_less(region)]
     facts = {**setting, "empty": False, "optimum": region.best.facts(), "corners": _corners(region)}
     if front is not None:
         facts["least_wear"] = {"loss": LOSS, **region.least_wear(LOSS).facts()}
@@ -125,7 +137,9 @@ def _optimum(region: VisibleRegion) -> list[str]:
         f"{active}; gain in MRR per 1 % of each: {gains}." if gains else f"{active}.",
     ]
     if not best.tested:
-        lines.append("This pair lies outside the tested ranges of the laws: test it before relying on it.")
+        lines.append(
+            "EXTRAPOLATED: this pair lies outside the tested region of the laws; test it before relying on it."
+        )
     corners = "; ".join(f"{c.letter} ({four(c.V)}, {four(c.f)}) {' and '.join(c.limits)}" for c in region.corners)
     lines.append(f"Corners of the region, (V m/min, f mm/rev) and the limits that meet there: {corners}.")
     return lines

@@ -101,20 +101,19 @@ def pairs_figure(life: Life, exact: Life | None = None) -> Figure:
     return figure
 
 
-def draws_figure(plan: LifeDraws, own: LifeDraws, level: float = 0.95) -> Figure:
-    """Life and metal removed over the draws, for both readings, with their bands."""
-    figure = NotebookFigure(figsize=(7.2, 5.0), layout="constrained")
-    for row, (found, title) in zip(
-        figure.subplots(2, 2, sharex="col"),
-        ((plan, "one plan on edges drawn from the posterior"), (own, "each draw its own recursion")),
-        strict=True,
-    ):
+def draws_figure(plan: LifeDraws, own: LifeDraws | None, level: float = 0.95) -> Figure:
+    """Life and metal removed over the draws, of one plan and of own recursions, with their bands."""
+    figure = NotebookFigure(figsize=(7.2, 5.0 if own is not None else 3.2), layout="constrained")
+    held = [(plan, "one plan on edges drawn from the posterior")]
+    held += [] if own is None else [(own, "each draw its own recursion")]
+    rows = figure.subplots(len(held), 2, sharex="col", squeeze=False)
+    for row, (found, title) in zip(rows, held, strict=True):
         for ax, what, name, scale in zip(
             row, ("minutes", "removed"), ("life, min", "metal removed, 1000 cm3"), (1.0, 1e-6), strict=True
         ):
             _histogram(ax, found, what, scale, level)
             ax.set_title(title)
-            if found is own:
+            if found is held[-1][0]:
                 ax.set_xlabel(name)
         row[0].set_ylabel("draws")
     words = f"shaded: {100 * level:g} % band, equal-tailed; line: the laws as fitted"

@@ -77,15 +77,17 @@ def life_laws(
     )
 
 
-def shortfall(pf: "ParameterFile") -> str:
-    """Reason why a file cannot drive the recursion; empty where it can.
+def shortfall(
+    pf: "ParameterFile", *, d: float | None = None, by: str | None = None, at: Mapping[str, float] | None = None
+) -> str:
+    """Reason why a file cannot drive the recursion at these settings; empty where it can.
 
     >>> from fitmodels.parameters.published import published
     >>> shortfall(published("AC-2017")), "criterion" in shortfall(published("AC-2016"))
     ('', True)
     """
     try:
-        life_laws(pf)
+        life_laws(pf, d=d, by=by, at=at)
     except UsageError as error:
         return str(error)
     return ""

@@ -261,6 +261,7 @@ def plan_of(
 
 def _need_known(pf: "ParameterFile", options: PlanOptions) -> None:
     """Raise UsageError for a factor that no law has, that has an option of its own, or that is not above zero."""
+    need_level(pf, options.by)
     known = {factor.symbol for law in pf.laws.values() for factor in law.factors}
     for name, value in options.at.items():
         if name in ("V", "f", "d", "t") or name in pf.laws:
@@ -269,6 +270,14 @@ def _need_known(pf: "ParameterFile", options: PlanOptions) -> None:
             raise UsageError(f"at {name}: no law has this factor; they have {', '.join(sorted(known))}.")
         if not is_positive(value):
             raise UsageError(f"at {name}={value:g}: give a value above zero.")
+
+
+def need_level(pf: "ParameterFile", by: str | None) -> None:
+    """Raise UsageError for a level that no law has."""
+    levels = dict.fromkeys(name for law in pf.laws.values() if law.by for name in (law.by.reference, *law.by.shifts))
+    if by is not None and by not in levels:
+        known = f"they have {', '.join(levels)}" if levels else "no law has levels"
+        raise UsageError(f"by {by}: no law has this level; {known}.")
 
 
 def diameter_of(pf: "ParameterFile", options: PlanOptions) -> float | None:

@@ -215,6 +215,6 @@ def _outside(law: "LawSection", setting: CutSetting) -> Iterator[str]:
         if factor.symbol in setting.known:
             value, unit = setting.known[factor.symbol]
             value *= ratio(unit or factor.unit, factor.unit)
-            if not factor.low <= value <= factor.high:
+            if not factor.low * (1 - SAME) <= value <= factor.high * (1 + SAME):
                 tested = f"{factor.low:g} to {factor.high:g} {factor.unit}, the tested range of {law.response}"
-                yield f"{factor.symbol} {value:g} lies outside {tested}: do not rely on the region."
+                yield f"EXTRAPOLATED: {factor.symbol} {value:g} lies outside {tested}: do not rely on the region."
