@@ -33,7 +33,7 @@ COMMANDS = (
         "plan",
         "predict",
     ),
-    *("publish", "reduce", "replay", "settings", "simulate", "tune"),
+    *("publish", "reduce", "replay", "roughness", "settings", "simulate", "tune"),
 )
 DEFECT = 70
 

@@ -21,8 +21,8 @@ GROUPS: Final = {
         "predict": "what the laws give at your settings, with an interval; tool life",
         "compare": "forms of each law on the same tests, and the form to keep",
         "confirm": "whether new tests agree with the laws of earlier ones",
-        "optimum": "cutting speed and feed of least cost per part and of greatest rate; when to change an edge",
-        "batch": "the laws of many tool/work pairs: a folder of files, a CSV or Parquet of any size",
+        "optimum": "speed and feed of least cost or greatest rate; when to change an edge",
+        "batch": "the laws of many tool/work pairs: a folder, a CSV or Parquet",
     },
     "Prepare data, and plan tests": {
         "look": "how a file is read, with a picture and the commands that correct it; nothing is fitted",
@@ -38,8 +38,9 @@ GROUPS: Final = {
         "limits": "limits of machine, tool and work, written into params.json",
         "costs": "rates, prices and times of a part, written into params.json",
         "settings": "reference load, feed limits and tool change for constant load",
+        "roughness": "reference force, feed limits and times for constant roughness",
         "replay": "the controllers, run on a simulated machine",
-        "check": "whether params.json is consistent, and its control safe in simulation",
+        "check": "whether params.json is consistent, and its control safe",
         "export": "params.json in the format of a controller",
     },
     "Publish": {

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from fitmodels import ident, parameters
+from fitmodels import datasets, fit, ident, parameters
 from fitmodels.cli import COMMANDS, main
 from fitmodels.cli.help import GROUPS, MAIN
 from fitmodels.cli.output import as_options
@@ -33,6 +33,7 @@ ON_PARAMS = (
     "predict",
     "check",
     "limits",
+    "roughness",
     "settings",
     "simulate",
     "export",
@@ -141,9 +142,8 @@ def test_an_unknown_option_is_one_sentence(name, tmp_path, monkeypatch):
     words += {"reduce": ["x", "--plan", "p", "--out", "o"], "confirm": ["x", "--data", "y"]}.get(name, ["x"])[
         name == "wear" :
     ]
-    words += {"settings": ["--worn", "1"], "export": ["--to", "c"], "limits": ["P=1"], "costs": ["machine=60/h"]}.get(
-        name, []
-    )
+    words += {"settings": ["--worn", "1"], "export": ["--to", "c"], "limits": ["P=1"], "costs": ["machine=60/h"],
+              "roughness": ["Ra=1um"]}.get(name, [])  # fmt: skip
     said = sentence(run(*words, "--jsno"), 2)
     assert "--jsno" in said
     assert "did you mean --json?" in said
@@ -159,7 +159,7 @@ def test_a_missing_file_is_one_sentence_that_names_the_nearest(name, more, tmp_p
     words = [file] if name == "wear" else [name, file]
     words += {"reduce": ["--plan", "p", "--out", "o"], "confirm": ["--data", "waer.csv"], "settings": ["--worn", "1"],
               "export": ["--to", "c"], "limits": ["P=1"], "costs": ["edge=1"],
-              "predict": ["V=1"]}.get(name, [])  # fmt: skip
+              "roughness": ["Ra=1um"], "predict": ["V=1"]}.get(name, [])  # fmt: skip
     result = run(*words, *more)
     assert file in sentence(result, result.code)
     assert result.code in (2, 3)
@@ -290,6 +290,11 @@ def _records():
     shutil.copy(DOCS / "records-plan.csv", "tests.csv")
 
 
+def _turning():
+    table = datasets.bundled("surf_table1")
+    return parameters.collect(laws=[fit.exponential_law(table, "Ra", "F"), fit.power_law(table, "F", ["f"])])
+
+
 COSTS = {"currency": "EUR", "machine": 60.0, "edge": 8.0, "change": 1.5}
 PREPARED = {  # what the example of a command needs besides data.csv and its result
     "batch": _shop,
@@ -300,6 +305,7 @@ PREPARED = {  # what the example of a command needs besides data.csv and its res
     "limits": lambda: _params(sealed(published("AC-2017"), limits=None)),
     "publish": lambda: shutil.copytree("data-fit", "results"),
     "reduce": _records,
+    "roughness": lambda: _params(_turning()),
     "settings": lambda: _params(sealed(published("CLM-2023"), load_line=None)),
     "tune": lambda: _params(parameters.collect(tool="end mill", work="S45C", dynamics=_plant(), simulated=True)),
 }
@@ -336,7 +342,7 @@ TWICE = [name for name in COMMANDS if name not in (*SLOW, "help", "completion")]
 def test_quiet_prints_paths_and_json_prints_json(name, place):
     PREPARED.get(name, lambda: None)()
     words = shlex.split(parser(name).example)[1:]
-    force = ["--force"] if name in ("card", "limits", "settings", "optimum") else []
+    force = ["--force"] if name in ("card", "limits", "roughness", "settings", "optimum") else []
     result = run(*words, "--quiet", *force)
     assert (result.code, result.err) == (0, "")
     assert [line for line in result.out.splitlines() if not Path(line).exists()] == []

@@ -13,20 +13,25 @@ of 17.9/s. Derived here; the paper prints no analysis.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from ...core.display import Displayable
 from ...core.errors import ParameterError, UsageError
+from ...core.verdict import DO_NOT_USE
 from .reference import settings_of
 
 if TYPE_CHECKING:
+    from ...datasets import Record
+    from ...ident.physical_models.step_response import StepFit
     from ...parameters import ParameterFile
 
+FORCES = ("N", "kN")
 DISTURBANCE = 0.1  # SURF: the force undergoes random changes up to 10 %
+LARGEST_FEED = 1.5  # mm/rev: unusual beyond it in turning (judgement; plausibility ranges)
 
 
 @dataclass(slots=True, repr=False)
@@ -208,3 +213,172 @@ def _radius(tc: float, ts: float, dt: float, *, integrator: bool) -> float:
     answer = np.array([[1.0, 0, 0], [0, 1, 0], [0, -1, 1] if integrator else [1, -1, 0]])
     held = np.array([[of_servo, 0, 1 - of_servo], [between, of_process, 1 - of_process - between], [0, 0, 1]])
     return float(np.abs(np.linalg.eigvals(held @ answer)).max())
+
+
+def largest_feed(nose_radius: float | None, depth: float | None) -> tuple[float, str]:
+    """Largest feed that can form a turned surface, mm/rev, and the reason.
+
+    Above the nose radius the feed marks are no longer arcs of the nose; at a small depth the arc in cut is
+    2 sqrt(d (2 r - d)) wide, and a larger feed leaves stock between two revolutions.
+
+    Examples
+    --------
+    >>> largest_feed(0.8, 1.0)
+    (0.8, 'the nose radius of 0.8 mm')
+    >>> round(largest_feed(0.8, 0.05)[0], 3)
+    0.557
+    """
+    if nose_radius is None:
+        return LARGEST_FEED, f"{LARGEST_FEED:g} mm/rev, the largest usual in turning where no nose radius is given"
+    if depth is not None and depth < nose_radius:
+        width = 2 * math.sqrt(depth * (2 * nose_radius - depth))
+        if width < nose_radius:
+            return width, f"{width:.3g} mm, the arc of the nose radius {nose_radius:g} mm at a depth of {depth:g} mm"
+    return nose_radius, f"the nose radius of {nose_radius:g} mm"
+
+
+def ideal_roughness(feed: float, nose_radius: float) -> float:
+    """Arithmetic mean roughness of ideal feed marks, um: 1000 f^2/(18 sqrt(3) r), of parabolas of height f^2/(8 r).
+
+    Examples
+    --------
+    >>> round(ideal_roughness(0.2, 0.8), 3)
+    1.604
+    """
+    return 1000 * feed**2 / (18 * math.sqrt(3) * nose_radius)
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """What the user states of the cut, in um, mm/rev, 1/min, mm, N and s; None is derived or assumed.
+
+    Attributes
+    ----------
+    roughness, spindle_speed : float
+        Required roughness, um, and 1/min.
+    feed, depth, nose_radius, chip_thickness : float or None
+        Programmed feed, mm/rev; depth and nose radius, mm; largest chip thickness, mm.
+    threshold, wait : float or None
+        N, and s above it.
+    override, valid : (float, float) or None
+        Shares of the programmed feed; smallest and largest valid reading, N.
+    sample_time, servo_time, process_time : float or None
+        s.
+    kc, force_per_feed : float or None
+        Specific cutting force, N/mm2; or kc a, N per mm/rev.
+    conditions : mapping
+        Other factors of the force law, in its units; a level of its category as text.
+    """
+
+    roughness: float
+    spindle_speed: float
+    feed: float | None = None
+    depth: float | None = None
+    nose_radius: float | None = None
+    chip_thickness: float | None = None
+    threshold: float | None = None
+    wait: float | None = None
+    override: tuple[float, float] | None = None
+    valid: tuple[float, float] | None = None
+    sample_time: float | None = None
+    servo_time: float | None = None
+    process_time: float | None = None
+    kc: float | None = None
+    force_per_feed: float | None = None
+    conditions: Mapping[str, float | str] = field(default_factory=dict)
+
+    @property
+    def revolution(self) -> float:
+        """S."""
+        return 60.0 / self.spindle_speed
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Values from step records, None where no record has them, each with its source.
+
+    Attributes
+    ----------
+    servo_time, process_time : float or None
+        s.
+    force_per_feed : float or None
+        N per mm/rev.
+    sources : dict of str
+        By the fields of the section.
+    """
+
+    servo_time: float | None = None
+    process_time: float | None = None
+    force_per_feed: float | None = None
+    sources: dict[str, str] = field(default_factory=dict)
+
+
+def measured_from(records: "Sequence[Record]", cut: Cut) -> Measured:
+    """Time constants of servo and process, and kc a, from recorded steps of the feed command.
+
+    A record whose output is a force shows servo and process in a row, two lags; any other one the servo alone, whose
+    time constant is the time to 63.2 % of the step, delay included.
+
+    Raises
+    ------
+    UsageError
+        Two records of one kind, a response that falls when the feed rises, one that oscillates, or a poor fit.
+    """
+    from ...ident.physical_models.step_response import step_response_fit
+
+    found, kinds = Measured(), set()
+    for rec in sorted(records, key=lambda one: one.unit_y in FORCES):  # the servo first: it tells the lags apart
+        of_force = rec.unit_y in FORCES
+        if of_force in kinds:
+            raise UsageError(f"two steps of the {'force' if of_force else 'servo'}: give one record of each.")
+        kinds.add(of_force)
+        fit = step_response_fit(rec, 2 if of_force else 1)
+        name = f"step record {rec.source or rec.output}"
+        if not fit.gain > 0:
+            raise UsageError(
+                f"{name}: the {rec.output} falls as the {rec.input} rises (gain {fit.gain:.4g}); check the sign of the "
+                "sensor and which column is the command (--input, --output)."
+            )
+        if fit.verdict.level == DO_NOT_USE:
+            raise UsageError(f"{name}: {' '.join(fit.verdict.reasons)}")
+        words = f"{name}, fit {fit.fit:.1f} %"
+        found = _of_force(found, fit, words, cut) if of_force else _of_servo(found, fit, words)
+    return found
+
+
+def _of_servo(found: Measured, fit: "StepFit", words: str) -> Measured:
+    time = fit.time_to_63
+    source = f"time to 63.2 % of the step, delay {fit.delay:.3g} s included; {words}"
+    return replace(found, servo_time=time, sources={**found.sources, "servo_time": source})
+
+
+def _of_force(found: Measured, fit: "StepFit", words: str, cut: Cut) -> Measured:
+    lags = fit.time_constants
+    if not lags:
+        raise UsageError(f"{words}: the force oscillates (damping {fit.shape[1]:.2g}), which two lags cannot.")
+    known = cut.servo_time if cut.servo_time is not None else found.servo_time
+    near = cut.revolution if known is None else known
+    first, second = sorted(lags, key=lambda lag: abs(math.log(lag / near)))
+    servo, process = (second, first) if known is None else (first, second)
+    process += fit.delay
+    told = "the one nearer one revolution" if known is None else "the one farther from that of the servo"
+    of_process = f"{told} of the lags {lags[0]:.3g} and {lags[1]:.3g} s, delay {fit.delay:.3g} s included; {words}"
+    sources = {**found.sources, "process_time": of_process}
+    if known is None:
+        sources["servo_time"] = f"the lag farther from one revolution; {words}"
+    gain = _per_revolution(fit, cut)
+    if gain is not None:
+        sources["force_per_feed"] = f"gain of the {words}"
+    return Measured(servo if known is None else found.servo_time, process, gain, sources)
+
+
+def _per_revolution(fit: "StepFit", cut: Cut) -> float | None:
+    """Gain of a force record, N per mm/rev; None where its command is no feed."""
+    from ...datasets.units import convert, same_dimension
+
+    newton = fit.gain * float(convert(np.array([1.0]), fit.unit_y, "N")[0])
+    if fit.unit_u == "mm/rev":
+        return newton
+    if fit.unit_u and same_dimension(fit.unit_u, "mm/min"):
+        return newton * cut.spindle_speed / float(convert(np.array([1.0]), fit.unit_u, "mm/min")[0])
+    return None

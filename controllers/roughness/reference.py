@@ -7,8 +7,13 @@ Both are reconstructions. They differ by 30 N at Ra 1.0 um: the table prints 448
 """
 
 import math
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
+from ...core.arrays import Array
 from ...core.errors import ParameterError, UsageError
 
 if TYPE_CHECKING:
@@ -28,7 +33,7 @@ def settings_of(pf: "ParameterFile") -> "RoughnessSection":
     """
     section = pf.roughness
     if section is None:
-        raise ParameterError("The file has no roughness section; add it with collect(roughness=...).")
+        raise ParameterError("The file has no roughness section; add it with `fitmodels roughness`.")
     law = law_of(pf)
     units = section.unit_roughness, section.unit_force, section.unit_feed, law.unit, law.factors[0].unit
     if units != ("um", "N", "mm/rev", "um", "N"):
@@ -108,3 +113,187 @@ def reference_force(pf: "ParameterFile", roughness: float | None = None, force_f
             f"{section.threshold:g} N; choose a rougher surface, or lower the threshold."
         )
     return F
+
+
+@dataclass(frozen=True, slots=True)
+class ForceOfRoughness:
+    """Force that gives a roughness by the inverse of the law, with its confidence interval.
+
+    Attributes
+    ----------
+    value : float
+        N.
+    low, high : float or None
+        Fieller's interval, N; None where it is not known, with the ``reason``. An end may be infinite.
+    level : float
+    reason : str
+    """
+
+    value: float
+    low: float | None
+    high: float | None
+    level: float
+    reason: str = ""
+
+
+def inverse_force(law: "LawSection", roughness: float, level: float = 0.95) -> ForceOfRoughness:
+    """Inverse of Ra = a exp(b F) at a roughness, um, with Fieller's interval from the covariance of the law.
+
+    Raises
+    ------
+    UsageError
+        The roughness is not above the one at zero force.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> round(inverse_force(published("SURF").laws["Ra"], 1.6).value, 1)
+    557.9
+    """
+    from scipy.stats import t
+
+    from ...core.intervals import fieller
+
+    a, b = law.coefficients["a"], law.coefficients["b"]
+    if not roughness > a:
+        raise UsageError(
+            f"roughness {roughness:g} um: by {law.equation} it is {a:.4g} um at a force of 0, and no force gives less; "
+            "ask for a rougher surface, or fit a law to tests of finer ones."
+        )
+    value, C = math.log(roughness / a) / b, law.uncertainty
+    if C.kind == "none":
+        return ForceOfRoughness(value, None, None, level, C.reason)
+    i, j = C.of.index("ln a"), C.of.index("b")
+    moments = C.matrix[i][i], C.matrix[i][j], C.matrix[j][j]
+    quantile = float(t.ppf(0.5 + level / 2, C.df))
+    found = fieller(math.log(a) - math.log(roughness), b, moments, quantile)
+    return ForceOfRoughness(value, found.low, found.high, level)
+
+
+def regression_of_law(law: "LawSection") -> tuple[float, float]:
+    """Constant and slope of least squares of F on ln Ra over the tests of a law, from the law alone, N.
+
+    A law of n independent rows with s and var(b) holds Sxx = s^2/var(b), the mean force -cov(ln a, b)/var(b), and
+    Syy = b^2 Sxx + df s^2, so that the slope of the other regression is b Sxx/Syy. Exact, no approximation.
+
+    Raises
+    ------
+    ParameterError
+        The covariance is not that of independent rows, or its errors are additive.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit, parameters
+    >>> law = fit.exponential_law(datasets.bundled("surf_table1"), "Ra", "F")
+    >>> pf = parameters.collect(laws=[law])
+    >>> [round(value) for value in regression_of_law(pf.laws["Ra"])]
+    [458, 259]
+    """
+    C = law.uncertainty
+    if C.kind == "none" or "independent" not in C.method or law.error != "multiplicative" or C.df != law.n - 2:
+        raise ParameterError(
+            "the regression of force on ln Ra does not follow from the law, whose covariance is not that of "
+            "independent rows; give the tests with --data."
+        )
+    i, j = C.of.index("ln a"), C.of.index("b")
+    b, of_b, both = law.coefficients["b"], C.matrix[j][j], C.matrix[i][j]
+    mean_force = -both / of_b
+    slope = b / (b * b + C.df * of_b)  # b Sxx / (b^2 Sxx + df s^2), times s^2/var(b) above and below
+    return mean_force - slope * (math.log(law.coefficients["a"]) + b * mean_force), slope
+
+
+def regression_of_tests(force: Array, roughness: Array) -> tuple[float, float]:
+    """Constant and slope of least squares of force (n,), N, on ln of roughness (n,), um.
+
+    Raises
+    ------
+    UsageError
+        Fewer than three tests, one roughness alone, or a force that falls as the roughness rises.
+
+    Examples
+    --------
+    >>> [round(value) for value in regression_of_tests(np.array([450.0, 630.0, 655.0]), np.array([1.0, 2.0, 2.2]))]
+    [450, 260]
+    """
+    held = np.isfinite(force) & np.isfinite(roughness) & (roughness > 0)
+    x, y = np.log(roughness[held]), force[held]
+    if len(x) < 3 or not np.ptp(x) > 0:
+        raise UsageError(f"{len(x)} tests with force and roughness: the regression needs 3 of different roughness.")
+    slope, constant = np.polyfit(x, y, 1)
+    if not slope > 0:
+        raise UsageError(
+            f"the regression of force on ln Ra falls by {-slope:.4g} N: a roughness that falls with force cannot be "
+            "controlled by it; check the columns of force and roughness."
+        )
+    return float(constant), float(slope)
+
+
+def force_law_of(pf: "ParameterFile", symbol: str, name: str | None = None) -> "LawSection | None":
+    """Law of a force on feed, in N and mm/rev: that of a symbol, or the one named; None where the file has none.
+
+    Raises
+    ------
+    ParameterError
+        The law that was named does not exist, is not in N, or has no feed.
+    """
+    law = pf.laws.get(symbol if name is None else name)
+    on_feed = law is not None and any((one.symbol, one.unit) == ("f", "mm/rev") for one in law.factors)
+    if law is not None and law.unit == "N" and on_feed:
+        return law
+    if name is not None:
+        held = "no such law" if law is None else f"the law {law.equation} in {law.unit}"
+        raise ParameterError(
+            f"force law {name[:40]}: the file has {held}; a force law is in N, on the feed f in mm/rev."
+        )
+    return None
+
+
+def force_at(law: "LawSection", feed: float, depth: float | None, conditions: "Mapping[str, float | str]") -> float:
+    """Force by a law at a feed, mm/rev, and a depth, mm, N; ``conditions`` are its other factors.
+
+    Raises
+    ------
+    UsageError
+        A factor of the law is not given.
+    """
+    known: dict[str, Any] = {**conditions, "f": feed} | ({} if depth is None else {"d": depth})
+    units = {factor.symbol: factor.unit for factor in law.factors}
+    names = [*units, *([] if law.by is None else [law.by.column])]
+    if missing := [name for name in names if name not in known]:
+        words = " ".join(f"{name}=...{units.get(name, '')}" for name in missing)
+        raise UsageError(f"the force law {law.equation} needs {', '.join(missing)}; add {words}, or give kc a itself.")
+    return float(law.values({name: known[name] for name in names}))
+
+
+def tested_feeds(pf: "ParameterFile", force_law: "LawSection | None") -> tuple[float, float] | None:
+    """Lowest and highest feed of the tests of a file, mm/rev; None where it states none."""
+    of_law = () if force_law is None else force_law.factors
+    for factor in (*of_law, *(() if pf.design is None else pf.design.factors)):
+        if (factor.symbol, factor.unit) == ("f", "mm/rev"):
+            return factor.low, factor.high
+    return None
+
+
+def roughness_law(pf: "ParameterFile", name: str | None = None) -> str:
+    """Response of the law Ra = a exp(b F) of a file.
+
+    Raises
+    ------
+    ParameterError
+        There is none of that form that rises with force, in um and N, or there are several.
+    """
+    fitting = [
+        response for response, law in pf.laws.items()
+        if law.form == "exponential" and len(law.factors) == 1 and law.by is None
+        and (law.unit, law.factors[0].unit) == ("um", "N") and law.coefficients["b"] > 0
+    ]  # fmt: skip
+    wanted = fitting if name is None else [name] if name in fitting else []
+    if len(wanted) == 1:
+        return wanted[0]
+    if len(wanted) > 1:
+        raise ParameterError(f"the file has laws of {', '.join(wanted)} on force; choose one with --law.")
+    remedy = "fit one with `fitmodels FILE --law 'Ra ~ F' --form Ra=exponential`."
+    form = "Ra = a exp(b F) that rises with force, in um and N"
+    if name in pf.laws:
+        raise ParameterError(f"the law {pf.laws[name].equation} is not {form}; {remedy}")
+    raise ParameterError(f"the file has no law {'' if name is None else f'{name[:40]} '}of the form {form}; {remedy}")

@@ -1,0 +1,389 @@
+"""Settings of control at constant roughness from what a parameter file, a step record and the user state.
+
+Every value is given, derived or assumed, and its origin is a sentence in ``sources`` of the section.
+
+    reference force    inverse of the law Ra = a exp(b F), or regression of force on ln Ra           `reference`
+    kc a               F/f of the file's force law at the programmed feed, kc times depth, or the gain of a record
+    servo, process     time constants of a step record, or given; the process otherwise one revolution
+    override           tested feeds over the programmed one, at most 150 % as in SURF
+
+A feed beyond 1.5 times the tested ones needs a reason, and no feed lies above what the nose radius can form.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from ...core.errors import ParameterError, UsageError
+from ...parameters.sections.force_control import RoughnessSection
+from .controller import FLOOR
+from .plant import Cut, Measured, ideal_roughness, largest_feed, loop_theory
+from .reference import (
+    ForceOfRoughness,
+    Reading,
+    force_at,
+    force_law_of,
+    inverse_force,
+    regression_of_law,
+    roughness_law,
+    tested_feeds,
+)
+
+if TYPE_CHECKING:
+    from ...parameters import LawSection, ParameterFile
+
+OVERRIDE: Final = 1.5  # of the programmed feed: the highest of SURF's lathe
+BEYOND: Final = 1.5  # times the largest tested feed, beyond which a reason is needed
+SAMPLE: Final = 0.01  # s, SURF
+SLOWEST_SAMPLE: Final = 0.5  # of the shorter time constant: a longer sample time is refused
+REVOLUTIONS: Final = 3.0  # above the threshold before the law acts
+OF_LOWEST: Final = 0.5  # of the force at the lower feed limit: the threshold
+OF_REFERENCE: Final = 0.2  # of the reference: the highest threshold that is assumed
+LARGEST_READING: Final = 5.0  # times the largest force expected: a larger reading is invalid
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """Laws and readings to derive with.
+
+    Attributes
+    ----------
+    law, force_law : str or None
+        Responses of the roughness law and of the force law; None: the only ones that fit.
+    force_from : {"inverse", "regression"}
+    regression : (float, float) or None
+        Constant and slope of force on ln Ra from tests, N, with ``regression_of``; None: from the law.
+    level : float
+        Of the interval of the reference force.
+    beyond_tests : str
+        Reason why feeds or forces beyond the tests are accepted; empty: they are not.
+    """
+
+    law: str | None = None
+    force_law: str | None = None
+    force_from: Reading = "inverse"
+    regression: tuple[float, float] | None = None
+    regression_of: str = ""
+    level: float = 0.95
+    beyond_tests: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DerivedSettings:
+    """A roughness section, both readings of its reference force, and remarks.
+
+    Attributes
+    ----------
+    section : RoughnessSection
+    inverse : ForceOfRoughness
+    regression : float or None
+        N, by the regression; None with ``no_regression``.
+    remarks : tuple of str
+        Sentences on limits, extrapolation and the loop.
+    laws : tuple of str
+        Responses of the laws that were used.
+    """
+
+    section: RoughnessSection
+    inverse: ForceOfRoughness
+    regression: float | None
+    no_regression: str
+    remarks: tuple[str, ...]
+    laws: tuple[str, ...]
+
+
+def derived_settings(pf: "ParameterFile", cut: Cut, measured: Measured, chosen: Choices) -> DerivedSettings:
+    """Derive the roughness section of a file.
+
+    Raises
+    ------
+    UsageError
+        A value is missing and cannot be derived, or lies beyond the tests, the nose radius or the sampling of the loop.
+    ParameterError
+        The file has no law of roughness on force, or no force law.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit, parameters
+    >>> Ra = fit.exponential_law(datasets.bundled("surf_table1"), "Ra", "F")
+    >>> F = fit.power_law(datasets.bundled("surf_table1"), "F", ["f"])
+    >>> pf = parameters.collect(laws=[Ra, F])
+    >>> found = derived_settings(pf, Cut(1.6, 610.0, feed=0.2, servo_time=0.13), Measured(), Choices())
+    >>> section = found.section
+    >>> round(section.force), round(section.force_per_feed), round(section.process_time, 3), section.override_high
+    (580, 2878, 0.098, 1.4)
+    """
+    name = roughness_law(pf, chosen.law)
+    draft = _Draft(pf, cut, measured, chosen, pf.laws[name])
+    draft.values["law"] = name
+    draft.reference()
+    draft.cutting()
+    draft.limits()
+    draft.threshold()
+    draft.times()
+    return draft.finished()
+
+
+class _Draft:
+    """Values of the section with their sources, completed step by step."""
+
+    def __init__(self, pf: "ParameterFile", cut: Cut, measured: Measured, chosen: Choices, law: "LawSection") -> None:
+        self.cut, self.measured, self.chosen, self.law = cut, measured, chosen, law
+        self.force_law = force_law_of(pf, law.factors[0].symbol, chosen.force_law)
+        self.tested = tested_feeds(pf, self.force_law)
+        self.values: dict[str, Any] = {}
+        self.sources: dict[str, str] = {}
+        self.remarks: list[str] = []
+        self.notes: list[str] = []
+        self.inverse = inverse_force(law, cut.roughness, chosen.level)
+        self.regression, self.no_regression = self._regression()
+
+    def put(self, name: str, value: object, source: str) -> None:
+        self.values[name], self.sources[name] = value, source
+
+    def note(self, words: str) -> None:
+        self.remarks.append(words)
+        self.notes.append(words)
+
+    def beyond(self, words: str, remedy: str) -> None:
+        """Refuse what lies beyond the tests, or record it with the reason that accepts it."""
+        if not self.chosen.beyond_tests:
+            raise UsageError(f"{words} {remedy}, or accept it with --beyond-tests and a reason.")
+        self.note(f"EXTRAPOLATED: {words} Accepted: {self.chosen.beyond_tests}.")
+
+    def _regression(self) -> tuple[float | None, str]:
+        try:
+            constant, slope = self.chosen.regression or regression_of_law(self.law)
+        except ParameterError as error:
+            return None, str(error)
+        force = constant + slope * math.log(self.cut.roughness)
+        if not force > 0:
+            return None, f"the regression of force on ln Ra gives {force:.4g} N at {self.cut.roughness:g} um."
+        own = f"least squares over the {self.law.n} tests of {self.law.equation}, from the covariance of the law"
+        self.put("regression", {"constant": constant, "slope": slope}, self.chosen.regression_of or own)
+        return force, ""
+
+    def reference(self) -> None:
+        """Required roughness, and the reference force by the reading that was chosen."""
+        cut, reading, law = self.cut, self.chosen.force_from, self.law
+        self.put("roughness", cut.roughness, "given")
+        if reading == "inverse":
+            force, source = self.inverse.value, f"inverse of {law.equation} at {cut.roughness:g} um"
+        elif self.regression is not None:
+            force, source = self.regression, f"regression of force on ln Ra at {cut.roughness:g} um"
+        else:
+            raise UsageError(f"--force-from regression: {self.no_regression}")
+        self.put("force", force, source)
+        self.values["force_from"] = reading
+        factor = law.factors[0]
+        tests = f"tests of {law.response}, {factor.low:.4g} to {factor.high:.4g} N"
+        if force > factor.high * (1 + 1e-9):
+            self.beyond(f"The reference force {force:.4g} N lies above the {tests}.", "Ask for a finer surface")
+        elif force < factor.low * (1 - 1e-9):
+            self.note(f"EXTRAPOLATED: the reference force {force:.4g} N lies below the {tests}.")
+
+    def cutting(self) -> None:
+        """Spindle speed, depth, nose radius, programmed feed, and kc a at it."""
+        cut = self.cut
+        for name in ("spindle_speed", "depth", "nose_radius", "chip_thickness"):
+            if (value := getattr(cut, name)) is not None:
+                self.put(name, value, "given")
+        self.put("feed", *((cut.feed, "given") if cut.feed is not None else self._feed_of_reference()))
+        self.put("force_per_feed", *self._force_per_feed(self.values["feed"]))
+        recorded, used = self.measured.force_per_feed, self.values["force_per_feed"]
+        if recorded is not None and recorded != used:
+            words = f"The step record gives kc a {recorded:.4g} N per mm/rev, {recorded / used:.3g} times the one used."
+            self.remarks.append(words)
+
+    def force(self, feed: float) -> float:
+        """Force at a feed, N, by the force law, or by kc a where there is none."""
+        if self.force_law is None or self.cut.force_per_feed is not None or self.cut.kc is not None:
+            return float(self.values["force_per_feed"]) * feed
+        return force_at(self.force_law, feed, self.cut.depth, self.cut.conditions)
+
+    def _feed_of_reference(self) -> tuple[float, str]:
+        """Feed at which the force law gives the reference force, inside the tests, rounded down to 0.001 mm/rev."""
+        from scipy.optimize import brentq
+
+        law, wanted, remedy = self.force_law, self.values["force"], "give feed=0.2mm/rev."
+        if law is None or self.tested is None:
+            raise UsageError(f"the programmed feed is missing, and the file has no force law to derive it; {remedy}")
+        low, high = self.tested
+        ends = [force_at(law, feed, self.cut.depth, self.cut.conditions) for feed in (low, high)]
+        if not ends[0] <= wanted <= ends[1]:
+            raise UsageError(
+                f"the programmed feed is missing, and by {law.equation} no tested feed ({low:g} to {high:g} mm/rev: "
+                f"{ends[0]:.4g} to {ends[1]:.4g} N) gives the reference force {wanted:.4g} N; {remedy}"
+            )
+        exact = brentq(lambda f: force_at(law, f, self.cut.depth, self.cut.conditions) - wanted, low, high)
+        feed = max(math.floor(1000 * float(exact) + 1e-9) / 1000, low)
+        return feed, f"feed of the reference force by {law.equation}, rounded down to 0.001 mm/rev"
+
+    def _force_per_feed(self, feed: float) -> tuple[float, str]:
+        """Kc a, N per mm/rev: given, of the force law, or of a record."""
+        cut, law, recorded = self.cut, self.force_law, self.measured.force_per_feed
+        if cut.force_per_feed is not None:
+            return cut.force_per_feed, "given"
+        if cut.kc is not None:
+            if cut.depth is None:
+                raise UsageError(f"kc={cut.kc:g}N/mm2: kc a is kc times the depth of cut; add depth=1mm.")
+            return cut.kc * cut.depth, f"kc {cut.kc:g} N/mm2, given, times the depth {cut.depth:g} mm"
+        if law is not None:
+            held = {**({} if cut.depth is None else {"d": cut.depth}), **cut.conditions}
+            at = "".join(f", {one.symbol} {held[one.symbol]:g} {one.unit}" for one in law.factors if one.symbol in held)
+            return self.force(feed) / feed, f"F/f of {law.equation} at f {feed:g} mm/rev{at}"
+        if recorded is not None:
+            return recorded, self.measured.sources["force_per_feed"]
+        symbol = self.law.factors[0].symbol
+        raise UsageError(
+            f"kc a is not known: the file has no law of {symbol} on feed. Fit one with --law '{symbol} ~ f, d', or "
+            "give kc=2500N/mm2 and depth=1mm, or a step of the feed with the force by --step."
+        )
+
+    def limits(self) -> None:
+        """Override range: given, or from the tests; no feed beyond them without a reason, none that cannot cut."""
+        cut, feed, tested = self.cut, self.values["feed"], self.tested
+        formed, why = largest_feed(cut.nose_radius, cut.depth)
+        low, high = cut.override or self._tested_override(feed, formed)
+        if cut.override is not None:
+            self.put("override_low", low, "given")
+            self.put("override_high", high, "given")
+        highest = high * feed
+        if highest > formed * (1 + 1e-9) or feed > formed * (1 + 1e-9):
+            raise UsageError(
+                f"a feed up to {max(highest, feed):.4g} mm/rev ({high:.4g} times {feed:g}) is above {why}: such a feed "
+                "cannot form the surface. Lower the feed or the override."
+            )
+        if tested is None:
+            words = (
+                f"The upper feed {highest:.4g} mm/rev is {high:.4g} times the programmed one; no tests of it are known."
+            )
+            if high > BEYOND * (1 + 1e-9):
+                self.beyond(words, f"Give an override of at most {100 * BEYOND:g} %")
+        else:
+            top = max(highest, feed)
+            words = (
+                f"The upper feed {top:.4g} mm/rev lies above the tested feeds, {tested[0]:g} to {tested[1]:g} mm/rev."
+            )
+            if top > BEYOND * tested[1] * (1 + 1e-9):
+                self.beyond(words, f"Stay within {BEYOND:g} times the tests")
+            elif top > tested[1] * (1 + 1e-9):
+                self.note(f"EXTRAPOLATED: {words}")
+
+    def _tested_override(self, feed: float, formed: float) -> tuple[float, float]:
+        """Override range of the tested feeds, at most 150 % and what the nose forms; its values are put."""
+        low, high, of_low = FLOOR, OVERRIDE, f"{100 * FLOOR:g} % of the programmed feed, assumed"
+        of_high = f"{100 * OVERRIDE:g} % of the programmed feed, assumed as in SURF"
+        if self.tested is not None:
+            tests = "tested feed over the programmed one"
+            if FLOOR < self.tested[0] / feed < 1:
+                low, of_low = self.tested[0] / feed, f"smallest {tests}, {self.tested[0]:g} over {feed:g} mm/rev"
+            if self.tested[1] / feed < high:
+                high = max(self.tested[1] / feed, 1.0)
+                of_high = f"largest {tests}, {self.tested[1]:g} over {feed:g} mm/rev"
+        if formed / feed < high:
+            high, of_high = formed / feed, f"largest feed by {largest_feed(self.cut.nose_radius, self.cut.depth)[1]}"
+        self.put("override_low", float(f"{low:.12g}"), of_low)
+        self.put("override_high", float(f"{high:.12g}"), of_high)
+        return self.values["override_low"], self.values["override_high"]
+
+    def threshold(self) -> None:
+        """Force of a cut, and the valid readings."""
+        cut, reference = self.cut, self.values["force"]
+        lowest = self.force(self.values["override_low"] * self.values["feed"] or FLOOR * self.values["feed"])
+        highest = self.force(self.values["override_high"] * self.values["feed"])
+        if lowest > reference:
+            words = f"At the lower feed limit the force is {lowest:.4g} N, above the reference {reference:.4g} N: the "
+            self.note(f"{words}required roughness is not reached there.")
+        if cut.threshold is not None:
+            self.put("threshold", cut.threshold, "given")
+        elif OF_LOWEST * lowest < OF_REFERENCE * reference:
+            words = f"{100 * OF_LOWEST:g} % of the force at the lower feed limit, {lowest:.4g} N, assumed"
+            self.put("threshold", _down(OF_LOWEST * lowest), words)
+        else:
+            self.put(
+                "threshold", _down(OF_REFERENCE * reference), f"{100 * OF_REFERENCE:g} % of the reference, assumed"
+            )
+        if not self.values["threshold"] < reference:
+            raise UsageError(
+                f"threshold={cut.threshold:g}N is not below the reference force {reference:.4g} N: the control would "
+                "never act; lower it."
+            )
+        if self.values["threshold"] >= lowest:
+            words = f"At the lower feed limit the force is {lowest:.4g} N, not above the threshold: the control takes "
+            self.note(f"{words}the cut for air there; lower the threshold or raise the lower limit.")
+        margin = max(self.values["threshold"], 0.1 * reference)
+        usual = -_down(margin), _down(LARGEST_READING * max(reference, highest))
+        low, high = cut.valid or usual
+        if not low < self.values["threshold"] < reference < high:
+            raise UsageError(
+                f"valid={low:g}:{high:g}N: valid readings enclose the threshold {self.values['threshold']:g} N and the "
+                f"reference {reference:.4g} N; widen the range."
+            )
+        assumed = f"{LARGEST_READING:g} times the largest force expected, {max(reference, highest):.4g} N, assumed"
+        given = cut.valid is not None
+        self.put("force_low", low, "given" if given else "a drift of the zero below the threshold, assumed")
+        self.put("force_high", high, "given" if given else assumed)
+
+    def times(self) -> None:
+        """Time constants, sample time and the wait above the threshold."""
+        cut, measured = self.cut, self.measured
+        for name, given in (("servo_time", cut.servo_time), ("process_time", cut.process_time)):
+            recorded = getattr(measured, name)
+            if given is not None:
+                self.put(name, given, "given")
+            elif recorded is not None:
+                self.put(name, recorded, measured.sources[name])
+        if "servo_time" not in self.values:
+            raise UsageError(
+                "the time constant of the feed servo is missing; give servo=0.13s, or a recorded step of the feed by "
+                "--step step.csv."
+            )
+        if "process_time" not in self.values:
+            self.put("process_time", cut.revolution, f"one revolution at {cut.spindle_speed:g} 1/min, assumed")
+        shorter = min(self.values["servo_time"], self.values["process_time"])
+        if cut.sample_time is not None:
+            self.put("sample_time", cut.sample_time, "given")
+        else:
+            own = _down(shorter / 5)
+            words = "a fifth of the shorter time constant" if own < SAMPLE else "as in SURF"
+            self.put("sample_time", min(own, SAMPLE), f"{words}, assumed")
+        if not self.values["sample_time"] <= SLOWEST_SAMPLE * shorter:
+            raise UsageError(
+                f"sample={self.values['sample_time']:g}s: the shorter time constant of servo and process is "
+                f"{shorter:.4g} s, and the force must be sampled at least every {SLOWEST_SAMPLE * shorter:.3g} s."
+            )
+        wait = REVOLUTIONS * cut.revolution
+        given_wait = (wait, f"{REVOLUTIONS:g} revolutions, assumed") if cut.wait is None else (cut.wait, "given")
+        self.put("threshold_time", *given_wait)
+
+    def finished(self) -> DerivedSettings:
+        """The section with its sources; remarks on loop and geometry."""
+        v, cut = self.values, self.cut
+        loop = loop_theory(v["process_time"], v["servo_time"], v["sample_time"])
+        self.remarks.append(
+            f"Loop: damping {loop.damping:.2g}; force changes slower than {loop.crossover:.2g} Hz are attenuated, "
+            f"faster ones amplified up to {loop.enlarged:.2g} times; largest sampled pole {loop.servo_radius:.3g}."
+        )
+        if cut.nose_radius is not None:
+            ideal = ideal_roughness(v["feed"], cut.nose_radius)
+            self.remarks.append(
+                f"Ideal feed marks at {v['feed']:g} mm/rev and nose radius {cut.nose_radius:g} mm: Ra {ideal:.3g} um."
+            )
+            if ideal > BEYOND * cut.roughness:
+                self.note(f"Geometry alone gives Ra {ideal:.3g} um at the programmed feed, more than is required.")
+        section = RoughnessSection(**v, sources=self.sources, notes=tuple(self.notes))
+        laws = v["law"], *(() if self.force_law is None else (self.force_law.response,))
+        return DerivedSettings(
+            section, self.inverse, self.regression, self.no_regression, tuple(self.remarks), tuple(dict.fromkeys(laws))
+        )
+
+
+def _down(value: float) -> float:
+    """A number rounded down to two digits.
+
+    >>> _down(56.9), _down(0.01976)
+    (56.0, 0.019)
+    """
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.floor(value / step + 1e-9) * step:.12g}")

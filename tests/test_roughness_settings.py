@@ -1,0 +1,293 @@
+"""``fitmodels roughness``: reference force by both readings, kc a, time constants, limits; each value with its origin.
+
+References: numpy's least squares on the tests themselves, SURF's Table 1 and text (0.13 s, 610 rpm, 0 to 150 %),
+geometry of feed marks computed from a drawn profile; ill-posed input is refused and nothing is written.
+"""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from fitmodels import datasets, fit, parameters
+from fitmodels.cli import main
+from fitmodels.controllers.roughness.plant import ideal_roughness, largest_feed, loop_theory
+from fitmodels.controllers.roughness.reference import inverse_force, regression_of_law
+
+GIVEN = ("Ra=1.6um", "n=610rpm", "f=0.2mm/rev", "servo=0.13s")
+TABLE = datasets.bundled("surf_table1")
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory):
+    """A parameter file of Table 1: Ra on F, and F on f."""
+    laws = [fit.exponential_law(TABLE, "Ra", "F"), fit.power_law(TABLE, "F", ["f"])]
+    path = tmp_path_factory.mktemp("surf") / "params.json"
+    parameters.write(parameters.collect(laws=laws, simulated=True), path)
+    return path
+
+
+@pytest.fixture
+def params(source, tmp_path):
+    path = tmp_path / "params.json"
+    path.write_bytes(source.read_bytes())
+    return path
+
+
+def settings(params, *words):
+    assert main(["roughness", str(params), *words, "--quiet"]) == 0
+    return parameters.read(params).roughness
+
+
+def refused(params, capsys, *words):
+    """The message of a refusal, which leaves the file as it was."""
+    before = params.read_bytes()
+    assert main(["roughness", str(params), *words]) in (2, 3)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "Traceback" not in err
+    assert params.read_bytes() == before
+    return err
+
+
+def step(path, unit, response, rate=100):
+    """A record of two steps of the feed command, up at 1 s and down at 4 s, from 0.1 to 0.2 mm/rev."""
+    t = np.arange(7 * rate) / rate
+    u = np.where((t >= 1) & (t < 4), 0.2, 0.1)
+    up, down = (response(np.maximum(t - at, 0)) * (t >= at) for at in (1, 4))
+    y = 0.1 * response(np.full(1, np.inf))[0] + 0.1 * (up - down)
+    y += 0.002 * np.abs(y).max() * np.random.default_rng(5).standard_normal(t.size)
+    rows = [f"{a:.3f},{b:.3f},{c:.5f}" for a, b, c in zip(t, u, y, strict=True)]
+    path.write_text(f"# simulated\ntime [s],command [mm/rev],measured [{unit}]\n" + "\n".join(rows) + "\n", "utf-8")
+    return str(path)
+
+
+def servo(gain=1.0, ts=0.13):
+    return lambda t: gain * -np.expm1(-t / ts)
+
+
+def force(gain=2800.0, tc=0.3, ts=0.08):
+    return lambda t: gain * (1 - (tc * np.exp(-t / tc) - ts * np.exp(-t / ts)) / (tc - ts))
+
+
+# --- reference force ------------------------------------------------------------------------------------
+
+
+def test_reference_force_by_both_readings_equals_least_squares_of_the_tests(params):
+    runs = datasets.read_runs(TABLE).data
+    F, ln_Ra = runs["F"].to_numpy(), np.log(runs["Ra"].to_numpy())
+    b, ln_a = np.polyfit(F, ln_Ra, 1)
+    slope, constant = np.polyfit(ln_Ra, F, 1)
+    section = settings(params, *GIVEN)
+    assert section.force == pytest.approx((math.log(1.6) - ln_a) / b, rel=1e-9)
+    assert section.regression.slope == pytest.approx(slope, rel=1e-7)
+    assert section.regression.constant == pytest.approx(constant, rel=1e-7)
+    other = settings(params, *GIVEN, "--force-from", "regression", "--force")
+    assert other.force == pytest.approx(constant + slope * math.log(1.6), rel=1e-7)
+    assert other.force_from == "regression"
+
+
+def test_regression_on_the_required_roughness_is_that_of_the_paper(params):
+    section = settings(params, *GIVEN, "--data", str(TABLE), "--map", "Ra=Ra_ref")
+    assert (round(section.regression.constant, -1), round(section.regression.slope, -1)) == (450, 260)
+    assert "Ra_ref" in section.sources["regression"]
+
+
+def test_interval_of_the_reference_force_holds_its_level(source):
+    law, rng, F, inside = parameters.read(source).laws["Ra"], np.random.default_rng(7), np.linspace(450, 750, 12), 0
+    X = np.column_stack([np.ones(F.size), F])
+    for _ in range(1000):
+        ln_Ra = math.log(0.1725) + 0.003844 * F + 0.1 * rng.standard_normal(F.size)
+        (ln_a, b), rss, *_ = np.linalg.lstsq(X, ln_Ra, rcond=None)
+        matrix = (rss[0] / 10 * np.linalg.inv(X.T @ X)).tolist()
+        C = law.uncertainty.model_copy(update={"matrix": matrix, "df": 10})
+        drawn = law.model_copy(update={"coefficients": {"a": math.exp(ln_a), "b": b}, "uncertainty": C})
+        found = inverse_force(drawn, 1.6)
+        inside += found.low < math.log(1.6 / 0.1725) / 0.003844 < found.high
+    assert inside / 1000 == pytest.approx(0.95, abs=0.02)  # three of its standard errors
+
+
+def test_regression_through_the_covariance_equals_that_of_noisy_tests():
+    rng, F = np.random.default_rng(3), np.linspace(300, 900, 20)
+    Ra = 0.24 * np.exp(0.0034 * F + 0.2 * rng.standard_normal(F.size))
+    runs = datasets.runs_from_frame(pd.DataFrame({"F": F, "Ra": Ra}), units={"F": "N", "Ra": "um"})
+    law = parameters.collect(laws=[fit.exponential_law(runs, "Ra", "F")]).laws["Ra"]
+    slope, constant = np.polyfit(np.log(Ra), F, 1)
+    assert regression_of_law(law) == pytest.approx((constant, slope), rel=1e-6)
+
+
+# --- values derived, with their origin ------------------------------------------------------------------
+
+
+def test_each_value_has_an_origin_and_is_printed_with_it(params, capsys):
+    assert main(["roughness", str(params), *GIVEN, "d=1mm", "r=0.8mm"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    section = parameters.read(params).roughness
+    unsourced = {"law", "force_from", "sources", "notes", "unit_roughness", "unit_force", "unit_feed", "unit_depth"}
+    held = {name for name, value in section if value not in (None, ())} - unsourced
+    assert held == set(section.sources)
+    for name in held - {"regression"}:
+        assert section.sources[name] in text
+    assert "Programmed feed 0.2 mm/rev (given)" in text
+    assert section.process_time == pytest.approx(60 / 610)
+    assert "one revolution" in section.sources["process_time"]
+    law = parameters.read(params).laws["F"]
+    assert section.force_per_feed == pytest.approx(float(law.values(f=0.2)) / 0.2)
+    assert (section.override_low, section.override_high) == pytest.approx((0.75, 1.4))  # tested 0.15 to 0.28 mm/rev
+
+
+def test_the_file_replays_and_the_command_is_recorded(params, capsys):
+    settings(params, *GIVEN)
+    assert "fitmodels roughness" in parameters.read(params).provenance.then[-1]
+    capsys.readouterr()
+    assert main(["replay", str(params), "--system", "roughness", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["systems"]["roughness"]["Ra_mean_um"] == pytest.approx(1.6, rel=0.03)
+
+
+def test_kc_times_depth_a_given_gain_and_other_units(params):
+    assert settings(params, *GIVEN, "d=1mm", "kc=2500N/mm2").force_per_feed == 2500
+    more = ("kca=2781N/(mm/rev)", "sample=5ms", "override=50:120%", "valid=-50:3kN", "--force")
+    section = settings(params, "Ra_ref=63uin", "spindle=610rpm", "feed=122mm/min", "ts=130ms", *more)
+    assert section.roughness == pytest.approx(1.6002)
+    assert (section.feed, section.servo_time, section.sample_time) == pytest.approx((0.2, 0.13, 0.005))
+    assert (section.override_low, section.override_high) == (0.5, 1.2)
+    assert (section.force_per_feed, section.force_high) == (2781, 3000)
+
+
+def test_programmed_feed_is_the_one_of_the_reference_force(params):
+    section = settings(params, "Ra=1.6um", "n=610rpm", "servo=0.13s")
+    law = parameters.read(params).laws["F"]
+    assert float(law.values(f=section.feed)) <= section.force < float(law.values(f=section.feed + 0.001))
+
+
+def test_times_and_gain_of_recorded_steps(params, tmp_path):
+    of_servo = step(tmp_path / "servo.csv", "mm/rev", servo())
+    of_force = step(tmp_path / "force.csv", "N", force(tc=0.3, ts=0.13))
+    section = settings(params, *GIVEN[:3], "--step", of_servo, "--step", of_force)
+    assert section.servo_time == pytest.approx(0.13, rel=0.02)
+    assert section.process_time == pytest.approx(0.3, rel=0.05)
+    assert "servo.csv" in section.sources["servo_time"]
+    bare = parameters.collect(laws=[fit.exponential_law(TABLE, "Ra", "F")])
+    parameters.write(bare, tmp_path / "bare.json")
+    section = settings(tmp_path / "bare.json", *GIVEN, "--step", of_force)
+    assert section.force_per_feed == pytest.approx(2800, rel=0.02)
+    assert "force.csv" in section.sources["force_per_feed"]
+
+
+def test_ideal_roughness_is_that_of_a_drawn_profile():
+    f, r = 0.2, 0.8
+    x = np.linspace(-f / 2, f / 2, 100001)
+    z = r - np.sqrt(r * r - x * x)
+    assert ideal_roughness(f, r) == pytest.approx(1000 * np.mean(np.abs(z - z.mean())), rel=0.01)
+
+
+def test_largest_feed_is_the_width_of_the_arc_at_a_small_depth():
+    r, d = 0.8, 0.05
+    x = np.linspace(-r, r, 200001)
+    assert largest_feed(r, d)[0] == pytest.approx(np.ptp(x[r - np.sqrt(r * r - x * x) <= d]), rel=1e-3)
+    assert largest_feed(r, 1.0)[0] == r
+
+
+# --- beyond the tests -----------------------------------------------------------------------------------
+
+
+def test_a_feed_far_beyond_the_tests_is_refused_without_a_reason(params, capsys):
+    assert "nose radius" in refused(params, capsys, *GIVEN, "override=0:10000%")
+    assert "--beyond-tests" in refused(params, capsys, *GIVEN, "r=0.8mm", "override=0:250%")
+    section = settings(params, *GIVEN, "r=0.8mm", "override=0:250%", "--beyond-tests", "trial on scrap")
+    assert any("EXTRAPOLATED" in note and "trial on scrap" in note for note in section.notes)
+    capsys.readouterr()
+    words = ("r=0.8mm", "override=0:500%", "--beyond-tests", "trial", "--force")
+    assert "cannot form" in refused(params, capsys, *GIVEN, *words)
+
+
+def test_a_feed_somewhat_beyond_the_tests_is_stated(params, capsys):
+    assert main(["roughness", str(params), *GIVEN, "override=0:150%"]) == 0
+    assert "EXTRAPOLATED" in capsys.readouterr().out
+    assert any("EXTRAPOLATED" in note for note in parameters.read(params).roughness.notes)
+
+
+def test_without_tests_of_feed_150_per_cent_is_the_most(tmp_path, capsys):
+    path = tmp_path / "params.json"
+    parameters.write(parameters.collect(laws=[fit.exponential_law(TABLE, "Ra", "F")]), path)
+    pf = json.loads(path.read_text("utf-8"))
+    assert pf["design"] is None or not any(one["symbol"] == "f" for one in pf["design"]["factors"])
+    assert "--beyond-tests" in refused(path, capsys, *GIVEN, "kca=2800N", "override=0:160%")
+    assert settings(path, *GIVEN, "kca=2800N", "override=0:150%").override_high == 1.5
+
+
+def test_a_force_above_the_tests_is_refused_and_one_below_is_stated(params, capsys):
+    assert "lies above the tests" in refused(params, capsys, "Ra=4um", *GIVEN[1:])
+    section = settings(params, "Ra=0.9um", *GIVEN[1:])
+    assert any("lies below the tests" in note for note in section.notes)
+
+
+# --- ill-posed input ------------------------------------------------------------------------------------
+
+
+def test_a_reversed_step_is_refused(params, tmp_path, capsys):
+    of_force = step(tmp_path / "force.csv", "N", force(gain=-2800.0))
+    assert "falls as the command rises" in refused(params, capsys, *GIVEN[:3], "--step", of_force)
+    of_servo = step(tmp_path / "servo.csv", "mm/rev", servo(gain=-1.0))
+    assert "falls as the command rises" in refused(params, capsys, *GIVEN[:3], "--step", of_servo)
+
+
+def test_a_sample_time_beyond_the_process_is_refused(params, capsys):
+    assert "must be sampled" in refused(params, capsys, *GIVEN, "sample=10s")
+    assert "must be sampled" in refused(params, capsys, *GIVEN, "sample=0.06s")
+    section = settings(params, *GIVEN, "sample=0.04s")
+    assert loop_theory(section.process_time, section.servo_time, section.sample_time).servo_radius < 1
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("Ra=1.6",), "unit is missing"),
+        (("Ra=1.6N",), "no unit of it"),
+        (("Ra=-1um",), "above zero"),
+        (("Ra=1,6um",), "decimal point"),
+        (("Ra=nan um",), "decimal point"),
+        (("Ra=0.1um",), "no force gives less"),
+        (("Ra=1.6um", "roughness=2um"), "same quantity"),
+        (("Ra=1.6um", "Rq=2um"), "no such value"),
+        (("Ra=1.6um", "override=120:80%"), "low must be below"),
+        (("Ra=1.6um", "threshold=700N"), "not below the reference"),
+        (("Ra=1.6um", "valid=0:300N"), "enclose"),
+        (("Ra=1.6um", "kc=2500N/mm2"), "depth"),
+        (("Ra=1.6um", "--step", "missing.csv"), "missing.csv"),
+        (("Ra=1.6um", "--law", "F"), "is not Ra = a exp(b F)"),
+        (("Ra=1.6um", "--level", "1.5"), "--level"),
+        (("Ra=1.6um", "--force-law", "Fx"), "no such law"),
+    ],
+)
+def test_values_that_cannot_be_used_are_refused_with_one_sentence(params, capsys, words, named):
+    assert named in refused(params, capsys, *GIVEN[1:], *words)
+
+
+def test_what_is_missing_is_named(params, tmp_path, capsys):
+    assert "n=610rpm" in refused(params, capsys, "Ra=1.6um")
+    assert "servo=0.13s" in refused(params, capsys, *GIVEN[:3])
+    bare = tmp_path / "bare.json"
+    parameters.write(parameters.collect(laws=[fit.exponential_law(TABLE, "Ra", "F")]), bare)
+    assert "kc a is not known" in refused(bare, capsys, *GIVEN)
+    parameters.write(parameters.collect(laws=[fit.power_law(TABLE, "F", ["f"])]), tmp_path / "none.json")
+    assert "--form Ra=exponential" in refused(tmp_path / "none.json", capsys, *GIVEN)
+
+
+def test_settings_are_replaced_only_with_force(params, capsys):
+    settings(params, *GIVEN)
+    capsys.readouterr()
+    assert "--force" in refused(params, capsys, *GIVEN)
+
+
+def test_json_holds_the_section_and_both_readings(params, capsys):
+    assert main(["roughness", str(params), *GIVEN, "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["schema"] == "fitmodels.roughness/1"
+    assert facts["file"] == Path(params).name
+    low, high = (facts["reference"]["interval"][end] for end in ("low", "high"))
+    assert low < facts["roughness"]["force"] < high
+    assert facts["roughness"]["sources"]["feed"] == "given"
