@@ -13,7 +13,7 @@ import pytest
 from fitmodels import controllers, parameters
 from fitmodels.cli import main
 from fitmodels.controllers.constant_load_milling.controller import ConstantLoad
-from fitmodels.controllers.exports import CONTROLS, FORMATS, rendered
+from fitmodels.controllers.exports import CONTROLS, VALUES, rendered
 from fitmodels.controllers.gate import check_control, gated_control
 from fitmodels.controllers.gate.settings import Line
 from fitmodels.controllers.gate.simulation import Bench, Cut, Drive
@@ -87,7 +87,7 @@ def test_check_and_export_refuse_a_reversed_current_sensor(script, tmp_path, mon
     assert main(["check", "params.json", "--json"]) == 5
     found = json.loads(capsys.readouterr().out)
     assert [f["name"] for f in found["findings"] if f["passed"] is False] == ["slope"]
-    for kind in FORMATS:
+    for kind in (*CONTROLS, *VALUES):
         assert main(["export", "params.json", "--to", kind, "--accept-verdict", "--force"]) == 5
         assert "positive feedback" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["params.json"]

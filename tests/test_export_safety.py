@@ -19,6 +19,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import loadmat
 
+KINDS = [*CONTROLS, *VALUES]  # of the file with a loop
+
 NASTY = [
     "../../x", "<script>alert(1)</script>", '"; M30 (', "=cmd|' /C calc'!A0", "x\nsetp motion.adaptive-feed 5",
     "x)\nM30\n(", "*/ int main(void) {} /*", "*) END_FUNCTION_BLOCK (*", "]]> &xxe; %s %n", "$HOME [HAL]FILE `id`",
@@ -27,7 +29,7 @@ NASTY = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", list(FORMATS))
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("text", NASTY)
 def test_a_nasty_name_changes_no_line_but_its_own_comment(constant_load_file, kind, text):
     """The export with a nasty name has as many lines as with a plain one, and nothing of it that could act."""
@@ -47,7 +49,7 @@ def test_a_nasty_name_changes_no_line_but_its_own_comment(constant_load_file, ki
         assert not re.match(r"\s*(setp motion|M30)", line)
 
 
-@pytest.mark.parametrize("kind", list(FORMATS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_nasty_unit_or_symbol_is_text_too(constant_load_file, kind):
     nasty = 'A*/ "; M30 ('
     pf = constant_load_file(
@@ -67,7 +69,7 @@ def test_a_nasty_name_is_plain_text_in_the_struct_of_matlab(constant_load_file, 
     assert about["tool"] == about["work"] == about["machine"] == plain(name)
 
 
-@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_same_file_gives_the_same_bytes_read_back_too(constant_load_file, kind, tmp_path):
     pf = constant_load_file()
     again = parameters.read(parameters.write(pf, tmp_path / "params.json"))
@@ -75,7 +77,7 @@ def test_the_same_file_gives_the_same_bytes_read_back_too(constant_load_file, ki
     assert first == second
 
 
-@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_command_writes_every_kind(constant_load_file, kind, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     parameters.write(constant_load_file(), "params.json")
@@ -96,7 +98,7 @@ def test_names_are_identifiers_and_texts_are_one_plain_line(text):
     assert plain(plain(text)) == plain(text)
 
 
-@pytest.mark.parametrize("kind", list(FORMATS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_file_that_is_there_is_kept_unless_forced(constant_load_file, kind, tmp_path):
     pf, path = constant_load_file(), tmp_path / "out"
     path.write_text("mine")
@@ -108,7 +110,7 @@ def test_a_file_that_is_there_is_kept_unless_forced(constant_load_file, kind, tm
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-@pytest.mark.parametrize("kind", list(FORMATS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_gains_that_fail_the_check_reach_no_file(constant_load_file, kind, tmp_path):
     with pytest.raises(GateError, match="not stable"):
         export(constant_load_file(pi={"ki": 8.0e6}), kind, tmp_path / "out", force=True)
@@ -145,7 +147,7 @@ def with_law(constant_load_file, **verdicts):
     return constant_load_file(laws={"I": line, "AW": wear}, dynamics=dynamics)
 
 
-@pytest.mark.parametrize("kind", list(FORMATS))
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("part", ["I", "AW", "dynamics"])
 @pytest.mark.parametrize("verdict", [NOT, None], ids=["do not use", "no verdict"])
 def test_what_must_not_be_used_is_refused_unless_accepted(constant_load_file, kind, part, verdict, tmp_path):
@@ -164,7 +166,7 @@ def test_what_must_not_be_used_is_refused_unless_accepted(constant_load_file, ki
     assert verdict is None or all(word in content for word in ("predictions", "worse", "fitted to."))  # in full
 
 
-@pytest.mark.parametrize("kind", list(FORMATS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_reservations_are_exported_with_their_reasons(constant_load_file, kind, tmp_path):
     verdict = {"level": "usable with reservations", "reasons": ["Four edges."]}
     pf = with_law(constant_load_file, I=verdict)
@@ -257,7 +259,7 @@ def test_a_gated_control_is_made_by_the_gate_alone_and_does_not_change(constant_
         replace(control, view=export_view(pf))
 
 
-@pytest.mark.parametrize("kind", list(FORMATS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_each_export_states_its_limits_of_use(constant_load_file, kind):
     """It is no safety function, and what a control cannot detect; the values of a file with gains say so too."""
     content = rendered(constant_load_file(), kind)

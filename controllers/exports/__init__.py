@@ -7,6 +7,7 @@ st      IEC 61131-3 structured text: the loop as a function block
 c       C for firmware: one step function with the settings of the tool
 comp    LinuxCNC component: the same C, compiled by halcompile
 fmu     FMI 2.0 co-simulation: the same C as a source FMU
+nc      NC program of the turning plan; csv: its table
 
 A running control, and the values of a file that has one, are written only after `fitmodels.controllers.gate`.
 """
@@ -23,11 +24,13 @@ from ...parameters.checks.report import require_verdicts
 from ...parameters.exports import VALUES, ExportFormat, write_export
 from ...parameters.exports.view import export_view
 from ..gate import GatedControl, check_control, gated_control, require_control
+from ..recursion.from_file import shortfall
 from .c_source import NOT_IN_C, c_file
 from .component import NOT_IN_COMPONENT, component_file
 from .fmu import NOT_IN_FMU, fmu_file
 from .hal import NOT_IN_HAL, hal_file
 from .st import NOT_IN_ST, structured_text
+from .turning_program import NOT_IN_CSV, NOT_IN_NC, TurningExport, TurningRequest, csv_table, nc_program, turning_export
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -41,12 +44,13 @@ class ExportJob:
     """Choices of one export besides its format.
 
     ``accept_verdict`` exports parts that must not be used for control all the same; ``draws`` are those of the file, by
-    response; ``seed`` is that of random draws.
+    response; ``seed`` is that of random draws; ``turning`` is the plan and part of an NC program.
     """
 
     accept_verdict: bool = False
     draws: "Mapping[str, Draws]" = field(default_factory=dict)
     seed: int = 1
+    turning: TurningRequest = field(default_factory=TurningRequest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +58,8 @@ class ControlFormat:
     """A format of a running control: suffix, description, function that writes it, what it cannot carry.
 
     ``render`` takes what `ControlSystem.prepared` returns. ``file_name`` is the name that the program which reads it
-    demands; ``incremental_sum`` whether it carries that form of the PI.
+    demands; ``incremental_sum`` whether it carries that form of the PI. ``prepared`` and ``notes`` are those of the
+    format where they are not those of its system.
     """
 
     suffix: str
@@ -63,6 +68,8 @@ class ControlFormat:
     not_carried: tuple[str, ...]
     file_name: str = ""
     incremental_sum: bool = True
+    prepared: "Callable[[ParameterFile, ExportJob], Any] | None" = None
+    notes: "Callable[[ParameterFile, Any], tuple[str, ...]] | None" = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,9 +144,36 @@ CONTROLS: Final = {
     ),
     "fmu": ControlFormat(".fmu", "FMI 2.0 co-simulation, source FMU", fmu_file, NOT_IN_FMU),
 }
+
+
+def _turning(pf: "ParameterFile", job: ExportJob) -> TurningExport:
+    return turning_export(pf, job.turning, draws=job.draws, seed=job.seed, accept_verdict=job.accept_verdict)
+
+
+def _turning_notes(pf: "ParameterFile", made: TurningExport) -> tuple[str, ...]:
+    return made.notes
+
+
+TURNING: Final = {
+    "nc": ControlFormat(
+        ".nc", "NC program of the turning plan, LinuxCNC or Fanuc", nc_program, NOT_IN_NC, prepared=_turning,
+        notes=_turning_notes,
+    ),
+    "csv": ControlFormat(
+        ".csv", "table of the turning plan", csv_table, NOT_IN_CSV, prepared=_turning, notes=_turning_notes
+    ),
+}  # fmt: skip
 LOAD: Final = "constant-load"
 SYSTEMS: Final[dict[str, ControlSystem]] = {
     LOAD: ControlSystem("constant load by feed override", _load_lacks, _load_control, _load_notes, CONTROLS),
+    "recursion": ControlSystem(
+        "turning by a plan of the life of an edge",
+        shortfall,
+        _turning,
+        _turning_notes,
+        TURNING,
+        draws=True,
+    ),
 }
 
 
@@ -218,7 +252,7 @@ def exported(pf: "ParameterFile", kind: str, *, system: str | None = None, job: 
     of = export_format(kind, name or None)
     not_carried = tuple(f"not included: {words}" for words in of.not_carried)
     if isinstance(of, ControlFormat):
-        control = SYSTEMS[name].prepared(pf, job)
+        control = (of.prepared or SYSTEMS[name].prepared)(pf, job)
         if isinstance(control, GatedControl) and control.loop.form == "incremental_sum" and not of.incremental_sum:
             raise GateError(
                 f"the gains of {control.view.tool} on {control.view.work} have the form incremental_sum, which "
@@ -226,7 +260,7 @@ def exported(pf: "ParameterFile", kind: str, *, system: str | None = None, job: 
                 "form position."
             )
         content = of.render(control)
-        return Exported(content, (*SYSTEMS[name].notes(pf, control), *not_carried), name)
+        return Exported(content, (*(of.notes or SYSTEMS[name].notes)(pf, control), *not_carried), name)
     view = export_view(pf, accept_verdict=job.accept_verdict)
     require_control(pf, accept_verdict=job.accept_verdict)
     notes = (

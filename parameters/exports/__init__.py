@@ -46,6 +46,7 @@ VALUES: Final = {
     "ini": ExportFormat(".ini", "key and value", ini_file, NOT_IN_INI),
 }
 CONTROLS: Final = ("hal", "st", "c", "comp", "fmu")  # written by `fitmodels.controllers.export`
+PLANS: Final = ("nc", "csv")  # so are these
 
 
 def export_format(kind: str) -> ExportFormat:
@@ -65,6 +66,11 @@ def export_format(kind: str) -> ExportFormat:
         raise UsageError(
             f"{kind} is a running control, not values: write it with `fitmodels export --to {kind}` or "
             "fitmodels.controllers.export, which simulate it first."
+        )
+    if kind in PLANS:
+        raise UsageError(
+            f"{kind} is a plan of speed and feed, not values: write it with `fitmodels export --to {kind}` or "
+            "fitmodels.controllers.export."
         )
     if kind not in VALUES:
         raise UsageError(f"there is no export {kind!r}. {did_you_mean(kind, VALUES, names='There are ')}")
