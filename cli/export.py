@@ -2,10 +2,20 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
-from .arguments import Parser
+from .arguments import Parser, measured
+from .options import plan_asked, plan_options, plan_options_of
 from .output import Printer, output_options, print_json
+
+if TYPE_CHECKING:
+    from ..controllers.exports.turning_plan import Stretch, TurningJob
+    from ..controllers.exports.turning_program import TurningRequest
+    from ..parameters import ParameterFile
+
+PLANS = ("nc", "csv")
+PLANNED = ("recursion", "region")  # systems with the settings of `plan_options`
 
 
 def parser() -> Parser:
@@ -16,8 +26,10 @@ def parser() -> Parser:
         "fitmodels export",
         "fitmodels export params.json --to hal",
         "Write a file that a controller loads. Gains that fail `fitmodels check` are refused, and so are laws,\n"
-        "dynamics and force processes whose verdict is 'do not use for control', or that have none.\n\n"
+        "dynamics and force processes whose verdict is 'do not use for control', or that have none.\n"
+        "An NC program needs --diameter, --length and --max-rpm, explained by --help-all.\n\n"
         + "\n".join(f"  {kind:<4} {of.words}" for kind, of in FORMATS.items()),
+        main="--to --system --out --accept-verdict --force --quiet --json",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
     p.add_argument("--to", metavar="KIND", required=True, help=f"{', '.join(FORMATS)}")
@@ -32,7 +44,130 @@ def parser() -> Parser:
     p.add_argument("--accept-verdict", action="store_true", help=accept)
     p.add_argument("--force", action="store_true", help="replace an existing file")
     output_options(p, "print the path and the notes as JSON (fitmodels.export/1)")
+    plan_options(p)
+    part_options(p)
     return p
+
+
+def part_options(parser: Parser) -> None:
+    """Add the part, the machine and the control of an NC program."""
+    group = parser.add_argument_group("part and control, of nc and csv")
+    group.add_argument("--diameter", metavar="80mm", help="of the work before the first pass (default: none)")
+    group.add_argument("--length", metavar="200mm", help="of each pass (default: none)")
+    group.add_argument("--passes", type=int, metavar="N", help="passes of a part, each one depth deeper (default: 1)")
+    group.add_argument(
+        "--pass", action="append", dest="pass_", metavar="80:200:2.5",
+        help="a pass: diameter before the cut, length, and depth where it is another; parts of a pass with commas, "
+        "80:120,78:80:1.5 (instead of --diameter and --length; default: none)",
+    )  # fmt: skip
+    group.add_argument("--parts", type=int, metavar="N", help="number of parts (default: as many as the edge cuts)")
+    group.add_argument("--max-rpm", metavar="2500", help="highest spindle speed (default: the limit of n in the file)")
+    group.add_argument(
+        "--from", dest="from_", metavar="4min", help="time that the edge has cut by this plan (default: 0)"
+    )
+    group.add_argument(
+        "--speed", choices=["G96", "G97"], help="constant surface speed, or spindle speed (default: G96)"
+    )
+    group.add_argument("--feed-mode", choices=["G95", "G94"], help="feed per revolution or per minute (default: G95)")
+    group.add_argument("--dialect", choices=["linuxcnc", "fanuc"], help="control; fanuc: system A (default: linuxcnc)")
+    units = group.add_mutually_exclusive_group()
+    units.add_argument("--inch", action="store_true", help="lengths and words in inches and ft/min (default: mm)")
+    units.add_argument("--mm", action="store_true", help="lengths and words in mm and m/min (default)")
+    group.add_argument("--tool", type=int, metavar="N", help="tool that is called (default: none is called)")
+
+
+PART = {
+    "diameter": "--diameter", "length": "--length", "passes": "--passes", "pass_": "--pass", "parts": "--parts",
+    "max_rpm": "--max-rpm", "from_": "--from", "speed": "--speed", "feed_mode": "--feed-mode", "dialect": "--dialect",
+    "tool": "--tool",
+}  # fmt: skip
+
+
+def turning_request(args: argparse.Namespace, pf: "ParameterFile") -> "TurningRequest":
+    """Plan and part of the command line.
+
+    Raises
+    ------
+    UsageError
+        An option without those that it needs, or one that is no length, speed or time.
+    """
+    from ..controllers.exports.turning_program import TurningRequest
+
+    options = plan_options_of(args, pf)
+    given = [option for name, option in PART.items() if getattr(args, name) is not None]
+    if not given:
+        return TurningRequest(options, inch=args.inch)
+    return TurningRequest(options, _job(args, given, options.depth or _depth(pf)))
+
+
+def _request_of(args: argparse.Namespace, pf: "ParameterFile", system: str) -> "TurningRequest":
+    """Plan and part; an option that the format does not use is refused."""
+    used = args.to in PLANS
+    given = [option for name, option in PART.items() if getattr(args, name) is not None]
+    given += ["--inch"] * args.inch + ["--mm"] * args.mm
+    if given and not used:
+        raise UsageError(f"{given[0]} belongs to --to nc and --to csv; leave it out of {args.to}.")
+    if (asked := plan_asked(args)) and system not in PLANNED:
+        raise UsageError(f"{asked[0]} belongs to a plan or a region; leave it out of {args.to}.")
+    return turning_request(args, pf)
+
+
+def _depth(pf: "ParameterFile") -> float:
+    from ..controllers.recursion.from_file import depth
+
+    return depth(pf)
+
+
+def _job(args: argparse.Namespace, given: list[str], depth: float) -> "TurningJob":
+    from ..controllers.exports.turning_plan import TurningJob
+
+    if args.pass_ and (args.diameter or args.length or args.passes):
+        raise UsageError("--pass gives diameters and lengths itself: leave --diameter, --length and --passes out.")
+    if not args.pass_ and not (args.diameter and args.length):
+        raise UsageError(f"{given[0]} belongs to a part: give --diameter 80mm --length 200mm too, or --pass 80:200.")
+    return TurningJob(
+        passes=_passes(args, depth),
+        max_rpm=0.0 if args.max_rpm is None else measured(args.max_rpm, "1/min", "--max-rpm", "2500"),
+        parts=args.parts,
+        start=0.0 if args.from_ in (None, "0") else measured(args.from_, "min", "--from", "4min"),
+        speed=args.speed or "G96", feed=args.feed_mode or "G95", dialect=args.dialect or "linuxcnc",
+        inch=args.inch, tool=args.tool,
+    )  # fmt: skip
+
+
+def _passes(args: argparse.Namespace, depth: float) -> "tuple[tuple[Stretch, ...], ...]":
+    """The passes: as written, or each from the diameter that the last one left."""
+    from ..controllers.exports.turning_plan import Stretch
+
+    unit = "in" if args.inch else "mm"
+    if args.pass_:
+        return tuple(tuple(_stretch(part, text, unit) for part in text.split(",")) for text in args.pass_)
+    count = 1 if args.passes is None else args.passes
+    if not 1 <= count <= 1000:
+        raise UsageError(f"--passes {count}: give 1 to 1000.")
+    diameter, length = (_mm(args, name, unit) for name in ("diameter", "length"))
+    return tuple((Stretch(diameter - 2 * depth * k, length),) for k in range(count))
+
+
+def _mm(args: argparse.Namespace, name: str, unit: str) -> float:
+    text = getattr(args, name)
+    return _length(text, unit, f"--{name}", f"80{unit}")
+
+
+def _length(text: str, unit: str, option: str, example: str) -> float:
+    """mm; a number without a unit is in the unit of the program."""
+    with_unit = f"{text}{unit}" if text.strip().replace(".", "", 1).isdigit() else text
+    return measured(with_unit, "mm", option, example)
+
+
+def _stretch(part: str, text: str, unit: str) -> "Stretch":
+    from ..controllers.exports.turning_plan import Stretch
+
+    numbers = part.split(":")
+    if not 2 <= len(numbers) <= 3:
+        raise UsageError(f"--pass {text}: give diameter:length, or diameter:length:depth, such as 80:200:2.5.")
+    diameter, length, *depth = (_length(number, unit, f"--pass {text}", "80:200:2.5") for number in numbers)
+    return Stretch(diameter, length, depth[0] if depth else None)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,7 +186,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--out {path}: is a folder; give the name of the file.")
     uses = bool(system) and SYSTEMS[system].draws
     draws = parameters.read_draws(pf, Path(args.file).parent) if uses else {}
-    made = exported(pf, args.to, system=args.system, job=ExportJob(args.accept_verdict, draws))
+    job = ExportJob(args.accept_verdict, draws, turning=_request_of(args, pf, system))
+    made = exported(pf, args.to, system=args.system, job=job)
     written = write_export(made.content, path, force=args.force)
     if args.json:
         print_json("export", {"file": str(written), "to": args.to, "system": made.system or None, "notes": made.notes})
