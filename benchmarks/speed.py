@@ -15,7 +15,6 @@ from statistics import median
 import numpy as np
 import pandas as pd
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.judgement import adequacy
 
 RUNS = 9
 LIBRARIES = (
@@ -83,7 +82,7 @@ def small_checks():
     rows = datasets.simulate(plan, [wear], t_max=12.0, criterion=None, seed=1)
     law = fit.power_law(datasets.runs_from_frame(rows), "AW", ["V", "f", "d", "t"])
     for label, call, aim in (
-        ("adequacy, every check, 144 rows", lambda: adequacy(law), 25),
+        ("fit.judge, every check, 144 rows", lambda: fit.judge(law), 100),
         ("fit.edge_bootstrap, 2000 refits, 144 rows", lambda: fit.edge_bootstrap(law, 2000), 50),
     ):
         call()

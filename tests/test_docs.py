@@ -3,11 +3,13 @@
 The pages are built by Sphinx in ``.ci/run``, where links are checked and notebooks executed.
 """
 
+import ast
 import re
 import shlex
 import subprocess
 import sys
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -82,6 +84,21 @@ def test_benchmarks_named_on_pages_exist():
     for page in (*PAGES, README):
         for name in re.findall(r"(?:benchmarks|tests)/\w+\.py", page.read_text("utf-8")):
             assert (ROOT / name).is_file(), f"{page.name} names {name}"
+
+
+SCRIPTS = [path for folder in ("benchmarks", "docs/reproduction") for path in sorted((ROOT / folder).glob("*.py"))]
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_a_script_imports_names_that_exist(script):
+    """Imports of the package at the head of a script and inside its functions, without running the script."""
+    for node in ast.walk(ast.parse(script.read_text("utf-8"))):
+        if not isinstance(node, ast.ImportFrom) or not (node.module or "").startswith("fitmodels"):
+            continue
+        module = import_module(node.module)
+        for name in node.names:
+            found = hasattr(module, name.name) or find_spec(f"{node.module}.{name.name}")
+            assert found, f"{node.module} has no {name.name}"
 
 
 def test_each_row_of_the_comparison_names_the_script_that_prints_it():

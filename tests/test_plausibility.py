@@ -9,12 +9,13 @@ import shlex
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import datasets, fit
+from fitmodels import analyse, datasets, fit
 from fitmodels.core import errors
 from fitmodels.datasets.plausibility.quantities import unit_factor
 from fitmodels.datasets.plausibility.ranges import candidate_units, plausible, process_of
 from fitmodels.datasets.vocabulary import ROLES
 from fitmodels.fit.checks.usefulness import doubts_of_reading
+from fitmodels.parameters.checks.report import require_verdicts
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -420,6 +421,67 @@ def test_lives_that_may_be_in_seconds_are_not_to_be_used_before_the_unit_is_conf
     assert check.concern == 2
     for unit in ("s", "min"):
         assert not read(f"V,f,life\n{lives}", units={"T": unit}).doubts
+
+
+MISLABELLED = {  # column, divisor of its values, unit that the header still names, symbols of laws that are refused
+    "thrust in kN": ("Fxz [N]", 1000, {"Fxz"}),
+    "thrust in kN, process not named": ("Fxz [N]", 1000, {"Fxz", "AW", "P"}),
+    "wear converted twice": ("AW [mm]", 1000, {"AW", "P", "Fxz"}),
+    "seconds": ("t [min]", 1 / 60, {"AW", "P", "Fxz"}),
+    "feed in inches": ("f [mm/rev]", 25.4, {"AW", "P", "Fxz"}),
+    "speed in m/s": ("V [m/min]", 60, {"AW", "P", "Fxz"}),
+    "depth in inches, by the specific force alone": ("d [mm]", 25.4, {"AW", "P", "Fxz"}),
+}
+FACTORS = {"AW": ("V", "f", "d", "t"), "P": ("V", "f", "d", "t", "AW"), "Fxz": ("V", "f", "d", "t", "AW")}
+
+
+def mislabelled(name):
+    """The bundled tests with one column in another unit than its header names."""
+    column, divisor, refused = MISLABELLED[name]
+    lines = datasets.bundled("gc435_709m40").read_text("utf-8").splitlines(keepends=True)
+    notes = "" if "not named" in name else "".join(line for line in lines if line.startswith("#"))
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna()
+    return column, refused, notes + frame.assign(**{column: frame[column] / divisor}).to_csv(index=False)
+
+
+@pytest.mark.parametrize("name", MISLABELLED)
+def test_a_law_of_a_column_in_an_impossible_unit_is_not_to_be_used_before_the_unit_is_confirmed(read, name):
+    column, refused, content = mislabelled(name)
+    role, unit = column.rstrip("]").split(" [")
+    runs = read(content)
+    laws = {response: fit.power_law(runs, response, factors) for response, factors in FACTORS.items()}
+    (doubt,) = (one for one in runs.doubts if one.unsettled)
+    assert role in doubt.columns
+    assert f"--unit {role}={unit}" in doubt.sentence
+    assert {response for response, law in laws.items() if doubts_of_reading(law, runs).concern == 2} == refused
+    units = {use.role: use.unit for use in runs.columns if use.role and use.unit}
+    confirmed = read(content, units=units)
+    assert all(doubts_of_reading(law, confirmed).concern < 2 for law in laws.values())
+
+
+def test_merely_unusual_values_are_a_reservation(read):
+    """A feed of 5 to 12 mm/rev (rolling tools) and wear of 0.003 to 0.013 mm (micro tools) fit no other unit."""
+    for column, factor in (("f [mm/rev]", 12.0), ("AW [mm]", 1 / 25.4)):
+        frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna()[
+            ["edge", "V [m/min]", "f [mm/rev]", "t [min]", "AW [mm]"]
+        ]
+        runs = read(frame.assign(**{column: frame[column] * factor}).to_csv(index=False))
+        assert "is unusual" in str(runs.doubts[0])
+        assert doubts_of_reading(fit.power_law(runs, "AW", ["V", "f", "t"]), runs).concern == 1
+
+
+def test_no_file_is_exported_whose_law_has_an_impossible_unit(tmp_path):
+    path = tmp_path / "tests.csv"
+    path.write_text(mislabelled("thrust in kN")[2], "utf-8")
+    for options, refused in (({}, True), ({"units": {"Fxz": "N", "f": "mm/rev", "d": "mm"}}, False)):
+        pf = analyse(path, draws=1000, **options).parameters
+        assert (pf.laws["Fxz"].verdict.level == "do not use for control") == refused
+        if refused:
+            with pytest.raises(errors.GateError, match="confirm it with --unit Fxz=N"):
+                require_verdicts(pf, False)
+        else:
+            require_verdicts(pf, False)
+            assert "Fxz=N" in pf.provenance.options["unit"]
 
 
 def test_a_force_of_reversed_sign_is_named_itself_and_not_the_power_that_follows(read):

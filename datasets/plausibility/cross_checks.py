@@ -1,5 +1,7 @@
 """Columns of a file of tests compared with each other: specific force, power, roughness, metric and inch units."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,12 +14,16 @@ from ..draft import CORRECTS, Draft
 from ..options import ReadOptions
 from ..vocabulary import ROLES
 from .quantities import Quantity, table_process, take_unit, unit_factor
-from .ranges import INCH, candidate_units
+from .ranges import FORCES, INCH, candidate_units
 from .stray_values import places
 
 KC_USUAL = (500, 6000)  # N/mm2, steel and cast iron to hard metals and small chips
 KC_LIMITS = (250, 15000)
+KC_POSSIBLE = (100, 30000)
 ROUGHNESS_LIMITS = (2.0, 15)  # Rz/Ra; usual 3 to 10
+ROUGHNESS_POSSIBLE = (1.0, 50)
+SPECIFIC_USUAL, SPECIFIC_POSSIBLE = (100, 6000), (10, 30000)  # N/mm2, of any force; small at thrust of sharp edges
+FORCE_POSSIBLE = (0.1, 10)  # of a resultant to that of its components; beyond, a unit is wrong and no axis is missing
 DEVIATION = 8.0  # of a row from the median of the ratio
 FEWEST = 5
 NEAR = 0.02  # by which an engagement may exceed the tool
@@ -25,6 +31,22 @@ NEAR = 0.02  # by which an engagement may exceed the tool
 Array = NDArray[np.float64]
 _BASIC = ("V", "f", "fz", "fm", "d", "ae", "D")  # conditions that show the system of a laboratory
 _SHARED = ("min", "1/min")  # in both systems
+
+
+class _Ratio(NamedTuple):
+    """A ratio of columns: where its median is usual, implausible beyond ``limits``, impossible beyond ``possible``."""
+
+    roles: tuple[str, ...]
+    name: str
+    limits: tuple[float, float]
+    possible: tuple[float, float]
+    usual: tuple[float, float]
+    unit: str
+
+
+_KC_OF_FORCE = _Ratio(("Fc", "f", "d"), "kc = Fc/(f d)", KC_LIMITS, KC_POSSIBLE, KC_USUAL, "N/mm2")
+_KC_OF_POWER = _Ratio(("P", "V", "f", "d"), "kc = 60000 P/(V f d)", KC_LIMITS, KC_POSSIBLE, KC_USUAL, "N/mm2")
+_ROUGHNESSES = _Ratio(("Rz", "Ra"), "Rz/Ra", ROUGHNESS_LIMITS, ROUGHNESS_POSSIBLE, (3, 10), "")
 
 
 def check_columns(draft: Draft, options: ReadOptions) -> None:
@@ -41,14 +63,26 @@ def check_columns(draft: Draft, options: ReadOptions) -> None:
     if turning and {"f", "d"} <= measured:
         area = values["f"] * values["d"]
         if "Fc" in measured:
-            _compare(draft, ("Fc", "f", "d"), "kc = Fc/(f d)", _over(values["Fc"], area), KC_LIMITS, KC_USUAL, "N/mm2")
+            _compare(draft, _KC_OF_FORCE, _over(values["Fc"], area), options)
         elif {"P", "V"} <= measured:
             kc = _over(60000 * values["P"], values["V"] * area)
-            _compare(draft, ("P", "V", "f", "d"), "kc = 60000 P/(V f d)", kc, KC_LIMITS, KC_USUAL, "N/mm2")
+            _compare(draft, _KC_OF_POWER, kc, options)
+        _compare_specific_force(draft, values, area, options)
     if {"Rz", "Ra"} <= measured:
-        _compare(draft, ("Rz", "Ra"), "Rz/Ra", _over(values["Rz"], values["Ra"]), ROUGHNESS_LIMITS, (3, 10), "")
-    _compare_force(draft, values)
+        _compare(draft, _ROUGHNESSES, _over(values["Rz"], values["Ra"]), options)
+    _compare_force(draft, values, options)
     _compare_engagement(draft, options)
+
+
+def _compare_specific_force(draft: Draft, values: dict[str, Array], area: Array, options: ReadOptions) -> None:
+    """Doubt the largest force of a file without Fc where no cutting process has its ratio to the area of the chip."""
+    forces = {role: float(np.nanmedian(values[role])) for role in FORCES if role in values and role != "Fc"}
+    if "Fc" in values or not forces:
+        return
+    role = max(forces, key=lambda name: forces[name])
+    name = f"{role}/(f d)"
+    of = _Ratio((role, "f", "d"), name, SPECIFIC_POSSIBLE, SPECIFIC_POSSIBLE, SPECIFIC_USUAL, "N/mm2")
+    _compare(draft, of, _over(values[role], area), options)
 
 
 def _compare_engagement(draft: Draft, options: ReadOptions) -> None:
@@ -87,22 +121,20 @@ def _over(above: Array, below: Array) -> Array:
     return np.where(np.isfinite(ratio) & (ratio > 0), ratio, np.nan)
 
 
-def _compare(
-    draft: Draft, roles: tuple[str, ...], name: str, ratio: Array, limits: tuple[float, float],
-    usual: tuple[float, float], unit: str,
-) -> None:  # fmt: skip
+def _compare(draft: Draft, of: _Ratio, ratio: Array, options: ReadOptions) -> None:
     """Doubt a ratio of columns whose median is implausible, or that is far from its median in a few rows."""
+    roles, name, unit = of.roles, of.name, of.unit
     known = ratio[~np.isnan(ratio)]
     if len(known) < FEWEST:
         return
     middle = float(np.sort(known)[len(known) // 2])
-    low, high = map(format_decimal, usual)
-    if not limits[0] <= middle <= limits[1]:
+    low, high = map(format_decimal, of.usual)
+    if not of.limits[0] <= middle <= of.limits[1]:
         sentence = (
             f"{name} is {format_decimal(middle)} {unit}".rstrip()
             + f" (usual {low} to {high}): {_one_of(roles)} is in another unit or exchanged"
         )
-        draft.doubts.append(Doubt(roles, sentence))
+        draft.doubts.append(_of_ratio(draft, roles, sentence, of.possible[0] <= middle <= of.possible[1], options))
         return
     with np.errstate(invalid="ignore"):
         odd = np.flatnonzero((ratio > middle * DEVIATION) | (ratio < middle / DEVIATION))
@@ -113,6 +145,15 @@ def _compare(
             + f", {format_decimal(middle)} in the middle of all rows: {_one_of(roles)} is wrong there"
         )
         draft.doubts.append(Doubt(roles, sentence))
+
+
+def _of_ratio(draft: Draft, roles: tuple[str, ...], sentence: str, possible: bool, options: ReadOptions) -> Doubt:
+    """The doubt on columns that contradict each other: an impossible ratio is settled by the units of all of them."""
+    known = any(doubt.unsettled and not set(roles).isdisjoint(doubt.columns) for doubt in draft.doubts)
+    if possible or known or options.units.keys() >= set(roles):
+        return Doubt(roles, sentence)
+    units = " ".join(f"--unit {role}={ROLES[role].unit}" for role in roles)
+    return Doubt(roles, f"{sentence}; if all units are right, confirm them with {units}", unsettled=True)
 
 
 def _explained(draft: Draft, roles: tuple[str, ...], where: str) -> bool:
@@ -127,16 +168,17 @@ def _one_of(roles: tuple[str, ...]) -> str:
     return f"{', '.join(roles[:-1])} or {roles[-1]}"
 
 
-def _compare_force(draft: Draft, values: dict[str, Array]) -> None:
+def _compare_force(draft: Draft, values: dict[str, Array], options: ReadOptions) -> None:
     """Doubt a resultant force that is not the root of the squares of its three components."""
     if not {"F", "Fx", "Fy", "Fz"} <= set(values):
         return
     ratio = _over(values["F"], np.sqrt(values["Fx"] ** 2 + values["Fy"] ** 2 + values["Fz"] ** 2))
     known = ratio[~np.isnan(ratio)]
     if len(known) >= FEWEST and not 0.8 < float(np.median(known)) < 1.25:
-        times = format_decimal(float(np.median(known)))
-        sentence = f"F is {times} times sqrt(Fx^2 + Fy^2 + Fz^2): one of the four is in another unit"
-        draft.doubts.append(Doubt(("F", "Fx", "Fy", "Fz"), sentence))
+        middle = float(np.median(known))
+        sentence = f"F is {format_decimal(middle)} times sqrt(Fx^2 + Fy^2 + Fz^2): one of the four is in another unit"
+        possible = FORCE_POSSIBLE[0] <= middle <= FORCE_POSSIBLE[1]
+        draft.doubts.append(_of_ratio(draft, ("F", "Fx", "Fy", "Fz"), sentence, possible, options))
 
 
 def check_systems(draft: Draft, found: list[Quantity], before: tuple[ColumnUse, ...]) -> None:

@@ -180,13 +180,28 @@ def _judge_named(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) ->
     if possible:
         remedy = _exchange_options(draft, one, other) if other else f"--unit {one.role}={units[0]}" if units else ""
         why = f"; {swap}" if swap else f"; {one.shown(units[0])} would be usual" if units else ""
-        draft.doubts.append(Doubt((one.role,), f"{head} is unusual ({one.usual}){why}", remedy))
+        far = not one.given and (other is not None or _is_unit_error(draft, one))
+        sentence = f"{head} is unusual ({one.usual}){why}" + (_confirmation(one.role, one.unit) if far else "")
+        draft.doubts.append(Doubt((one.role,), sentence, remedy, unsettled=far))
         return
     header = draft.columns[one.place].name
     can = " or ".join(f"{one.shown(unit)} can: --unit {one.role}={unit}" for unit in units[:2])
     swap = f"{swap}: {_exchange_options(draft, one, other)}" if other else ""
     can = " or ".join(filter(None, (swap, can, _other_role(draft, one))))
     raise DataError(f"column {header!r}: {head} cannot be ({one.usual}); {can or _correct(one)}.")
+
+
+def _confirmation(role: str, unit: str) -> str:
+    return f"; if the values are in {unit}, confirm it with --unit {role}={unit}"
+
+
+def _is_unit_error(draft: Draft, one: Quantity) -> bool:
+    """Whether another unit of a ratio of 10 or more makes the values usual, or a conversion that was made twice."""
+    units = _units_in_use(draft, one)
+    steps = [unit_factor(unit, one.role) / one.factor for unit in units]
+    steps += [one.factor / unit_factor(unit, one.role) for unit in units if unit not in INCH]
+    far = [step for step in steps if not 1 / CLOSE < step < CLOSE]
+    return any(one.lies_in(one.ranges.usual, one.factor * step) for step in far)
 
 
 def _correct(one: Quantity) -> str:
@@ -216,7 +231,7 @@ def _doubt_unnamed(draft: Draft, one: Quantity, unit: str) -> None:
     sentence = f"{head}; {one.shown(unit)} would be usual"
     far = not 1 / CLOSE < factor < CLOSE
     if far:
-        sentence += f"; if the values are in {home}, confirm it with --unit {one.role}={home}"
+        sentence += _confirmation(one.role, home)
     draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={unit}", unsettled=far))
 
 
@@ -250,8 +265,11 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
     kind = ROLES[one.role].kind
     small = kind == "wear" and _is_metric(draft) and one.lies_in(one.ranges.hard, 1.0)
     if other is None and not options and not role and (small or kind not in ("condition", "time", "wear")):
-        sentence = f"{head} {home} is unusual ({one.usual}), its unit is not named"
-        draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={home}"))
+        sentence, far = f"{head} {home} is unusual ({one.usual}), its unit is not named", _is_unit_error(draft, one)
+        if far:
+            draft.doubts.append(Doubt((one.role,), sentence + _confirmation(one.role, home), unsettled=True))
+        else:
+            draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={home}"))
         return
     if other is not None:
         choices = [f"exchange the columns {one.role} and {other.role}, {_exchange_options(draft, one, other)}"]

@@ -42,7 +42,7 @@ _FORCE = {
 _DIAMETER = {"any": _row(1, 1000, 0.05, 5000, 0, 30000)}
 _WEAR = {"any": _row(0.02, 0.6, 0.01, 1, 0, 5), "grinding": _row(0.001, 0.6, 0.0002, 1, 0, 5)}
 _TIME = {"any": _row(0.2, 120, 0.02, 600, 0, 1e5)}
-_FEED_FORCES = ("Fx", "Fy", "Fz", "Fxz", "Fc", "Ff", "Fp", "F")
+FORCES = ("Fx", "Fy", "Fz", "Fxz", "Fc", "Ff", "Fp", "F")
 
 _TABLE: dict[str, dict[str, Plausible]] = {
     # m/min. High-speed steel 12 to 120, carbide to 270 uncoated and 600 coated; ceramic more
@@ -80,7 +80,7 @@ _TABLE: dict[str, dict[str, Plausible]] = {
     "re": {"any": _row(0.1, 3.2, 0.02, 20, 0, 200)},  # mm
     "theta": {"any": _row(80, 1200, 35, 1500, -200, 3000)},  # degC, at the edge or in the work near it
     **dict.fromkeys(("AW", "VB", "VBC", "VBN"), _WEAR),
-    **dict.fromkeys(_FEED_FORCES, _FORCE),
+    **dict.fromkeys(FORCES, _FORCE),
     "P": {
         "turning": _row(0.05, 30, 0.005, 100, 0, 2000),
         "milling": _row(0.01, 50, 0.001, 100, 0, 2000),
@@ -119,7 +119,7 @@ _UNITS: dict[str, tuple[str, ...]] = {
     "theta": ("degC", "degF", "K"),
     "lf": ("mm", "m", "in"),
     **dict.fromkeys(("AW", "VB", "VBC", "VBN"), ("mm", "um", "in", "mil")),
-    **dict.fromkeys(_FEED_FORCES, ("N", "kN", "lbf", "daN")),
+    **dict.fromkeys(FORCES, ("N", "kN", "lbf", "daN")),
     "P": ("kW", "W", "hp"),
     "M": ("Nm", "Nmm", "Ncm", "in lbf"),
     "I": ("A", "mA"),
