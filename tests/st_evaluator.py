@@ -116,6 +116,12 @@ def _divided(above: float, below: float) -> float:
     return above / below
 
 
+def _logarithm(value: float) -> float:
+    if not value > 0:
+        raise UndefinedError(f"logarithm of {value}")
+    return math.log(value)
+
+
 def _place(index: int, low: int, high: int) -> int:
     if not low <= index <= high:
         raise UndefinedError(f"index {index} of an array from {low} to {high}")
@@ -124,12 +130,13 @@ def _place(index: int, low: int, high: int) -> int:
 
 RUN: Final[dict[str, Callable[..., Any]]] = {
     "_minimum": _minimum, "_maximum": _maximum, "_dint": _dint, "_divided": _divided, "_place": _place,
-    "_abs": abs, "_float": float,
+    "_abs": abs, "_float": float, "_exp": math.exp, "_ln": _logarithm,
 }  # fmt: skip
 NUMERIC = ("DINT", "LREAL")
 FUNCTIONS: Final = {  # name -> Python function, types it takes, type of the result (None: that of its arguments)
     "ABS": ("_abs", NUMERIC, 1, None), "MIN": ("_minimum", NUMERIC, 2, None), "MAX": ("_maximum", NUMERIC, 2, None),
-    "DINT_TO_LREAL": ("_float", ("DINT",), 1, "LREAL"),
+    "DINT_TO_LREAL": ("_float", ("DINT",), 1, "LREAL"), "EXP": ("_exp", ("LREAL",), 1, None),
+    "LN": ("_ln", ("LREAL",), 1, None),
 }  # fmt: skip
 PRECEDENCE: Final = (
     ("OR",),
@@ -210,7 +217,7 @@ class Parser:
         self.take(";")
 
     def array(self, section: str) -> Variable:
-        """``ARRAY[low..high] OF LREAL := [count(value)]``."""
+        """``ARRAY[low..high] OF LREAL := [count(value)]``, or the values one by one."""
         self.take("ARRAY")
         self.take("[")
         low = int(self.literal("DINT"))
@@ -221,14 +228,20 @@ class Parser:
         kind = self.take("LREAL", "DINT").text
         for sign in (":=", "["):
             self.take(sign)
-        count = int(self.literal("DINT"))
-        self.take("(")
-        value = self.literal(kind)
-        self.take(")")
+        if self.found[self.at + 1].text == "(":
+            count = int(self.literal("DINT"))
+            self.take("(")
+            values = [self.literal(kind)] * count
+            self.take(")")
+        else:
+            values = [self.literal(kind)]
+            while self.next.text == ",":
+                self.take()
+                values.append(self.literal(kind))
         self.take("]")
-        if count != high - low + 1:
-            raise self.fault(f"{count} values for an array from {low} to {high}")
-        return Variable(section, kind, [value] * count, low, high)
+        if len(values) != high - low + 1:
+            raise self.fault(f"{len(values)} values for an array from {low} to {high}")
+        return Variable(section, kind, values, low, high)
 
     def literal(self, kind: str) -> Any:
         """A value of this type, with its sign."""

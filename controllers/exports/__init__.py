@@ -29,6 +29,7 @@ from .c_source import NOT_IN_C, c_file
 from .component import NOT_IN_COMPONENT, component_file
 from .fmu import NOT_IN_FMU, fmu_file
 from .hal import NOT_IN_HAL, hal_file
+from .plan_table import NOT_IN_PLAN, NOT_IN_PLAN_ST, plan_c, plan_component, plan_control, plan_fmu, plan_notes, plan_st
 from .st import NOT_IN_ST, structured_text
 from .turning_program import NOT_IN_CSV, NOT_IN_NC, TurningExport, TurningRequest, csv_table, nc_program, turning_export
 
@@ -44,13 +45,18 @@ class ExportJob:
     """Choices of one export besides its format.
 
     ``accept_verdict`` exports parts that must not be used for control all the same; ``draws`` are those of the file, by
-    response; ``seed`` is that of random draws; ``turning`` is the plan and part of an NC program.
+    response; ``seed`` is that of random draws; ``turning`` is the plan, and the part of an NC program. Of a plan as a
+    control: the range of diameters of the work, mm, and the highest spindle speed, 1/min, 0 for that of the file.
+    ``sample_time`` is the period of the calls, s, 0 for the usual one.
     """
 
     accept_verdict: bool = False
     draws: "Mapping[str, Draws]" = field(default_factory=dict)
     seed: int = 1
     turning: TurningRequest = field(default_factory=TurningRequest)
+    diameter: tuple[float, float] | None = None
+    max_rpm: float = 0.0
+    sample_time: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,15 +169,21 @@ TURNING: Final = {
         ".csv", "table of the turning plan", csv_table, NOT_IN_CSV, prepared=_turning, notes=_turning_notes
     ),
 }  # fmt: skip
+PLAN: Final = {
+    "st": ControlFormat(".st", "structured text function block", plan_st, NOT_IN_PLAN_ST),
+    "c": ControlFormat(".c", "C source of the table", plan_c, NOT_IN_PLAN),
+    "comp": ControlFormat(".comp", "LinuxCNC component", plan_component, NOT_IN_PLAN, file_name="fm_plan.comp"),
+    "fmu": ControlFormat(".fmu", "FMI 2.0 co-simulation, source FMU", plan_fmu, NOT_IN_PLAN),
+}
 LOAD: Final = "constant-load"
 SYSTEMS: Final[dict[str, ControlSystem]] = {
     LOAD: ControlSystem("constant load by feed override", _load_lacks, _load_control, _load_notes, CONTROLS),
     "recursion": ControlSystem(
-        "turning by a plan of the life of an edge",
+        "speed and feed by a plan of the life of an edge",
         shortfall,
-        _turning,
-        _turning_notes,
-        TURNING,
+        plan_control,
+        plan_notes,
+        {**PLAN, **TURNING},
         draws=True,
     ),
 }

@@ -90,3 +90,10 @@ def c_head(control: GatedControl, not_carried: tuple[str, ...]) -> tuple[str, ..
 def c_text(words: str) -> str:
     """Text that neither ends a C comment nor begins another, continues a line or spells a trigraph."""
     return "".join(c if c.isascii() and (c.isalnum() or c in " ._+-/,:;=^()%") else "_" for c in words)
+
+
+def with_settings(name: str, declared: str, before: str, defined: str) -> str:
+    """A C source of this folder with its settings declared before a comment and defined at the end."""
+    source = Path(__file__).with_name(name).read_text("ascii")
+    body = source.replace(before, f"{declared}\n{before}", 1).removesuffix("#endif\n")
+    return f"{body}\n{defined}#endif\n"

@@ -4,6 +4,7 @@ Unlike the HAL export it reads the requested feed, so that the limits hold in th
 program's F and the operator's override are. Its HAL lines stand in its head, marked ``//|``.
 """
 
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,8 @@ from ...datasets.units import canonical, convert, is_unit, same_dimension
 from ...parameters.exports.loop import LoadLoop
 from ..gate import GatedControl
 from .c_source import c_controller, c_head, c_text
+from .fmu import ControlSource, Variable
+from .st import real
 
 COMPONENT: Final = "fm_control"
 SERVO_PERIOD: Final = 0.002  # s: a longer period gets a thread of its own
@@ -181,3 +184,71 @@ def _feed_scales(loop: LoadLoop) -> tuple[str, str]:
         )
     mm, inch = convert(np.array([1.0, 25.4]), "mm/s", unit).tolist()
     return f"{mm:.12g}", f"{inch:.12g}"
+
+
+_STEP = """
+static {prefix}State fm_state;
+
+static int extra_setup(struct __comp_state *__comp_inst, char *prefix, long extra_arg)
+{{
+    {prefix}State *x = &fm_state;
+    const int wrong = {init};
+    (void)__comp_inst; (void)extra_arg;
+    if (wrong == 0) return 0;
+    rtapi_print_msg(RTAPI_MSG_ERR, "%s: setting %d is out of range; export the file again\\n", prefix, wrong);
+    return -EINVAL;
+}}
+
+/* FUNCTION(_) */
+static void _(struct __comp_state *__comp_inst, long period)
+{{
+    {prefix}State *x = &fm_state;
+    {prefix}Input input, *in = &input;
+    {prefix}Output output, *out = &output;
+    in->period = (double)period * 1e-9;
+{inputs}    {step};
+{outputs}}}
+"""
+_TYPES: Final = {"Real": "float", "Boolean": "bit", "Integer": "signed"}
+
+
+def component_of(
+    source: ControlSource, variables: tuple[Variable, ...], head: tuple[str, ...], hal: str, title: str
+) -> str:
+    """A component whose pins are the inputs and outputs of a controller in C; ``hal`` are its HAL lines."""
+    pins, inputs, outputs = "", "", ""
+    for v in variables:
+        side = "in" if v.causality == "input" else "out"
+        start = {"false": "0", "true": "1"}.get(v.start, v.start)
+        unit = f", {v.unit}" if v.unit else ""
+        pins += f'pin {side} {_TYPES[v.kind]} {v.name} = {start} "{c_text(v.words + unit)}.";\n'
+        if side == "in":
+            inputs += f"    in->{v.name} = *__comp_inst->{v.name};\n"
+        else:
+            outputs += f"    *__comp_inst->{v.name} = out->{v.name}{' != 0' if v.kind == 'Boolean' else ''};\n"
+    lines = "".join(f"//| {line}\n" for line in hal.splitlines())
+    options = "".join(f"option {name} yes;\n" for name in ("singleton", "extra_setup", "no_convenience_defines"))
+    code = _STEP.format(prefix=source.prefix, init=source.init, step=source.step, inputs=inputs, outputs=outputs)
+    return (
+        "".join(f"// {c_text(line)}\n" for line in head) + lines + f'component {source.model} "{title}";\n'
+        'description "See the head of the source file for pins, causes and limits.";\n'
+        f'{pins}{options}function _ fp;\nlicense "BSD-3-Clause";\n;;\n{source.text}{code}'
+    )
+
+
+def st_list(values: Iterable[float]) -> str:
+    """Literals of an array."""
+    return ", ".join(real(value) for value in values)
+
+
+def st_interface(variables: tuple[Variable, ...]) -> str:
+    """Inputs and outputs of a function block."""
+    kinds, out = {"Real": "LREAL", "Boolean": "BOOL", "Integer": "DINT"}, ""
+    for causality, section in (("input", "VAR_INPUT"), ("output", "VAR_OUTPUT")):
+        out += f"{section}\n"
+        for v in variables:
+            if v.causality == causality:
+                unit = f", {v.unit}" if v.unit else ""
+                out += f"  {v.name} : {kinds[v.kind]} := {v.start.upper()}; (* {c_text(v.words + unit)} *)\n"
+        out += "END_VAR\n"
+    return out

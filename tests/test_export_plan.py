@@ -1,0 +1,305 @@
+"""Plan and region as running controls: what the exported code commands is what the replay commands.
+
+The laws are those of Alaskari & Oraby, AC-2017 (Kuwait J. Sci., accepted June 2017) and AC-2016 (doi
+10.15242/IIE.E1216006). Plain tests interpret the structured text; the consumer tests compile C, component and FMU.
+"""
+
+import ctypes
+import subprocess
+import sys
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fitmodels.controllers.exports import ExportJob, exported, rendered, system_of
+from fitmodels.controllers.exports.plan_table import _variables as plan_variables
+from fitmodels.controllers.exports.plan_table import plan_control
+from fitmodels.controllers.exports.turning_program import TurningRequest
+from fitmodels.controllers.loop import replay
+from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
+from fitmodels.controllers.recursion.plan import PlanOptions
+from fitmodels.core.errors import GateError, UsageError
+from fitmodels.parameters.published import published
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from load_control import STRICT
+from st_evaluator import FunctionBlock
+
+sys.path.remove(str(Path(__file__).parent))
+
+INSTALL = "apt-get install gcc libc6-dev"
+T = 0.1  # s
+JOB = ExportJob(accept_verdict=True, diameter=(40.0, 80.0), sample_time=T)
+FLOAT = ("-DPLAN_TABLE_REAL=float", "-DREGION_CHECK_REAL=float", "-Wdouble-promotion")
+
+
+class Compiled:
+    """A controller in C behind ctypes: `call` takes inputs by name and returns outputs by name."""
+
+    def __init__(self, cc, source, folder, variables, prefix, init, step, *options):
+        inputs = [v.name for v in variables if v.causality == "input"]
+        self.inputs, self.outputs = ["period", *inputs], [v.name for v in variables if v.causality == "output"]
+        takes = [
+            f"    in.{name} = ({'int' if k else 'T_'})v[{i}];\n" for i, (name, k) in enumerate(self._kinds(variables))
+        ]
+        gives = [f"    w[{i}] = (double)out.{name};\n" for i, name in enumerate(self.outputs)]
+        (folder / "controller.c").write_text(source)
+        (folder / "driver.c").write_text(
+            f'#include "controller.c"\ntypedef {prefix}Real T_;\nstatic {prefix}State x;\nint start(void);\n'
+            "void one(const double *v, double *w);\n"
+            f"int start(void) {{ return {init.replace(', x)', ', &x)')}; }}\n"
+            f"void one(const double *v, double *w)\n{{\n    {prefix}Input in;\n    {prefix}Output out;\n"
+            f"{''.join(takes)}    {step.replace('x, in, out', '&x, &in, &out')};\n{''.join(gives)}}}\n"
+        )
+        name = folder / f"driver{len(list(folder.glob('*.so')))}.so"
+        subprocess.run([cc, "-shared", "-fPIC", "-O1", *options, folder / "driver.c", "-o", name, "-lm"], check=True)
+        self.library, self.given = ctypes.CDLL(str(name)), dict.fromkeys(self.inputs, 0.0)
+        self.wrong = self.library.start()
+        self.out = (ctypes.c_double * len(self.outputs))()
+
+    def call(self, **given):
+        self.given.update({name: float(value) for name, value in given.items()})
+        self.library.one((ctypes.c_double * len(self.inputs))(*self.given.values()), self.out)
+        return dict(zip(self.outputs, self.out, strict=True))
+
+
+class Block:
+    """The structured text behind the same interface."""
+
+    def __init__(self, text, variables):
+        self.block, self.variables = FunctionBlock(text), variables
+        self.given = {v.name: 0.0 if v.kind == "Real" else False for v in variables if v.causality == "input"}
+
+    def call(self, **given):
+        kinds = {v.name: v.kind for v in self.variables}
+        for name, value in given.items():
+            if name in kinds:
+                self.given[name] = float(value) if kinds[name] == "Real" else bool(value)
+        self.block.call(**{name.upper(): value for name, value in self.given.items()})
+        return {v.name: float(self.block[v.name.upper()]) for v in self.variables if v.causality == "output"}
+
+
+def plan_in_c(cc, folder, job=JOB, pf=None, *options):
+    control = plan_control(pf or published("AC-2017"), job)
+    text = rendered(pf or published("AC-2017"), "c", system="recursion", job=job)
+    return Compiled(
+        cc, text, folder, plan_variables(control), "Plan", "plan_table_init(&plan_settings, x)",
+        "plan_table_step(&plan_settings, x, in, out)", *options,
+    )  # fmt: skip
+
+
+def plan_in_st(job=JOB, pf=None):
+    pf = pf or published("AC-2017")
+    return Block(rendered(pf, "st", system="recursion", job=job), plan_variables(plan_control(pf, job)))
+
+
+def begun(code, **more):
+    """The first outputs of a new edge."""
+    code.call(period=T, diameter=60.0, **more)
+    return code.call(new_edge=1)
+
+
+def life_through(code, controller, gauge=False):
+    """Pairs at the end of each interval, and the minutes until worn, of an edge cut by the exported code."""
+    edge, noise = WearingEdge(controller.laws, controller.rules), np.random.default_rng(1)
+    out, pairs = begun(code), []
+    code.call(new_edge=0)
+    step = round(60 * controller.rules.interval / T)
+    for k in range(100 * step):
+        if k % step == 0:
+            pairs.append((out["cutting_speed"], out["feed"]))
+        wear = edge.step((out["cutting_speed"], out["feed"]), T, noise)
+        out = code.call(cutting=1, wear=wear if gauge else 0.0)
+        if out["worn"]:
+            return np.array(pairs), (k + 1) * T / 60, edge
+    raise AssertionError("the edge never wears out")
+
+
+def replayed(controller):
+    dt = 60 * controller.rules.interval
+    edge = WearingEdge(controller.laws, controller.rules)
+    trace = replay(controller, edge, duration=1e5, dt=dt, until="worn out")
+    return trace.command[:-1], trace.first("worn out") / 60, edge
+
+
+@pytest.mark.parametrize(
+    ("interval", "wear_state", "gauge"), [(1.0, False, False), (1.0, False, True), (2.0, True, True)]
+)
+def test_the_structured_text_cuts_the_edge_of_the_replay(interval, wear_state, gauge):
+    job = replace(JOB, turning=TurningRequest(PlanOptions(interval=interval, wear_state=wear_state)))
+    rule = "wear_state" if wear_state else "clock"
+    controller = TurningRecursion.from_parameters(published("AC-2017"), interval=interval, wear=rule)
+    pairs, minutes, edge = life_through(plan_in_st(job), controller, gauge)
+    expected, life, other = replayed(controller)
+    assert np.abs(pairs - expected).max() < 1e-9
+    assert minutes == pytest.approx(life, abs=1e-9)
+    assert edge.removed == pytest.approx(other.removed, rel=1e-9)
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize(("interval", "wear_state"), [(1.0, False), (2.0, True), (0.5, False)])
+def test_the_c_cuts_the_edge_of_the_replay(consumer, tmp_path, interval, wear_state):
+    cc, rule = consumer("cc", INSTALL), "wear_state" if wear_state else "clock"
+    job = replace(JOB, turning=TurningRequest(PlanOptions(interval=interval, wear_state=wear_state)))
+    controller = TurningRecursion.from_parameters(published("AC-2017"), interval=interval, wear=rule)
+    expected, life, other = replayed(controller)
+    for options, near in ((("-std=c90", *STRICT), 1e-12), (("-std=c99", *STRICT, *FLOAT), 1e-5)):
+        for gauge in (False, True):
+            pairs, minutes, edge = life_through(plan_in_c(cc, tmp_path, job, None, *options), controller, gauge)
+            assert np.abs(pairs / expected - 1).max() < near
+            assert minutes == pytest.approx(life, abs=1e-9)
+            assert edge.removed == pytest.approx(other.removed, rel=max(near, 1e-9))
+
+
+def codes(consumer, tmp_path):
+    return plan_in_c(consumer("cc", INSTALL), tmp_path), plan_in_st()
+
+
+def sequence(seed, samples=6000):
+    """Inputs of a machine with edges, restarts of the time, resets, jumps of the diameter, wrong and measured wear."""
+    rng, out = np.random.default_rng(seed), []
+    diameter = 60.0
+    while len(out) < samples:
+        kind, n = int(rng.integers(0, 12)), int(rng.integers(5, 200))
+        for k in range(n):
+            cutting = kind > 2
+            diameter = min(max(diameter + rng.normal(0, 0.02 if cutting else 5.0), 41.0), 79.0)
+            row = {"period": T, "cutting": cutting, "diameter": diameter, "wear": 0.0, "elapsed": 0.0,
+                   "new_edge": kind == 0 and k == 3, "set_elapsed": kind in (1, 5) and k == 3,
+                   "reset": k == 1}  # fmt: skip
+            if kind == 1:
+                row["elapsed"] = float(rng.choice([2.5, 7.0, 13.9, -1.0, np.nan]))
+            if kind == 3 and k == n // 2:
+                row["diameter"] = float(rng.choice([2.36, np.nan, 78.0, -5.0]))
+            if kind == 4 and k > n // 2:
+                row["wear"] = float(rng.choice([0.05, 0.16, 0.2, 0.25, 0.299, 0.31, 5.0, np.nan]))
+            if kind == 6 and k == n // 2:
+                row["new_edge"] = True
+            out.append(row)
+    return out
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("seed", range(4))
+def test_c_and_structured_text_agree_on_every_input(consumer, tmp_path, seed):
+    c, st = codes(consumer, tmp_path)
+    reached = []
+    for row in sequence(seed):
+        one, other = c.call(**row), st.call(**row)
+        reached.append([one["cause"], one["worn"], one["row"]])
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-9), row
+    causes, worn, rows = map(set, zip(*reached, strict=True))
+    assert {0.0, 1.0, 3.0, 5.0} <= causes
+    assert {0.0, 1.0} == worn
+    assert len(rows) > 1
+
+
+def test_power_on_holds_the_slowest_row_until_the_time_is_told():
+    st = plan_in_st()
+    out = st.call(diameter=60.0, cutting=True)
+    slowest = (200.0, 0.205)
+    assert (out["cutting_speed"], out["feed"], out["fault"], out["cause"]) == (pytest.approx(200.0), 0.205, 1, 1)
+    for k in range(620):  # an interval of the plan in the cut, then the feed stops; no reset renews it
+        out = st.call(reset=k % 2 == 0)
+        assert (round(out["cutting_speed"], 9), out["feed"]) == slowest
+        assert out["cause"] == 1
+        assert out["feed_inhibit"] == (k > 599) or abs(k - 599) <= 1
+    out = st.call(cutting=False, reset=True)
+    assert out["feed_inhibit"] == 1
+    out = st.call(set_elapsed=True, elapsed=5.0)
+    assert (out["row"], out["fault"], out["elapsed_min"], out["feed_inhibit"]) == (6, 0, 5.0, 0)
+    st.call(set_elapsed=False)
+    assert st.call(set_elapsed=True, elapsed=1.0)["elapsed_min"] == 5.0  # a known time is not lowered
+
+
+def test_time_and_worn_stay_through_a_reset_and_only_a_new_edge_clears_them():
+    st = plan_in_st()
+    begun(st)
+    st.call(new_edge=False, set_elapsed=True, elapsed=13.99)
+    for _ in range(10):
+        out = st.call(cutting=True)
+    assert out["worn"] == 1
+    for k in range(610):
+        out = st.call(reset=k % 2 == 0)
+    assert (out["worn"], out["feed_inhibit"], out["row"]) == (1, 1, 14)
+    assert out["elapsed_min"] > 14
+    out = st.call(cutting=False, new_edge=True)
+    assert (out["worn"], out["feed_inhibit"], out["row"], out["elapsed_min"]) == (0, 0, 1, 0)
+
+
+def test_a_new_edge_told_in_the_cut_is_a_fault_and_keeps_the_time():
+    st = plan_in_st()
+    begun(st)
+    st.call(new_edge=False)
+    for _ in range(700):
+        st.call(cutting=True)
+    out = st.call(new_edge=True)
+    assert (out["fault"], out["cause"]) == (1, 5)
+    assert out["elapsed_min"] > 1.16
+
+
+@pytest.mark.parametrize("jump", [60 / 25.4, 79.0, float("nan"), 0.0])
+def test_a_diameter_that_jumps_is_a_latched_fault_at_the_lowest_speed(jump):
+    st = plan_in_st()
+    begun(st)
+    st.call(new_edge=False)
+    before = st.call(cutting=True)
+    assert before["spindle_speed"] == pytest.approx(1000 * 150 / (pi * 60))
+    for _ in range(3):
+        out = st.call(diameter=jump)
+    assert (out["fault"], out["cause"]) == (1, 3)
+    assert out["spindle_speed"] == pytest.approx(1000 * 200 / (pi * 80))
+    out = st.call(diameter=60.0)
+    assert out["fault"] == 1
+    st.call(reset=True)
+    assert st.call(reset=False)["fault"] == 0
+
+
+def test_measured_wear_is_compared_with_the_wear_of_this_moment():
+    st = plan_in_st()
+    begun(st)
+    st.call(new_edge=False)
+    for _ in range(300):  # half of the first minute
+        out = st.call(cutting=True)
+    law = TurningRecursion.from_parameters(published("AC-2017")).laws.wear
+    assert out["wear_expected"] == pytest.approx(float(law(150.0, 0.58, (300 - 1) * T / 60 + T / 60)), rel=1e-3)
+    assert st.call(wear=1.03 * out["wear_expected"])["elapsed_min"] == pytest.approx(301 * T / 60)
+    later = st.call(wear=0.15)  # below the wear at the end of the row, but more than now
+    assert later["elapsed_min"] == pytest.approx((0.15 / float(law(150.0, 0.58, 1.0))) ** (1 / law.t))
+    assert st.call(wear=0.21)["row"] == 4
+    assert st.call(wear=0.31)["worn"] == 1
+    assert st.call(wear=0.12)["cause"] == 4  # an edge does not heal
+
+
+def test_without_a_limit_of_the_spindle_its_cap_is_stated_and_held():
+    made = exported(published("AC-2017"), "c", system="recursion", job=JOB)
+    (line,) = [words for words in made.notes if "spindle speed at most" in words]
+    assert "1591.55 1/min" in line
+    assert "assumed" in line
+    assert "1591.55 1/min" in made.content
+    with pytest.raises(GateError, match="a larger smallest diameter"):
+        rendered(published("AC-2017"), "c", system="recursion", job=replace(JOB, max_rpm=600.0, diameter=(20.0, 80.0)))
+    with pytest.raises(UsageError, match="the diameter of the work is not known"):
+        rendered(published("AC-2017"), "c", system="recursion", job=ExportJob(accept_verdict=True))
+
+
+def test_the_feed_rate_waits_for_a_rising_spindle_and_falls_at_once():
+    st = plan_in_st(replace(JOB, diameter=(10.0, 80.0)))
+    begun(st)
+    st.call(new_edge=False)
+    for _ in range(100):
+        out = st.call(diameter=60.0, cutting=True)
+    assert out["feed_rate"] == pytest.approx(out["feed"] * out["spindle_speed"])
+    rising = [st.call(diameter=60.0 - 0.3 * k) for k in range(1, 100)]
+    assert all(one["feed_rate"] <= one["feed"] * one["spindle_speed"] * (1 + 1e-12) for one in rising)
+
+
+def test_the_default_system_is_named_where_several_are_possible():
+    assert system_of(published("AC-2017"), "hal") == "constant-load"
+    with pytest.raises(UsageError, match="there is no such system"):
+        system_of(published("AC-2017"), "c", "recursoin")
+    with pytest.raises(UsageError, match="is not exported as hal"):
+        system_of(published("AC-2017"), "hal", "recursion")
