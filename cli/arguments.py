@@ -13,10 +13,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ..core.errors import DataError, UsageError
+from ..core.errors import DataError, ParameterError, UsageError
 from ..core.files import STANDARD_INPUT
 from ..core.suggestions import closest
-from .output import WIDEST
+from .output import WIDEST, complain
 
 WITH_UNIT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")
 MARK = "-"  # standard input as the file of a command
@@ -178,6 +178,35 @@ def traced(pf: "ParameterFile", typed_words: Sequence[str]) -> dict[str, Any]:
     """The provenance of a file with this command added, as it was typed."""
     then = (typed(typed_words),) if typed_words else ()
     return {**pf.provenance.model_dump(), "then": (*pf.provenance.then, *then)}
+
+
+def parameter_file(path: str, *, writes: bool = False) -> "ParameterFile":
+    """A parameter file; one whose checksum does not agree is refused where a command ``writes`` from it, else named.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read; or something would be written from a content that was changed, or may have been.
+    """
+    from .. import parameters
+    from ..parameters.file import require_seal, seal_fault
+
+    pf = parameters.read(path)
+    if writes:
+        from ..parameters.checks.values import check_texts
+
+        require_seal(pf, path)
+        if finding := next(check_texts(pf), None):
+            raise ParameterError(f"{path}: {finding.words} Nothing was written from it.")
+    elif fault := seal_fault(pf):
+        complain(f"{path}: {fault}. Commands that write from it refuse it.")
+    return pf
+
+
+def inputs_of(path: str, pf: "ParameterFile") -> list[Path]:
+    """The files that a parameter file consists of: itself, and its draws."""
+    draws = None if pf.posterior is None else pf.posterior.draws_file
+    return [Path(path), *([] if draws is None else [Path(path).parent / draws])]
 
 
 def pairs(words: list[str] | None, option: str, example: str) -> dict[str, str]:

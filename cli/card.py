@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ..core.errors import UsageError
 from ..core.files import write_whole
 from .arguments import Parser
-from .output import Printer, output_options
+from .output import Printer, complain, output_options
 
 if TYPE_CHECKING:
     from ..cards.content.card import Card
@@ -37,9 +37,12 @@ def run(args: argparse.Namespace) -> int:
     """Write the forms of the card, list missing fields, and return the exit code."""
     from ..cards.publishing.pair import read_pair
     from ..cards.publishing.requirements import missing_fields
+    from ..parameters.file import seal_fault
 
     file = Path(args.file)
-    _, pf, card = read_pair(file.parent, file.name, None if args.toml is None else Path(args.toml))
+    original, pf, card = read_pair(file.parent, file.name, None if args.toml is None else Path(args.toml))
+    if fault := seal_fault(original):
+        complain(f"{args.file}: {fault}. Commands that write from it refuse it.")
     if args.json:
         from ..cards.forms.card_json import as_json
 

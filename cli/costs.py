@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import Parser, pairs, traced
+from .arguments import Parser, pairs, parameter_file, traced
 from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from .. import parameters
     from ..parameters.file import sealed
 
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file, writes=True)
     given = pairs(args.costs, "cost", "machine=60/h")
     for name in given:
         if name not in KNOWN:

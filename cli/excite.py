@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..core.errors import UsageError
-from .arguments import Parser, seed
+from .arguments import Parser, parameter_file, seed
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -121,12 +121,11 @@ def _band(text: str) -> tuple[float, float]:
 
 
 def _guess(args: argparse.Namespace) -> "Model":
-    from .. import parameters
     from ..parameters.gather.control import model_of
 
     if args.noise is None or not args.noise > 0:
         raise UsageError("--like predicts errors, which needs the noise of the sensor: add for instance --noise 0.005.")
-    d = parameters.read(args.like).dynamics
+    d = parameter_file(args.like).dynamics
     if d is None:
         raise UsageError(f"{args.like} contains no dynamics; identify them first: fitmodels ident run.csv.")
     if abs(d.sample_time * args.rate - 1) > 1e-6:

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
-from .arguments import Parser, measured
+from ..core.files import refuse_input
+from .arguments import Parser, inputs_of, measured, parameter_file
 from .options import plan_asked, plan_options, plan_options_of
 from .output import Printer, output_options, print_json
 
@@ -177,13 +178,14 @@ def run(args: argparse.Namespace) -> int:
     from ..parameters.exports import write_export
 
     export_format(args.to)
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file, writes=True)
     system = system_of(pf, args.to, args.system)
     kind = export_format(args.to, system or None)
     name = kind.file_name if isinstance(kind, ControlFormat) else ""
     path = Path(args.out or name or Path(args.file).stem + kind.suffix)
     if path.is_dir():
         raise UsageError(f"--out {path}: is a folder; give the name of the file.")
+    refuse_input(path, *inputs_of(args.file, pf))
     uses = bool(system) and SYSTEMS[system].draws
     draws = parameters.read_draws(pf, Path(args.file).parent) if uses else {}
     job = ExportJob(args.accept_verdict, draws, turning=_request_of(args, pf, system))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
-from .arguments import Parser, pairs, traced, typed
+from .arguments import Parser, pairs, parameter_file, traced, typed
 from .output import Printer, output_options, print_json
 from .physical import SECTION, check_options, physical_options, report
 
@@ -166,9 +166,7 @@ def _target(args: argparse.Namespace) -> Path | None:
 
 def _former(args: argparse.Namespace) -> "ParameterFile":
     """The file of ``--params``, before anything is computed."""
-    from .. import parameters
-
-    pf = parameters.read(args.params)
+    pf = parameter_file(args.params, writes=True)
     name = SECTION.get(args.model or "", "dynamics")
     replaced = name if name != "adaptive_force" else ""  # of which only the estimates are replaced
     if replaced and getattr(pf, name) is not None and not args.force:

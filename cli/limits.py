@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import Parser, check_apart, pairs, traced
+from .arguments import Parser, check_apart, pairs, parameter_file, traced
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from ..parameters.checks.report import cautions
     from ..parameters.file import sealed
 
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file, writes=True)
     given = {symbol: _limit(symbol, text, pf) for symbol, text in pairs(args.limits, "limit", "P=7kW").items()}
     others = {symbol: given.pop(symbol)[1] for symbol in tuple(given) if given[symbol][0] == "responses"}
     asked = dict(given.values())

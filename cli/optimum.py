@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
-from .arguments import Parser, values
+from .arguments import Parser, parameter_file, values
 from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level:g}: give a number between 0 and 1, for instance 0.95.")
     target = _target(args.figure, args.force)
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file)
     if pf.costs is None:
         raise UsageError(
             f"{args.file} has no costs; write them with fitmodels costs {args.file} machine=60/h edge=8 change=1.5min "

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.errors import FitmodelsError, ParameterError, UsageError
-from .arguments import Parser, pairs
+from .arguments import Parser, pairs, parameter_file
 from .conditions import NUMBER, Value, in_unit, known_level, meant, typed_conditions
 from .output import output_options, print_json, print_lines
 
@@ -79,7 +79,6 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Print a sentence for each law, and return the exit code."""
-    from .. import parameters
     from ..parameters.checks.report import cautions
     from ..parameters.evaluation import IntervalOptions
 
@@ -87,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
         if not 0 < getattr(args, option) < 1:
             raise UsageError(f"--{option} {getattr(args, option):g}: give a number between 0 and 1, for instance 0.95.")
     _budget_asked(args)
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file)
     responses = [word for word in args.at if word in (*pf.laws, "T")]
     names = [*([] if args.law is None else [args.law]), *responses]
     given, remarks = typed_conditions(pf, [word for word in args.at if word not in responses])

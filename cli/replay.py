@@ -8,7 +8,7 @@ from ..cards.replays import SYSTEMS
 from ..core.errors import ParameterError, UsageError
 from ..core.files import write_whole
 from ..core.suggestions import closest, did_you_mean
-from .arguments import Parser, seed
+from .arguments import Parser, parameter_file, seed
 from .options import plan_asked, plan_options, plan_options_of
 from .output import Printer, output_options, print_json
 
@@ -89,7 +89,7 @@ def _given(file: str) -> "tuple[ParameterFile, Mapping[str, Draws], Path]":
         return published(file), {}, Path(f"{file}-replay")
     if not Path(file).exists() and (near := closest(file, PAPERS, 0.7)):
         raise UsageError(f"{file}: there is no such file, nor a paper of this name; did you mean {near}?")
-    pf = parameters.read(file)
+    pf = parameter_file(file)
     return pf, parameters.read_draws(pf, Path(file).parent), Path(file).parent / "figures"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import Parser, check_apart, pairs, traced
+from .arguments import Parser, check_apart, pairs, parameter_file, traced
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
 
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level:g}: give a share between 0 and 1, as 0.95.")
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file, writes=True)
     if pf.roughness is not None and not args.force:
         raise UsageError(f"{args.file} has settings of constant roughness; replace them with --force.")
     law = pf.laws[roughness_law(pf, args.law)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from ..core.errors import UsageError
-from .arguments import Parser, traced
+from .arguments import Parser, parameter_file, traced
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
     from ..parameters.checks.report import cautions
     from ..parameters.file import sealed
 
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file, writes=True)
     if pf.load_line is not None and not args.force:
         raise UsageError(f"{args.file} has settings of constant load; replace them with --force.")
     given = _given(args)

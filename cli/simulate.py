@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.errors import DataError, UsageError
 from ..core.version import __version__
-from .arguments import Parser, seed
+from .arguments import Parser, parameter_file, seed
 from .output import output_options
 from .plan import write_table
 
@@ -53,12 +53,11 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Write the simulated data, and return the exit code."""
-    from .. import parameters
     from ..datasets import simulate
 
     if args.icc is not None and not 0 <= args.icc <= 1:
         raise UsageError(f"--icc {args.icc:g}: a share is between 0 and 1.")
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file)
     chosen, notes = _chosen(pf)
     laws = [_simulated(law, args, notes) for law in chosen]
     timed = any("t" in law.factors for law in laws)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import GateError, UsageError
-from .arguments import Parser, seed, traced
+from .arguments import Parser, parameter_file, seed, traced
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -104,14 +104,13 @@ def _controller_options(p: Parser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Tune, print, write, and return the exit code."""
-    from .. import parameters
     from ..cards.folder import PI_FIGURE
     from ..core.progress import progress_bar
     from ..parameters.checks.report import cautions
     from ..parameters.file import replace, sealed
     from ..parameters.gather.control import pi_section
 
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file, writes=True)
     if pf.dynamics is None:
         raise UsageError(
             f"{args.file} has no dynamics; identify them first: fitmodels ident run.csv --params {args.file}."

@@ -1,9 +1,12 @@
 """Files and folders that are written whole or not at all, and a lock for one writer at a time."""
 
 import os
+import platform
+import re
 import secrets
 import tempfile
 import time
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -60,7 +63,8 @@ def write_together(
     """Write a file, and files made from it, so that none of these ever stands beside a content it was not made from.
 
     All contents are on disk before the first change: then the former derived files are removed, the file is renamed
-    into its place, and after it the derived files; a process that is killed leaves some of these missing at most.
+    into its place, and after it the derived files; a process that is killed leaves some of these missing at most, and
+    temporary files that the next write into the folder removes.
 
     Parameters
     ----------
@@ -86,7 +90,8 @@ def write_together(
             if data is not None:
                 if place != path:
                     place.parent.mkdir(exist_ok=True)
-                temporary[place] = place.parent / f".fitmodels-{secrets.token_hex(8)}.tmp"
+                remove_stale(place.parent)
+                temporary[place] = place.parent / temporary_name()
                 _synchronised(temporary[place], data)
         for place in derived:
             place.unlink(missing_ok=True)
@@ -100,6 +105,73 @@ def write_together(
         for made in temporary.values():
             with suppress(OSError, ValueError):
                 made.unlink(missing_ok=True)
+
+
+STALE = 3600.0  # s: no write takes as long
+TEMPORARY = re.compile(r"\.fitmodels-(?:(?P<host>[0-9a-f]{8})-(?P<pid>\d+)-)?[0-9a-f]{16}\.tmp")
+
+
+def temporary_name() -> str:
+    """Name of a temporary file of this process, by which another one can tell whether it is still written."""
+    return f".fitmodels-{_host()}-{os.getpid()}-{secrets.token_hex(8)}.tmp"
+
+
+def remove_stale(folder: Path) -> None:
+    """Remove temporary files in a folder that were left by killed processes: of no process now, or older than an hour.
+
+    Examples
+    --------
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> left = folder / temporary_name().replace(f"-{os.getpid()}-", "-4194399-")  # beyond the largest number of Linux
+    >>> left.touch()
+    >>> remove_stale(folder)
+    >>> left.exists()
+    False
+    """
+    with suppress(OSError):
+        for path in folder.glob(".fitmodels-*.tmp"):
+            if found := TEMPORARY.fullmatch(path.name):
+                with suppress(OSError):
+                    ended = found["host"] == _host() and not _runs(int(found["pid"]))
+                    if ended or time.time() - path.stat().st_mtime > STALE:
+                        path.unlink()
+
+
+def _host() -> str:
+    return f"{zlib.crc32(platform.node().encode()):08x}"
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process of this number exists; yes where the system cannot say (Windows ends what is asked so)."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def refuse_input(path: str | os.PathLike[str], *inputs: str | os.PathLike[str]) -> None:
+    """Raise where an output is one of the files that are read for it, by whatever path or link.
+
+    Raises
+    ------
+    UsageError
+        It is one of them.
+
+    Examples
+    --------
+    >>> refuse_input("params.ini", "params.json")
+    """
+    for each in inputs:
+        with suppress(OSError, ValueError):
+            if os.path.realpath(path) == os.path.realpath(each) or Path(path).samefile(each):
+                raise UsageError(
+                    f"--out {path}: is the file {each} that is read; it would be lost. Choose another name with --out."
+                )
 
 
 def _synchronised(path: Path, data: bytes) -> None:

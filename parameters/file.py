@@ -262,6 +262,39 @@ def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
     return _content(data, "the parameter file")[1]
 
 
+def seal_fault(pf: ParameterFile) -> str:
+    """Reason why the content of a file that was read is not known to be what fitmodels wrote; empty where it is.
+
+    Examples
+    --------
+    >>> pf = sealed(ParameterFile(identity={"tool": "GC435", "work": "709M40", "simulated": False},
+    ...                           provenance={"fitmodels": "0.1.0"}))
+    >>> seal_fault(pf), seal_fault(pf.model_copy(update={"content_sha256": None}))
+    ('', 'it has no content_sha256, so that a change since it was written cannot be detected')
+    """
+    if pf.content_sha256 is None:
+        return "it has no content_sha256, so that a change since it was written cannot be detected"
+    found = content_sha256(pf.model_dump(exclude_unset=True))
+    if found == pf.content_sha256:
+        return ""
+    return f"its content was changed after it was written (SHA-256 {found[:12]}..., not {pf.content_sha256[:12]}...)"
+
+
+def require_seal(pf: ParameterFile, name: str) -> None:
+    """Raise unless the checksum of a file agrees: what is written from it would carry a checksum for an unknown change.
+
+    Raises
+    ------
+    ParameterError
+        The checksum is missing, or is that of another content; ``name`` begins the message.
+    """
+    if fault := seal_fault(pf):
+        raise ParameterError(
+            f"{name}: {fault}. Nothing was written from it. Restore the file, or fit again and make the change with "
+            "the commands of fitmodels."
+        )
+
+
 def _content(data: dict[str, Any], name: str) -> tuple[bytes, ParameterFile]:
     """Bytes of the file with its checksum, and the file read back from them, so that nothing unreadable is written."""
     try:

@@ -17,7 +17,7 @@ from fitmodels.cli import main
 from fitmodels.cli.arguments import traced
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
-from fitmodels.core.files import locked_folder, write_together
+from fitmodels.core.files import locked_folder, temporary_name, write_together, write_whole
 from fitmodels.ident import Model
 from fitmodels.parameters import read, write
 from fitmodels.parameters.file import replace, sealed
@@ -368,3 +368,76 @@ def test_a_folder_that_is_written_again_without_gains_has_no_picture_of_them(fil
 def test_provenance_records_the_command_as_it_was_typed(command, file):
     """A unit with a stroke was taken for a path: `mm/min` was recorded as `min`."""
     assert traced(read(file), shlex.split(command))["then"] == (f"fitmodels {command}",)
+
+
+@pytest.fixture(params=["deleted", "kept"])
+def edited(request, tmp_path, monkeypatch):
+    """A file in which the limit of power was raised by hand, its checksum deleted or left as it was."""
+    monkeypatch.chdir(tmp_path)
+    write(published("AC-2016"), "params.json")
+    data = json.loads(Path("params.json").read_text("utf-8"))
+    data["limits"]["power"]["value"] = 70.0
+    if request.param == "deleted":
+        data.pop("content_sha256")
+    Path("params.json").write_text(json.dumps(data), "utf-8")
+    return Path("params.json")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "limits params.json f=0.1:0.3mm/rev --force",
+        "costs params.json machine=60/h edge=8 change=1.5min currency=EUR",
+        "export params.json --to ini --accept-verdict",
+    ],
+)
+def test_nothing_is_written_from_a_file_that_was_edited_by_hand(edited, command, capsys):
+    before = edited.read_bytes()
+    assert main(command.split()) == 3
+    error = capsys.readouterr().err
+    assert "Nothing was written from it" in error
+    assert "content_sha256" in error or "changed after it was written" in error
+    assert edited.read_bytes() == before
+    assert [path.name for path in edited.parent.iterdir()] == ["params.json"]
+
+
+def test_a_file_that_was_edited_by_hand_is_read_with_a_warning_and_fails_its_check(edited, capsys):
+    assert main(["replay", "params.json", "--system", "region", "--json"]) == 0
+    assert "Commands that write from it refuse it" in capsys.readouterr().err
+    assert main(["check", "params.json", "--quiet"]) == 5
+    assert "FAIL" in capsys.readouterr().out
+
+
+def test_a_coefficient_that_is_not_that_of_its_equation_is_refused_though_the_checksum_agrees(tmp_path, capsys):
+    data = published("AC-2016").model_dump()
+    data["laws"]["P"]["coefficients"]["V"] = 0.5
+    path = write(parameters.ParameterFile.model_validate(data), tmp_path / "params.json")
+    assert main(["limits", str(path), "P=7kW", "--force"]) == 3
+    assert "lacks its coefficient V = 0.5" in capsys.readouterr().err
+    data["laws"]["P"]["coefficients"]["V"] = 0.82
+    data["identity"] |= {"note": "simulated: no measurement", "simulated": False}
+    write(parameters.ParameterFile.model_validate(data), path, force=True)
+    assert main(["limits", str(path), "P=7kW", "--force"]) == 3
+    assert "identity.simulated is false" in capsys.readouterr().err
+
+
+def test_an_export_does_not_replace_the_file_it_is_made_from(tmp_path, capsys):
+    path = write(published("AC-2016"), tmp_path / "params.json")
+    (tmp_path / "link.ini").symlink_to(path)
+    before = path.read_bytes()
+    for out in (path, tmp_path / "." / "params.json", tmp_path / "link.ini"):
+        assert main(["export", str(path), "--to", "ini", "--accept-verdict", "--force", "--out", str(out)]) == 2
+        assert "that is read; it would be lost" in capsys.readouterr().err
+    assert path.read_bytes() == before
+
+
+def test_temporary_files_of_ended_processes_are_removed_by_the_next_write(tmp_path):
+    ended, running, old, foreign = (
+        temporary_name().replace(f"-{os.getpid()}-", "-4194399-"), temporary_name(),
+        ".fitmodels-0123456789abcdef.tmp", ".fitmodels-notes.tmp",
+    )  # fmt: skip
+    for name in (ended, running, old, foreign):
+        (tmp_path / name).touch()
+    os.utime(tmp_path / old, (0, 0))
+    write_whole(tmp_path / "a.txt", "1")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([running, foreign, "a.txt"])

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from ...core.errors import ParameterError
 from ..draws import read_draws
-from ..file_format import content_sha256
+from ..file import seal_fault
 from .gains import check_gains
 from .report import CheckReport, FileFinding, check_verdicts
-from .values import check_estimates, check_settings, check_units
+from .values import check_estimates, check_settings, check_texts, check_units
 
 if TYPE_CHECKING:
     from ..file import ParameterFile
@@ -22,16 +22,17 @@ if TYPE_CHECKING:
 def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> CheckReport:
     """Check a parameter file before a controller loads it.
 
-    Checksum; verdicts of laws, dynamics and force process; doubts about the data; units known and of the right
-    dimension; covariances; convergence of the posterior; dynamics stable, with a gain of known sign; gains stable on
-    them and within their specification, recomputed from the file; feed limits in order and above zero; windows and
-    settings in order; the file of draws.
+    Checksum; equations and the mark of simulated data against their text; verdicts of laws, dynamics and force process;
+    doubts about the data; units known and of the right dimension; covariances; convergence of the posterior; dynamics
+    stable, with a gain of known sign; gains stable on them and within their specification, recomputed from the file;
+    feed limits in order and above zero; windows and settings in order; the file of draws.
 
     Parameters
     ----------
     pf : ParameterFile
     folder : path, optional
-        Folder of the file; without it the draws are not checked.
+        Folder of the file, which must then have a checksum, and equations of its coefficients; without it neither
+        these nor the draws are checked.
 
     Returns
     -------
@@ -45,7 +46,8 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     (True, ['checksum', 'units'])
     """
     found = [
-        _checksum(pf),
+        _checksum(pf, on_disk=folder is not None),
+        *(() if folder is None else check_texts(pf)),
         *check_verdicts(pf),
         *_reading(pf),
         *check_units(pf),
@@ -57,18 +59,15 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     return CheckReport(tuple(found))
 
 
-def _checksum(pf: "ParameterFile") -> FileFinding:
-    if pf.content_sha256 is None:
-        return FileFinding("checksum", None, "The file has no content_sha256, so a change cannot be detected.")
-    found = content_sha256(pf.model_dump(exclude_unset=True))
-    if found == pf.content_sha256:
+def _checksum(pf: "ParameterFile", *, on_disk: bool) -> FileFinding:
+    """Whether the content is that which was written; a file on disk without a checksum may hide a change."""
+    fault = seal_fault(pf)
+    if not fault:
         return FileFinding("checksum", True, "The content is unchanged.")
-    return FileFinding(
-        "checksum",
-        False,
-        f"The content was changed after it was written (SHA-256 {found[:12]}..., not {pf.content_sha256[:12]}...): "
-        "restore the file, or make the change with fitmodels, which renews the checksum.",
-    )
+    if pf.content_sha256 is None and not on_disk:
+        return FileFinding("checksum", None, "The file has no content_sha256, so a change cannot be detected.")
+    words = f"{fault[:1].upper()}{fault[1:]}: restore the file, or make the change with fitmodels, which writes it."
+    return FileFinding("checksum", False, words.replace("It has", "The file has").replace("Its content", "The content"))
 
 
 def _reading(pf: "ParameterFile") -> Iterator[FileFinding]:
