@@ -32,14 +32,14 @@ def parser() -> Parser:
     p.add_argument("file", metavar="PARAMS", help="params.json")
     p.add_argument("limits", nargs="+", metavar="P=7kW", help=f"{WRITTEN}; the default unit where none is given")
     p.add_argument("--force", action="store_true", help="replace limits in the file")
-    output_options(p, "print the section as JSON (fitmodels.limits/2)")
+    output_options(p, "print the section as JSON (fitmodels.limits/3)")
     return p
 
 
 def run(args: argparse.Namespace) -> int:
     """Write and print the limits, and return the exit code."""
     from .. import parameters
-    from ..parameters.checks.report import cautions
+    from ..parameters.checks.report import cautions, worn_past_window
     from ..parameters.file import sealed
 
     pf = parameter_file(args.file, writes=True)
@@ -61,12 +61,13 @@ def run(args: argparse.Namespace) -> int:
     assert section is not None  # noqa: S101  just written
     bounded = [*(limit["of"] for limit in asked.values() if limit.get("of")), *others]
     verdicts = cautions(pf, *bounded) if bounded else []
+    past, words = worn_past_window(changed)
     if args.json:
-        facts = {"file": Path(args.file).name, "limits": section.model_dump(), "verdicts": verdicts}
-        print_json("limits", facts, version=2)
+        facts = {"file": Path(args.file).name, "limits": section.model_dump(), "worn_past_window": past}
+        print_json("limits", {**facts, "verdicts": verdicts}, version=3)
     else:
         out = Printer(quiet=args.quiet)
-        for line in (*_sentences(section.model_dump()), *verdicts):
+        for line in (*_sentences(section.model_dump()), *([words] if words else []), *verdicts):
             out.show(line)
         out.wrote(f"Written: limits in {args.file}", args.file)
     return 0

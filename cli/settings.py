@@ -80,7 +80,7 @@ def parser() -> Parser:
     )
     _engagement_options(p)
     p.add_argument("--force", action="store_true", help="replace settings in the file")
-    output_options(p, "print the section as JSON (fitmodels.settings/2)")
+    output_options(p, "print the section as JSON (fitmodels.settings/3)")
     return p
 
 
@@ -117,7 +117,7 @@ def _number(text: str) -> float | str:
 def run(args: argparse.Namespace) -> int:
     """Compute and write the settings, and return the exit code."""
     from .. import parameters
-    from ..parameters.checks.report import cautions
+    from ..parameters.checks.report import cautions, worn_past_window
     from ..parameters.file import sealed
 
     pf = parameter_file(args.file, writes=True)
@@ -131,13 +131,14 @@ def run(args: argparse.Namespace) -> int:
     lacking, assumed = found.lacking, list(found.assumed)
     parameters.write(changed, args.file, replaces=pf)
     verdicts = cautions(pf, line.law)
+    past, past_words = worn_past_window(changed)
     if args.json:
         facts = {"file": Path(args.file).name, "load_line": line.model_dump(), "assumed": assumed, "lacking": lacking}
-        print_json("settings", {**facts, "verdicts": verdicts}, version=2)
+        print_json("settings", {**facts, "worn_past_window": past, "verdicts": verdicts}, version=3)
     else:
         loop = _of_loop(line, set(_kept(pf)) - set(given), assumed, lacking)
         out = Printer(quiet=args.quiet)
-        for words in (*verdicts, *_sentences(line), *loop):
+        for words in (*verdicts, *_sentences(line), past_words, *loop):
             out.show(words)
         out.wrote(f"Written: load_line in {args.file}", args.file)
     return 0

@@ -20,6 +20,7 @@ from ..core.arrays import is_positive
 from ..core.calls import check_share
 from ..core.errors import ParameterError, UsageError
 from ..core.suggestions import did_you_mean
+from ..datasets.units import convert
 from .evaluation import IntervalOptions, interval_band
 from .file import ParameterFile
 from .messages import schema_message, short
@@ -45,7 +46,7 @@ def settings(
     *,
     safety_factor: float = SAFETY_FACTOR,
     rounded_to: float | None = RESOLUTION,
-    window: tuple[float, float] = WINDOW,
+    window: tuple[float, float] | None = None,
     wear_limit: float | None = None,
     law: str | None = None,
     by: str | None = None,
@@ -65,8 +66,8 @@ def settings(
         Above 0, below 1.
     rounded_to : float or None
         Step that the reference is rounded to; None leaves it as it is.
-    window : tuple of float
-        Wear between which the tool is to be changed, in the law's unit of wear.
+    window : tuple of float, optional
+        Wear between which the tool is to be changed, in the law's unit of wear; by default 0.18 to 0.22 mm.
     wear_limit : float, optional
         Wear at the lower limit; the top of the window unless given. Half the tools have worn further than
         this when they reach the limit, so a limit in the middle of the window keeps more of them in it.
@@ -100,6 +101,7 @@ def settings(
     (0.24, 996, 563)
     """
     found = _law(pf, law)
+    window = _usual_window(found) if window is None else window
     limit = window[1] if wear_limit is None else wear_limit
     _check(worn, safety_factor, rounded_to, window, limit, level)
     reference = _rounded(safety_factor * worn, rounded_to)
@@ -171,6 +173,12 @@ def _check(
         raise UsageError(f"window {low:g} to {high:g}: two wears, the smaller first, in the law's unit of wear.")
     if not low <= limit <= high:
         raise UsageError(f"wear_limit {limit:g} lies outside the window {low:g} to {high:g}.")
+
+
+def _usual_window(law: "LawSection") -> tuple[float, float]:
+    """The paper's window in the unit of the law's wear: 180 to 220 where that is um."""
+    low, high = (float(f"{end:.12g}") for end in convert(np.array(WINDOW), "mm", law.factors[-1].unit))
+    return low, high
 
 
 def _rounded(value: float, step: float | None) -> float:
@@ -302,13 +310,13 @@ def wear_in_window(
     """
     if not isinstance(law.uncertainty, Covariance) or law.residual_se is None:
         return None, _reason(law)
-    below = [_below(law, load, feed, wear, by) for wear in window]
+    below = [worn_below(law, load, feed, wear, by) for wear in window]
     scatter = f"residual {law.residual_se:.3g} {law.unit}, {law.uncertainty.df} degrees of freedom"
     return float(np.clip(below[1] - below[0], 0.0, 1.0)), f"t of the law's prediction of one further tool ({scatter})"
 
 
-def _below(law: LawSection, load: float, feed: float, wear: float, by: str | None) -> float:
-    """P(wear <= w) at this load and feed."""
+def worn_below(law: LawSection, load: float, feed: float, wear: float, by: str | None) -> float:
+    """Probability that a further tool is worn no more than this at this load and feed."""
     from scipy.special import stdtr, stdtrit
 
     at = _at(law, feed, wear)

@@ -38,7 +38,7 @@ def test_what_is_not_named_stays_and_what_stands_needs_force(file, capsys):
 def test_the_json_is_what_was_written(file, capsys):
     assert main(["limits", file, "P=7kW", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["schema"] == "fitmodels.limits/2"
+    assert facts["schema"] == "fitmodels.limits/3"
     assert facts["limits"]["power"] == {"value": 7.0, "unit": "kW", "of": "P"}
 
 

@@ -57,6 +57,27 @@ def test_the_replay_of_constant_load_states_what_a_fault_does(capsys):
     assert "on_fault lower limit, not stop" in report["assumed"]
 
 
+def test_wear_in_mm_is_printed_in_mm_with_three_digits(tmp_path, capsys):
+    """CLM-2023 with its wear in mm in place of um: the same replay, the same sentence but for the unit."""
+    data = published("CLM-2023").model_dump()
+    laws, line = data["laws"], data["load_line"]
+    laws["I"]["coefficients"]["k1"] *= 1000
+    laws["VB"]["coefficients"]["c0"] /= 1000
+    laws["VB"]["unit"] = line["unit_wear"] = laws["I"]["factors"][-1]["unit"] = "mm"
+    factor = laws["I"]["factors"][-1]
+    factor.update({name: factor[name] / 1000 for name in ("low", "high")})
+    for limit in (line["upper"], line["lower"]):
+        limit["wear"] /= 1000
+    line["window"] = [wear / 1000 for wear in line["window"]]
+    changed = parameters.ParameterFile.model_validate({**data, "life": None, "content_sha256": None})
+    file = parameters.write(changed, tmp_path / "params.json")
+    report = _replayed(capsys, str(file), "--system", "constant-load")["constant-load"]
+    assert report["lines"][0].startswith("Change the tool at VB 0.205 mm after 2094 mm")
+    assert "window of 0.18 to 0.22 mm" in report["lines"][0]
+    assert any("a tool worn by 0.201 mm" in line for line in report["lines"])
+    assert not any(" 0 mm" in line for line in report["lines"])
+
+
 def test_verdicts_stand_before_the_replay(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["replay", "AC-2017", "--system", "region"]) == 0

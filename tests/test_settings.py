@@ -10,6 +10,7 @@ from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
 from fitmodels.parameters import collect, read, write
+from fitmodels.parameters.checks.report import worn_past_window
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.sections.load_line import Engagement, LimitInterval, NoInterval
 from scipy import stats
@@ -152,6 +153,35 @@ def test_the_probability_is_the_share_of_further_tools():
     assert line.probability_of.startswith("t of the law's prediction of one further tool (residual 0.00")
 
 
+def test_the_share_of_worn_tools_is_that_of_further_tools():
+    """Tools drawn about the true line as above: half of them by default, fewer with the limit in the middle."""
+    pf = of(line_of(n=4000, noise=0.004))
+    e = 0.004 * np.random.default_rng(3).normal(size=400_000)
+    shares = []
+    for limit in (None, 0.2):
+        line = parameters.settings(pf, 0.28, wear_limit=limit)
+        wear = (0.24 - 0.1158 - 1.2416e-4 * line.lower.value - e) / 0.2226
+        share, words = worn_past_window(sealed(pf, load_line=line))
+        assert share == pytest.approx(np.mean(wear > 0.22), abs=0.02)  # the law is estimated
+        assert words.startswith(f"{100 * share:.0f} % of further tools are worn past 0.22 mm")
+        shares.append(share)
+    assert shares[0] == pytest.approx(0.5, abs=0.02)
+    assert shares[1] < 0.2
+
+
+def test_the_default_window_follows_the_unit_of_the_wear():
+    pf = of(line_of())
+    data = pf.model_dump()
+    law = data["laws"]["I"]
+    law["coefficients"]["k1"] /= 1000
+    wear = law["factors"][-1]
+    wear |= {"unit": "um", "low": 1000 * wear["low"], "high": 1000 * wear["high"]}
+    law["uncertainty"] = {"kind": "none", "reason": "of a test"}
+    line = parameters.settings(parameters.ParameterFile.model_validate({**data, "content_sha256": None}), 0.28)
+    assert (line.window, line.lower.wear, line.unit_wear) == ((180.0, 220.0), 220.0, "um")
+    assert line.lower.value == pytest.approx(parameters.settings(pf, 0.28).lower.value)
+
+
 def test_the_probability_grows_with_the_window():
     pf = of(line_of())
     windows = [(0.19, 0.21), (0.18, 0.22), (0.1, 0.3)]
@@ -262,8 +292,9 @@ def test_settings_that_are_there_stand_without_force(params, capsys):
 def test_a_window_may_be_said_in_any_unit_of_length(params, window, capsys):
     assert main(["settings", str(params), "--worn", "0.28", "--window", window, "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["schema"] == "fitmodels.settings/2"
+    assert facts["schema"] == "fitmodels.settings/3"
     assert facts["load_line"]["window"] == [0.18, 0.22]
+    assert facts["worn_past_window"] is None  # three points leave no scatter
 
 
 @pytest.mark.parametrize(

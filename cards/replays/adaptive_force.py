@@ -58,30 +58,40 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     section = pf.adaptive_force
     assert section is not None  # noqa: S101 - lacks(pf) is asked first
     depths = [point.depth for point in section.set_points]
-    plan = _plan(depths)
+    plan, noise = _plan(depths), noise_in(section)
 
     def at_depths(by: "By") -> "list[ForceRun]":
-        return [steady_run(pf, depth, by, ripple=RIPPLE, noise=NOISE, seed=seed) for depth in depths]
+        return [steady_run(pf, depth, by, ripple=RIPPLE, noise=noise, seed=seed) for depth in depths]
 
     def in_steps(by: "By") -> "ForceRun":
-        return depth_step_run(pf, by, depths=plan, ripple=RIPPLE, noise=NOISE, seed=seed)
+        return depth_step_run(pf, by, depths=plan, ripple=RIPPLE, noise=noise, seed=seed)
 
     single, stepped = at_depths("adaptive"), in_steps("adaptive")
     pi_runs, pi_stepped = ([], None) if pf.pi is None else (at_depths("pi"), in_steps("pi"))
     proof, rows = depth_step_run(pf, depths=plan), step_study(pf)
     lines = [
-        _at_depths(single, section), _at_steps(stepped),
-        *([_comparison(single, stepped, pi_runs, pi_stepped)] if pi_stepped else []),
+        _at_depths(single, section), _at_steps(stepped, section),
+        *([_comparison(single, stepped, pi_runs, pi_stepped, section)] if pi_stepped else []),
         of_proof(proof, stepped), of_estimates(stepped), *of_steps(rows),
     ]  # fmt: skip
     figures = {
-        "adaptive_force_depths": draw.depths_figure(single, pi_runs),
-        "adaptive_force_steps": draw.steps_figure(stepped, pi_stepped),
+        "adaptive_force_depths": draw.depths_figure(single, pi_runs, section.unit_depth),
+        "adaptive_force_steps": draw.steps_figure(stepped, pi_stepped, section.unit_depth),
         "adaptive_force_energy": draw.lyapunov_figure(proof),
         "adaptive_force_step_size": draw.step_size_figure(rows),
     }
     facts = _facts(single, stepped, pi_runs, pi_stepped, proof, rows)
     return Replayed("adaptive-force", TITLE, tuple(lines), _assumed(pf, section, draws), facts, figures)
+
+
+def noise_in(section: "AdaptiveForceSection") -> float:
+    """The assumed noise of the reading in the unit of the force."""
+    from ...datasets.units import convert, is_unit, same_dimension
+
+    unit = section.unit_force
+    if not (is_unit(unit) and same_dimension(unit, "N")):
+        return NOISE
+    return float(convert(np.array(NOISE), "N", unit))
 
 
 def _plan(depths: Sequence[float]) -> tuple[float, ...]:
@@ -101,8 +111,8 @@ def _at_depths(runs: "Sequence[ForceRun]", section: "AdaptiveForceSection") -> s
         for run, held in ((run, run.segments()[0]) for run in runs)
     ]
     return (
-        f"Simulated with {100 * RIPPLE:g} % tooth ripple and {NOISE:g} {section.unit_force} of noise, force "
-        f"averaged over a revolution: {'; '.join(parts)}."
+        f"Simulated with {100 * RIPPLE:g} % tooth ripple and {noise_in(section):g} {section.unit_force} of noise, "
+        f"force averaged over a revolution: {'; '.join(parts)}."
     )
 
 
@@ -117,27 +127,28 @@ def _stepped(run: "ForceRun") -> list[tuple[float, float, "RegulationMetrics"]]:
     return [(before, after, one) for before, after, one in zip(depths, depths[1:], held[1:], strict=False)]
 
 
-def _at_steps(run: "ForceRun") -> str:
+def _at_steps(run: "ForceRun", section: "AdaptiveForceSection") -> str:
     parts = [
-        f"{before:g} to {after:g} mm: {percent(max(one.overshoot, one.undershoot))} "
+        f"{before:g} to {after:g} {section.unit_depth}: {percent(max(one.overshoot, one.undershoot))} "
         f"{'above' if one.overshoot > one.undershoot else 'below'}, settled after {_s(one.settling)}"
         for before, after, one in _stepped(run)
     ]
-    return f"Steps of depth at a set point of {run.settings.set_point:g} N: {'; '.join(parts)}."
+    return f"Steps of depth at a set point of {run.settings.set_point:g} {section.unit_force}: {'; '.join(parts)}."
 
 
 def _comparison(
-    single: "Sequence[ForceRun]", stepped: "ForceRun", pi_runs: "Sequence[ForceRun]", pi_stepped: "ForceRun"
-) -> str:
+    single: "Sequence[ForceRun]", stepped: "ForceRun", pi_runs: "Sequence[ForceRun]", pi_stepped: "ForceRun",
+    section: "AdaptiveForceSection",
+) -> str:  # fmt: skip
     ours, theirs = ([one for _, _, one in _stepped(run)] for run in (stepped, pi_stepped))
     first = " and ".join(_s(run.segments()[0].settling) for run in (single[0], pi_runs[0]))
     swing = [float(run.trace.command[-len(run.trace.command) // 4 :].std()) for run in (single[-1], pi_runs[-1])]
     return (
         f"The fixed PI of the file on the same plant: after a step of depth the force deviates by up to "
         f"{percent(_worst(theirs))} (adaptive law {percent(_worst(ours))}) and settled after {_s(_slowest(theirs))} at "
-        f"most (law {_s(_slowest(ours))}); at {single[0].settings.depth:g} mm law and PI settle after {first}; "
-        f"the feed command has a standard deviation of {swing[1]:.2g} mm/min, and of {swing[0]:.2g} with the "
-        "law, which also feeds back the rate of the force."
+        f"most (law {_s(_slowest(ours))}); at {single[0].settings.depth:g} {section.unit_depth} law and PI settle "
+        f"after {first}; the feed command has a standard deviation of {swing[1]:.2g} {section.unit_u}, and of "
+        f"{swing[0]:.2g} with the law, which also feeds back the rate of the force."
     )
 
 
@@ -202,7 +213,8 @@ def _assumed(pf: "ParameterFile", section: "AdaptiveForceSection", draws: "Mappi
         "readings; the paper prints only the continuous law.",
         f"The plant is that of the file's estimates at {section.depth:g} {section.unit_depth}, with the drive as the "
         "slower pole, d = 1, and k in proportion to the depth.",
-        f"Ripple ({100 * RIPPLE:g} % at {tooth_frequency(pf):g} Hz, two flutes) and noise ({NOISE:g} N) are assumed, "
+        f"Ripple ({100 * RIPPLE:g} % at {tooth_frequency(pf):g} Hz, two flutes) and noise ({noise_in(section):g} "
+        f"{section.unit_force}) are assumed, "
         "and affect only the reading.",
         *section.notes,
     ]

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...controllers.constant_load_milling.control_laws import line_of, loop_of
-from ...controllers.constant_load_milling.cut_model import CutModel
+from ...controllers.constant_load_milling.cut_model import CutModel, unit_factor
 from ...controllers.constant_load_milling.runs import ToolRun, constant_feed_run, constant_load_run, criterion
 from ...controllers.constant_load_milling.steady import drawn_life
+from ...controllers.region.operating_point import three
 from ...core.errors import ParameterError
+from ...parameters.checks.report import worn_past_window
 from . import Replayed
 
 if TYPE_CHECKING:
@@ -49,18 +51,25 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
     """Report on a tool at constant load until its change, and on one at constant feed."""
     line = line_of(pf)
     run, fixed, cut = constant_load_run(pf, seed=seed), constant_feed_run(pf), CutModel.from_parameters(pf)
+    (share, past), worn = worn_past_window(pf), wear_symbol(pf)
     loop = loop_of(pf)
     mixed, of_mixed = _mixed(pf)
     lines = (
-        _change(run, line), _settings(line), _monitoring(loop), _held(run, line), *_gain(run, fixed, pf, line),
+        _change(run, line, worn), past, _settings(line), _monitoring(loop), _held(run, line),
+        *_gain(run, fixed, pf, line),
         _limit(pf, run, line), _overload(loop, cut, line), *mixed, _scaling(pf, cut), *_spread(pf, draws),
     )  # fmt: skip
-    facts = {**_facts(run, fixed, cut), "monitoring": _monitored(loop), **of_mixed}
+    facts = {**_facts(run, fixed, cut), "worn_past_window": share, "monitoring": _monitored(loop), **of_mixed}
     return Replayed("constant-load", TITLE, lines, _assumed(pf, cut), facts, _figures(run, fixed, pf))
 
 
-def _change(run: ToolRun, line: "LoadLineSection") -> str:
-    at = f"VB {run.wear:.0f} {line.unit_wear} after {run.length:.0f} mm and {run.time / 60:.2f} min in the cut"
+def wear_symbol(pf: "ParameterFile") -> str:
+    """Symbol of the wear in the load law: ``VB``."""
+    return pf.laws[line_of(pf).law].factors[-1].symbol
+
+
+def _change(run: ToolRun, line: "LoadLineSection", worn: str) -> str:
+    at = f"{worn} {three(run.wear)} {line.unit_wear} after {run.length:.0f} mm and {run.time / 60:.2f} min in the cut"
     low, high = line.window
     if not run.worn:
         return f"No tool change was signalled: the replay stopped at {at}, with the feed above its lower limit."
@@ -107,14 +116,15 @@ def _held(run: ToolRun, line: "LoadLineSection") -> str:
 def _gain(run: ToolRun, fixed: ToolRun, pf: "ParameterFile", line: "LoadLineSection") -> tuple[str, ...]:
     if not (run.worn and fixed.worn):
         return ("The gain over constant feed is not known: a tool did not reach its end.",)
-    baseline = f"{fixed.mean_feed:.0f} {line.unit_feed}, stopped at {criterion(pf):.4g} {line.unit_wear}"
+    per = unit_factor("mm/min", line.unit_feed)
+    baseline = f"{three(fixed.mean_feed * per)} {line.unit_feed}, stopped at {criterion(pf):.4g} {line.unit_wear}"
     if run.rate is not None and fixed.rate is not None:
         rate = (
             f"metal removal {run.rate:.2f} against {fixed.rate:.2f} mm3/s ({100 * (run.rate / fixed.rate - 1):+.0f} %)"
         )
     else:
         gain = run.mean_feed / fixed.mean_feed - 1
-        feeds = f"mean feed {run.mean_feed:.0f} against {fixed.mean_feed:.0f} mm/min"
+        feeds = f"mean feed {three(run.mean_feed * per)} against {three(fixed.mean_feed * per)} {line.unit_feed}"
         rate = f"{feeds} and metal removal in proportion ({100 * gain:+.0f} %)"
     life = f"life {run.length:.0f} against {fixed.length:.0f} mm ({100 * (run.length / fixed.length - 1):+.0f} %)"
     return (f"Against a constant feed of {baseline}: {life}, {rate}.",)
@@ -134,7 +144,7 @@ def _limit(pf: "ParameterFile", run: ToolRun, line: "LoadLineSection") -> str:
 def _overload(loop: "LoadLoop", cut: CutModel, line: "LoadLineSection") -> str:
     """Load of a worn tool at the programmed feed."""
     worst = cut.A + cut.B * loop.feed_programmed + cut.k1 * line.lower.wear
-    tool = f"a tool worn by {line.lower.wear:.0f} {line.unit_wear}"
+    tool = f"a tool worn by {three(line.lower.wear)} {line.unit_wear}"
     head = f"At the programmed {loop.feed_programmed:.4g} {line.unit_feed} {tool}"
     if worst <= line.worn:
         return f"{head} has a load of {worst:.3f} {line.unit_load}, below the limit of {line.worn:g}."
@@ -179,12 +189,13 @@ def _spread(pf: "ParameterFile", draws: "Mapping[str, Draws]") -> tuple[str, ...
     good = np.isfinite(life.length)
     ends = [np.quantile(of[good], [(1 - LEVEL) / 2, (1 + LEVEL) / 2]) for of in (life.length, life.wear)]
     (a, b), (c, d) = ends
+    worn = f"{wear_symbol(pf)} at the lower limit {three(c)} to {three(d)}"
     unit = CutModel.from_parameters(pf).unit_wear
     lost = "" if good.all() else f" ({100 * np.mean(~good):.0f} % never reach the limit)"
     return (
-        f"Over {good.size} posterior draws of the laws of {' and '.join(used)}{lost} the life is {a:.0f} to {b:.0f} mm "
-        f"and VB at the lower limit {c:.0f} to {d:.0f} {unit} ({100 * LEVEL:.0f} % bands of the laws, calculated "
-        "without the dwell and without the scatter of tools).",
+        f"Over {good.size} posterior draws of the laws of {' and '.join(used)}{lost} the life is {a:.0f} to {b:.0f} "
+        f"mm and {worn} {unit} ({100 * LEVEL:.0f} % bands of the "
+        "laws, calculated without the dwell and without the scatter of tools).",
     )
 
 
@@ -238,6 +249,6 @@ def _figures(run: ToolRun, fixed: ToolRun, pf: "ParameterFile") -> "dict[str, Fi
     line = line_of(pf)
     number = 2 if len(run.passes) > 1 else 1
     return {
-        "constant_load": run_figure(run, line, fixed, pf.identity.work),
+        "constant_load": run_figure(run, line, fixed, pf.identity.work, wear_symbol(pf)),
         "constant_load_pass": pass_figure(run, line, number),
     }

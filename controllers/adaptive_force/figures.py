@@ -20,10 +20,11 @@ NAMES = {"adaptive": "adaptive law", "pi": "fixed PI"}
 FLOOR = 1e-16  # of V: below it a rise is rounding
 
 
-def depths_figure(runs: Sequence["ForceRun"], others: Sequence["ForceRun"] = ()) -> Figure:
+def depths_figure(runs: Sequence["ForceRun"], others: Sequence["ForceRun"] = (), unit_depth: str = "mm") -> Figure:
     """Force against set point, its error, and the feed at each depth: Figs 7-9 of the paper, with the feed added."""
     figure = NotebookFigure(figsize=(11.0, 7.0), layout="constrained")
     grid = figure.subplots(3, len(runs), sharex=True, squeeze=False)
+    unit_u, unit_force = _units(runs[0])
     for column, run in enumerate(runs):
         force, error, feed = grid[:, column]
         point, depth = run.settings.set_point, run.depths[0][1]
@@ -35,33 +36,35 @@ def depths_figure(runs: Sequence["ForceRun"], others: Sequence["ForceRun"] = ())
             _line(feed, one, one.trace.command)
         error.axhspan(-2, 2, color="0.9", zorder=0)
         error.set_ylim(-15, 15)
-        force.set_title(f"depth {depth:g} mm, set point {point:g} N")
+        force.set_title(f"depth {depth:g} {unit_depth}, set point {point:g} {unit_force}")
         feed.set_xlabel("time [s]")
-    for ax, words in zip(grid[:, 0], ("force [N]", "error of the mean [%]", "feed command [mm/min]"), strict=True):
+    labels = (f"force [{unit_force}]", "error of the mean [%]", f"feed command [{unit_u}]")
+    for ax, words in zip(grid[:, 0], labels, strict=True):
         ax.set_ylabel(words)
     grid[0, 0].legend(loc="lower right")
     figure.suptitle("Simulated: force averaged over a revolution at the three depths (grey band: 2 %)")
     return figure
 
 
-def steps_figure(run: "ForceRun", other: "ForceRun | None" = None) -> Figure:
+def steps_figure(run: "ForceRun", other: "ForceRun | None" = None, unit_depth: str = "mm") -> Figure:
     """Depth, force and feed of a cut whose depth steps."""
     figure = NotebookFigure(figsize=(9.0, 6.5), layout="constrained")
     depth, force, feed = figure.subplots(3, 1, sharex=True, height_ratios=(1, 2, 2))
     times, values = zip(*run.depths, (run.trace.time[-1], run.depths[-1][1]), strict=True)
     depth.step(times, values, where="post", color=GREY, lw=LINE)
-    depth.set(ylabel="depth [mm]", ylim=(0, 1.15 * max(values)))
+    unit_u, unit_force = _units(run)
+    depth.set(ylabel=f"depth [{unit_depth}]", ylim=(0, 1.15 * max(values)))
     point = run.settings.set_point
     force.axhspan(0.98 * point, 1.02 * point, color="0.9", zorder=0)
     for one in (run, *(() if other is None else (other,))):
         _line(force, one, one.force)
         _line(feed, one, one.trace.command)
-    force.set_ylabel("force, mean of a\nrevolution [N]")
+    force.set_ylabel(f"force, mean of a\nrevolution [{unit_force}]")
     force.legend(loc="upper left")
     feed.axhline(run.settings.low, color=GREY, lw=THIN, ls=":")
     feed.axhline(run.settings.high, color=GREY, lw=THIN, ls=":")
-    feed.set(xlabel="time [s]", ylabel="feed command [mm/min]\n(dotted: limits)")
-    figure.suptitle(f"Simulated: steps of depth at a set point of {point:g} N (grey band: 2 %)")
+    feed.set(xlabel="time [s]", ylabel=f"feed command [{unit_u}]\n(dotted: limits)")
+    figure.suptitle(f"Simulated: steps of depth at a set point of {point:g} {unit_force} (grey band: 2 %)")
     return figure
 
 
@@ -73,7 +76,7 @@ def lyapunov_figure(run: "ForceRun") -> Figure:
     drawn = np.maximum(found.V, 1e-12 * found.V.max())
     upper.semilogy(time, drawn, color="0.75", lw=THIN, label="V where the depth or a limit just changed")
     upper.semilogy(time, np.where(found.free, drawn, np.nan), color=BLUE, lw=LINE, label="V where the proof applies")
-    upper.set(ylabel="V [N mm/min]", ylim=(1e-7 * float(found.V[found.free].max()), None))
+    upper.set(ylabel=f"V [{' '.join(reversed(_units(run)))}]", ylim=(1e-7 * float(found.V[found.free].max()), None))
     upper.legend(loc="lower right")
     recorded, plant = run.trace.recorded, run.plant
     true = {"m": plant.m, "alpha": plant.m * plant.c + plant.d, "beta": plant.d * plant.c}
@@ -122,6 +125,11 @@ def step_size_figure(rows: Sequence["StepSize"]) -> Figure:
     )  # fmt: skip
     ax.legend(loc=(0.62, 0.25))
     return figure
+
+
+def _units(run: "ForceRun") -> list[str]:
+    """Units of command and force, from the labels ``feed command, mm/min`` and ``force, N``."""
+    return [label.rpartition(", ")[2] for label in run.settings.labels]
 
 
 def _swinging(rows: Sequence["StepSize"]) -> list["StepSize"]:

@@ -10,6 +10,8 @@ from ...core.arrays import Array
 from ...core.display import plot
 from ...core.figure_style import BLUE, GREEN, GREY, LINE, ORANGE, SMALL, THIN
 from ...core.plotting import NotebookFigure, new_axes
+from ...core.rounding import format_decimal
+from .cut_model import unit_factor
 from .runs import ToolRun
 from .steady import SteadyLife
 
@@ -21,7 +23,9 @@ MOST = 6000  # points of a line
 LABEL = {"I": "spindle current"}
 
 
-def run_figure(run: ToolRun, line: "LoadLineSection", fixed: ToolRun | None = None, work: str = "") -> Figure:
+def run_figure(
+    run: ToolRun, line: "LoadLineSection", fixed: ToolRun | None = None, work: str = "", wear: str = "VB"
+) -> Figure:
     """Load and feed over cutting length, with the mean of each pass, the limits, and a run at constant feed."""
     figure = NotebookFigure(figsize=(8.0, 6.2), layout="constrained")
     load, feed = figure.subplots(2, 1, sharex=True)
@@ -36,7 +40,13 @@ def run_figure(run: ToolRun, line: "LoadLineSection", fixed: ToolRun | None = No
     load.plot(middles, means, "o", ms=4.5, mfc="white", mec="black", zorder=5, label="mean of a pass, settled")
     _along(feed, run, run.trace.recorded["feed"], FEED, "constant load")
     if fixed is not None:
-        _along(load, fixed, fixed.trace.measurement, OTHER, f"constant feed, {fixed.mean_feed:.0f} {line.unit_feed}")
+        _along(
+            load,
+            fixed,
+            fixed.trace.measurement,
+            OTHER,
+            f"constant feed, {format_decimal(feed_of(fixed, line))} {line.unit_feed}",
+        )
         _along(feed, fixed, fixed.trace.recorded["feed"], OTHER, "constant feed")
     for value in (line.lower.value, line.upper.value):
         feed.axhline(value, color=GREY, lw=THIN, ls="--")
@@ -46,9 +56,9 @@ def run_figure(run: ToolRun, line: "LoadLineSection", fixed: ToolRun | None = No
     if run.worn:
         for ax in (load, feed):
             ax.axvline(run.length, color="0.6", lw=THIN, ls=":")
-        at, over = (run.length, 0.04), ("data", "axes fraction")
-        words = f"tool change, VB {run.wear:.0f} {line.unit_wear}"
-        load.annotate(words, at, (-6, 0), xycoords=over, textcoords="offset points", ha="right", fontsize=SMALL)
+        end, over = (run.length, 0.04), ("data", "axes fraction")
+        words = f"tool change, {wear} {run.wear:.3g} {line.unit_wear}"
+        load.annotate(words, end, (-6, 0), xycoords=over, textcoords="offset points", ha="right", fontsize=SMALL)
     load.set(ylabel=f"{name} [{line.unit_load}]", title=f"Simulated: constant load{', ' + work if work else ''}")
     feed.set(ylabel=f"feed [{line.unit_feed}]", xlabel="cutting length [mm]", xlim=(0, None))
     feed.margins(y=0.12)
@@ -81,6 +91,11 @@ def pass_figure(run: ToolRun, line: "LoadLineSection", number: int = 2, settle: 
     feed.set(ylabel=f"feed [{line.unit_feed}]", xlabel="time in the pass [s]", xlim=(0, None))
     load.legend(loc="upper right")
     return figure
+
+
+def feed_of(run: ToolRun, line: "LoadLineSection") -> float:
+    """Mean feed of a run in the unit of the settings."""
+    return run.mean_feed * unit_factor("mm/min", line.unit_feed)
 
 
 def _along(ax: Axes, run: ToolRun, values: Array, color: str, label: str) -> None:

@@ -205,3 +205,35 @@ def _refusal(part: Judged, *others: Judged) -> str:
     return (
         f"not exported: {found}.{more} --accept-verdict exports it all the same and records that in the exported file."
     )
+
+
+def worn_past_window(pf: "ParameterFile") -> tuple[float | None, str]:
+    """Share of further tools that are worn past the window when they reach the lower feed limit, and a sentence.
+
+    The share is None where it is not known; the sentence is empty without settings of constant load.
+    """
+    from ..sections.base import Covariance
+    from ..setting_rules import LOAD_FORMS, feed_limit, worn_below
+
+    line = pf.load_line
+    if line is None:
+        return None, ""
+    law, high, unit = pf.laws.get(line.law), line.window[1], line.unit_wear
+    what = f"worn past {high:g} {unit} when they reach the lower feed limit"
+    if law is None or law.form not in LOAD_FORMS or law.factors[-1].unit != unit:
+        return None, f"Share of tools {what}: not known, the file has no load law of its settings."
+    if not isinstance(law.uncertainty, Covariance) or law.residual_se is None:
+        rule = "; about half, as the limit stands at the top of the window" if line.lower.wear >= high else ""
+        return None, f"Share of tools {what}: not known, the law of {law.response} has no uncertainty{rule}."
+    share = 1 - worn_below(law, line.reference, line.lower.value, high, line.by)
+    words = f"{_percent_of(share)} of further tools are {what} (by the scatter of the law of {law.response})"
+    middle = (line.window[0] + high) / 2
+    if line.lower.wear > middle:
+        feed = feed_limit(law, line.reference, middle, by=line.by).value
+        other = 1 - worn_below(law, line.reference, feed, high, line.by)
+        words += f"; {_percent_of(other)} with the limit at the middle of the window, --wear-limit {middle:g}{unit}"
+    return share, f"{words}."
+
+
+def _percent_of(share: float) -> str:
+    return "less than 1 %" if share < 0.005 else f"{100 * share:.0f} %"
