@@ -168,7 +168,9 @@ def plan_options(parser: Parser | argparse._ArgumentGroup) -> None:
         "--removal; cost, the least cost by `fitmodels costs`; time, most metal in --time",
     )  # fmt: skip
     group.add_argument(
-        "--removal", metavar="60cm3/min", help="least removal rate of every interval, with --objective life"
+        "--removal",
+        metavar="60cm3/min",
+        help="least removal rate of every interval, with --objective life (default: none)",
     )
     group.add_argument("--interval", metavar="2min", help="between changes of V and f (default: 1 min)")
     group.add_argument(

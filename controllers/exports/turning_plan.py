@@ -15,7 +15,7 @@ import numpy as np
 from ...core.errors import UsageError
 from ...datasets.units import convert, same_dimension
 from ..recursion.from_file import life_laws, outside_tests
-from ..recursion.laws import response_at_end, wear_after
+from ..recursion.laws import response_at_end
 from ..recursion.plan import Plan
 from .turning_job import (
     CLOSE,
@@ -300,16 +300,17 @@ class _Walk:
         return _Words(S, F, n, held, n < asked or held < row.f)
 
     def _within(self, row: Interval, diameter: float, d: float, V: float) -> float:
-        """The largest feed up to that of the row that keeps wear, power and force at a lower speed, mm/rev.
+        """The largest feed up to that of the row that keeps power and force at a lower speed, mm/rev.
 
         Force may rise as the speed falls, so the pair of the row at the highest spindle speed may exceed its limit.
         """
         laws, rules = self.edge.laws_at(d), self.edge.rules
 
+        wear = self.edge.wear_at(row, row.end, d)  # of the row: the lower speed wears less
+
         def kept(f: float) -> bool:
-            wear = float(wear_after(laws, rules, V, f, row.before, row.start, row.end))
             ends = (float(response_at_end(terms, rules, V, f, row.end, wear)) / terms.most for _, terms in laws.limited)
-            return max(wear / laws.wear.most, *ends, 0.0) <= 1.0 + SAME
+            return max(*ends, 0.0, 0.0) <= 1.0 + SAME
 
         low, high = laws.f[0], row.f
         if kept(high):
@@ -317,7 +318,7 @@ class _Walk:
         if not kept(low):
             raise UsageError(
                 f"the highest spindle speed allows {V:.4g} m/min on a diameter of {diameter:g} mm, where no feed "
-                "keeps the limits of power, force and wear; turn this diameter with a smaller depth."
+                "keeps the limits of power and force; turn this diameter with a smaller depth."
             )
         for _ in range(60):
             middle = math.sqrt(low * high)
