@@ -12,9 +12,10 @@ from pathlib import Path
 
 from ..core.version import __version__
 
-# Each command is a module of this package with ``parser()`` and ``run(args) -> exit code``.
+# Each command is a module of this package (see `module_name`) with ``parser()`` and ``run(args) -> exit code``.
 COMMANDS = (
     *(
+        "adaptive-force",
         "batch",
         "card",
         "check",
@@ -72,13 +73,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     name, rest = (argv[0], argv[1:]) if argv[0] in COMMANDS else ("wear", argv)
     if name == "wear" and (sentence := _misspelt(argv)):
         return _fail(sentence, 2)
-    command = import_module(f".{name}", __name__)
+    command = import_module(f".{module_name(name)}", __name__)
     try:
         args = command.parser().parse_args(rest)
     except SystemExit as stop:
         return int(stop.code or 0)
     args.words = argv
     return _guarded(command.run, args)
+
+
+def module_name(command: str) -> str:
+    """The module of a command.
+
+    >>> module_name("adaptive-force")
+    'adaptive_force'
+    """
+    return command.replace("-", "_")
 
 
 def _overview(code: int) -> int:

@@ -39,6 +39,7 @@ GROUPS: Final = {
         "costs": "rates, prices and times of a part, written into params.json",
         "settings": "reference load, feed limits and tool change for constant load",
         "roughness": "reference force, feed limits and times for constant roughness",
+        "adaptive-force": "gains, rates and set points for a constant force",
         "replay": "the controllers, run on a simulated machine",
         "check": "whether params.json is consistent, and its control safe",
         "export": "params.json in the format of a controller",
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         near = closest(name, known, 0.6)
         remedy = f"did you mean 'fitmodels help {near}'?" if near else "'fitmodels help' lists the commands."
         raise UsageError(f"{args.command}: there is no such command; {remedy}")
-    of = import_module(f".{'wear' if name == MAIN else name}", __package__).parser()
+    of = import_module(f".{'wear' if name == MAIN else name.replace('-', '_')}", __package__).parser()
     sys.stdout.write(of.format_all() if args.all else of.format_help())
     return 0
 

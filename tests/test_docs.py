@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from fitmodels.cli import COMMANDS
+from fitmodels.cli import COMMANDS, module_name
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -116,7 +116,7 @@ def test_files_linked_in_the_readme_exist():
 def test_commands_of_the_readme_have_known_options(line):
     """Only the arguments are parsed; the output of the main job is tested in test_package.py."""
     name, *rest = shlex.split(line, comments=True)[1:]
-    command = import_module(f"fitmodels.cli.{name if name in COMMANDS else 'wear'}")
+    command = import_module(f"fitmodels.cli.{module_name(name) if name in COMMANDS else 'wear'}")
     command.parser().parse_args(rest if name in COMMANDS else [name, *rest])
 
 

@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fitmodels import datasets, fit, ident, parameters
-from fitmodels.cli import COMMANDS, main
+from fitmodels.cli import COMMANDS, main, module_name
 from fitmodels.cli.help import GROUPS, MAIN
 from fitmodels.cli.output import as_options
 from fitmodels.ident import Model
@@ -45,7 +45,7 @@ PYTHON = re.compile(r"\b[a-z_]{2,}=(?:['\"{\[(]|None|True)|\b[a-z_]+\([^)]*=|\bN
 
 
 def parser(name):
-    return import_module(f"fitmodels.cli.{name}").parser()
+    return import_module(f"fitmodels.cli.{module_name(name)}").parser()
 
 
 def run(*arguments):

@@ -18,7 +18,7 @@ def parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
     from fitmodels.cli import COMMANDS
 
     for name in ("wear", *COMMANDS):
-        yield name, import_module(f"fitmodels.cli.{name}").parser()
+        yield name, import_module(f"fitmodels.cli.{name.replace('-', '_')}").parser()
 
 
 class Commands(Directive):
