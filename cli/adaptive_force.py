@@ -3,6 +3,8 @@
 import argparse
 import math
 import re
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -54,19 +56,33 @@ def parser() -> Parser:
     p.add_argument("--depth", type=float, metavar="MM", help="with --record: its depth of cut (default: not known)")
     p.add_argument("--input", metavar="COLUMN", help="with --record: column of the command (default: by its name)")
     p.add_argument("--output", metavar="COLUMN", help="with --record: column of the force (default: by its name)")
-    p.add_argument("--unit", action="append", metavar="time=ms", help="with --record: unit of a column without one")
+    p.add_argument(
+        "--unit", action="append", metavar="time=ms", help="with --record: unit of a column (default: its header)"
+    )
     p.add_argument("--sample-time", type=_seconds, metavar="S", help="step of the law (default: 0.001)")
     p.add_argument("--delay", type=_seconds, metavar="S", help="from reading to feed (default: one step)")
     p.add_argument("--reference-time", type=_seconds, metavar="S", help="of the reference model (default: by the rule)")
-    p.add_argument("--kd", type=_above_zero, metavar="KD", help="in place of that of the rule (default: by the rule)")
-    p.add_argument("--lam", type=_above_zero, metavar="PER_S", help="lambda in place of that of the rule, 1/s")
+    p.add_argument("--kd", type=_above_zero, metavar="KD", help="the gain Kd (default: by the rule)")
+    p.add_argument(
+        "--lam", type=_above_zero, metavar="PER_S", help="lambda in place of that of the rule (default: by the rule)"
+    )
     p.add_argument("--g3", type=_above_zero, metavar="G3", help="rate of beta; g1 and g2 follow (default: by the rule)")
     p.add_argument("--units", metavar="FEED,FORCE", help="units of the section, as mm/rev,kN (default: of the record)")
     far = "allow a feed or a force of more than 1.5 times what was tested; the file and the output state it"
     p.add_argument("--beyond-tested", action="store_true", help=far)
     p.add_argument("--force", action="store_true", help="replace settings in the file")
     output_options(p, "print the section and its margins as JSON (fitmodels.adaptive-force/1)")
+    p.parse_args = partial(_parsed, p)  # type: ignore[assignment,method-assign]
     return p
+
+
+def _parsed(parser: Parser, words: Sequence[str] | None = None) -> argparse.Namespace:
+    """The arguments, with set points after options too."""
+    args, left = parser.parse_known_args(words)
+    if strange := [word for word in left if word.startswith("-") or "=" not in word]:
+        parser.error(f"unrecognized arguments: {' '.join(strange)}")
+    args.points += left
+    return args
 
 
 def _above_zero(text: str) -> float:
@@ -119,9 +135,10 @@ def run(args: argparse.Namespace) -> int:
         print_json("adaptive-force", {**facts, "verdicts": verdicts})
         return 0
     out = Printer(quiet=args.quiet)
-    for block in (*verdicts, _plant(changed, section), _values(section), *_at_points(section, found)):
-        out.show(block)
-    for line in _margins(section, found):
+    for line in (*verdicts, _plant(changed, section)):
+        out.show(line)
+    out.show(_values(section))
+    for line in (*_at_points(section, found), *_margins(section, found)):
         out.show(line)
     out.wrote(f"Written: adaptive_force in {args.file}", args.file)
     return 0
@@ -242,7 +259,8 @@ def _largest_feed(pf: "ParameterFile", section: "AdaptiveForceSection", turning:
     """Largest feed that is physically possible: that of any cutter, and no more than the diameter per revolution."""
     from ..datasets.plausibility.ranges import plausible
 
-    most = plausible("f", "milling").unusual[1]
+    ranges = plausible("f", "milling")
+    most = math.inf if ranges is None else ranges.unusual[1]
     diameter = pf.identity.iso13399.get("DC")
     if isinstance(diameter, int | float) and diameter > 0:
         most = min(most, float(diameter))
@@ -291,7 +309,7 @@ def _values(section: "AdaptiveForceSection") -> "Table":
     errors = _standard_errors(section)
     table = Table.grid(padding=(0, 2, 0, 0))
     for justify in ("left", "right", "left", "left"):
-        table.add_column(justify=justify)  # type: ignore[arg-type]
+        table.add_column(justify=justify)
     for name, unit in UNITS.items():
         source = section.sources.get(name, "as in the file") + errors.get(name, "")
         table.add_row(name, f"{getattr(section, name):.5g}", unit.format(**units).strip(), source)

@@ -28,6 +28,7 @@ DOCS = Path(__file__).resolve().parent.parent / "docs" / "examples"
 FITTED = "data-fit/GC435_709M40-En-19/params.json"
 ON_DATA = ("wear", "look", "compare", "next")  # read a table of tests
 ON_PARAMS = (
+    "adaptive-force",
     "costs",
     "optimum",
     "predict",
@@ -295,8 +296,17 @@ def _turning():
     return parameters.collect(laws=[fit.exponential_law(table, "Ra", "F"), fit.power_law(table, "F", ["f"])])
 
 
+def _estimates():
+    """The estimates of LYAP, their run and the tested ranges alone."""
+    held = published("LYAP").adaptive_force.model_dump()
+    tested = "command 100 to 400 mm/min, force 80 to 320 N: smallest and largest values of run.csv"
+    kept = ("m", "alpha", "beta", "uncertainty", "unit_u", "depth", "verdict")
+    return {**{name: held[name] for name in kept}, "spindle_speed": 3000.0, "sources": {"tested": tested}}
+
+
 COSTS = {"currency": "EUR", "machine": 60.0, "edge": 8.0, "change": 1.5}
 PREPARED = {  # what the example of a command needs besides data.csv and its result
+    "adaptive-force": lambda: _params(sealed(published("LYAP"), adaptive_force=_estimates())),
     "batch": _shop,
     "compare": lambda: Path("data.csv").write_text(without_power(table())),
     "confirm": lambda: Path("new.csv").write_text(table(seed=4)),

@@ -80,7 +80,7 @@ def replayed(pf: "ParameterFile", draws: "Mapping[str, Draws]", seed: int) -> Re
         "adaptive_force_energy": draw.lyapunov_figure(proof),
         "adaptive_force_step_size": draw.step_size_figure(rows),
     }
-    facts = _facts(single, stepped, pi_runs, pi_stepped, proof, rows)
+    facts = _facts(section, single, stepped, pi_runs, pi_stepped, proof, rows)
     return Replayed("adaptive-force", TITLE, tuple(lines), _assumed(pf, section, draws), facts, figures)
 
 
@@ -95,7 +95,9 @@ def noise_in(section: "AdaptiveForceSection") -> float:
 
 
 def _plan(depths: Sequence[float]) -> tuple[float, ...]:
-    """From the middle depth to the shallowest, back, to the deepest, and back."""
+    """From the middle depth to the shallowest, back, to the deepest, and back; of one depth, to half of it and back."""
+    if len(depths) == 1:
+        return (depths[0], 0.5 * depths[0], depths[0])
     middle = depths[len(depths) // 2]
     return (middle, depths[0], middle, depths[-1], middle)
 
@@ -162,22 +164,23 @@ def _slowest(held: "Sequence[RegulationMetrics]") -> float | None:
 
 
 def _facts(
-    single: "Sequence[ForceRun]", stepped: "ForceRun", pi_runs: "Sequence[ForceRun]", pi_stepped: "ForceRun | None",
-    proof: "ForceRun", rows: "Sequence[StepSize]",
+    section: "AdaptiveForceSection", single: "Sequence[ForceRun]", stepped: "ForceRun", pi_runs: "Sequence[ForceRun]",
+    pi_stepped: "ForceRun | None", proof: "ForceRun", rows: "Sequence[StepSize]",
 ) -> dict[str, object]:  # fmt: skip
     def at_depths(runs: "Sequence[ForceRun]") -> list[dict[str, object]]:
         return [
-            {"depth_mm": r.settings.depth, "set_point_N": r.settings.set_point, "feed_mm_min": _late(r),
+            {"depth": r.settings.depth, "set_point": r.settings.set_point, "feed": _late(r),
              "settling_s": r.segments()[0].settling, "overshoot_share": r.segments()[0].overshoot,
              "steady_error_share": r.segments()[0].steady} for r in runs
         ]  # fmt: skip
 
     def at_steps(run: "ForceRun") -> list[dict[str, object]]:
-        return [{"from_mm": before, "to_mm": after, **_held(one)} for before, after, one in _stepped(run)]
+        return [{"from": before, "to": after, **_held(one)} for before, after, one in _stepped(run)]
 
     energy = proof.energy()
     return {
         "simulated": True,
+        "units": {name: getattr(section, f"unit_{name}") for name in ("u", "force", "depth")},
         "depths": at_depths(single),
         "steps": at_steps(stepped),
         "pi_depths": at_depths(pi_runs),
@@ -216,7 +219,8 @@ def _assumed(pf: "ParameterFile", section: "AdaptiveForceSection", draws: "Mappi
         f"Ripple ({100 * RIPPLE:g} % at {tooth_frequency(pf):g} Hz, two flutes) and noise ({noise_in(section):g} "
         f"{section.unit_force}) are assumed, "
         "and affect only the reading.",
-        *section.notes,
+        *(f"{name} {words}" for name, words in section.sources.items() if words.startswith("assumed")),
+        *(note for note in section.notes if not note.startswith("Design:")),
     ]
     if isinstance(section.uncertainty, ModelCovariance):
         se = np.sqrt(np.diag(np.array(section.uncertainty.matrix)))

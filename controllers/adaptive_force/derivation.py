@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 ESTIMATES: Final = ("m", "alpha", "beta")
 GIVEN, AS_BEFORE = "given", "as in the file"  # sources
 STEP: Final = 0.001  # s: period of the servo thread of usual controls
+ALMOST, UNEVEN = 0.02, 0.1  # of a revolution: averages that miss a whole one by more are not assumed, and refused
 READINGS: Final = (-0.1, 4.0)  # times the largest set point: valid readings, where the sensor's range is not given
 BEYOND, BEYOND_NEED = 1.5, 2.0  # times the tested range; times the feed that the set points need
 SETTLED, SETTLED_REFERENCE = 3.91, 5.83  # time constants until within 2 %: of first order, of the reference model
@@ -179,22 +180,25 @@ def _timing(section: "AdaptiveForceSection", choices: ForceChoices) -> tuple[Tim
     speed = choices.spindle_speed or section.spindle_speed or (60 / average if average else None)
     if speed is None:
         raise UsageError("the spindle speed is not known: the force is averaged over a revolution; give --spindle RPM.")
-    step, turn = choices.sample_time or STEP, 60 / speed
-    if not step <= turn:
-        raise UsageError(
-            f"a sample time of {step:g} s is longer than the revolution of {turn:.4g} s over which the force is "
-            "averaged; give a shorter one with --sample-time."
-        )
+    turn = 60 / speed
+    step = choices.sample_time or STEP
+    if choices.sample_time is None and abs(round(turn / step) * step / turn - 1) > ALMOST:
+        step = turn / np.ceil(turn / step)  # a whole part of the revolution
     samples = round(turn / step)
-    turns, held = samples * step / turn, section.sources
+    turns = samples * step / turn
+    if step > turn or abs(turns - 1) > UNEVEN:
+        raise UsageError(
+            f"--sample-time {step:g} s: the force is averaged over a revolution of {turn:.4g} s in whole steps; give a "
+            f"step of at most that, near a whole part of it, as {turn / np.ceil(turn / min(step, turn)):.4g}."
+        )
     words = f"one revolution at {speed:g} 1/min" + ("" if abs(turns - 1) < 1e-9 else f" in whole steps: {turns:.4g}")
     sources = {
-        "spindle_speed": GIVEN if choices.spindle_speed else held.get("spindle_speed", AS_BEFORE),
+        "spindle_speed": GIVEN if choices.spindle_speed else section.sources.get("spindle_speed", AS_BEFORE),
         "average_time": words,
         "sample_time": GIVEN if choices.sample_time else "assumed: period of the control (--sample-time)",
     }
-    fields = {"spindle_speed": speed, "average_time": samples * step, "sample_time": step}
-    return Timing(step, samples, step if choices.delay is None else choices.delay), fields, sources
+    fields = {"spindle_speed": speed, "average_time": float(samples * step), "sample_time": float(step)}
+    return Timing(float(step), samples, float(step) if choices.delay is None else choices.delay), fields, sources
 
 
 def _limits(

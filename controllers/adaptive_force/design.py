@@ -179,8 +179,8 @@ def loop_response(
         return ((1 - after) / pole)[:, None] * back / (1 - after[:, None] * back)
 
     plant = (held(p) - held(q)) / ((q - p) * ratios[:, 0])[:, None]
-    response = law * (rate + gains.lam * mean) * np.exp(-1j * omega * timing.delay) * plant
-    return np.asarray(response, dtype=np.complex128)
+    response: NDArray[np.complex128] = law * (rate + gains.lam * mean) * np.exp(-1j * omega * timing.delay) * plant
+    return response
 
 
 def loop_margins(ratios: Array, gains: ForceGains, force: float, timing: Timing) -> list[Margins]:

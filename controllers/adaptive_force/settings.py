@@ -92,7 +92,7 @@ def lacking(pf: "ParameterFile") -> str:
     if not section.set_points:
         missing.append("set_points")
     if missing:
-        return f"adaptive_force: {', '.join(missing)} not stated; add them to the section."
+        return f"adaptive_force: {', '.join(missing)} not stated; derive them: fitmodels adaptive-force."
     low, high, step, average = (getattr(section, n) for n in ("low", "high", "sample_time", "average_time"))
     if not 0 < low < high:
         return f"adaptive_force: the command's limits are {low:g} to {high:g} {section.unit_u}; 0 < low < high."
