@@ -11,7 +11,7 @@ from .options import plan_asked, plan_options, plan_options_of
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
-    from ..controllers.exports.turning_plan import Stretch, TurningJob
+    from ..controllers.exports.turning_job import Stretch, TurningJob
     from ..controllers.exports.turning_program import TurningRequest
     from ..parameters import ParameterFile
 
@@ -120,7 +120,7 @@ def _depth(pf: "ParameterFile") -> float:
 
 
 def _job(args: argparse.Namespace, given: list[str], depth: float) -> "TurningJob":
-    from ..controllers.exports.turning_plan import TurningJob
+    from ..controllers.exports.turning_job import TurningJob
 
     if args.pass_ and (args.diameter or args.length or args.passes):
         raise UsageError("--pass gives diameters and lengths itself: leave --diameter, --length and --passes out.")
@@ -138,7 +138,7 @@ def _job(args: argparse.Namespace, given: list[str], depth: float) -> "TurningJo
 
 def _passes(args: argparse.Namespace, depth: float) -> "tuple[tuple[Stretch, ...], ...]":
     """The passes: as written, or each from the diameter that the last one left."""
-    from ..controllers.exports.turning_plan import Stretch
+    from ..controllers.exports.turning_job import Stretch
 
     unit = "in" if args.inch else "mm"
     if args.pass_:
@@ -162,7 +162,7 @@ def _length(text: str, unit: str, option: str, example: str) -> float:
 
 
 def _stretch(part: str, text: str, unit: str) -> "Stretch":
-    from ..controllers.exports.turning_plan import Stretch
+    from ..controllers.exports.turning_job import Stretch
 
     numbers = part.split(":")
     if not 2 <= len(numbers) <= 3:

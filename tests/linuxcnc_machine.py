@@ -147,6 +147,46 @@ def run_machine(run: Run, plant: Path) -> dict[str, np.ndarray]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+TURNED = ("x", "z", "velocity", "commanded", "spindle")  # mm, mm, mm/s, rev/s of the program and of the spindle
+
+
+def run_lathe(program: str, seconds: float) -> dict[str, np.ndarray]:
+    """Trace of a turning program on a lathe whose spindle takes its time: each of `TURNED` by period of the servo.
+
+    Raises
+    ------
+    RuntimeError
+        The program did not end within ``seconds``; the message holds what LinuxCNC printed.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="fitmodels-lathe-"))
+    try:
+        folder.chmod(0o777)
+        (folder / "home").mkdir()
+        shutil.copytree(MODULES, folder / "modules")
+        files = {
+            "machine.ini": _INI, "machine.hal": _LATHE, "fm.hal": "", "wires.hal": "", "driver.py": _LATHE_DRIVER,
+            "program.ngc": program, "run.txt": f"{seconds!r}\n", "tool.tbl": "T1 P1 D0 Z0 X0\n", "sim.var": "",
+        }  # fmt: skip
+        for name, text in files.items():
+            (folder / name).write_text(text)
+            (folder / name).chmod(0o777)
+        (folder / "home").chmod(0o777)
+        said = subprocess.run(
+            [*_namespaces(), "bash", "-c", _INSIDE, str(folder), str(int(seconds + 30))],
+            capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=seconds + 60,
+        )  # fmt: skip
+        path = folder / "trace"
+        text = path.read_text() if path.exists() else ""
+        if "program ended" not in said.stdout:
+            logs = "".join(f"\n{log.name}:\n{log.read_text()}" for log in (folder / "home").glob("*.txt"))
+            raise RuntimeError(f"the program did not end in {seconds:g} s.\n{said.stdout}{said.stderr[-4000:]}{logs}")
+        rows = [line.split() for line in text[: text.rfind("\n") + 1].splitlines()]
+        values = np.array([row for row in rows if len(row) == 1 + len(TURNED)], float)
+        return {name: values[:, 1 + k] for k, name in enumerate(TURNED)}
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 _INSIDE = """
 ip link set lo up 2>/dev/null || true
 mount --bind "$0/modules" /usr/lib/linuxcnc/modules || exit 90
@@ -366,6 +406,84 @@ while True:
     said = errors.poll()
     if said:
         print("LinuxCNC:", said, flush=True)
+    time.sleep(0.05)
+sampler.send_signal(signal.SIGINT)
+sampler.wait()
+sys.exit(0)
+"""
+
+_LATHE = """\
+loadrt [KINS]KINEMATICS
+loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS
+loadrt limit2 names=ramp
+loadrt integ names=turns
+loadrt near names=reached
+loadrt sampler depth=60000 cfg=fffff
+addf motion-command-handler servo-thread
+addf motion-controller servo-thread
+addf ramp servo-thread
+addf turns servo-thread
+addf reached servo-thread
+addf sampler.0 servo-thread
+net x-position joint.0.motor-pos-cmd => joint.0.motor-pos-fb sampler.0.pin.0
+net y-position joint.1.motor-pos-cmd => joint.1.motor-pos-fb
+net z-position joint.2.motor-pos-cmd => joint.2.motor-pos-fb sampler.0.pin.1
+net velocity motion.current-vel => sampler.0.pin.2
+net commanded spindle.0.speed-out-rps => ramp.in reached.in1 sampler.0.pin.3
+net turning ramp.out => turns.in reached.in2 spindle.0.speed-in sampler.0.pin.4
+net turns turns.out => spindle.0.revs
+net reached reached.out => spindle.0.at-speed
+setp ramp.maxv 10
+setp reached.scale 1
+setp reached.difference 0.001
+net estop-loop iocontrol.0.user-enable-out iocontrol.0.emc-enable-in
+net tool-prepare iocontrol.0.tool-prepare iocontrol.0.tool-prepared
+net tool-change iocontrol.0.tool-change iocontrol.0.tool-changed
+"""
+
+_LATHE_DRIVER = """\
+#!/usr/bin/python3
+# The user interface: switches the machine on, runs the program and ends with it.
+import signal
+import subprocess
+import sys
+import time
+
+import linuxcnc
+
+limit = float(open("run.txt").read())
+command, state = linuxcnc.command(), linuxcnc.stat()
+errors = linuxcnc.error_channel()
+sampler = subprocess.Popen(["halsampler", "-t", "trace"])
+
+
+def do(what, *arguments):
+    what(*arguments)
+    command.wait_complete(5)
+
+
+do(command.state, linuxcnc.STATE_ESTOP_RESET)
+do(command.state, linuxcnc.STATE_ON)
+do(command.mode, linuxcnc.MODE_MANUAL)
+do(command.home, -1)
+for _ in range(200):
+    state.poll()
+    if all(state.homed[:3]):
+        break
+    time.sleep(0.01)
+do(command.mode, linuxcnc.MODE_AUTO)
+do(command.program_open, "/mnt/program.ngc")
+command.auto(linuxcnc.AUTO_RUN, 0)
+time.sleep(0.5)
+begun = time.time()
+while time.time() - begun < limit:
+    state.poll()
+    said = errors.poll()
+    if said:
+        print("LinuxCNC:", said, flush=True)
+    if state.interp_state == linuxcnc.INTERP_IDLE:
+        print("program ended", flush=True)
+        break
     time.sleep(0.05)
 sampler.send_signal(signal.SIGINT)
 sampler.wait()
