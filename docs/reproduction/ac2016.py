@@ -30,13 +30,14 @@ def entries() -> list[Entry]:
         *_most_metal(region),
         *_least_wear(region),
         *_ranges(region),
+        *_influence(region),
     ]
 
 
 def _tests() -> Iterator[Entry]:
     edges = float(central_composite(DOMAIN, seed=1)["edge"].nunique())
     yield Entry("section II", "tests of the central composite design", "24", edges, "", "reproduced",
-                "of a plan over the same three factors; the paper's own plan is not printed")  # fmt: skip
+                "of a plan over the same three factors; the paper's own plan is not printed", "identity")  # fmt: skip
     for symbol, words, unit in (("V", "50-200", "m/min"), ("f", "0.06-0.6", "mm/rev"), ("d", "1.5-3", "mm")):
         yield Entry("section II", f"domain of {symbol}", words, None, unit, "not computable", "a choice of the tests")
     yield Entry("section II", "length of a sub-test", "2", None, "min", "not computable", "a choice of the tests")
@@ -98,11 +99,32 @@ def _at_depth_and_time(region: VisibleRegion) -> Iterator[Entry]:
         ("eq. 11", "Fxz", 1, "0.4208"), ("eq. 13, 14", "AW", 0, "0.577"), ("eq. 13, 14", "AW", 1, "0.168"),
     ):  # fmt: skip
         yield Entry(place, f"exponent of {'Vf'[i]} in {name}", printed, float(region.planes[name].slopes[i]), "",
-                    "reproduced")  # fmt: skip
-    yield Entry("eq. 12", "MRR / (V f) at d 2.5 mm", "2500", region.at(1.0, 1.0).MRR, "", "reproduced")
+                    "reproduced", kind="identity" if name == "AW" else "finding")  # fmt: skip
+    yield Entry("eq. 12", "MRR / (V f) at d 2.5 mm", "2500", region.at(1.0, 1.0).MRR, "", "reproduced", kind="identity")
     rate = region.at(1.0, 1.0).wear_rate
     yield Entry("eq. 13", "constant of the wear rate at d 2.5 mm, t 10 min", "1.681", rate, "um/min",
                 "corrected with proof", "AW/t; the derivative has the further factor 0.245")  # fmt: skip
+
+
+def _influence(region: VisibleRegion) -> Iterator[Entry]:
+    """The text's claims on speed and feed, by exponents with the wear substituted and over the tested ranges."""
+    ranges = {name: math.log(DOMAIN[name][1] / DOMAIN[name][0]) for name in ("V", "f")}
+    slopes = {name: tuple(map(float, region.planes[name].slopes[:2])) for name in ("AW", "Fxz", "P")} | {"MRR": (1, 1)}
+    claims: tuple[tuple[str, str, str, Verdict], ...] = (
+        ("section II", "AW", "V activates edge wear and its rate more than f", "reproduced"),
+        ("section II", "Fxz", "a reverse trend for the thrust force", "reproduced"),
+        ("section II", "MRR", "a reverse trend for the metal removal rate", "reproduced"),
+        ("section II", "P", "V and f have an equal influence on the power", "reproduced"),
+    )
+    for place, name, claim, verdict in claims:
+        V, f = slopes[name]
+        share = V * ranges["V"] / (f * ranges["f"])
+        yield Entry(place, f"{claim}: effect of V over that of f on ln {name}, over the tested ranges", "in words",
+                    share, "", verdict, f"exponents {V:.4g} and {f:.4g}, ranges 4-fold and 10-fold; per per cent of V "
+                    f"and f the ratio is {V / f:.2f}")  # fmt: skip
+    yield Entry("section III", "a lower speed reduces the cutting force: exponent of V in Fxz with its wear",
+                "in words", slopes["Fxz"][0], "", "reproduced",
+                "by the wear that the speed causes; at equal wear it is -0.484")  # fmt: skip
 
 
 def _visible(region: VisibleRegion) -> Iterator[Entry]:

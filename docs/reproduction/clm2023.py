@@ -1,5 +1,6 @@
 """CLM-2023 in the ledger: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587."""
 
+import numpy as np
 from entry import Entry
 from fitmodels.controllers.constant_load_milling.cut_model import CutModel
 from fitmodels.controllers.constant_load_milling.mixed_path import mixed_run
@@ -8,8 +9,9 @@ from fitmodels.controllers.constant_load_milling.runs import ToolRun, constant_f
 from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.checks.loop_figures import closed_loop, figures
 from fitmodels.parameters.published import milling
+from scipy.integrate import quad
+from scipy.stats import norm
 
-NOISE = 0.003  # A, assumed: what would spread the readings of a pass about as far as printed
 TABLE_1 = ("214.30", "175.29", "192.34", "198.59", "205.80")
 TABLE_2 = ("194.53", "178.89", "195.69")
 ON_LINE = (
@@ -43,17 +45,17 @@ def _settings(end: ParameterFile, slot: ParameterFile) -> list[Entry]:
     product = line.safety_factor * line.worn
     return [
         Entry("Section III.A.1", "reference current, 0.85 x 0.28 A", "0.24", round(product, 2), "A", "reproduced",
-              f"the product is {product:.3f} A, rounded"),
+              f"the product is {product:.3f} A, rounded", "identity"),
         Entry("Section III.A.1", "safety factor, 1/0.85", "1.17", 1 / line.safety_factor, "", "reproduced",
-              "truncated after two decimals"),
+              "truncated after two decimals", "identity"),
         Entry("Section III.A.1", "upper limit, feed of a sharp tool at 0.24 A, end", "1000", _feed(of_end, 0.0),
-              "mm/min", "reconstructed", "the line goes through this point"),
+              "mm/min", "reconstructed", "the line goes through this point", "identity"),
         Entry("Section III.A.2", "feed of a sharp tool at 0.24 A, slot", "600", _feed(of_slot, 0.0), "mm/min",
-              "reconstructed", "the line goes through this point; the limit was raised to 700"),
+              "reconstructed", "the line goes through this point; the limit was raised to 700", "identity"),
         Entry("Section III.A.1", "lower limit, feed at 0.24 A and VB 200 um, the middle of the window, end", "600",
-              _feed(of_end, 200.0), "mm/min", "reconstructed", ON_LINE),
+              _feed(of_end, 200.0), "mm/min", "reconstructed", ON_LINE, "identity"),
         Entry("Section III.A.2", "lower limit, feed at 0.24 A and VB 185 um, slot", "500", _feed(of_slot, 185.0),
-              "mm/min", "reconstructed", ON_LINE),
+              "mm/min", "reconstructed", ON_LINE, "identity"),
     ]  # fmt: skip
 
 
@@ -63,17 +65,18 @@ def _points(end: ParameterFile, slot: ParameterFile) -> list[Entry]:
     odd = (0.282 - of_slot.A - 800 * of_slot.B) / of_slot.k1
     return [
         Entry("Section III.A.1", "VB at 700 mm/min and 0.24 A, end", "167.3", _wear(of_end, 0.24, 700), "um",
-              "reconstructed", ON_LINE + "; no line goes through all of them"),
+              "reconstructed", ON_LINE + "; no line goes through all of them", "identity"),
         Entry("Section III.A.1", "current at 600 mm/min and VB 205.1 um, end", "0.236",
               of_end.A + 600 * of_end.B + 205.1 * of_end.k1, "A", "reconstructed",
-              "the same tool wear was held at 0.24 A in Table 1 (198.59 and 205.80 um): the points scatter by 2 %"),
+              "the same tool wear was held at 0.24 A in Table 1 (198.59 and 205.80 um): the points scatter by 2 %",
+              "identity"),
         Entry("Section III.A.2", "VB at 500 mm/min and 0.24 A, slot", "180~190", _wear(of_slot, 0.24, 500), "um",
-              "reconstructed", ON_LINE),
-        Entry("Fig. 6", "current at 1000 mm/min on chipping, end", "0.298", None, "A", "not computable",
-              f"no VB is printed with it; by the line it is {chipped:.0f} um; section II.G has 220 to 230 um"),
-        Entry("Section III.A.2", "current at 800 mm/min on chipping, slot", "0.282", None, "A", "not computable",
-              f"no VB is printed with it; by the line it is {odd:.0f} um, a sharp tool: the idle current of end "
-              "milling, assumed for slot milling, is too low for this point"),
+              "reconstructed", ON_LINE, "identity"),
+        Entry("Fig. 6", "VB on chipping at 1000 mm/min and 0.298 A, end", "220-230", chipped, "um", "derived",
+              "by the line, which this point did not enter; the range is that of section II.G"),
+        Entry("Section III.A.2", "VB on chipping at 800 mm/min and 0.282 A, slot", "not printed", odd, "um", "derived",
+              "by the line a sharp tool: the idle current of end milling, assumed for slot milling, is too low for "
+              "this point", "assumption"),
         Entry("Section II.G", "wear window", "180-220", None, "um", "not computable", "chosen from photographs"),
     ]  # fmt: skip
 
@@ -113,15 +116,21 @@ def _gains(end: ParameterFile, slot: ParameterFile) -> list[Entry]:
 
 def _held(place: str, pf: ParameterFile, run: ToolRun, mean: str, spread: str) -> list[Entry]:
     one, ref = run.passes[1], run.reference
-    noisy = constant_load_run(pf, plant=MillingCut.from_parameters(pf, noise=NOISE)).passes[1]
+    n = round(one.time / float(run.trace.time[1]))
+    noise = float(spread) / 100 * ref / mean_range(n)
+    noisy = constant_load_run(pf, plant=MillingCut.from_parameters(pf, noise=noise)).passes[1]
     return [
         Entry(place, "mean current from 150 to 300 mm", mean, one.mean_load, "A", "reconstructed",
               "within 1 % of the reference in both; ours lies above it by the lag behind the wear"),
-        Entry(place, "largest less smallest current of that pass", spread, None, "%", "not computable",
-              f"needs the noise of the current clamp, which is not printed; without noise it is "
-              f"{100 * one.spread / ref:.2f} %, with white noise of {NOISE:g} A {100 * noisy.spread / ref:.1f} %"),
+        Entry(place, "standard deviation of the current's noise", "not printed", 1000 * noise, "mA", "derived",
+              f"{spread} % of {ref:g} A is the range of {n} readings at 50 Hz, which is {mean_range(n):.2f} standard "
+              "deviations of white, normal noise on average: both assumed", "assumption"),
+        Entry(place, "largest less smallest current of that pass", spread, 100 * noisy.spread / ref, "%",
+              "reconstructed", f"replayed with that noise, one seed; without noise it is "
+              f"{100 * one.spread / ref:.4f} %", "identity"),
         Entry(place, "largest deviation of a pass's mean until the lower limit, after 4 s", "within 1",
-              100 * abs(run.worst_mean), "%", "reproduced", "printed as a bound, and kept"),
+              100 * abs(run.worst_mean), "%", "reproduced", "printed as a bound, and kept by the replay without noise",
+              "assumption"),
     ]  # fmt: skip
 
 
@@ -141,15 +150,25 @@ def _tables(end: ToolRun, slot: ToolRun) -> list[Entry]:
         ("Table 1", TABLE_1, "197.26", "4.71", end), ("Table 2", TABLE_2, "189.70", "1.11", slot),
     ):  # fmt: skip
         values = [float(row) for row in rows]
+        sd = float(np.std(values, ddof=1))
+        outside = 1 - float(norm.cdf(220, np.mean(values), sd) - norm.cdf(180, np.mean(values), sd))
         found += [
-            Entry(f"{table}, test {i}", "VB at the lower limit", row, None, "um", "not computable",
-                  "one tool's: the tools' scatter is not printed") for i, row in enumerate(rows, 1)
+            Entry(f"{table}, test {i}", "VB at the lower limit", row, run.wear, "um", "reconstructed",
+                  f"replayed; the tool is {(float(row) - run.wear) / sd:+.1f} standard deviations of tools from it; "
+                  f"{ON_LINE}", "identity") for i, row in enumerate(rows, 1)
         ]  # fmt: skip
         found += [
-            Entry(table, "average of the tests", mean, sum(values) / len(values), "um", "reproduced"),
-            Entry(table, "test 2 below the window", below, 180.0 - values[1], "um", "reproduced"),
+            Entry(table, "standard deviation of VB at the tool changes", "not printed", sd, "um", "derived",
+                  f"of {len(rows)} tools, {len(rows) - 1} degrees of freedom"),
+            Entry(table, "share of tools outside the window of 180 to 220 um", "not printed", 100 * outside, "%",
+                  "derived", f"of a normal distribution with the mean and standard deviation of the tools; 1 of "
+                  f"{len(rows)} was outside", "assumption"),
+        ]  # fmt: skip
+        found += [
+            Entry(table, "average of the tests", mean, sum(values) / len(values), "um", "reproduced", kind="identity"),
+            Entry(table, "test 2 below the window", below, 180.0 - values[1], "um", "reproduced", kind="identity"),
             Entry(table, "VB at the tool change, replayed", mean, run.wear, "um", "reconstructed",
-                  f"{ON_LINE}; the command rests 4 s on the limit (assumed)"),
+                  f"{ON_LINE}; the command rests 4 s on the limit (assumed)", "identity"),
         ]  # fmt: skip
     return found
 
@@ -158,16 +177,16 @@ def _end_gain(run: ToolRun, fixed: ToolRun) -> list[Entry]:
     place = "Section III.D.1"
     return [
         Entry(place, "life at constant load", "2250", run.length, "mm", "reconstructed", f"{WEAR} of 200 um"),
-        Entry(place, "life at 700 mm/min", "1800", fixed.length, "mm", "reconstructed", "it fixed r"),
-        Entry(place, "gain of life, 2250/1800", "25", 100 * (2250 / 1800 - 1), "%", "reproduced"),
+        Entry(place, "life at 700 mm/min", "1800", fixed.length, "mm", "reconstructed", "it fixed r", "identity"),
+        Entry(place, "gain of life, 2250/1800", "25", 100 * (2250 / 1800 - 1), "%", "reproduced", kind="identity"),
         Entry(place, "gain of life, replayed", "25", _gain(run.length, fixed.length), "%", "reconstructed",
               f"{WEAR}: with wear by time alone life and removal gain alike, and the mean feed is "
               f"{run.mean_feed:.0f} mm/min; the paper's 2250 mm would need slower wear at constant load"),
         Entry(place, "MRR at constant load", "3.79", run.rate, "mm3/s", "reconstructed",
               f"3.79 is a mean feed of {3.79 * 60 / 0.28:.0f} mm/min; the line gives {run.mean_feed:.0f}"),
         Entry(place, "MRR at 700 mm/min, ae 1.4, ap 0.2", "3.26", fixed.rate, "mm3/s", "reproduced",
-              "700 x 1.4 x 0.2 / 60; truncated after two decimals"),
-        Entry(place, "gain of MRR, 3.79/3.26", "16", _gain(3.79, 3.26), "%", "reproduced"),
+              "700 x 1.4 x 0.2 / 60; truncated after two decimals", "identity"),
+        Entry(place, "gain of MRR, 3.79/3.26", "16", _gain(3.79, 3.26), "%", "reproduced", kind="identity"),
         Entry(place, "gain of MRR, replayed", "16", _gain(run.rate, fixed.rate), "%", "reconstructed", ON_LINE),
     ]  # fmt: skip
 
@@ -176,15 +195,16 @@ def _slot_gain(run: ToolRun, fixed: ToolRun) -> list[Entry]:
     place = "Section III.D.2"
     return [
         Entry(place, "life at constant load", "1950", run.length, "mm", "reconstructed", f"{WEAR} of 185 um"),
-        Entry(place, "life at 400 mm/min", "1350", fixed.length, "mm", "reconstructed", "it fixed r"),
-        Entry(place, "gain of life, 1950/1350", "44", 100 * (1950 / 1350 - 1), "%", "reproduced"),
+        Entry(place, "life at 400 mm/min", "1350", fixed.length, "mm", "reconstructed", "it fixed r", "identity"),
+        Entry(place, "gain of life, 1950/1350", "44", 100 * (1950 / 1350 - 1), "%", "reproduced", kind="identity"),
         Entry(place, "gain of life, replayed", "44", _gain(run.length, fixed.length), "%", "reconstructed", WEAR),
         Entry(place, "MRR at constant load", "3.93", run.rate, "mm3/s", "reconstructed",
               f"3.93 is a mean feed of {3.93 * 60 / 0.4:.0f} mm/min, above the {run.mean_feed:.0f} of a tool that goes "
               "from 600 to 500; test 1 cut less deep and faster, as the paper states"),
         Entry(place, "MRR at 400 mm/min, full width of 2 mm, ap 0.2", "2.53", fixed.rate, "mm3/s",
               "corrected with proof", "400 x 2.0 x 0.2 / 60"),
-        Entry(place, "gain of MRR, 3.93/2.53", "55", _gain(3.93, 2.53), "%", "reproduced", "of the misprinted 2.53"),
+        Entry(place, "gain of MRR, 3.93/2.53", "55", _gain(3.93, 2.53), "%", "reproduced", "of the misprinted 2.53",
+              "identity"),
         Entry(place, "gain of MRR, 3.93 over the removal at 400 mm/min", "55", _gain(3.93, fixed.rate), "%",
               "corrected with proof", "with the misprint corrected"),
         Entry(place, "gain of MRR, replayed", "55", _gain(run.rate, fixed.rate), "%", "reconstructed", ON_LINE),
@@ -196,7 +216,7 @@ def _conclusion(end: ToolRun, end_fixed: ToolRun, slot: ToolRun, slot_fixed: Too
         Entry("Conclusion", "gain of life, end", "23", 100 * (2250 / 1800 - 1), "%", "corrected with proof",
               f"the body's 2250 and 1800 mm; replayed {_gain(end.length, end_fixed.length):.0f} %"),
         Entry("Conclusion", "gain of MRR, end", "16", _gain(3.79, end_fixed.rate), "%", "reproduced",
-              f"the body's 3.79 over 700 mm/min; replayed {_gain(end.rate, end_fixed.rate):.0f} %"),
+              f"the body's 3.79 over 700 mm/min; replayed {_gain(end.rate, end_fixed.rate):.0f} %", "identity"),
         Entry("Conclusion", "gain of MRR, slot", "51", _gain(3.93, slot_fixed.rate), "%", "corrected with proof",
               f"the body's 3.93 over 400 mm/min; replayed {_gain(slot.rate, slot_fixed.rate):.0f} %"),
         Entry("Conclusion", "gain of life, slot", "30", 100 * (1950 / 1350 - 1), "%", "corrected with proof",
@@ -210,12 +230,29 @@ def _mixed(slot: ParameterFile) -> list[Entry]:
         "slot and end passes of 150 mm in turn (the path's lengths are not printed), each wearing as by itself; slot "
         "milling comes to its limit first"
     )
+    sd = _pooled_sd()
     return [
-        Entry("Section III.E, Table 3, workpiece 1", "VB at the lower limit, mixed path", "179.48", run.wear, "um",
-              "reconstructed", why),
-        Entry("Section III.E, Table 3, workpiece 2", "VB at the lower limit, mixed path", "199.63", run.wear, "um",
-              "reconstructed", why + "; one tool's scatter is not printed"),
+        Entry(f"Section III.E, Table 3, workpiece {number}", "VB at the lower limit, mixed path", printed, run.wear,
+              "um", "reconstructed", f"{why}; {(float(printed) - run.wear) / sd:+.1f} standard deviations of the tools "
+              f"of Tables 1 and 2 ({sd:.1f} um, pooled) from it")
+        for number, printed in ((1, "179.48"), (2, "199.63"))
     ]  # fmt: skip
+
+
+def _pooled_sd() -> float:
+    """Standard deviation of one tool's VB at the tool change, um: both tables, each about its own mean."""
+    values = [np.array([float(row) for row in rows]) for rows in (TABLE_1, TABLE_2)]
+    squares = sum(float(((one - one.mean()) ** 2).sum()) for one in values)
+    return float(np.sqrt(squares / sum(len(one) - 1 for one in values)))
+
+
+def mean_range(n: int) -> float:
+    """Mean range of n independent readings of a normal distribution, in standard deviations (d2 of control charts).
+
+    >>> round(mean_range(2), 3), round(mean_range(25), 3)
+    (1.128, 3.931)
+    """
+    return float(quad(lambda x: 1 - norm.cdf(x) ** n - norm.sf(x) ** n, -12, 12, limit=400)[0])
 
 
 def _feed(cut: CutModel, wear: float) -> float:

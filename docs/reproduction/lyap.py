@@ -49,6 +49,7 @@ def _set_points(section: "AdaptiveForceSection", runs: "Mapping[float, ForceRun]
             "corrected with proof",
             "F is the force of (2.2), measured by a dynamometer. As a torque on the 10 mm tool it would be "
             f"{point.force / RADIUS / 1000:.0f} kN at the edge and {point.force * omega / 1000:.0f} kW at the spindle.",
+            "identity",
         )  # fmt: skip
         yield Entry(
             place, f"force held at {point.depth:g} mm, mean of the last quarter with 30 % ripple", f"{point.force:g}",
@@ -60,7 +61,8 @@ def _set_points(section: "AdaptiveForceSection", runs: "Mapping[float, ForceRun]
 
 def _speed(section: "AdaptiveForceSection") -> Iterator[Entry]:
     turns = 1 / (section.average_time or np.nan)
-    yield Entry("Section 4", "spindle speed", "3000", 60 * turns, "1/min", "reproduced", "the file averages over 20 ms")
+    yield Entry("Section 4", "spindle speed", "3000", 60 * turns, "1/min", "reproduced", "the file averages over 20 ms",
+                "identity")  # fmt: skip
     yield Entry(
         "Section 4", "revolution and tooth frequency that follow", "not printed", TEETH * turns, "Hz", "reconstructed",
         f"{turns:g} Hz a revolution; {TEETH} flutes are assumed, the paper gives no number.",

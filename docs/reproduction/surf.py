@@ -37,13 +37,20 @@ def _settings() -> Iterator[Entry]:
     feeds = np.array([servo.step(1.0, 0.001, noise) for _ in range(1000)])
     late = int(np.argmax(feeds >= 1 - math.exp(-1))) + 1
     yield Entry(
-        "Fig. 4 and text", "share of a step after one time constant", "0.632", 1 - math.exp(-1), "", "reproduced"
+        "Fig. 4 and text",
+        "share of a step after one time constant",
+        "0.632",
+        1 - math.exp(-1),
+        "",
+        "reproduced",
+        kind="identity",
     )
     yield Entry("Fig. 4 and text", "ts, time to 0.632 of a step", "0.13", late * 0.001, "s", "reproduced",
-                "of the servo model, which has this ts; the measured step is not printed")  # fmt: skip
+                "of the servo model, which has this ts; the measured step is not printed", "identity")  # fmt: skip
     pf = surf()
     high = turn(pf, duration=0.1).high
-    yield Entry("section 3", "highest feed, 150 % of 0.2 mm/rev", "0.3", high, "mm/rev", "reproduced")
+    yield Entry("section 3", "highest feed, 150 % of 0.2 mm/rev", "0.3", high, "mm/rev", "reproduced",
+                kind="identity")  # fmt: skip
     low = turn(pf, duration=0.1).low
     yield Entry("section 3", "lowest feed, 0 % of 0.2 mm/rev", "0", low, "mm/rev", "reconstructed",
                 "a floor of a tenth of 0.2: from 0 the feed law, which multiplies, cannot recover")  # fmt: skip
@@ -104,7 +111,7 @@ def _table() -> Iterator[Entry]:
         yield Entry(place, "f without control", f"{row.f_without}", None, "mm/rev", "not computable",
                     "an input: recommended by a prediction model that the paper does not print")  # fmt: skip
         yield Entry(place, "F without control", f"{row.F_without}", found["inverse"][number].without.F, "N",
-                    "reconstructed", f"mean of 12 s; {PLANT}, so only the disturbance is left")  # fmt: skip
+                    "reconstructed", f"mean of 12 s; {PLANT}, so only the disturbance is left", "identity")  # fmt: skip
         for reading in READINGS:
             yield from _controlled(place, row, reading, found[reading][number].controlled)
         yield _by_equation_5(place, row)
@@ -135,7 +142,8 @@ def _elsewhere() -> Iterator[Entry]:
     part = trace.time >= 3.0
     factor = trace.measurement[part] / (surf().roughness.force_per_feed * 0.2)  # type: ignore[union-attr, operator]
     yield Entry("section 3", "largest random change of the force", "10", 100 * float(np.abs(factor - 1).max()), "%",
-                "reconstructed", "uniform, drawn anew each revolution: the paper prints neither")  # fmt: skip
+                "reconstructed", "uniform, drawn anew each revolution: the paper prints neither",
+                "identity")  # fmt: skip
     for place, what, printed, unit, why in (
         ("section 2", "experiments behind eq. 4 and 5", "1500", "", "they are not printed"),
         (
