@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from ..core.errors import UsageError
+from ..core.errors import IdentError, UsageError
 from ..datasets.units import canonical
 from .arguments import Parser, traced, typed, values
 from .output import Printer, print_json
@@ -160,6 +160,11 @@ def _force(rec: "Record", args: argparse.Namespace, pf: "ParameterFile | None") 
         )
     turn = None if args.spindle is None else 60 / args.spindle
     fit = force_process_fit(rec.centred(), drive=args.drive_pole, revolution=turn, **given)
+    if not fit.ratios[0] > 0:
+        raise IdentError(
+            f"the force falls when the feed rises (m/k is {fit.ratios[0]:.3g}): check the sign of {rec.output} and the "
+            "columns (--input, --output)."
+        )
     former = None if pf is None else pf.adaptive_force
     return Found(fit, force_process_section(fit, former, args.depth, args.spindle, rec), fit.verdict)
 
