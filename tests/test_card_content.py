@@ -24,6 +24,7 @@ from fitmodels.cards.content.windows import ENGAGEMENT
 from fitmodels.cards.content.worked import scatter, short_equation
 from fitmodels.cards.folder import markdown
 from fitmodels.cli import main
+from fitmodels.controllers.recursion.plan import plan_of
 from fitmodels.core.formula import FORMS
 from fitmodels.core.rounding import decimals
 from fitmodels.core.verdict import LEVELS, MARKS
@@ -31,6 +32,7 @@ from fitmodels.fit.regression import fit_form
 from fitmodels.ident.model import Model
 from fitmodels.parameters import collect, read, write
 from fitmodels.parameters.file import sealed
+from fitmodels.parameters.published import published
 from fitmodels.parameters.sections.load_line import Engagement
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -690,3 +692,22 @@ def test_a_constant_that_is_hardly_known_has_ends_of_two_digits(pf):
     assert (constant.low.value, constant.high.value) == pytest.approx((c0 * math.exp(-half), c0 * math.exp(half)))
     assert all(0 < len(end.text.lstrip("0.").split("e")[0].replace(".", "").rstrip("0")) <= 2
                for end in (constant.low, constant.high))  # fmt: skip
+
+
+def test_the_plan_of_an_edge_is_that_of_the_replay_and_the_exports():
+    """AC-2017: minutes 1 and 14 of the paper's sequence; a file without a wear criterion has the reason."""
+    file = published("AC-2017")
+    card, plan = compose(file), plan_of(file)
+    assert card.plan is not None
+    assert [(row.end.value, row.V.value, row.f.value, row.tested) for row in card.plan.rows] == [
+        (row.end, row.V, row.f, row.tested) for row in plan.rows
+    ]
+    first, last = card.plan.rows[0], card.plan.rows[-1]
+    assert (first.V.text, first.f.text, last.V.text, last.f.text) == ("150", "0.58", "200", "0.205")
+    assert first.limits == "power 7 kW"
+    assert card.plan.sentences[0].startswith("Calculated from the laws, not measured: the edge lasts 14 min")
+    assert compose(published("AC-2016")).plan is None
+    assert "wear criterion" in compose(published("AC-2016")).empty["plan"]
+    simulated = sealed(file, identity={**file.identity.model_dump(), "simulated": True})
+    assert any("do not run a machine by this plan" in words for words in compose(simulated).plan.sentences)
+    assert "| 14 | 200 | 0.205 |" in markdown(file)

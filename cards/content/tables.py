@@ -14,6 +14,7 @@ from .parts import (
     LawPart,
     PosteriorPart,
 )
+from .tool_life import PlanPart
 from .uncertainty import BudgetLinePart, UncertaintyPart
 
 
@@ -48,6 +49,20 @@ def holds_words(table: TextTable, column: int) -> bool:
     icons = tuple(mark.icon for mark in MARKS.values())
     cells = (row[column] for row in table.rows)
     return column == 0 or any(cell[:1].isalpha() or cell.startswith(icons) for cell in cells)
+
+
+def plan_table(plan: PlanPart) -> TextTable:
+    """Rows of a plan of an edge's life."""
+    unit = plan.rows[0].wear.unit if plan.rows else ""
+    return _table({
+        "until min": [row.end.text for row in plan.rows],
+        "V m/min": [row.V.text for row in plan.rows],
+        "f mm/rev": [row.f.text for row in plan.rows],
+        f"{plan.wear} {unit}": [row.wear.text for row in plan.rows],
+        "removal cm3/min": [row.rate.text for row in plan.rows],
+        "limited by": [row.limits for row in plan.rows],
+        "tests": ["" if row.tested else "EXTRAPOLATED" for row in plan.rows],
+    })  # fmt: skip
 
 
 def posterior_table(of: PosteriorPart) -> TextTable:

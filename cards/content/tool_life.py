@@ -1,4 +1,4 @@
-"""Tool life as text: at a criterion, from the wear curves, and Taylor's constants with their intervals."""
+"""Tool life as text: at a criterion, from the wear curves, Taylor's constants, and the plan of an edge's life."""
 
 import math
 from collections.abc import Mapping
@@ -12,11 +12,12 @@ from ...parameters.evaluation import IntervalOptions
 from ...parameters.prediction import predict_life
 from ...parameters.sections.law_parts import LifeSection, TaylorSection, ToolLifeSection
 from .design import at_words
-from .numbers import LEVEL, NONE, UNBOUNDED, figure, number, percent
-from .parts import NumberPart, ToolLifePart
+from .numbers import LEVEL, NONE, UNBOUNDED, count, figure, number, percent, sentence
+from .parts import NumberPart, Part, ToolLifePart
 from .verdicts import TOOL_LIFE, verdict_part, with_remedies
 from .worked import predict_command
 
+PLANNED = 60  # rows of a plan in the card
 DISTRIBUTIONS = {"lognormal": "lognormal", "weibull": "Weibull"}
 Ends = tuple[float | None, float | None]
 
@@ -203,3 +204,67 @@ def no_tool_life(pf: ParameterFile) -> str:
     if wear.by is not None:
         return f"The law of {wear.response} has levels, and tool life is computed for one: fit each level separately."
     return f"No tool life was computed from the law of {wear.response}: request it with --criterion."
+
+
+class PlanRowPart(Part):
+    """A row of a plan: minutes in the cut, the pair of speed and feed, and what it gives at its end."""
+
+    start: NumberPart
+    end: NumberPart
+    V: NumberPart
+    f: NumberPart
+    wear: NumberPart
+    rate: NumberPart  # of removal
+    limits: str  # that the pair stands on
+    tested: bool  # whether it lies inside the tests
+
+
+class PlanPart(Part):
+    """The plan of speed and feed over the life of an edge, for the limits of the file; calculated, not measured."""
+
+    title: str
+    wear: str  # the symbol of the wear
+    rows: tuple[PlanRowPart, ...]
+    sentences: tuple[str, ...]
+    command: str  # that writes the whole plan
+
+
+def plan_part(pf: ParameterFile) -> PlanPart | None:
+    """The plan of largest removal rate, where the file has what it needs."""
+    from ...controllers.recursion.plan import plan_of
+
+    if no_plan(pf):
+        return None
+    plan = plan_of(pf)
+    laws, minutes = plan.laws, format_plain(plan.minutes, 4)
+    rows = tuple(
+        PlanRowPart(
+            start=figure(row.start, 6, "min"), end=figure(row.end, 6, "min"), V=figure(row.V, 4, "m/min"),
+            f=figure(row.f, 4, "mm/rev"), wear=figure(row.wear, 3, laws.wear.unit),
+            rate=figure(row.rate / 1000, 4, "cm3/min"), limits=reason, tested=row.tested,
+        )
+        for row, reason in zip(plan.rows[:PLANNED], plan.limit_reasons, strict=False)
+    )  # fmt: skip
+    removed = f"{format_plain(plan.removed / 1000, 4)} cm3"
+    life = f"the edge lasts {minutes} min and removes {removed}" if rows else "no pair keeps the limits on a new edge"
+    more = len(plan.rows) - len(rows)
+    rest = [f"{count(more).text} more rows: the command writes all of them"] if more > 0 else []
+    simulated = ["the data are simulated: do not run a machine by this plan"] if pf.identity.simulated else []
+    sentences = [
+        f"calculated from the laws, not measured: {life}, depth of cut {laws.d:g} mm", *simulated, *plan.extrapolated,
+        *rest, *(f"assumed: {words[0].lower()}{words[1:]}" for words in plan.assumed),
+    ]  # fmt: skip
+    return PlanPart(
+        title="Plan of the life of an edge, largest removal rate",
+        wear=laws.wear.response,
+        rows=rows,
+        sentences=tuple(sentence(words) for words in sentences),
+        command="fitmodels export params.json --to csv",
+    )
+
+
+def no_plan(pf: ParameterFile) -> str:
+    """Why the file has no plan of an edge's life."""
+    from ...controllers.recursion.from_file import shortfall
+
+    return f"There is no plan of an edge's life: {why}" if (why := shortfall(pf)) else ""

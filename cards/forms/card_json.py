@@ -1,6 +1,6 @@
 """The card for programs: card.json and its versioned schema.
 
-``python -m fitmodels.cards.forms.card_json`` prints the schema, as it is kept in ``cards/schema/card-6.json``.
+``python -m fitmodels.cards.forms.card_json`` prints the schema, as it is kept in ``cards/schema/card-7.json``.
 """
 
 import json
@@ -10,7 +10,7 @@ from typing import Any, Final
 from ...parameters.json_schema import DIALECT
 from ..content.card import Card
 
-SCHEMA: Final = "fitmodels.card/6"
+SCHEMA: Final = "fitmodels.card/7"
 
 
 def as_json(card: Card) -> str:
@@ -19,7 +19,7 @@ def as_json(card: Card) -> str:
     >>> from fitmodels import parameters
     >>> from fitmodels.cards.content.card import compose
     >>> as_json(compose(parameters.collect(tool="GC435", work="709M40"))).splitlines()[1]
-    ' "schema": "fitmodels.card/6",'
+    ' "schema": "fitmodels.card/7",'
     """
     return card.model_dump_json(by_alias=True, indent=1) + "\n"
 
@@ -28,7 +28,7 @@ def json_schema() -> dict[str, Any]:
     """The schema of card.json, generated from the classes.
 
     >>> json_schema()["properties"]["schema"]
-    {'const': 'fitmodels.card/6', 'type': 'string'}
+    {'const': 'fitmodels.card/7', 'type': 'string'}
     """
     made = Card.model_json_schema(by_alias=True, mode="serialization")
     _tidy(made)

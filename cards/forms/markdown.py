@@ -19,6 +19,7 @@ from ..content.tables import (
     fact_table,
     factor_table,
     holds_words,
+    plan_table,
     posterior_table,
     uncertainty_table,
 )
@@ -28,7 +29,13 @@ from .rendering import environment
 if TYPE_CHECKING:
     from jinja2 import Template
 
-FIELDS = {"tool_life": "tool life", "windows": "operating window", "design": "tests", "doubts": "doubts about the data"}
+FIELDS = {
+    "tool_life": "tool life",
+    "windows": "operating window",
+    "plan": "plan of an edge",
+    "design": "tests",
+    "doubts": "doubts about the data",
+}
 # Markdown's own characters; an underscore inside a word is none of them
 SPECIAL = re.compile(r"([\\`*\[\]|~#{}$]|(?<![^\W_])_|_(?![^\W_]))")
 ENTITY = re.compile(r"&(?=[#\w])")
@@ -250,6 +257,7 @@ def _template() -> "Template":
         coefficients=tabulated(coefficient_table),
         table=tabulated(fact_table),
         checks=tabulated(check_table),
+        plan=tabulated(plan_table),
         posterior=tabulated(posterior_table),
         factors=tabulated(factor_table),
         statements=tabulated(uncertainty_table),
