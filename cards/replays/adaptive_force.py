@@ -219,8 +219,12 @@ def _assumed(pf: "ParameterFile", section: "AdaptiveForceSection", draws: "Mappi
         f"Ripple ({100 * RIPPLE:g} % at {tooth_frequency(pf):g} Hz, two flutes) and noise ({noise_in(section):g} "
         f"{section.unit_force}) are assumed, "
         "and affect only the reading.",
-        *(f"{name} {words}" for name, words in section.sources.items() if words.startswith("assumed")),
-        *(note for note in section.notes if not note.startswith("Design:")),
+        *(
+            f"{name} {getattr(section, name):g}, {words.partition(': ')[2]}"
+            for name, words in section.sources.items()
+            if words.startswith("assumed: ") and getattr(section, name, None) is not None
+        ),
+        *(note for note in section.notes if "ssum" in note or "simulated" in note or "printed" in note),
     ]
     if isinstance(section.uncertainty, ModelCovariance):
         se = np.sqrt(np.diag(np.array(section.uncertainty.matrix)))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from fitmodels import datasets, ident
+from fitmodels.controllers.adaptive_force.plant import DriveAndCut
 from fitmodels.parameters.published import published
 
 HERE = Path(__file__).parent
@@ -150,6 +151,17 @@ def step_record() -> list[list[str]]:
     return rows + [[f"{a:.2f}", f"{b:.1f}", f"{c:.2f}"] for a, b, c in zip(t, u, y, strict=True)]
 
 
+def force_chirp() -> list[list[str]]:
+    """A cut 2 mm deep at 3000 1/min under a chirp of the feed at 250 Hz: assumed drive and cut, ripple, noise."""
+    u = np.round(250 + ident.chirp(amplitude=100, f0=0.1, f1=5, duration=10, rate=250), 1)
+    plant, noise = DriveAndCut(depth=2.0, ripple=0.3, noise=2.0), np.random.default_rng(7)
+    plant.force, plant.speed = 200.0, 250.0
+    rows = [["# simulated: no measurement; drive and cut as assumed in fitmodels.controllers.adaptive_force.plant"]]
+    rows.append(["time [s]", "feed rate [mm/min]", "force [N]"])
+    F = [200.0, *(plant.step(float(command), 0.004, noise) for command in u[:-1])]
+    return rows + [[f"{0.004 * k:.3f}", f"{a:.1f}", f"{b:.1f}"] for k, (a, b) in enumerate(zip(u, F, strict=True))]
+
+
 CUTS = {"E01": (120, 0.2, (512.0, 534.0, 561.0)), "E02": (160, 0.3, (704.0, 741.0, 795.0))}  # V, f, forces in N
 
 
@@ -184,6 +196,7 @@ FILES = {
     "inch.csv": (inches, ","),
     "drive.csv": (lambda: drive(18), ","),
     "drive-again.csv": (lambda: drive(19), ","),
+    "force-chirp.csv": (force_chirp, ","),
     "servo-steps.csv": (step_record, ","),
     "milling.csv": (milling, ","),
     "fraesen.csv": (workshop_milling, ";"),
