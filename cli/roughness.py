@@ -134,14 +134,15 @@ def run(args: argparse.Namespace) -> int:
     measured = measured_from([_record(name, args) for name in args.step or ()], cut)
     found = derived_settings(pf, cut, measured, _choices(args, law))
     changed = sealed(pf, roughness=found.section, provenance=traced(pf, args.words))
-    ConstantRoughness.from_parameters(changed)  # limits of the machine may leave no range
+    effective = ConstantRoughness.from_parameters(changed)  # limits of the machine may leave no range
     parameters.write(changed, args.file, replaces=pf)
     verdicts = cautions(pf, *found.laws)
     if args.json:
         print_json("roughness", {**_facts(found, args), "verdicts": verdicts})
         return 0
     out = Printer(quiet=args.quiet)
-    for words in (*verdicts, *sentences(found, law)):
+    feeds = f"The control commands {effective.low:.4g} to {effective.high:.4g} mm/rev, all limits of the file together."
+    for words in (*verdicts, *sentences(found, law), feeds):
         out.show(words)
     out.wrote(f"Written: roughness in {args.file}", args.file)
     return 0

@@ -13,8 +13,15 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
-from fitmodels.controllers.roughness.plant import ideal_roughness, largest_feed, loop_theory
-from fitmodels.controllers.roughness.reference import inverse_force, regression_of_law
+from fitmodels.controllers.roughness.plant import loop_theory
+from fitmodels.controllers.roughness.reference import (
+    ideal_roughness,
+    inverse_force,
+    largest_feed,
+    regression_of_law,
+)
+from fitmodels.parameters.file import sealed
+from fitmodels.parameters.published import published
 
 GIVEN = ("Ra=1.6um", "n=610rpm", "f=0.2mm/rev", "servo=0.13s")
 TABLE = datasets.bundled("surf_table1")
@@ -138,6 +145,17 @@ def test_each_value_has_an_origin_and_is_printed_with_it(params, capsys):
     assert (section.override_low, section.override_high) == pytest.approx((0.75, 1.4))  # tested 0.15 to 0.28 mm/rev
 
 
+def test_values_of_the_paper_give_the_published_section(tmp_path):
+    paper, path = published("SURF"), tmp_path / "params.json"
+    parameters.write(sealed(paper, roughness=None), path)
+    words = ("kca=2781.15N", "override=0:150%", "threshold=100N", "wait=0.3s", "sample=10ms")
+    section = settings(path, *GIVEN, *words, "--data", str(TABLE), "--map", "Ra=Ra_ref")
+    for name in ("force", "feed", "threshold", "threshold_time", "override_low", "override_high", "sample_time",
+                 "servo_time", "process_time", "force_per_feed"):  # fmt: skip
+        assert getattr(section, name) == pytest.approx(getattr(paper.roughness, name), rel=1e-6), name
+    assert section.regression.slope == pytest.approx(paper.roughness.regression.slope, rel=1e-9)
+
+
 def test_the_file_replays_and_the_command_is_recorded(params, capsys):
     settings(params, *GIVEN)
     assert "fitmodels roughness" in parameters.read(params).provenance.then[-1]
@@ -225,6 +243,21 @@ def test_a_force_above_the_tests_is_refused_and_one_below_is_stated(params, caps
     assert any("lies below the tests" in note for note in section.notes)
 
 
+def test_a_condition_outside_the_tests_of_the_force_law_is_stated(tmp_path):
+    rng = np.random.default_rng(2)
+    frame = pd.DataFrame([(f, d) for f in (0.1, 0.2, 0.3) for d in (0.5, 1.0, 2.0)], columns=["f", "d"])
+    frame["F"] = 2000 * frame["d"] * frame["f"] ** 0.75 * np.exp(0.02 * rng.standard_normal(len(frame)))
+    frame["Ra"] = 0.24 * np.exp(0.0034 * frame["F"] + 0.05 * rng.standard_normal(len(frame)))
+    runs = datasets.runs_from_frame(frame, units={"f": "mm/rev", "d": "mm", "F": "N", "Ra": "um"})
+    laws = [fit.exponential_law(runs, "Ra", "F"), fit.power_law(runs, "F", ["f", "d"])]
+    parameters.write(parameters.collect(laws=laws), tmp_path / "params.json")
+    section = settings(tmp_path / "params.json", *GIVEN, "d=1mm")
+    assert section.force_per_feed == pytest.approx(2000 * 0.2**-0.25, rel=0.02)
+    assert section.notes == ()
+    section = settings(tmp_path / "params.json", *GIVEN, "d=2.5mm", "--force")
+    assert any("d 2.5 mm is outside" in note for note in section.notes)
+
+
 # --- ill-posed input ------------------------------------------------------------------------------------
 
 
@@ -261,6 +294,11 @@ def test_a_sample_time_beyond_the_process_is_refused(params, capsys):
         (("Ra=1.6um", "--law", "F"), "is not Ra = a exp(b F)"),
         (("Ra=1.6um", "--level", "1.5"), "--level"),
         (("Ra=1.6um", "--force-law", "Fx"), "no such law"),
+        (("Ra=1.6um", "d=1mm", "kca=2.8N"), "specific force of 2.8 N/mm2"),
+        (("Ra=1.6um", "process=98s"), "0.001 to 10 s"),
+        (("Ra=1.6um", "wait=1h"), "not controlled"),
+        (("Ra=1.6um", "r=0.1mm"), "cannot form"),
+        (("Ra=1.6um", "r=0.3mm"), "too large for the nose radius"),
     ],
 )
 def test_values_that_cannot_be_used_are_refused_with_one_sentence(params, capsys, words, named):

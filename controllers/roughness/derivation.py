@@ -17,13 +17,18 @@ from typing import TYPE_CHECKING, Any, Final
 from ...core.errors import ParameterError, UsageError
 from ...parameters.sections.force_control import RoughnessSection
 from .controller import FLOOR
-from .plant import Cut, Measured, ideal_roughness, largest_feed, loop_theory
+from .plant import Cut, Measured, implausible, loop_theory
 from .reference import (
     ForceOfRoughness,
     Reading,
+    feed_of_force,
+    feed_of_ideal_roughness,
     force_at,
     force_law_of,
+    ideal_marks,
     inverse_force,
+    largest_feed,
+    outside_tests,
     regression_of_law,
     roughness_law,
     tested_feeds,
@@ -33,9 +38,11 @@ if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
 
 OVERRIDE: Final = 1.5  # of the programmed feed: the highest of SURF's lathe
-BEYOND: Final = 1.5  # times the largest tested feed, beyond which a reason is needed
+BEYOND: Final = 1.5  # times the largest tested feed, or that of ideal marks, beyond which a reason is needed
+NEARLY: Final = 1 + 1e-9
 SAMPLE: Final = 0.01  # s, SURF
 SLOWEST_SAMPLE: Final = 0.5  # of the shorter time constant: a longer sample time is refused
+LONGEST_WAIT: Final = 10.0  # s
 REVOLUTIONS: Final = 3.0  # above the threshold before the law acts
 OF_LOWEST: Final = 0.5  # of the force at the lower feed limit: the threshold
 OF_REFERENCE: Final = 0.2  # of the reference: the highest threshold that is assumed
@@ -177,9 +184,9 @@ class _Draft:
         self.values["force_from"] = reading
         factor = law.factors[0]
         tests = f"tests of {law.response}, {factor.low:.4g} to {factor.high:.4g} N"
-        if force > factor.high * (1 + 1e-9):
+        if force > factor.high * NEARLY:
             self.beyond(f"The reference force {force:.4g} N lies above the {tests}.", "Ask for a finer surface")
-        elif force < factor.low * (1 - 1e-9):
+        elif force < factor.low / NEARLY:
             self.note(f"EXTRAPOLATED: the reference force {force:.4g} N lies below the {tests}.")
 
     def cutting(self) -> None:
@@ -188,7 +195,7 @@ class _Draft:
         for name in ("spindle_speed", "depth", "nose_radius", "chip_thickness"):
             if (value := getattr(cut, name)) is not None:
                 self.put(name, value, "given")
-        self.put("feed", *((cut.feed, "given") if cut.feed is not None else self._feed_of_reference()))
+        self.put("feed", *((cut.feed, "given") if cut.feed is not None else self._feed_of_force()))
         self.put("force_per_feed", *self._force_per_feed(self.values["feed"]))
         recorded, used = self.measured.force_per_feed, self.values["force_per_feed"]
         if recorded is not None and recorded != used:
@@ -201,26 +208,15 @@ class _Draft:
             return float(self.values["force_per_feed"]) * feed
         return force_at(self.force_law, feed, self.cut.depth, self.cut.conditions)
 
-    def _feed_of_reference(self) -> tuple[float, str]:
-        """Feed at which the force law gives the reference force, inside the tests, rounded down to 0.001 mm/rev."""
-        from scipy.optimize import brentq
-
-        law, wanted, remedy = self.force_law, self.values["force"], "give feed=0.2mm/rev."
+    def _feed_of_force(self) -> tuple[float, str]:
+        law = self.force_law
         if law is None or self.tested is None:
-            raise UsageError(f"the programmed feed is missing, and the file has no force law to derive it; {remedy}")
-        low, high = self.tested
-        ends = [force_at(law, feed, self.cut.depth, self.cut.conditions) for feed in (low, high)]
-        if not ends[0] <= wanted <= ends[1]:
-            raise UsageError(
-                f"the programmed feed is missing, and by {law.equation} no tested feed ({low:g} to {high:g} mm/rev: "
-                f"{ends[0]:.4g} to {ends[1]:.4g} N) gives the reference force {wanted:.4g} N; {remedy}"
-            )
-        exact = brentq(lambda f: force_at(law, f, self.cut.depth, self.cut.conditions) - wanted, low, high)
-        feed = max(math.floor(1000 * float(exact) + 1e-9) / 1000, low)
+            raise UsageError("the programmed feed is missing, and no force law of the file gives it; add f=0.2mm/rev.")
+        feed = feed_of_force(law, self.values["force"], self.tested, self.cut.depth, self.cut.conditions)
         return feed, f"feed of the reference force by {law.equation}, rounded down to 0.001 mm/rev"
 
     def _force_per_feed(self, feed: float) -> tuple[float, str]:
-        """Kc a, N per mm/rev: given, of the force law, or of a record."""
+        """Gain kc a, N per mm/rev: given, of the force law, or of a record."""
         cut, law, recorded = self.cut, self.force_law, self.measured.force_per_feed
         if cut.force_per_feed is not None:
             return cut.force_per_feed, "given"
@@ -229,9 +225,12 @@ class _Draft:
                 raise UsageError(f"kc={cut.kc:g}N/mm2: kc a is kc times the depth of cut; add depth=1mm.")
             return cut.kc * cut.depth, f"kc {cut.kc:g} N/mm2, given, times the depth {cut.depth:g} mm"
         if law is not None:
-            held = {**({} if cut.depth is None else {"d": cut.depth}), **cut.conditions}
-            at = "".join(f", {one.symbol} {held[one.symbol]:g} {one.unit}" for one in law.factors if one.symbol in held)
-            return self.force(feed) / feed, f"F/f of {law.equation} at f {feed:g} mm/rev{at}"
+            held = {"f": feed, **({} if cut.depth is None else {"d": cut.depth}), **cut.conditions}
+            gain = self.force(feed) / feed
+            at = ", ".join(f"{one.symbol} {held[one.symbol]:g} {one.unit}" for one in law.factors)
+            for words in outside_tests(law, held):
+                self.note(f"EXTRAPOLATED: {words}")
+            return gain, f"F/f of {law.equation} at {at}"
         if recorded is not None:
             return recorded, self.measured.sources["force_per_feed"]
         symbol = self.law.factors[0].symbol
@@ -248,27 +247,24 @@ class _Draft:
         if cut.override is not None:
             self.put("override_low", low, "given")
             self.put("override_high", high, "given")
-        highest = high * feed
-        if highest > formed * (1 + 1e-9) or feed > formed * (1 + 1e-9):
-            raise UsageError(
-                f"a feed up to {max(highest, feed):.4g} mm/rev ({high:.4g} times {feed:g}) is above {why}: such a feed "
-                "cannot form the surface. Lower the feed or the override."
-            )
+        top = max(high, 1.0) * feed
+        words = f"The largest feed {top:.4g} mm/rev"
+        if top > formed * NEARLY:
+            raise UsageError(f"{words} is above {why}: it cannot form the surface. Lower the feed or the override.")
         if tested is None:
-            words = (
-                f"The upper feed {highest:.4g} mm/rev is {high:.4g} times the programmed one; no tests of it are known."
-            )
-            if high > BEYOND * (1 + 1e-9):
-                self.beyond(words, f"Give an override of at most {100 * BEYOND:g} %")
-        else:
-            top = max(highest, feed)
-            words = (
-                f"The upper feed {top:.4g} mm/rev lies above the tested feeds, {tested[0]:g} to {tested[1]:g} mm/rev."
-            )
-            if top > BEYOND * tested[1] * (1 + 1e-9):
-                self.beyond(words, f"Stay within {BEYOND:g} times the tests")
-            elif top > tested[1] * (1 + 1e-9):
-                self.note(f"EXTRAPOLATED: {words}")
+            if high > BEYOND * NEARLY:
+                untested = f"{words} is {high:.4g} times the programmed one, and no tests of feed are known."
+                self.beyond(untested, f"Give an override of at most {100 * BEYOND:g} %")
+        elif top > tested[1] * NEARLY:
+            beyond = f"{words} lies above the tested ones, {tested[0]:g} to {tested[1]:g} mm/rev."
+            if top > BEYOND * tested[1] * NEARLY:
+                self.beyond(beyond, f"Stay within {BEYOND:g} times the tests")
+            else:
+                self.note(f"EXTRAPOLATED: {beyond}")
+        radius = cut.nose_radius
+        if radius is not None and top > BEYOND * feed_of_ideal_roughness(cut.roughness, radius) * NEARLY:
+            marks = ideal_marks(top, radius, cut.roughness)
+            self.beyond(f"{words} is too large for the nose radius. {marks}", "Lower the feed or the override")
 
     def _tested_override(self, feed: float, formed: float) -> tuple[float, float]:
         """Override range of the tested feeds, at most 150 % and what the nose forms; its values are put."""
@@ -281,8 +277,11 @@ class _Draft:
             if self.tested[1] / feed < high:
                 high = max(self.tested[1] / feed, 1.0)
                 of_high = f"largest {tests}, {self.tested[1]:g} over {feed:g} mm/rev"
-        if formed / feed < high:
-            high, of_high = formed / feed, f"largest feed by {largest_feed(self.cut.nose_radius, self.cut.depth)[1]}"
+        radius = self.cut.nose_radius
+        marks = math.inf if radius is None else BEYOND * feed_of_ideal_roughness(self.cut.roughness, radius)
+        if min(formed, marks) < high * feed and feed <= min(formed, marks):
+            high = min(formed, marks) / feed
+            of_high = f"largest feed by the nose radius, {high * feed:.4g} over {feed:g} mm/rev"
         self.put("override_low", float(f"{low:.12g}"), of_low)
         self.put("override_high", float(f"{high:.12g}"), of_high)
         return self.values["override_low"], self.values["override_high"]
@@ -292,6 +291,11 @@ class _Draft:
         cut, reference = self.cut, self.values["force"]
         lowest = self.force(self.values["override_low"] * self.values["feed"] or FLOOR * self.values["feed"])
         highest = self.force(self.values["override_high"] * self.values["feed"])
+        if not lowest < highest:
+            raise UsageError(
+                f"the force falls from {lowest:.4g} to {highest:.4g} N as the feed rises from its lower to its upper "
+                "limit: no feed control can hold it; look at the force law."
+            )
         if lowest > reference:
             words = f"At the lower feed limit the force is {lowest:.4g} N, above the reference {reference:.4g} N: the "
             self.note(f"{words}required roughness is not reached there.")
@@ -341,7 +345,10 @@ class _Draft:
             )
         if "process_time" not in self.values:
             self.put("process_time", cut.revolution, f"one revolution at {cut.spindle_speed:g} 1/min, assumed")
-        shorter = min(self.values["servo_time"], self.values["process_time"])
+        times = {"servo": self.values["servo_time"], "process": self.values["process_time"]}
+        if reason := implausible(self.values["force_per_feed"], cut.depth, times):
+            raise UsageError(f"{reason}; check the value and its unit.")
+        shorter = min(times.values())
         if cut.sample_time is not None:
             self.put("sample_time", cut.sample_time, "given")
         else:
@@ -354,6 +361,10 @@ class _Draft:
                 f"{shorter:.4g} s, and the force must be sampled at least every {SLOWEST_SAMPLE * shorter:.3g} s."
             )
         wait = REVOLUTIONS * cut.revolution
+        if cut.wait is not None and cut.wait > LONGEST_WAIT:
+            raise UsageError(
+                f"wait={cut.wait:g}s: the cut is not controlled that long; give at most {LONGEST_WAIT:g} s."
+            )
         given_wait = (wait, f"{REVOLUTIONS:g} revolutions, assumed") if cut.wait is None else (cut.wait, "given")
         self.put("threshold_time", *given_wait)
 
@@ -366,12 +377,7 @@ class _Draft:
             f"faster ones amplified up to {loop.enlarged:.2g} times; largest sampled pole {loop.servo_radius:.3g}."
         )
         if cut.nose_radius is not None:
-            ideal = ideal_roughness(v["feed"], cut.nose_radius)
-            self.remarks.append(
-                f"Ideal feed marks at {v['feed']:g} mm/rev and nose radius {cut.nose_radius:g} mm: Ra {ideal:.3g} um."
-            )
-            if ideal > BEYOND * cut.roughness:
-                self.note(f"Geometry alone gives Ra {ideal:.3g} um at the programmed feed, more than is required.")
+            self.remarks.append(ideal_marks(v["feed"], cut.nose_radius, cut.roughness))
         section = RoughnessSection(**v, sources=self.sources, notes=tuple(self.notes))
         laws = v["law"], *(() if self.force_law is None else (self.force_law.response,))
         return DerivedSettings(

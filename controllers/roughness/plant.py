@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
 FORCES = ("N", "kN")
+KC_POSSIBLE = (100.0, 30000.0)  # N/mm2, of turning
+TIMES_POSSIBLE = (1e-3, 10.0)  # s, of servo and process
 DISTURBANCE = 0.1  # SURF: the force undergoes random changes up to 10 %
-LARGEST_FEED = 1.5  # mm/rev: unusual beyond it in turning (judgement; plausibility ranges)
 
 
 @dataclass(slots=True, repr=False)
@@ -215,39 +216,6 @@ def _radius(tc: float, ts: float, dt: float, *, integrator: bool) -> float:
     return float(np.abs(np.linalg.eigvals(held @ answer)).max())
 
 
-def largest_feed(nose_radius: float | None, depth: float | None) -> tuple[float, str]:
-    """Largest feed that can form a turned surface, mm/rev, and the reason.
-
-    Above the nose radius the feed marks are no longer arcs of the nose; at a small depth the arc in cut is
-    2 sqrt(d (2 r - d)) wide, and a larger feed leaves stock between two revolutions.
-
-    Examples
-    --------
-    >>> largest_feed(0.8, 1.0)
-    (0.8, 'the nose radius of 0.8 mm')
-    >>> round(largest_feed(0.8, 0.05)[0], 3)
-    0.557
-    """
-    if nose_radius is None:
-        return LARGEST_FEED, f"{LARGEST_FEED:g} mm/rev, the largest usual in turning where no nose radius is given"
-    if depth is not None and depth < nose_radius:
-        width = 2 * math.sqrt(depth * (2 * nose_radius - depth))
-        if width < nose_radius:
-            return width, f"{width:.3g} mm, the arc of the nose radius {nose_radius:g} mm at a depth of {depth:g} mm"
-    return nose_radius, f"the nose radius of {nose_radius:g} mm"
-
-
-def ideal_roughness(feed: float, nose_radius: float) -> float:
-    """Arithmetic mean roughness of ideal feed marks, um: 1000 f^2/(18 sqrt(3) r), of parabolas of height f^2/(8 r).
-
-    Examples
-    --------
-    >>> round(ideal_roughness(0.2, 0.8), 3)
-    1.604
-    """
-    return 1000 * feed**2 / (18 * math.sqrt(3) * nose_radius)
-
-
 @dataclass(frozen=True, slots=True)
 class Cut:
     """What the user states of the cut, in um, mm/rev, 1/min, mm, N and s; None is derived or assumed.
@@ -382,3 +350,24 @@ def _per_revolution(fit: "StepFit", cut: Cut) -> float | None:
     if fit.unit_u and same_dimension(fit.unit_u, "mm/min"):
         return newton * cut.spindle_speed / float(convert(np.array([1.0]), fit.unit_u, "mm/min")[0])
     return None
+
+
+def implausible(gain: float, depth: float | None, times: "Mapping[str, float]") -> str:
+    """Reason why kc a, N per mm/rev, at a depth, mm, or the times of a cut, s, are impossible; empty where not.
+
+    Examples
+    --------
+    >>> implausible(2800.0, 1.0, {"servo": 0.13})
+    ''
+    >>> implausible(2.8, 1.0, {})
+    'kc a 2.8 N per mm/rev at a depth of 1 mm is a specific force of 2.8 N/mm2, not 100 to 30000'
+    """
+    low, high = KC_POSSIBLE
+    if depth is not None and not low <= gain / depth <= high:
+        kc = f"{gain / depth:.3g} N/mm2, not {low:g} to {high:g}"
+        return f"kc a {gain:.4g} N per mm/rev at a depth of {depth:g} mm is a specific force of {kc}"
+    shortest, longest = TIMES_POSSIBLE
+    for name, time in times.items():
+        if not shortest <= time <= longest:
+            return f"the time constant of the {name}, {time:.4g} s, is not {shortest:g} to {longest:g} s"
+    return ""

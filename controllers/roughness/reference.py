@@ -1,4 +1,6 @@
-"""Reference force of a roughness: SURF's eq. 4, which is missing in the copy used, in two readings.
+"""Reference force of a roughness, and the force and the ideal roughness of a feed.
+
+SURF's eq. 4, which is missing in the copy used, in two readings:
 
     inverse       F_ref = ln(Ra_ref / a) / b, of the law Ra = a exp(b F) (eq. 5)
     regression    F_ref = constant + slope ln Ra_ref, fitted to forces and desired roughness (Table 1: 450 + 260 ln Ra)
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from ...parameters.sections.force_control import RoughnessSection
 
 Reading = Literal["inverse", "regression"]
+LARGEST_FEED = 1.5  # mm/rev: unusual beyond it in turning (judgement, as in the ranges of plausibility)
+HIGHEST_FEED = 10.0  # mm/rev: impossible beyond it, whatever the nose radius
 
 
 def settings_of(pf: "ParameterFile") -> "RoughnessSection":
@@ -297,3 +301,96 @@ def roughness_law(pf: "ParameterFile", name: str | None = None) -> str:
     if name in pf.laws:
         raise ParameterError(f"the law {pf.laws[name].equation} is not {form}; {remedy}")
     raise ParameterError(f"the file has no law {'' if name is None else f'{name[:40]} '}of the form {form}; {remedy}")
+
+
+def largest_feed(nose_radius: float | None, depth: float | None) -> tuple[float, str]:
+    """Largest feed that can form a turned surface, mm/rev, and the reason.
+
+    Above the nose radius the feed marks are no longer arcs of the nose; at a small depth the arc in cut is
+    2 sqrt(d (2 r - d)) wide, and a larger feed leaves stock between two revolutions.
+
+    Examples
+    --------
+    >>> largest_feed(0.8, 1.0)
+    (0.8, 'the nose radius of 0.8 mm')
+    >>> round(largest_feed(0.8, 0.05)[0], 3)
+    0.557
+    """
+    if nose_radius is None:
+        return LARGEST_FEED, f"{LARGEST_FEED:g} mm/rev, the largest usual in turning where no nose radius is given"
+    if depth is not None and depth < nose_radius:
+        width = 2 * math.sqrt(depth * (2 * nose_radius - depth))
+        if width < nose_radius:
+            return width, f"{width:.3g} mm, the arc of the nose radius {nose_radius:g} mm at a depth of {depth:g} mm"
+    if nose_radius > HIGHEST_FEED:
+        return HIGHEST_FEED, f"{HIGHEST_FEED:g} mm/rev, the largest possible in turning"
+    return nose_radius, f"the nose radius of {nose_radius:g} mm"
+
+
+def ideal_roughness(feed: float, nose_radius: float) -> float:
+    """Arithmetic mean roughness of ideal feed marks, um: 1000 f^2/(18 sqrt(3) r), of parabolas of height f^2/(8 r).
+
+    Examples
+    --------
+    >>> round(ideal_roughness(0.2, 0.8), 3)
+    1.604
+    """
+    return 1000 * feed**2 / (18 * math.sqrt(3) * nose_radius)
+
+
+def feed_of_ideal_roughness(roughness: float, nose_radius: float) -> float:
+    """Feed whose ideal marks have a roughness, um: the inverse of `ideal_roughness`, mm/rev.
+
+    Examples
+    --------
+    >>> round(feed_of_ideal_roughness(1.604, 0.8), 3)
+    0.2
+    """
+    return math.sqrt(roughness * nose_radius * 18 * math.sqrt(3) / 1000)
+
+
+def ideal_marks(feed: float, nose_radius: float, roughness: float) -> str:
+    """A sentence on the ideal roughness at a feed, mm/rev, and the feed that a required one, um, allows."""
+    ideal, finer = ideal_roughness(feed, nose_radius), feed_of_ideal_roughness(roughness, nose_radius)
+    words = f"Ideal feed marks at {feed:.4g} mm/rev and nose radius {nose_radius:g} mm: Ra {ideal:.3g} um"
+    if ideal > 1.005 * roughness:
+        words += f", more than the required {roughness:g} um; {finer:.3g} mm/rev gives it"
+    return f"{words}."
+
+
+def outside_tests(law: "LawSection", given: "Mapping[str, float | str]") -> list[str]:
+    """A sentence on each factor of a force law, other than the feed, whose value lies outside the tests."""
+    found = []
+    for one in law.factors:
+        value = float(given[one.symbol])
+        if one.symbol != "f" and not one.low * (1 - 1e-9) <= value <= one.high * (1 + 1e-9):
+            tests = f"{one.low:g} to {one.high:g} {one.unit}"
+            found.append(f"{one.symbol} {value:g} {one.unit} is outside the tests of {law.response}, {tests}.")
+    return found
+
+
+def feed_of_force(
+    law: "LawSection",
+    force: float,
+    tested: tuple[float, float],
+    depth: float | None,
+    conditions: "Mapping[str, float | str]",
+) -> float:
+    """Feed at which a force law gives a force, N, inside the tested feeds, rounded down to 0.001 mm/rev.
+
+    Raises
+    ------
+    UsageError
+        No tested feed gives it.
+    """
+    from scipy.optimize import brentq
+
+    low, high = tested
+    ends = [force_at(law, feed, depth, conditions) for feed in tested]
+    if not ends[0] <= force <= ends[1]:
+        raise UsageError(
+            f"the programmed feed is missing, and by {law.equation} no tested feed ({low:g} to {high:g} mm/rev: "
+            f"{ends[0]:.4g} to {ends[1]:.4g} N) gives the reference force {force:.4g} N; add f=0.2mm/rev."
+        )
+    exact = float(brentq(lambda feed: force_at(law, feed, depth, conditions) - force, low, high))
+    return max(math.floor(1000 * exact + 1e-9) / 1000, low)
