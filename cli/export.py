@@ -11,11 +11,16 @@ from .options import plan_asked, plan_options, plan_options_of
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from ..controllers.exports import ExportJob
     from ..controllers.exports.turning_job import Stretch, TurningJob
     from ..controllers.exports.turning_program import TurningRequest
     from ..parameters import ParameterFile
+    from ..parameters.draws import Draws
 
 PLANS = ("nc", "csv")
+RUNNING = ("--diameter", "--max-rpm")  # of the part, which a running control takes too
 PLANNED = ("recursion", "region")  # systems with the settings of `plan_options`
 
 
@@ -51,9 +56,13 @@ def parser() -> Parser:
 
 
 def part_options(parser: Parser) -> None:
-    """Add the part, the machine and the control of an NC program."""
-    group = parser.add_argument_group("part and control, of nc and csv")
-    group.add_argument("--diameter", metavar="80mm", help="of the work before the first pass (default: none)")
+    """Add the part, the machine and the control of an NC program, and the machine of a running plan."""
+    group = parser.add_argument_group("part and control, of nc and csv; --diameter and --max-rpm of a plan in c too")
+    group.add_argument(
+        "--diameter", metavar="80mm",
+        help="of the work before the first pass; of a running plan, 60mm, or 40mm:80mm where it is measured (default: "
+        "none)",
+    )  # fmt: skip
     group.add_argument("--length", metavar="200mm", help="of each pass (default: none)")
     group.add_argument("--passes", type=int, metavar="N", help="passes of a part, each one depth deeper (default: 1)")
     group.add_argument(
@@ -74,6 +83,7 @@ def part_options(parser: Parser) -> None:
     units = group.add_mutually_exclusive_group()
     units.add_argument("--inch", action="store_true", help="lengths and words in inches and ft/min (default: mm)")
     units.add_argument("--mm", action="store_true", help="lengths and words in mm and m/min (default)")
+    group.add_argument("--period", metavar="20ms", help="of the calls of a running plan or region (default: 20 ms)")
     group.add_argument("--tool", type=int, metavar="N", help="tool that is called (default: none is called)")
 
 
@@ -101,16 +111,35 @@ def turning_request(args: argparse.Namespace, pf: "ParameterFile") -> "TurningRe
     return TurningRequest(options, _job(args, given, options.depth or _depth(pf)))
 
 
-def _request_of(args: argparse.Namespace, pf: "ParameterFile", system: str) -> "TurningRequest":
-    """Plan and part; an option that the format does not use is refused."""
-    used = args.to in PLANS
+def _job_of(args: argparse.Namespace, pf: "ParameterFile", system: str, draws: "Mapping[str, Draws]") -> "ExportJob":
+    """Choices of the export; an option that the format does not use is refused."""
+    from ..controllers.exports import ExportJob
+    from ..controllers.exports.turning_program import TurningRequest
+
+    program, running = args.to in PLANS, system in PLANNED and args.to not in PLANS
     given = [option for name, option in PART.items() if getattr(args, name) is not None]
     given += ["--inch"] * args.inch + ["--mm"] * args.mm
-    if given and not used:
-        raise UsageError(f"{given[0]} belongs to --to nc and --to csv; leave it out of {args.to}.")
-    if (asked := plan_asked(args)) and system not in PLANNED:
+    own = RUNNING if running else ()
+    if (others := [option for option in given if option not in own]) and not program:
+        raise UsageError(f"{others[0]} belongs to --to nc and --to csv; leave it out of {args.to}.")
+    if args.period and not running:
+        raise UsageError(f"--period belongs to a running plan or region; leave it out of {args.to}.")
+    asked = [name for name in plan_asked(args) if system != "region" or name not in ("--by", "--at")]
+    if asked and system not in PLANNED:
         raise UsageError(f"{asked[0]} belongs to a plan or a region; leave it out of {args.to}.")
-    return turning_request(args, pf)
+    if asked and system == "region":
+        raise UsageError(f"{asked[0]}: the running region reads depth and time from the machine; leave it out.")
+    if not running:
+        return ExportJob(args.accept_verdict, draws, turning=turning_request(args, pf))
+    ends = [_length(text, "mm", "--diameter", "40mm:80mm") for text in (args.diameter or "").split(":") if text]
+    if len(ends) > 2:
+        raise UsageError(f"--diameter {args.diameter}: give one, 60mm, or the smallest and the largest, 40mm:80mm.")
+    return ExportJob(
+        args.accept_verdict, draws, turning=TurningRequest(plan_options_of(args, pf)),
+        diameter=(ends[0], ends[-1]) if ends else None,
+        max_rpm=0.0 if args.max_rpm is None else measured(args.max_rpm, "1/min", "--max-rpm", "2500"),
+        sample_time=0.0 if args.period is None else measured(args.period, "s", "--period", "20ms"),
+    )  # fmt: skip
 
 
 def _depth(pf: "ParameterFile") -> float:
@@ -174,7 +203,7 @@ def _stretch(part: str, text: str, unit: str) -> "Stretch":
 def run(args: argparse.Namespace) -> int:
     """Write the file, print what was assumed and what it cannot contain, and return the exit code."""
     from .. import parameters
-    from ..controllers.exports import SYSTEMS, ControlFormat, ExportJob, export_format, exported, system_of
+    from ..controllers.exports import SYSTEMS, ControlFormat, export_format, exported, system_of
     from ..parameters.exports import write_export
 
     export_format(args.to)
@@ -188,8 +217,7 @@ def run(args: argparse.Namespace) -> int:
     refuse_input(path, *inputs_of(args.file, pf))
     uses = bool(system) and SYSTEMS[system].draws
     draws = parameters.read_draws(pf, Path(args.file).parent) if uses else {}
-    job = ExportJob(args.accept_verdict, draws, turning=_request_of(args, pf, system))
-    made = exported(pf, args.to, system=args.system, job=job)
+    made = exported(pf, args.to, system=args.system, job=_job_of(args, pf, system, draws))
     written = write_export(made.content, path, force=args.force)
     if args.json:
         print_json("export", {"file": str(written), "to": args.to, "system": made.system or None, "notes": made.notes})

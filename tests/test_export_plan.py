@@ -16,10 +16,13 @@ import pytest
 from fitmodels.controllers.exports import ExportJob, exported, rendered, system_of
 from fitmodels.controllers.exports.plan_table import _variables as plan_variables
 from fitmodels.controllers.exports.plan_table import plan_control
+from fitmodels.controllers.exports.region_table import _variables as region_variables
+from fitmodels.controllers.exports.region_table import region_control
 from fitmodels.controllers.exports.turning_program import TurningRequest
 from fitmodels.controllers.loop import replay
 from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
 from fitmodels.controllers.recursion.plan import PlanOptions
+from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.published import published
 
@@ -42,8 +45,9 @@ class Compiled:
     def __init__(self, cc, source, folder, variables, prefix, init, step, *options):
         inputs = [v.name for v in variables if v.causality == "input"]
         self.inputs, self.outputs = ["period", *inputs], [v.name for v in variables if v.causality == "output"]
+        casts = ["T_", *("T_" if v.kind == "Real" else "int" for v in variables if v.causality == "input")]
         takes = [
-            f"    in.{name} = ({'int' if k else 'T_'})v[{i}];\n" for i, (name, k) in enumerate(self._kinds(variables))
+            f"    in.{name} = ({cast})v[{i}];\n" for i, (name, cast) in enumerate(zip(self.inputs, casts, strict=True))
         ]
         gives = [f"    w[{i}] = (double)out.{name};\n" for i, name in enumerate(self.outputs)]
         (folder / "controller.c").write_text(source)
@@ -303,3 +307,119 @@ def test_the_default_system_is_named_where_several_are_possible():
         system_of(published("AC-2017"), "c", "recursoin")
     with pytest.raises(UsageError, match="is not exported as hal"):
         system_of(published("AC-2017"), "hal", "recursion")
+
+
+def region_in_c(cc, folder, job=JOB, pf=None, *options):
+    pf = pf or published("AC-2016")
+    text = rendered(pf, "c", system="region", job=job)
+    return Compiled(
+        cc, text, folder, region_variables(region_control(pf, job)), "Region",
+        "region_check_init(&region_settings, x)", "region_check_step(&region_settings, x, in, out)", *options,
+    )  # fmt: skip
+
+
+def region_in_st(job=JOB, pf=None):
+    pf = pf or published("AC-2016")
+    return Block(rendered(pf, "st", system="region", job=job), region_variables(region_control(pf, job)))
+
+
+def limited_spindle(pf):
+    """The file with limits of spindle speed, feed rate and wear too."""
+    limits = pf.limits.model_dump() | {
+        "spindle_speed": {"low": 30.0, "high": 900.0, "unit": "1/min"},
+        "feed_rate": {"low": 0.0, "high": 250.0, "unit": "mm/min"},
+        "wear": {"value": 0.3, "unit": "mm"},
+    }
+    return pf.model_copy(update={"limits": type(pf.limits).model_validate(limits), "content_sha256": None})
+
+
+def settings(n):
+    V, f = np.meshgrid(np.linspace(40.0, 250.0, n), np.linspace(0.05, 0.7, n))
+    return np.column_stack([V.ravel(), f.ravel()])
+
+
+def assert_is_the_region(code, pf, n, near, at=None):
+    """n x n settings at three times, against the limits of the replay's region."""
+    pairs = settings(n)
+    for t in (2.0, 7.5, 15.0):
+        region = visible_region(pf, d=2.2, t=t, at=at)
+        x = np.log(pairs)
+        over = np.stack([each.beyond(x) for each in region.limits])
+        code.call(period=T, V=100.0, f=0.1, d=2.2, t=t, diameter=60.0)
+        found = [code.call(V=V, f=f) for V, f in pairs.tolist()]
+        assert np.abs(np.array([one["excess"] for one in found]) - over.max(axis=0)).max() < near
+        apart = np.sort(over, axis=0)
+        clear = (apart[-1] - apart[-2] > 10 * near) & (np.abs(apart[-1]) > 10 * near)
+        binding = np.array([one["binding"] for one in found])
+        assert (binding == over.argmax(axis=0) + 1)[clear].all()
+        within = np.array([one["within"] for one in found]) > 0
+        assert (within == region.contains(*pairs.T))[clear].all()
+        for name, column in (("feed_override", 1), ("speed_override", 0)):
+            factor = np.array([one[name] for one in found])
+            moved = x.copy()
+            moved[:, column] += np.log(np.where(factor > 0, factor, 1.0))
+            kept = np.stack([each.beyond(moved) for each in region.limits]).max(axis=0)
+            assert (kept[factor > 0] < 10 * near).all()
+            lowered = (factor > 0) & (factor < 1 - 10 * near)
+            assert np.abs(kept[lowered]).max() < 10 * near  # not lowered further than to the limit
+            assert (over.max(axis=0)[factor == 1] < 10 * near).all()
+        assert {0.0, 1.0} <= {one["feed_override"] for one in found}
+
+
+def test_the_structured_text_is_the_region_of_the_replay():
+    assert_is_the_region(region_in_st(), published("AC-2016"), 20, 1e-9)
+    pf = limited_spindle(published("AC-2016"))
+    assert_is_the_region(region_in_st(pf=pf), pf, 12, 1e-9, {"D": 60.0})
+
+
+@pytest.mark.consumer
+def test_the_c_is_the_region_of_the_replay_at_22500_settings_and_three_times(consumer, tmp_path):
+    cc, pf = consumer("cc", INSTALL), limited_spindle(published("AC-2016"))
+    assert_is_the_region(region_in_c(cc, tmp_path, JOB, pf, "-std=c90", *STRICT), pf, 150, 1e-9, {"D": 60.0})
+    single = region_in_c(cc, tmp_path, JOB, None, "-std=c99", *STRICT, *FLOAT)
+    assert_is_the_region(single, published("AC-2016"), 150, 3e-6)
+
+
+@pytest.mark.consumer
+def test_c_and_structured_text_of_the_region_agree_under_faults(consumer, tmp_path):
+    pf, rng = limited_spindle(published("AC-2016")), np.random.default_rng(3)
+    c, st = region_in_c(consumer("cc", INSTALL), tmp_path, JOB, pf), region_in_st(pf=pf)
+    odd, causes = [np.nan, np.inf, 0.0, -1.0, 1e12, 2.36], set()
+    for _ in range(3000):
+        row = {"period": T, "V": rng.uniform(40, 250), "f": rng.uniform(0.05, 0.7), "d": rng.uniform(1, 4),
+               "t": rng.uniform(0, 30), "wear": rng.choice([0.0, 0.2, 0.29]), "diameter": rng.uniform(50, 70),
+               "reset": rng.random() < 0.3}  # fmt: skip
+        if rng.random() < 0.1:
+            row[str(rng.choice(["V", "f", "d", "t", "wear", "diameter"]))] = float(rng.choice(odd))
+        one, other = c.call(**row), st.call(**row)
+        causes.add(one["cause"])
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-9), row
+    assert causes == {0.0, 1.0, 2.0, 3.0, 4.0, 5.0}
+
+
+def test_what_is_not_known_counts_as_the_worse_end_and_is_latched():
+    st = region_in_st()
+    row = {"V": 120.0, "f": 0.3, "d": 2.0, "t": 5.0}
+    known = st.call(**row)
+    assert known["fault"] == 0
+    worst = max(st.call(**{**row, "d": 3.0, "t": t})["excess"] for t in (2.0, 15.0))
+    assert st.call(**{**row, "t": float("nan")})["excess"] == pytest.approx(worst)
+    latched = st.call(**row)
+    assert (latched["cause"], latched["excess"]) == (2, pytest.approx(worst))
+    st.call(reset=True)
+    assert st.call(reset=False)["excess"] == pytest.approx(known["excess"])
+    early, first = st.call(**{**row, "t": 0.0}), st.call(**{**row, "t": 2.0})
+    assert early["excess"] >= first["excess"]
+    assert early["tested"] == 0
+
+
+def test_measured_wear_takes_the_place_of_its_law():
+    st, pf = region_in_st(), published("AC-2016")
+    code = st.call(V=150.0, f=0.55, d=2.5, t=10.0, wear=0.29)
+    over = visible_region(pf, d=2.5, t=10.0, at={"AW": 0.29})
+    assert code["excess"] == pytest.approx(max(float(e.beyond(np.log([150.0, 0.55]))) for e in over.limits))
+
+
+def test_a_limit_of_the_spindle_needs_the_diameter():
+    with pytest.raises(UsageError, match="needs the diameter"):
+        rendered(limited_spindle(published("AC-2016")), "c", system="region", job=ExportJob(accept_verdict=True))

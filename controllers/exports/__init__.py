@@ -14,7 +14,7 @@ A running control, and the values of a file that has one, are written only after
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -29,34 +29,35 @@ from .c_source import NOT_IN_C, c_file
 from .component import NOT_IN_COMPONENT, component_file
 from .fmu import NOT_IN_FMU, fmu_file
 from .hal import NOT_IN_HAL, hal_file
-from .plan_table import NOT_IN_PLAN, NOT_IN_PLAN_ST, plan_c, plan_component, plan_control, plan_fmu, plan_notes, plan_st
+from .plan_table import (
+    NOT_IN_PLAN,
+    NOT_IN_PLAN_ST,
+    ExportJob,
+    plan_c,
+    plan_component,
+    plan_control,
+    plan_fmu,
+    plan_notes,
+    plan_st,
+)
+from .region_table import (
+    NOT_IN_REGION,
+    NOT_IN_REGION_ST,
+    region_c,
+    region_component,
+    region_control,
+    region_fmu,
+    region_lacks,
+    region_notes,
+    region_st,
+)
 from .st import NOT_IN_ST, structured_text
-from .turning_program import NOT_IN_CSV, NOT_IN_NC, TurningExport, TurningRequest, csv_table, nc_program, turning_export
+from .turning_program import NOT_IN_CSV, NOT_IN_NC, TurningExport, csv_table, nc_program, turning_export
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
-    from ...parameters.draws import Draws
 
 SIMULATED: Final = ("simulation", "draws", "fault")  # findings that state how the control was tried
-
-
-@dataclass(frozen=True, slots=True)
-class ExportJob:
-    """Choices of one export besides its format.
-
-    ``accept_verdict`` exports parts that must not be used for control all the same; ``draws`` are those of the file, by
-    response; ``seed`` is that of random draws; ``turning`` is the plan, and the part of an NC program. Of a plan as a
-    control: the range of diameters of the work, mm, and the highest spindle speed, 1/min, 0 for that of the file.
-    ``sample_time`` is the period of the calls, s, 0 for the usual one.
-    """
-
-    accept_verdict: bool = False
-    draws: "Mapping[str, Draws]" = field(default_factory=dict)
-    seed: int = 1
-    turning: TurningRequest = field(default_factory=TurningRequest)
-    diameter: tuple[float, float] | None = None
-    max_rpm: float = 0.0
-    sample_time: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +176,12 @@ PLAN: Final = {
     "comp": ControlFormat(".comp", "LinuxCNC component", plan_component, NOT_IN_PLAN, file_name="fm_plan.comp"),
     "fmu": ControlFormat(".fmu", "FMI 2.0 co-simulation, source FMU", plan_fmu, NOT_IN_PLAN),
 }
+REGION: Final = {
+    "st": ControlFormat(".st", "structured text function block", region_st, NOT_IN_REGION_ST),
+    "c": ControlFormat(".c", "C source of the limits", region_c, NOT_IN_REGION),
+    "comp": ControlFormat(".comp", "LinuxCNC component", region_component, NOT_IN_REGION, file_name="fm_region.comp"),
+    "fmu": ControlFormat(".fmu", "FMI 2.0 co-simulation, source FMU", region_fmu, NOT_IN_REGION),
+}
 LOAD: Final = "constant-load"
 SYSTEMS: Final[dict[str, ControlSystem]] = {
     LOAD: ControlSystem("constant load by feed override", _load_lacks, _load_control, _load_notes, CONTROLS),
@@ -185,6 +192,9 @@ SYSTEMS: Final[dict[str, ControlSystem]] = {
         plan_notes,
         {**PLAN, **TURNING},
         draws=True,
+    ),
+    "region": ControlSystem(
+        "limits on speed and feed at a time and a wear", region_lacks, region_control, region_notes, REGION
     ),
 }
 

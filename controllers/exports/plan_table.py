@@ -4,16 +4,14 @@
 wear are those of `fitmodels.controllers.recursion.plan`, which the replay runs.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from math import isfinite, pi
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Final
 
 from ...core.errors import GateError, UsageError
-from ...parameters.checks.report import require_verdicts
-from ...parameters.exports.names import plain_lines
-from ...parameters.exports.view import ExportView, export_view, require_check
+from ...parameters.exports.view import ExportView, require_check, view_of_laws
 from ..recursion.laws import response_at_end
 from ..recursion.plan import Plan, diameter_of, plan_of
 from ..region.log_planes import ratio
@@ -21,13 +19,14 @@ from .c_source import WIDTH, c_text, with_settings
 from .component import component_of, st_interface, st_list
 from .fmu import ControlSource, Variable, fmu_archive
 from .st import LONGEST_NAME, real
+from .turning_program import TurningRequest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from ...parameters import ParameterFile
+    from ...parameters.draws import Draws
     from ...parameters.sections.load_line import Range
-    from . import ExportJob
 
 SAMPLE_TIME: Final = 0.02  # s
 WEAR_TOLERANCE: Final = 0.05  # share of the expected wear
@@ -45,6 +44,25 @@ CAUSES: Final = (
     "5 told in the cut"
 )
 _LIMIT = 1e-9  # of a limit
+
+
+@dataclass(frozen=True, slots=True)
+class ExportJob:
+    """Choices of one export besides its format.
+
+    ``accept_verdict`` exports parts that must not be used for control all the same; ``draws`` are those of the file, by
+    response; ``seed`` is that of random draws; ``turning`` is the plan, and the part of an NC program. Of a plan as a
+    control: the range of diameters of the work, mm, and the highest spindle speed, 1/min, 0 for that of the file.
+    ``sample_time`` is the period of the calls, s, 0 for the usual one.
+    """
+
+    accept_verdict: bool = False
+    draws: "Mapping[str, Draws]" = field(default_factory=dict)
+    seed: int = 1
+    turning: TurningRequest = field(default_factory=TurningRequest)
+    diameter: tuple[float, float] | None = None
+    max_rpm: float = 0.0
+    sample_time: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +87,7 @@ class PlanControl:
     words: tuple[str, ...]
 
 
-def plan_control(pf: "ParameterFile", job: "ExportJob") -> PlanControl:
+def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
     """The plan of a file as a control.
 
     Raises
@@ -91,7 +109,7 @@ def plan_control(pf: "ParameterFile", job: "ExportJob") -> PlanControl:
     _need_reached(plan, caps, low, high)
     rows = tuple((60 * row.end, row.V, row.f, row.wear) for row in plan.rows)
     settings: dict[str, float | int] = {
-        "sample_time": job.sample_time or SAMPLE_TIME,
+        "sample_time": period_of(job),
         "wear_most": laws.wear.most,
         "wear_exponent": laws.wear.t,
         "wear_tolerance": WEAR_TOLERANCE,
@@ -110,24 +128,14 @@ def plan_control(pf: "ParameterFile", job: "ExportJob") -> PlanControl:
     return PlanControl(view, plan, settings, rows, (*_about(plan, settings), *words))
 
 
-def view_of_laws(pf: "ParameterFile", used: tuple[str, ...], accept_verdict: bool) -> ExportView:
-    """The view of a file with no part but these laws, so that verdicts of other parts do not count.
-
-    Raises
-    ------
-    GateError
-        One of the laws must not be used for control, or has no verdict.
-    """
-    held = require_verdicts(pf, accept_verdict, only=used)
-    lines = tuple(line for words in held for line in plain_lines(words))
-    parts = ("dynamics", "pi", "load_line", "drive", "adaptive_force", "roughness")
-    alone = pf.model_copy(
-        update={**dict.fromkeys(parts), "laws": {name: law for name, law in pf.laws.items() if name in used}}
-    )
-    return replace(export_view(alone, accept_verdict=True), verdicts=lines)
+def period_of(job: ExportJob) -> float:
+    """Period of the calls, s; UsageError above a second."""
+    if job.sample_time > 1:
+        raise UsageError(f"a period of {job.sample_time:g} s: give at most 1 s, for instance --period 20ms.")
+    return job.sample_time or SAMPLE_TIME
 
 
-def _diameters(pf: "ParameterFile", job: "ExportJob", plan: Plan) -> tuple[float, float]:
+def _diameters(pf: "ParameterFile", job: ExportJob, plan: Plan) -> tuple[float, float]:
     """Range of diameters, mm: of the job, or the one diameter of options or costs."""
     if job.diameter is not None:
         low, high = job.diameter
@@ -152,7 +160,7 @@ def machine_range(given: "Range | None", unit: str) -> tuple[float, float]:
 
 
 def _caps(
-    pf: "ParameterFile", job: "ExportJob", plan: Plan, low: float, high: float
+    pf: "ParameterFile", job: ExportJob, plan: Plan, low: float, high: float
 ) -> tuple[tuple[float, float, float], tuple[str, ...]]:
     """Lowest and highest spindle speed, 1/min, and highest feed rate, mm/min, with their origin."""
     limits, speed, feed = pf.limits, plan.laws.V[1], plan.laws.f[1]

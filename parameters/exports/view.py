@@ -4,7 +4,7 @@ Loop and settings come from `loop`, numbers under safe names from `quantities`, 
 file that fails the check is refused.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from ...core.errors import GateError
@@ -155,6 +155,27 @@ def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: b
         equations=tuple(_equation(law) for law in pf.laws.values()),
         quantities=file_quantities(pf, found.loop), assumed=(*doubted, *untried, *found.assumed),
     )  # fmt: skip
+
+
+def view_of_laws(pf: ParameterFile, used: tuple[str, ...], accept_verdict: bool) -> ExportView:
+    """The view of a file with no part but these laws, so that verdicts of other parts do not count.
+
+    Raises
+    ------
+    GateError
+        One of the laws must not be used for control, or has no verdict.
+    """
+    held = require_verdicts(pf, accept_verdict, only=used)
+    lines = tuple(line for words in held for line in plain_lines(words))
+    parts = ("dynamics", "pi", "load_line", "drive", "adaptive_force", "roughness")
+    alone = pf.model_copy(
+        update={
+            **dict.fromkeys((*parts, "content_sha256")),
+            "laws": {name: law for name, law in pf.laws.items() if name in used},
+        }
+    )
+    checksum = pf.content_sha256 or content_sha256(pf.model_dump())
+    return replace(export_view(alone, accept_verdict=True), verdicts=lines, checksum=checksum)
 
 
 def _equation(law: LawSection) -> str:

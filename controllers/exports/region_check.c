@@ -1,0 +1,291 @@
+/* Limits on a pair of cutting speed and feed, at a depth, a time in the cut and a wear: firmware, LinuxCNC and FMI.
+ *
+ * C90, no allocation, no global state, one call per period. Use:
+ *
+ *     static RegionState state;
+ *     RegionInput input; RegionOutput output;
+ *     if (region_check_init(&region_settings, &state) != 0) stop();
+ *     every sample_time seconds:  fill input;  region_check_step(&region_settings, &state, &input, &output);
+ *
+ * In a second file, #define REGION_CHECK_DECLARATIONS_ONLY before including this one. For single precision compile
+ * every file with -DREGION_CHECK_REAL=float. Do not compile with -ffast-math: it removes the tests for NaN.
+ * Each limit is linear in the logarithms of V, f, d, t, wear and diameter. What is not known, and everything while a
+ * fault is latched, counts as the worse end of its tested range; outside that range the worse of value and end counts.
+ */
+#ifndef REGION_CHECK_DECLARATIONS
+#define REGION_CHECK_DECLARATIONS
+
+#ifdef __FAST_MATH__
+#error "region_check needs NaN: compile without -ffast-math"
+#endif
+#ifndef REGION_CHECK_REAL
+#define REGION_CHECK_REAL double
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef REGION_CHECK_REAL RegionReal;
+
+typedef enum {
+    REGION_NO_CAUSE,
+    REGION_PAIR_WRONG,     /* V or f is negative or none: both overrides are 0 */
+    REGION_TIME_WRONG,     /* t is not 0 or above */
+    REGION_DEPTH_WRONG,    /* d is not above 0 */
+    REGION_DIAMETER_WRONG, /* outside its range, or it jumped */
+    REGION_WEAR_WRONG,     /* measured wear above ten times the criterion */
+    REGION_PERIOD_WRONG    /* the period is not above 0 and at most 1 s */
+} RegionCause;
+
+enum { REGION_V, REGION_F, REGION_D, REGION_T, REGION_DIAMETER, REGION_FACTORS };
+
+typedef struct {
+    RegionReal constant;            /* excess = constant + by . ln(V, f, d, t, diameter) + by_wear ln(wear) */
+    RegionReal by[REGION_FACTORS]; /* above 0 the limit is exceeded, in logarithms */
+    RegionReal by_wear;
+} RegionLimit;
+
+typedef struct {
+    RegionReal low, high; /* tested range; of the diameter that of the work */
+} RegionRange;
+
+typedef struct {
+    RegionReal sample_time;   /* s: period of the calls */
+    RegionReal wear_most;     /* largest measured wear taken for one, over ten */
+    RegionReal diameter_rate; /* mm/s: fastest plausible change */
+    RegionLimit wear;         /* ln(wear) by V, f, d, t where no wear is measured; by_wear 0 */
+    RegionRange tested[REGION_FACTORS];
+    const RegionLimit *limit;
+    int limits;
+    int diameter_read; /* 1: a limit has the diameter */
+} RegionSettings;
+
+typedef struct {
+    RegionReal period;   /* s since the last call, measured */
+    RegionReal V;        /* m/min; 0 at rest: both overrides are 0 */
+    RegionReal f;        /* mm/rev, before feed_override; 0 at rest */
+    RegionReal d;        /* mm */
+    RegionReal t;        /* min in the cut of this edge */
+    RegionReal wear;     /* measured wear; 0: by its law */
+    RegionReal diameter; /* mm, at the edge */
+    int reset;           /* a change from 0 to 1 clears a fault whose cause is gone */
+} RegionInput;
+
+typedef struct {
+    RegionReal excess;         /* of the binding limit, logarithm of response over limit; not above 0: kept */
+    RegionReal use;            /* of the binding limit: response over limit */
+    RegionReal feed_override;  /* largest factor of f, at most 1, that keeps every limit at this V; 0: none does */
+    RegionReal speed_override; /* the same of V at this f */
+    int binding;               /* number of the limit with the largest excess, 1 the first */
+    int within;                /* every limit is kept */
+    int tested;                /* V, f, d and t lie in the tested ranges */
+    int fault;                 /* latched */
+    RegionCause cause;         /* of the fault, the first one */
+    int feed_inhibit;          /* stop the feed: no feed at this V keeps the limits */
+} RegionOutput;
+
+typedef struct {
+    RegionReal held;
+    int ready, measured, last_reset, fault;
+    RegionCause cause;
+} RegionState;
+
+/* 0, or the number of the first setting (1: sample_time) that is out of range. */
+int region_check_init(const RegionSettings *s, RegionState *x);
+void region_check_step(const RegionSettings *s, RegionState *x, const RegionInput *in, RegionOutput *out);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
+
+#ifndef REGION_CHECK_DECLARATIONS_ONLY
+#include <string.h>
+#ifdef RTAPI
+#include "rtapi_math.h"
+#else
+#include <math.h>
+#endif
+
+#define REGION_LONGEST_PERIOD 1.0 /* s */
+#define REGION_MOST 1e9           /* a number at or above is none */
+#define REGION_LEAST 1e-12        /* stands for 0, which has no logarithm */
+#define REGION_MOST_WEAR 10.0     /* of wear_most */
+#define REGION_SLACK 0.05         /* mm: of the diameter between two calls */
+#define REGION_SAME 1e-9          /* in logarithms: a limit met to so much is kept */
+#define REGION_READY 0x5243
+
+static int region_above(RegionReal x) { return x > 0 && x < (RegionReal)REGION_MOST; } /* NaN: 0 */
+
+static RegionReal region_ln(RegionReal x)
+{
+    return (RegionReal)log(x > (RegionReal)REGION_LEAST ? (double)x : REGION_LEAST);
+}
+
+int region_check_init(const RegionSettings *s, RegionState *x)
+{
+    int k;
+    memset(x, 0, sizeof *x);
+    if (!(s->sample_time > 0 && s->sample_time <= (RegionReal)REGION_LONGEST_PERIOD)) return 1;
+    if (!region_above(s->wear_most)) return 2;
+    if (!region_above(s->diameter_rate)) return 3;
+    for (k = 0; k < REGION_FACTORS; ++k)
+        if (!(region_above(s->tested[k].low) && region_above(s->tested[k].high) &&
+              s->tested[k].low <= s->tested[k].high))
+            return 5;
+    if (s->limits < 1 || !s->limit) return 6;
+    x->ready = REGION_READY;
+    return 0;
+}
+
+/* Step 1: the diameter, 0 where it is not known. */
+static RegionReal region_diameter(const RegionSettings *s, RegionState *x, const RegionInput *in, RegionCause *cause)
+{
+    const RegionRange *range = &s->tested[REGION_DIAMETER];
+    const RegionReal most = s->diameter_rate * in->period + (RegionReal)REGION_SLACK;
+    RegionReal change;
+    if (!s->diameter_read) return range->high;
+    if (!(range->low < range->high)) return range->high;
+    if (!(range->low <= in->diameter && in->diameter <= range->high)) {
+        *cause = REGION_DIAMETER_WRONG;
+        x->measured = 0;
+        return 0;
+    }
+    change = in->diameter - x->held;
+    if (x->measured && !(-most <= change && change <= most)) *cause = REGION_DIAMETER_WRONG;
+    x->held = in->diameter;
+    x->measured = 1;
+    return x->held;
+}
+
+/* Step 2: the cause of a fault that is present, the first of them. */
+static RegionCause region_cause(const RegionSettings *s, const RegionInput *in, RegionCause of_diameter)
+{
+    if (!(in->V >= 0 && in->V < (RegionReal)REGION_MOST)) return REGION_PAIR_WRONG;
+    if (!(in->f >= 0 && in->f < (RegionReal)REGION_MOST)) return REGION_PAIR_WRONG;
+    if (!(in->t >= 0 && in->t < (RegionReal)REGION_MOST)) return REGION_TIME_WRONG;
+    if (!region_above(in->d)) return REGION_DEPTH_WRONG;
+    if (in->wear > (RegionReal)REGION_MOST_WEAR * s->wear_most) return REGION_WEAR_WRONG;
+    if (!(in->period > 0 && in->period <= (RegionReal)REGION_LONGEST_PERIOD)) return REGION_PERIOD_WRONG;
+    return of_diameter;
+}
+
+/* Contribution of a factor to a limit: value, or the end of the tested range that is worse where it lies outside. */
+static RegionReal region_part(const RegionRange *range, RegionReal by, RegionReal value, int known)
+{
+    const RegionReal low = by * region_ln(range->low), high = by * region_ln(range->high);
+    RegionReal at;
+    if (!known) return low > high ? low : high;
+    at = by * region_ln(value);
+    if (value < range->low) return at > low ? at : low;
+    if (value > range->high) return at > high ? at : high;
+    return at;
+}
+
+/* Step 3: excess of a limit; by_f and by_V are its slopes. */
+static RegionReal region_excess(const RegionSettings *s, int k, const RegionReal *value, RegionReal ln_wear,
+                                int measured, int known, RegionReal *by_V, RegionReal *by_f)
+{
+    const RegionLimit *limit = &s->limit[k];
+    RegionReal by[REGION_FACTORS], out = limit->constant;
+    int i;
+    for (i = 0; i < REGION_FACTORS; ++i)
+        by[i] = measured ? limit->by[i] : limit->by[i] + limit->by_wear * s->wear.by[i];
+    out += limit->by_wear * (measured ? ln_wear : s->wear.constant);
+    out += by[REGION_V] * region_ln(value[REGION_V]) + by[REGION_F] * region_ln(value[REGION_F]);
+    for (i = REGION_D; i < REGION_FACTORS; ++i) out += region_part(&s->tested[i], by[i], value[i], known);
+    *by_V = by[REGION_V];
+    *by_f = by[REGION_F];
+    return out;
+}
+
+typedef struct {
+    RegionReal least, most; /* logarithms of the factors that keep the limits, at most 0 */
+    int none;
+} RegionSpan;
+
+static void region_narrow(RegionSpan *span, RegionReal excess, RegionReal slope)
+{
+    const RegionReal end = slope > 0 || slope < 0 ? -excess / slope : 0;
+    if (slope > 0) {
+        if (end < span->most) span->most = end;
+    } else if (slope < 0) {
+        if (end > span->least) span->least = end;
+    } else if (excess > (RegionReal)REGION_SAME)
+        span->none = 1;
+}
+
+static RegionReal region_factor(const RegionSpan *span)
+{
+    if (span->none || span->least > span->most + (RegionReal)REGION_SAME) return 0;
+    return (RegionReal)exp((double)span->most);
+}
+
+static int region_tested(const RegionSettings *s, const RegionReal *value)
+{
+    int i, in = 1;
+    for (i = 0; i < REGION_DIAMETER; ++i)
+        if (!(s->tested[i].low <= value[i] && value[i] <= s->tested[i].high)) in = 0;
+    return in;
+}
+
+static void region_judge(const RegionSettings *s, const RegionInput *in, RegionOutput *out, RegionReal diameter,
+                         int known)
+{
+    const int measured = in->wear > 0 && in->wear <= (RegionReal)REGION_MOST_WEAR * s->wear_most;
+    const RegionReal ln_wear = measured ? region_ln(in->wear) : 0;
+    RegionSpan of_feed, of_speed;
+    RegionReal value[REGION_FACTORS], excess, by_V, by_f;
+    int k;
+    value[REGION_V] = in->V;
+    value[REGION_F] = in->f;
+    value[REGION_D] = in->d;
+    value[REGION_T] = in->t;
+    value[REGION_DIAMETER] = diameter;
+    memset(&of_feed, 0, sizeof of_feed);
+    of_feed.least = -(RegionReal)REGION_MOST;
+    of_speed = of_feed;
+    for (k = 0; k < s->limits; ++k) {
+        excess = region_excess(s, k, value, ln_wear, measured, known, &by_V, &by_f);
+        if (k == 0 || excess > out->excess) {
+            out->excess = excess;
+            out->binding = k + 1;
+        }
+        region_narrow(&of_feed, excess, by_f);
+        region_narrow(&of_speed, excess, by_V);
+    }
+    out->use = (RegionReal)exp((double)out->excess);
+    out->within = out->excess <= (RegionReal)REGION_SAME;
+    out->feed_override = region_factor(&of_feed);
+    out->speed_override = region_factor(&of_speed);
+    out->tested = region_tested(s, value);
+}
+
+void region_check_step(const RegionSettings *s, RegionState *x, const RegionInput *in, RegionOutput *out)
+{
+    RegionCause cause = REGION_NO_CAUSE;
+    RegionReal diameter;
+    int reset;
+    memset(out, 0, sizeof *out);
+    out->fault = 1;
+    out->feed_inhibit = 1;
+    if (x->ready != REGION_READY) return;
+    diameter = region_diameter(s, x, in, &cause);
+    cause = region_cause(s, in, cause);
+    reset = in->reset && !x->last_reset;
+    x->last_reset = in->reset != 0;
+    if (cause != REGION_NO_CAUSE) {
+        if (!x->fault || reset) x->cause = cause;
+        x->fault = 1;
+    } else if (reset)
+        x->fault = 0;
+    if (!x->fault) x->cause = REGION_NO_CAUSE;
+    out->fault = x->fault;
+    out->cause = x->cause;
+    out->feed_inhibit = x->fault;
+    if (!(in->V > 0 && in->f > 0) || cause == REGION_PAIR_WRONG) return;
+    region_judge(s, in, out, diameter, !x->fault);
+    out->feed_inhibit = !(out->feed_override > 0);
+}
+#endif
