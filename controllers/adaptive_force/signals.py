@@ -6,6 +6,7 @@ F_d'' + 2 zeta/T F_d' + F_d/T^2 = set point / T^2        the reference model: th
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -115,6 +116,7 @@ class Revolution:
     step_time: float
     _rows: deque[tuple[float, float, float]] = field(init=False)
     _sums: list[float] = field(init=False)
+    _pushed: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         self._rows = deque(maxlen=self.samples + 1)
@@ -128,7 +130,7 @@ class Revolution:
     def clear(self) -> None:
         """Empty the buffer."""
         self._rows.clear()
-        self._sums = [0.0, 0.0]
+        self._sums, self._pushed = [0.0, 0.0], 0
 
     def push(self, force: float, wanted: float, wanted_rate: float) -> None:
         """Add force, F_d and F_d' of a step."""
@@ -141,6 +143,13 @@ class Revolution:
             self._sums[0] += (rows[-1][0] + force) / 2
             self._sums[1] += (rows[-1][1] + wanted) / 2
         rows.append((force, wanted, wanted_rate))
+        self._pushed += 1
+        if self._pushed > self.samples:  # sums anew, so that rounding does not accumulate
+            self._pushed = 0
+            self._sums = [0.0, 0.0]
+            for one, other in pairwise(rows):
+                self._sums[0] += (one[0] + other[0]) / 2
+                self._sums[1] += (one[1] + other[1]) / 2
 
     def want(self, value: float) -> None:
         """Set F_d of the whole revolution to a value, at rest."""

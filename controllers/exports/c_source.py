@@ -24,9 +24,25 @@ _NUMBERS = (
     "hysteresis", "engage_after", "arm_after", "lost_after", "stuck_after", "heartbeat", "overload_after", "dwell",
     "worn_load", "back_off", "recover", "load_low", "load_high",
 )  # fmt: skip
+_OF_LAWS = (
+    "approach", "servo_time", "m", "alpha", "beta", "g1", "g2", "g3", "Kd", "lam", "model_time", "model_damping",
+    "model_a", "model_b", "model_c", "model_d",
+)  # fmt: skip
+LAWS: Final = ("pi", "ratio", "adaptive")  # in the order of LoadLaw
+TITLES: Final = {
+    "pi": "constant load by feed override",
+    "ratio": "constant roughness by feed override",
+    "adaptive": "adaptive force control by feed override",
+}
 _UNITS: Final = {
     **dict.fromkeys(("reference", "engage_at", "hysteresis", "worn_load", "load_low", "load_high"), "{load}"),
-    **dict.fromkeys(("low", "high"), "1"),
+    **dict.fromkeys(("low", "high", "approach", "model_damping", "model_a", "model_d"), "1"),
+    "m": "({feed})/({load}) s2",
+    **dict.fromkeys(("alpha", "Kd"), "({feed})/({load}) s"),
+    "beta": "({feed})/({load})",
+    **dict.fromkeys(("g1", "g2", "g3"), "rate of adaptation"),
+    "lam": "1/s",
+    "model_c": "1/s2",
     **dict.fromkeys(("p", "entry_gain"), "1/({load})"),
     **dict.fromkeys(("back_off", "recover"), "1/s"),
     "i": "1/({load})/s",
@@ -61,6 +77,8 @@ def c_settings(loop: LoadLoop) -> dict[str, float]:
         "average_command": int(loop.average_of == "command"),
         "incremental": int(loop.form == "incremental_sum"),
         "stop_on_fault": int(loop.stop_on_fault),
+        "law": LAWS.index(loop.law),
+        **{name: float(getattr(loop, name)) + 0.0 for name in _OF_LAWS},
     }
 
 
@@ -83,7 +101,7 @@ def c_head(control: GatedControl, not_carried: tuple[str, ...]) -> tuple[str, ..
         *(f"state {int(row.state)} {row.state.name}: {row.condition}; feed: {row.feed}" for row in STATES),
         *view.remarks(not_carried),
     )
-    title = f"{view.made_by}: constant load by feed override, controller in C"
+    title = f"{view.made_by}: {TITLES[loop.law]}, controller in C"
     return (title, pair, *origin, *(part for line in words for part in wrap(line, WIDTH, subsequent_indent="    ")))
 
 

@@ -1,4 +1,4 @@
-/* Constant load by feed override: one step function for firmware, LinuxCNC (halcompile) and FMI co-simulation.
+/* Control of a load or force by feed override: one step function for firmware, LinuxCNC (halcompile) and FMI co-simulation.
  *
  * C90, no allocation, no global state, one call per period. Use:
  *
@@ -9,6 +9,8 @@
  *
  * In a second file, #define LOAD_CONTROL_DECLARATIONS_ONLY before including this one. For single precision compile
  * every file with -DLOAD_CONTROL_REAL=float. Do not compile with -ffast-math: it removes the tests for NaN.
+ * One supervision (states, faults, overload, worn) around one of three laws: PI on the load, feed in proportion to
+ * reference over measured force, or the adaptive law on the force averaged over a revolution.
  * A state that load_control_init did not accept stops the feed: override 0, feed_inhibit 1, state LOAD_FAULT.
  */
 #ifndef LOAD_CONTROL_DECLARATIONS
@@ -34,12 +36,15 @@ typedef enum { LOAD_OFF, LOAD_AIR, LOAD_ENTRY, LOAD_CONTROL, LOAD_WORN, LOAD_FAU
 
 typedef enum {
     LOAD_NO_CAUSE,
-    LOAD_LOST,              /* readings invalid for lost_after: NaN, infinite, or outside load_low to load_high */
+    LOAD_LOST,              /* readings invalid (NaN, infinite, outside load_low to load_high) for lost_after, or more
+                               than a fifth of them over some 5 lost_after */
     LOAD_STUCK,             /* equal readings in the cut for stuck_after */
     LOAD_NO_HEARTBEAT,      /* beat did not change for heartbeat */
     LOAD_REQUESTED_INVALID, /* requested feed is NaN, infinite or negative */
     LOAD_PERIOD_WRONG       /* the period is more than 1 % off sample_time */
 } LoadCause;
+
+typedef enum { LOAD_PI, LOAD_RATIO, LOAD_ADAPTIVE } LoadLaw;
 
 typedef struct {          /* load: in the unit of the load; override: feed / feed_programmed */
     LoadReal sample_time; /* s: period of the calls */
@@ -63,12 +68,29 @@ typedef struct {          /* load: in the unit of the load; override: feed / fee
     LoadReal worn_load;       /* load that a worn tool withstands */
     LoadReal back_off;        /* override per s: fastest fall */
     LoadReal recover;         /* override per s: fastest rise */
-    LoadReal load_low;        /* load at or below which a reading is invalid, above 0 */
+    LoadReal load_low;        /* load at or below which a reading is invalid, with the PI above 0 */
     LoadReal load_high;       /* load at or above which a reading is invalid */
     int average;              /* samples of the moving average, 1 none */
     int average_command;      /* 1: average of the command, 0: of the load */
     int incremental;          /* 1: u = last u + p e + i T sum(e), 0: position form */
     int stop_on_fault;        /* 1: a fault sets feed_inhibit, 0: the feed goes to the lower limit */
+    int law;                  /* LoadLaw; the settings that follow are those of LOAD_RATIO and LOAD_ADAPTIVE */
+    LoadReal approach;        /* override in air, low to high: reached from known air, never exceeded there */
+    LoadReal servo_time;      /* s, LOAD_RATIO: time constant of the feed drive */
+    LoadReal m;               /* LOAD_ADAPTIVE: first estimate of the process, feed s^2 per load */
+    LoadReal alpha;           /* the same, feed s per load */
+    LoadReal beta;            /* the same, feed per load */
+    LoadReal g1;              /* rates of adaptation of m, alpha, beta; 0 keeps one of them */
+    LoadReal g2;
+    LoadReal g3;
+    LoadReal Kd;              /* feed s per load: gain */
+    LoadReal lam;             /* 1/s */
+    LoadReal model_time;      /* s: reference model of second order, its damping, and its transition over sample_time */
+    LoadReal model_damping;
+    LoadReal model_a;
+    LoadReal model_b;
+    LoadReal model_c;
+    LoadReal model_d;
 } LoadSettings;
 
 typedef struct {
@@ -101,8 +123,12 @@ typedef struct {
     long n_arm, n_engage, n_lost, n_stuck, n_beat, n_overload, n_dwell;
     LoadReal held, filtered, measured, mean, u, bias, sum, average, factor;
     LoadReal kept[LOAD_CONTROL_AVERAGE];
-    long spindle, bad, loaded_for, same, alive, high_for, rested;
-    int ready, begun, armed, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset;
+    LoadReal servo, servo_gain;                                         /* of LOAD_RATIO */
+    LoadReal m, alpha, beta, wanted, wanted_rate, error, last_E, last_w[3]; /* of LOAD_ADAPTIVE */
+    LoadReal forces[LOAD_CONTROL_AVERAGE + 1], model[LOAD_CONTROL_AVERAGE + 1], rates[LOAD_CONTROL_AVERAGE + 1];
+    LoadReal force_sum, model_sum;
+    long spindle, bad, sparse, loaded_for, clear_for, same, alive, high_for, rested;
+    int ready, begun, armed, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset, ring;
     int fault, worn, overload;
     LoadCause cause;
 } LoadState;
@@ -121,10 +147,13 @@ void load_control_step(const LoadSettings *s, LoadState *x, const LoadInput *in,
 
 #define LOAD_OVERLOAD_SHARE 1.05 /* of worn_load */
 #define LOAD_OVERLOAD_MEAN 0.1   /* s: a one-pole mean that lags as a mean over .2 s */
-#define LOAD_REST_SHARE 0.01     /* of high - low: an override so near low rests on it */
+#define LOAD_REST_SHARE 0.01     /* of high - low, at most of low: an override so near low rests on it */
 #define LOAD_WORN_MEAN 0.2       /* s */
 #define LOAD_PERIOD_SHARE 0.01   /* of sample_time */
 #define LOAD_LONGEST 2000000000L /* samples: counters stop there */
+#define LOAD_SPARSE_RISE 4L      /* an invalid reading adds it, a valid one takes 1: more than a fifth of them rises */
+#define LOAD_SPARSE_AT 8L        /* times the samples of lost_after: lost */
+#define LOAD_SPARSE_MOST 10L     /* the same: the count stops there */
 #define LOAD_MOST 1e30           /* a feed at or above is infinite */
 #define LOAD_READY 0x4c43        /* LoadState.ready after load_control_init */
 
@@ -183,10 +212,39 @@ static int load_first_wrong(const LoadSettings *s)
     if (!load_between(0, s->worn_load, most)) return 19;
     if (!load_between(0, s->back_off, most)) return 20;
     if (!load_between(0, s->recover, most)) return 21;
-    if (!(s->load_low > 0)) return 22;
+    if (!(s->law == LOAD_PI ? s->load_low > 0 : s->load_low > -most)) return 22;
     if (!load_between(s->load_low, s->load_high, most)) return 23;
     if (s->average < 1 || s->average > LOAD_CONTROL_AVERAGE) return 24;
     return 0;
+}
+
+static int load_first_wrong_of_adaptive(const LoadSettings *s)
+{
+    const LoadReal most = (LoadReal)LOAD_MOST;
+    if (!load_between(-most, s->m, most)) return 31;
+    if (!load_between(-most, s->alpha, most)) return 32;
+    if (!load_between(-most, s->beta, most)) return 33;
+    if (!(s->g1 >= 0 && s->g1 < most)) return 34;
+    if (!(s->g2 >= 0 && s->g2 < most)) return 35;
+    if (!(s->g3 >= 0 && s->g3 < most)) return 36;
+    if (!load_between(0, s->Kd, most)) return 37;
+    if (!load_between(0, s->lam, most)) return 38;
+    if (!load_between(0, s->model_time, most)) return 39;
+    if (!load_between(0, s->model_damping, most)) return 40;
+    if (!load_between(-most, s->model_a, most)) return 41;
+    if (!load_between(-most, s->model_b, most)) return 42;
+    if (!load_between(-most, s->model_c, most)) return 43;
+    return load_between(-most, s->model_d, most) ? 0 : 44;
+}
+
+static int load_first_wrong_of_law(const LoadSettings *s)
+{
+    const LoadReal most = (LoadReal)LOAD_MOST;
+    if (s->law == LOAD_PI) return 0;
+    if (s->law != LOAD_RATIO && s->law != LOAD_ADAPTIVE) return 28;
+    if (!(s->approach >= s->low && s->approach <= s->high)) return 29;
+    if (!(s->servo_time >= 0 && s->servo_time < most)) return 30;
+    return s->law == LOAD_RATIO ? 0 : load_first_wrong_of_adaptive(s);
 }
 
 static int load_count_samples(const LoadSettings *s, LoadState *x)
@@ -201,7 +259,7 @@ static int load_count_samples(const LoadSettings *s, LoadState *x)
     x->n_dwell = load_samples(s->dwell, T);
     if (x->n_engage == 0) return 12;
     if (x->n_arm == 0) return 13;
-    if (x->n_lost == 0) return 14;
+    if (x->n_lost == 0 || x->n_lost > LOAD_LONGEST / (2L * LOAD_SPARSE_MOST)) return 14;
     if (x->n_stuck == 0) return 15;
     if (x->n_beat == 0) return 16;
     if (x->n_overload == 0) return 17;
@@ -210,8 +268,10 @@ static int load_count_samples(const LoadSettings *s, LoadState *x)
 
 int load_control_init(const LoadSettings *s, LoadState *x)
 {
+    const LoadReal span = s->high - s->low;
     int wrong = load_first_wrong(s);
     memset(x, 0, sizeof *x);
+    if (wrong == 0) wrong = load_first_wrong_of_law(s);
     if (wrong == 0) wrong = load_count_samples(s, x);
     if (wrong != 0) return wrong;
     x->gain = load_pole(s->sample_time, (double)s->filter_time);
@@ -221,10 +281,14 @@ int load_control_init(const LoadSettings *s, LoadState *x)
     x->half_hysteresis = s->hysteresis / (LoadReal)2;
     x->middle = (s->low + s->high) / (LoadReal)2;
     x->half = (s->high - s->low) / (LoadReal)2;
-    x->rest = s->low + (LoadReal)LOAD_REST_SHARE * (s->high - s->low);
+    x->rest = s->low + (LoadReal)LOAD_REST_SHARE * (span < s->low ? span : s->low);
     x->fall = s->back_off * s->sample_time;
     x->rise = s->recover * s->sample_time;
-    x->u = s->low;
+    x->u = x->servo = s->low;
+    x->servo_gain = load_pole(s->sample_time, (double)s->servo_time);
+    x->m = s->m;
+    x->alpha = s->alpha;
+    x->beta = s->beta;
     x->factor = (LoadReal)1;
     x->ready = LOAD_READY;
     return 0;
@@ -256,6 +320,9 @@ static int load_read(const LoadSettings *s, LoadState *x, const LoadInput *in)
     x->bad = valid ? 0 : load_count(x->bad);
     x->spindle = in->spindle_on ? load_count(x->spindle) : 0;
     x->armed = in->enable && x->spindle >= x->n_arm;
+    if (!x->armed) x->sparse = 0;
+    else if (!valid && x->sparse < LOAD_SPARSE_MOST * x->n_lost) x->sparse += LOAD_SPARSE_RISE;
+    else if (valid && x->sparse > 0) --x->sparse;
     if (valid) x->held = in->load;
     else if (!x->armed) x->held = 0;
     x->filtered += (x->held - x->filtered) * x->gain;
@@ -273,6 +340,7 @@ static int load_engage(const LoadSettings *s, LoadState *x)
     x->above = load_compare(x->above, x->held, s->engage_at, x->half_hysteresis);
     engaged = x->armed && x->over && x->above;
     x->loaded_for = engaged ? load_count(x->loaded_for) : 0;
+    x->clear_for = x->bad == 0 && !x->over && !x->above ? load_count(x->clear_for) : 0;
     return engaged;
 }
 
@@ -287,7 +355,7 @@ static LoadCause load_cause(const LoadSettings *s, LoadState *x, const LoadInput
     else if (x->alive > 0) --x->alive;
     x->last_beat = beat;
     if (!x->armed) return LOAD_NO_CAUSE;
-    if (x->bad >= x->n_lost) return LOAD_LOST;
+    if (x->bad >= x->n_lost || x->sparse >= LOAD_SPARSE_AT * x->n_lost) return LOAD_LOST;
     if (s->stuck_after > 0 && x->same >= x->n_stuck) return LOAD_STUCK;
     if (s->heartbeat > 0 && x->alive == 0) return LOAD_NO_HEARTBEAT;
     if (!(in->requested >= 0 && in->requested < (LoadReal)LOAD_MOST)) return LOAD_REQUESTED_INVALID;
@@ -295,7 +363,7 @@ static LoadCause load_cause(const LoadSettings *s, LoadState *x, const LoadInput
 }
 
 /* Latches fault and overload; a reset clears each whose cause is gone, and worn. */
-static void load_latch(LoadState *x, LoadCause cause, int reset)
+static void load_latch(const LoadSettings *s, LoadState *x, LoadCause cause, int reset)
 {
     const int present = cause != LOAD_NO_CAUSE;
     if (!x->fault || (reset && present)) x->cause = cause;
@@ -306,6 +374,7 @@ static void load_latch(LoadState *x, LoadCause cause, int reset)
     if (reset) {
         x->worn = 0;
         x->rested = 0;
+        if (s->law != LOAD_PI && !x->fault && !x->overload) x->had_cut = 0;
     }
 }
 
@@ -330,11 +399,108 @@ static LoadReal load_incremental(const LoadSettings *s, LoadState *x, LoadReal e
     return x->bias;
 }
 
+/* An override inside the limits; which of them is active goes to clipped. */
+static LoadReal load_inside(const LoadSettings *s, LoadState *x, LoadReal wanted)
+{
+    x->clipped = (wanted > s->high) - (wanted < s->low);
+    return load_clip(wanted, s->low, s->high);
+}
+
+/* A sample into the last revolution; its sums are trapezoidal and begin anew with every turn of the ring. */
+static void load_push(const LoadSettings *s, LoadState *x)
+{
+    const LoadReal two = (LoadReal)2;
+    const int n = s->average + 1, old = x->ring, after = old + 1 < n ? old + 1 : 0, last = old > 0 ? old - 1 : n - 1;
+    int k;
+    x->force_sum -= (x->forces[old] + x->forces[after]) / two;
+    x->model_sum -= (x->model[old] + x->model[after]) / two;
+    x->force_sum += (x->forces[last] + x->held) / two;
+    x->model_sum += (x->model[last] + x->wanted) / two;
+    x->forces[old] = x->held;
+    x->model[old] = x->wanted;
+    x->rates[old] = x->wanted_rate;
+    x->ring = after;
+    if (after != 0) return;
+    x->force_sum = 0;
+    x->model_sum = 0;
+    for (k = 0; k + 1 < n; ++k) {
+        x->force_sum += (x->forces[k] + x->forces[k + 1]) / two;
+        x->model_sum += (x->model[k] + x->model[k + 1]) / two;
+    }
+}
+
+/* Before step 7, in every state: the model of the servo, the reference model and the last revolution. */
+static void load_track(const LoadSettings *s, LoadState *x)
+{
+    const LoadReal off = x->wanted - s->reference, rate = x->wanted_rate;
+    if (s->law == LOAD_RATIO) x->servo += (x->u - x->servo) * x->servo_gain;
+    if (s->law != LOAD_ADAPTIVE) return;
+    if (x->cutting) {
+        x->wanted = s->reference + s->model_a * off + s->model_b * rate;
+        x->wanted_rate = s->model_c * off + s->model_d * rate;
+    }
+    load_push(s, x);
+}
+
+/* The adaptive law begins with the reference model at the measured force. */
+static void load_restart(const LoadSettings *s, LoadState *x)
+{
+    const LoadReal force = x->force_sum / (LoadReal)s->average;
+    int k;
+    x->wanted = force;
+    x->wanted_rate = 0;
+    for (k = 0; k <= s->average; ++k) {
+        x->model[k] = force;
+        x->rates[k] = 0;
+    }
+    x->model_sum = force * (LoadReal)s->average;
+}
+
+/* E = F' - Fd' + lam (F - Fd) of the last revolution, and the trapezoidal step of the estimates. */
+static void load_adapt(const LoadSettings *s, LoadState *x, int entering)
+{
+    const LoadReal n = (LoadReal)s->average, time = n * s->sample_time, two = (LoadReal)2;
+    const int old = x->ring, new_ = old > 0 ? old - 1 : s->average;
+    const LoadReal w0 = (x->rates[new_] - x->rates[old]) / time, w1 = (x->model[new_] - x->model[old]) / time;
+    const LoadReal w2 = x->model_sum / n, error = x->force_sum / n - w2;
+    const LoadReal rate = (x->forces[new_] - x->forces[old]) / time - w1;
+    const LoadReal E = entering ? rate : rate + s->lam * error, step = (x->last_E + E) / two * s->sample_time;
+    if (!entering && x->bad == 0 && x->clipped == 0) {
+        x->m -= s->g1 * step * (w0 + x->last_w[0]) / two;
+        x->alpha -= s->g2 * step * (w1 + x->last_w[1]) / two;
+        x->beta -= s->g3 * step * (w2 + x->last_w[2]) / two;
+    }
+    x->last_E = E;
+    x->last_w[0] = w0;
+    x->last_w[1] = w1;
+    x->last_w[2] = w2;
+}
+
+/* Feed of m Fd'' + alpha Fd' + beta Fd - Kd E, the reference model taken at the middle of the next period. */
+static LoadReal load_adaptive(const LoadSettings *s, LoadState *x, int entering)
+{
+    const LoadReal two = (LoadReal)2, half = s->sample_time / two, time = s->model_time, damping = s->model_damping;
+    LoadReal second, rate, value;
+    if (entering) load_restart(s, x);
+    load_adapt(s, x, entering);
+    second = ((s->reference - x->wanted) / time - two * damping * x->wanted_rate) / time;
+    value = x->wanted + x->wanted_rate * half + second * (half * half) / two;
+    rate = x->wanted_rate + second * half;
+    second = ((s->reference - value) / time - two * damping * rate) / time;
+    value = x->m * second + x->alpha * rate + x->beta * value - s->Kd * x->last_E;
+    return load_inside(s, x, value / s->feed_programmed);
+}
+
 /* Step 7: override that the control law asks for. */
 static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error, int entering)
 {
     LoadReal target;
     int k;
+    if (s->law != LOAD_PI) {
+        x->had_cut = 1;
+        if (s->law == LOAD_ADAPTIVE) return load_adaptive(s, x, entering);
+        return load_inside(s, x, x->servo * s->reference / x->measured);
+    }
     if (entering) {
         x->bias = x->u + s->entry_gain * error;
         if (!s->incremental) x->bias -= x->middle;
@@ -353,6 +519,10 @@ static LoadReal load_open(const LoadSettings *s, LoadState *x, const LoadInput *
 {
     if (!x->armed && in->idle && in->load - s->engage_at < -x->half_hysteresis) x->had_cut = 0; /* NaN: kept */
     if (x->fault || x->overload) return s->low;
+    if (s->law != LOAD_PI) {
+        if (x->had_cut) return x->u < s->approach ? x->u : s->approach;
+        return x->clear_for >= x->n_engage ? s->approach : x->u; /* from power-on the lower limit until air is known */
+    }
     if (x->had_cut) return x->u;
     return x->armed ? s->low : (LoadReal)1;
 }
@@ -366,6 +536,10 @@ static void load_limit(const LoadSettings *s, LoadState *x, LoadReal target)
         return;
     }
     if (target > x->u || target < x->u) x->falling = target < x->u;
+    if (s->law != LOAD_PI && x->cutting) {
+        x->u = target;
+        return;
+    }
     most = x->falling ? x->fall : x->rise;
     x->u = load_clip(target, x->u - most, x->u + most);
 }
@@ -420,7 +594,8 @@ void load_control_step(const LoadSettings *s, LoadState *x, const LoadInput *in,
     engaged = load_engage(s, x);
     reset = in->reset && !x->last_reset;
     x->last_reset = in->reset != 0;
-    load_latch(x, load_cause(s, x, in, equal), reset);
+    load_latch(s, x, load_cause(s, x, in, equal), reset);
+    load_track(s, x);
     cutting = x->loaded_for >= x->n_engage && !x->fault && !x->overload && !in->idle;
     if (cutting) target = load_closed(s, x, s->reference - x->measured, !x->cutting);
     else target = load_open(s, x, in);

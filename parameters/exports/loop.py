@@ -62,6 +62,23 @@ class LoadLoop:
     average: int = 1  # samples of a moving average; 1: none
     average_of: str = "measurement"  # or "command"
     form: str = "position"  # or "incremental_sum", its kp per sample
+    law: str = "pi"  # or "ratio" (constant roughness), "adaptive" (adaptive force); what follows belongs to these two
+    approach: float = 0.0  # override in air
+    servo_time: float = 0.0  # s, time constant of the feed drive, of "ratio"
+    m: float = 0.0  # unit_feed s^2 per unit_load; alpha unit_feed s, beta unit_feed per unit_load: first estimates
+    alpha: float = 0.0
+    beta: float = 0.0
+    g1: float = 0.0  # rates of adaptation of m, alpha and beta
+    g2: float = 0.0
+    g3: float = 0.0
+    Kd: float = 0.0  # unit_feed s per unit_load
+    lam: float = 0.0  # 1/s
+    model_time: float = 0.0  # s, reference model of second order, and its damping
+    model_damping: float = 0.0
+    model_a: float = 0.0  # transition of the reference model over sample_time
+    model_b: float = 0.0
+    model_c: float = 0.0
+    model_d: float = 0.0
 
     @property
     def low(self) -> float:
