@@ -85,6 +85,23 @@ def worn_inputs(loop: LoadLoop) -> Iterator[Row]:
             yield {**row, "load": load + (k % 3 - 1) * 1e-4, "beat": k % 2 == 1, **changes}
 
 
+# Valid (g) and invalid (b) readings with a lost_after of 3 samples: each b counts 4, each g -1, lost at 24, at most 30.
+JUST, NOT_YET, SLOWLY = "bgbgbbgbbgb", "bgbgbbgbgbgb", "bggg" * 40  # 24, 23, and 1 in each turn
+SCATTERED = [
+    *(f"{part}{'g' * 40}r{'g' * 40}" for part in (JUST, NOT_YET, SLOWLY)),
+    *(f"{'bg' * 20}{'g' * more}r{'g' * 40}r{'g' * 60}" for more in (3, 4, 5, 6, 7, 8)),
+    *(f"{before}{part}{'g' * 40}r{'g' * 40}" for before in ("bgggggggo", "bg" * 20 + "ooo") for part in (JUST, NOT_YET)),
+]
+
+
+def scattered_inputs(loop: LoadLoop) -> Iterator[Row]:
+    """Readings of which some are invalid, never long enough to be lost at once; r is a reset, o switches off."""
+    row: Row = {"load": 0.0, "enabled": True, "spindle_on": True, "idle": False, "beat": False, "reset": False}
+    for k, sign in enumerate("g" * 60 + "".join(SCATTERED)):
+        load = float("nan") if sign == "b" else 0.95 * loop.reference + (k % 3 - 1) * 1e-4
+        yield {**row, "load": load, "beat": k % 2 == 1, "reset": sign == "r", "enabled": sign != "o"}
+
+
 def reference_answers(controller: ConstantLoad, rows: Sequence[Row]) -> list[Answer]:
     """Outputs of the Python reference in the order of `OUTPUTS`."""
     return [reference_answer(controller, row) for row in rows]

@@ -33,6 +33,7 @@ from hal_sequences import (
     first_difference,
     hal_answer,
     random_inputs,
+    scattered_inputs,
     reference_answers,
     worn_inputs,
 )
@@ -202,7 +203,7 @@ def test_every_changed_constant_is_seen(short):
     text, loop = short()
     seeds = ((14, False), (18, True), (12, True), (12, False))
     sequences = [list(random_inputs(loop, seed, 2000, impatient=impatient)) for seed, impatient in seeds]
-    sequences.append(list(worn_inputs(loop)))
+    sequences += [list(worn_inputs(loop)), list(scattered_inputs(loop))]
     expected = [reference_answers(controllers.ConstantLoad(loop), rows) for rows in sequences]
 
     def equal(changed: str) -> bool:

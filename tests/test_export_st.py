@@ -26,6 +26,7 @@ from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from hal_sequences import SCATTERED
 from st_evaluator import DeclarationError, FunctionBlock, GrammarError, UndefinedError
 
 sys.path.remove(str(Path(__file__).parent))
@@ -128,6 +129,9 @@ def directed(loop) -> list[tuple]:
         )
     for wrong in (nan, math.inf, -math.inf, 0.0, -1.0, low * 0.995, low * 1.005, high * 0.995, high * 1.005):
         course.go(4, wrong, swing=0).go(2, wrong, swing=0, reset=True).go(20, 0.2).go(1, 0.2, reset=True).go(30, 0.2)
+    for pattern in SCATTERED:
+        for sign in pattern:
+            course.go(1, nan if sign == "b" else 0.2, reset=sign == "r", enable=sign != "o")
     course.go(2, nan).go(20, 0.2).go(3, nan).go(10, 0.2).go(1, 0.2, reset=True).go(40, 0.2)
     course.go(40, 0.2, spindle=False).go(15, 0.2).go(40, 0.2, enable=False).go(30, 0.2).go(20, 0.13, spindle=False)
     course.go(20, 0.138, to=0.142, spindle=False, idle=True).go(10, nan, spindle=False, idle=True)

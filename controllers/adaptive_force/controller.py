@@ -6,26 +6,25 @@
                                                                                   the trapezoidal rule
 
 Source: "adaptive cutting force control", eq. 5-10; the paper gives the law in continuous time, for a force without
-ripple and a command without limits. Averaging, limits, the reference model, the trapezoidal rule and the treatment of
-lost readings are **reconstructions**.
+ripple and a command without limits. Averaging, limits, the reference model, the trapezoidal rule and the supervision
+are **reconstructions**. The law stands in `constant_load_milling.control_laws`; the supervision is that of constant
+load, which the exports carry.
 """
 
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 from ...core.display import Displayable
-from ..sensor_check import KNOWN, STUCK, UNKNOWN, SensorCheck
-from .settings import ForceSettings, settings_for
-from .signals import ReferenceModel, Revolution
+from ...core.errors import UsageError
+from ...parameters.exports.loop import STUCK_AFTER
+from ..constant_load_milling.control_laws import AdaptiveLaw
+from ..constant_load_milling.controller import ConstantLoad
+from .settings import ForceSettings, force_loop, settings_for
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
-MOVES = 0.02  # of the upper limit: a command change by which an equal reading is a stuck sensor
-BRIDGED = 0.5  # of a revolution without a reading: interpolated linearly, adaptation stopped
-HELD = 2.0  # revolutions that the command is held after a reading went missing
-RECOVERY = 10.0  # revolutions of valid readings before control resumes after one that was out of range or stuck
+MOVES = 0.02  # of the upper limit: a command change by which an equal reading is a stuck sensor, of the fixed PI
 HIGH, NORMAL = 1.5, 1.2  # of the set point: thresholds of the event of a high force
 
 
@@ -33,34 +32,25 @@ HIGH, NORMAL = 1.5, 1.2  # of the set point: thresholds of the event of a high f
 class AdaptiveForceControl(Displayable):
     """The controller; its command is a feed between the file's limits, its measurement a force.
 
-    It begins at the lower limit for a revolution, and leads F_d from the measured force to the set point. The law
-    takes whole steps of ``sample_time``, several a call where ``dt`` is longer, with the force between two readings
-    taken as a straight line.
+    From power-on and in air the feed is at its lower limit. Once the mean force of a revolution has been above the
+    threshold for a revolution, the law acts, and leads F_d from the measured force to the set point. While the command
+    is at a limit or a reading is missing, adaptation stops.
 
-    While the command is at a limit, adaptation stops.
-
-    After a reading that is not a number the command is held for two revolutions; gaps of up to half a revolution are
-    interpolated. A reading beyond the sensor's range (saturated, wrong sign, infinite) or stuck while the command
-    moves (also at zero) sets the command to its lower limit at once. In both cases adaptation stops until a whole
-    revolution is known again, ten of them in the second case, with a force above zero, and F_d restarts from the
-    measured force.
+    Invalid readings are bridged by the last valid one; for 0.05 s, or more than a fifth of them, they latch a fault, as
+    equal readings in the cut for ``stuck_after`` do: the feed goes to its lower limit until ``control.reset``.
 
     Attributes
     ----------
     settings : ForceSettings
+    stuck_after : float
+        s; 0 for a simulated force without ripple and noise.
     command : float
-    m, alpha, beta : float
-        The estimates over k; they converge to theta k^/k, not to theta.
-    error, error_rate : float
-        F~ and F~' of the last revolution.
-    limited : int
-        1 while the command is held down by its upper limit, -1 while it is held up by the lower, else 0.
-    closed : bool
-        Whether the control loop is closed.
-    adapting : bool
+    control : ConstantLoad
+        The supervision and its inputs (``enabled``, ``spindle_on``, ``idle``, ``beat``, ``reset``, ``requested``).
     news : tuple of str
-        What changed in the last step: ``at low``, ``at high``, ``free``, ``force unknown``, ``force stuck``,
-        ``force known`` (and the loop closed again), ``force high`` (half above the set point), ``force normal``.
+        What changed in the last step: ``cut`` (the loop is closed), ``air``, ``at low``, ``at high``, ``free``,
+        ``force unknown``, ``force known``, ``force lost``, ``force stuck``, ``overload``, ``reset``, ``change tool``,
+        ``force high`` (half above the set point), ``force normal``.
 
     Examples
     --------
@@ -76,38 +66,22 @@ class AdaptiveForceControl(Displayable):
     """
 
     settings: ForceSettings
+    stuck_after: float = STUCK_AFTER
     command: float = field(init=False)
-    m: float = field(init=False)
-    alpha: float = field(init=False)
-    beta: float = field(init=False)
-    error: float = field(default=0.0, init=False)
-    error_rate: float = field(default=0.0, init=False)
-    limited: int = field(default=0, init=False)
-    closed: bool = field(default=False, init=False)
-    adapting: bool = field(default=False, init=False)
+    control: ConstantLoad = field(init=False, compare=False)
     news: tuple[str, ...] = field(default=(), init=False)
-    _model: ReferenceModel = field(init=False)
-    _revolution: Revolution = field(init=False)
-    _sensing: SensorCheck = field(init=False)
-    _last: float = field(default=math.nan, init=False)
-    _E: float = field(default=0.0, init=False)
-    _w: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), init=False)
-    _missing: int = field(default=0, init=False)  # steps since the last reading
-    _open: int = field(default=0, init=False)  # steps since the loop was last closed
-    _recovering: int = field(default=0, init=False)  # valid steps still needed before control resumes
-    _still: int = field(default=0, init=False)  # steps for which adaptation is still stopped
+    _law: AdaptiveLaw = field(init=False, compare=False)
     _high: bool = field(default=False, init=False)
-    _sensor: str = field(default=KNOWN, init=False)
 
     def __post_init__(self) -> None:
-        s = self.settings
-        self.m, self.alpha, self.beta, self.command = s.m, s.alpha, s.beta, s.low
-        self._model = ReferenceModel(s.reference_time, s.reference_damping, s.sample_time)
-        self._revolution = Revolution(s.samples, s.sample_time)
-        self._sensing = SensorCheck(s.force_low, s.force_high, least_move=MOVES * s.high)
+        loop = force_loop(self.settings, stuck_after=self.stuck_after)
+        self.control = ConstantLoad(loop, running=True)
+        law = self.control.law
+        assert isinstance(law, AdaptiveLaw)  # noqa: S101 - of its own loop
+        self._law, self.command = law, self.settings.low
 
     @classmethod
-    def from_parameters(cls, pf: "ParameterFile", depth: float) -> Self:
+    def from_parameters(cls, pf: "ParameterFile", depth: float, *, stuck_after: float = STUCK_AFTER) -> Self:
         """Make the controller from the file alone.
 
         Parameters
@@ -115,13 +89,55 @@ class AdaptiveForceControl(Displayable):
         pf : ParameterFile
         depth : float
             Of cut, in the file's unit: one of its set points. The controller knows no more of the depth than this.
+        stuck_after : float
+            s.
 
         Raises
         ------
         GateError
             The file fails the check, lacks a setting, or has no set point for this depth.
         """
-        return cls(settings_for(pf, depth))
+        return cls(settings_for(pf, depth), stuck_after)
+
+    @property
+    def m(self) -> float:
+        """Estimate over k; with alpha and beta it converges to theta k^/k, not to theta."""
+        return self._law.m
+
+    @property
+    def alpha(self) -> float:
+        """Estimate over k."""
+        return self._law.alpha
+
+    @property
+    def beta(self) -> float:
+        """Estimate over k."""
+        return self._law.beta
+
+    @property
+    def error(self) -> float:
+        """F~ of the last revolution."""
+        return self._law.error
+
+    @property
+    def error_rate(self) -> float:
+        """F~' of the last revolution."""
+        return self._law.error_rate
+
+    @property
+    def closed(self) -> bool:
+        """Whether the control loop is closed."""
+        return self.control.cutting
+
+    @property
+    def adapting(self) -> bool:
+        """Whether the estimates were updated in the last step."""
+        return self.closed and self._law.adapting
+
+    @property
+    def limited(self) -> int:
+        """1 while the command is held down by its upper limit, -1 while it is held up by the lower, else 0."""
+        return self._law.limited if self.closed else 0
 
     @property
     def set_point(self) -> float:
@@ -131,12 +147,12 @@ class AdaptiveForceControl(Displayable):
     @property
     def reference(self) -> float:
         """F_d, the output of the reference model."""
-        return self._model.value
+        return self._law.model.value
 
     @property
     def average(self) -> float:
         """Force over the last revolution."""
-        return self._revolution.force
+        return self._law.revolution.force
 
     @property
     def labels(self) -> tuple[str, str]:
@@ -149,113 +165,14 @@ class AdaptiveForceControl(Displayable):
         Raises
         ------
         UsageError
-            ``dt`` is not a multiple of the file's ``sample_time``.
+            ``dt`` is not the file's ``sample_time``.
         """
-        steps, measurement = self.settings.steps_in(dt), float(measurement)  # NumPy bools do not support subtraction
-        before = self._sensor, self.limited, self._high
-        valid = self._sensing.valid(measurement, self.command)
-        if valid:
-            self._take(measurement, steps)
-        else:
-            self._miss(measurement, steps)
-        if valid and self.closed:
-            self._answer(steps)
-        else:
-            self._wait(steps)
-        if self.closed or self._sensing.state != KNOWN:
-            self._sensor = self._sensing.state  # known again only when the loop is closed again
-        now = self._sensor, self.limited, self._high
-        self.news = () if now == before else _changes(before, now)
+        own = self.settings.sample_time
+        if abs(dt - own) > 1e-6 * dt:
+            raise UsageError(f"a step of {dt:g} s: the law takes steps of {own:g} s; replay it at that.")
+        self.command = min(self.control.step(measurement, own) * self.settings.high, self.settings.high)
+        high = self.closed and self.average > (NORMAL if self._high else HIGH) * self.set_point
+        news = tuple(words.replace("load ", "force ") for words in self.control.news)
+        self.news = news if high == self._high else (*news, "force high" if high else "force normal")
+        self._high = high
         return self.command
-
-    def _take(self, force: float, steps: int) -> None:
-        """Advance the law to a reading, interpolated linearly from the last one."""
-        gap, self._missing = self._missing, 0
-        if math.isnan(self._last) or gap > BRIDGED * self.settings.samples:
-            self._begin(force)
-            return
-        start, total = self._last, gap + steps
-        for i in range(1, total + 1):
-            self._advance(start + (force - start) * i / total, known=not gap)
-        self._last = force
-
-    def _begin(self, force: float) -> None:
-        """Restart the revolution after a gap."""
-        self._revolution.clear()
-        self._revolution.push(force, 0.0, 0.0)
-        self._last, self.closed, self.adapting = force, False, False
-
-    def _advance(self, force: float, known: bool) -> None:
-        """One step of reference model, averages and estimates."""
-        s, model, revolution = self.settings, self._model, self._revolution
-        if self.closed:
-            model.advance(s.set_point)
-        revolution.push(force, model.value, model.rate)
-        if not self.closed:
-            self._recovering -= 1
-            if self._recovering <= 0 and revolution.full and revolution.force > 0:
-                self._close()
-            return
-        w = revolution.wanted
-        self.error, self.error_rate = revolution.force - w[2], revolution.force_rate - w[1]
-        E = self.error_rate + s.lam * self.error
-        self._still -= 1
-        self.adapting = known and self._still < 0
-        if self.adapting:
-            self._adapt((self._E + E) / 2 * s.sample_time, w)
-        self._E, self._w = E, w
-
-    def _close(self) -> None:
-        """Close the loop with F_d at the measured force."""
-        self._model.restart(self._revolution.force)
-        self._revolution.want(self._revolution.force)
-        self.closed, self._open, self._still = True, 0, 0
-        self.error, self.error_rate = 0.0, self._revolution.force_rate
-        self._E, self._w = self.error_rate, self._revolution.wanted
-
-    def _adapt(self, E_dt: float, w: tuple[float, float, float]) -> None:
-        """The adaptation law over a step, trapezoidal in E and F_d."""
-        s, old = self.settings, self._w
-        self.m -= s.g1 * E_dt * (w[0] + old[0]) / 2
-        self.alpha -= s.g2 * E_dt * (w[1] + old[1]) / 2
-        self.beta -= s.g3 * E_dt * (w[2] + old[2]) / 2
-
-    def _answer(self, steps: int) -> None:
-        """The control law (5), within the limits."""
-        s, model = self.settings, self._model
-        second, rate, value = model.midway(s.set_point, steps * s.sample_time)
-        unlimited = self.m * second + self.alpha * rate + self.beta * value - s.Kd * self._E
-        self.command = min(max(unlimited, s.low), s.high)
-        self.limited = (unlimited > s.high) - (unlimited < s.low)
-        if self.limited:
-            self._still = steps
-        average = self._revolution.force
-        self._high = average > (NORMAL if self._high else HIGH) * s.set_point
-
-    def _miss(self, reading: float, steps: int) -> None:
-        """Invalid reading: wait if it is missing, open the loop if the sensor gives impossible values."""
-        self._missing += steps
-        self.adapting = False
-        if not math.isnan(reading) or self._missing > BRIDGED * self.settings.samples:
-            self._last, self.closed = math.nan, False
-        if not math.isnan(reading) or self._sensing.state == STUCK:
-            self._recovering = round(RECOVERY * self.settings.samples)
-            self.command = self.settings.low
-
-    def _wait(self, steps: int) -> None:
-        """Open loop: the command is held for a while, then set to its lower limit."""
-        self._open += steps
-        if self._open > HELD * self.settings.samples:
-            self.command = self.settings.low
-
-
-State = tuple[str, int, bool]
-
-
-def _changes(before: State, now: State) -> tuple[str, ...]:
-    words = (
-        {KNOWN: "force known", UNKNOWN: "force unknown", STUCK: "force stuck"},
-        {0: "free", 1: "at high", -1: "at low"},
-        {True: "force high", False: "force normal"},
-    )
-    return tuple(names[new] for names, old, new in zip(words, before, now, strict=True) if old != new)  # type: ignore[index]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import UsageError
+from ...parameters.exports.loop import STUCK_AFTER
 from ..loop import Trace, replay
 from .controller import AdaptiveForceControl
 from .fixed_pi import FixedForcePi
@@ -136,7 +137,8 @@ def _run(
 ) -> ForceRun:
     plant = DriveAndCut.from_parameters(pf, depth, ripple=ripple, noise=noise)
     if by == "adaptive":
-        control = AdaptiveForceControl.from_parameters(pf, at)
+        stuck = STUCK_AFTER if ripple or noise else 0.0  # a force without them repeats to the last bit
+        control = AdaptiveForceControl.from_parameters(pf, at, stuck_after=stuck)
         s = control.settings
         trace = replay(control, plant, duration=duration, dt=s.sample_time, seed=seed, record=RECORDED)
     elif by == "pi":

@@ -1,12 +1,14 @@
 """ForceSettings of the adaptive force controller from a parameter file, validated on entry."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from ...core.display import Displayable
-from ...core.errors import GateError, UsageError
+from ...core.errors import GateError
+from ...parameters.exports.loop import BACK_OFF, RECOVER, STUCK_AFTER, LoadLoop, monitoring
+from .signals import ReferenceModel
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -15,8 +17,12 @@ if TYPE_CHECKING:
 TEETH = 2  # assumed
 NEEDED = (
     "g1", "g2", "g3", "Kd", "lam", "unit_u", "reference_time", "reference_damping", "sample_time", "average_time",
-    "low", "high", "force_low", "force_high",
+    "low", "high",
 )  # fmt: skip
+ENGAGE: Final = 0.125  # of the force at the lower feed limit by the estimates, and at most of the set point: a cut
+HYSTERESIS: Final = 0.2  # of the threshold, whole width
+OVERLOAD: Final = 2.0  # times the set point that a tool withstands, where nothing is known of it
+DRIFT, HIGHEST = 0.1, 10.0  # of the smallest and times the largest set point: forces beyond are no readings
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -51,13 +57,6 @@ class ForceSettings(Displayable):
     depth: float
     labels: tuple[str, str]
 
-    def steps_in(self, dt: float) -> int:
-        """Number of steps of the law in a call; UsageError unless it is whole."""
-        steps, step = round(dt / self.sample_time), self.sample_time
-        if steps < 1 or abs(dt - steps * step) > 1e-6 * dt:
-            raise UsageError(f"a step of {dt:g} s: the law takes whole steps of {step:g} s; replay it at a multiple.")
-        return steps
-
 
 def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
     """Settings for a depth of cut, one of the file's set points.
@@ -78,7 +77,7 @@ def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
     held = {name: getattr(section, name) for name in ForceSettings.__dataclass_fields__ if hasattr(section, name)}
     samples = round((section.average_time or 0.0) / held["sample_time"])
     return ForceSettings(
-        **{**held, "depth": depth}, samples=samples, set_point=_set_point(section, depth),
+        **{**held, **_force_range(section), "depth": depth}, samples=samples, set_point=_set_point(section, depth),
         labels=(f"feed command, {section.unit_u}", f"force, {section.unit_force}"),
     )  # fmt: skip
 
@@ -98,11 +97,57 @@ def lacking(pf: "ParameterFile") -> str:
         return f"adaptive_force: the command's limits are {low:g} to {high:g} {section.unit_u}; 0 < low < high."
     if abs(average / step - round(average / step)) > 1e-6 or average < step:
         return f"adaptive_force: average_time {average:g} s is not a multiple of the step of {step:g} s."
-    if not section.force_low < min(p.force for p in section.set_points):  # type: ignore[operator]
+    if section.force_low is not None and not section.force_low < min(p.force for p in section.set_points):
         return "adaptive_force: force_low does not lie below every set point; no reading would be valid."
-    if not section.force_high > max(p.force for p in section.set_points):  # type: ignore[operator]
+    if section.force_high is not None and not section.force_high > max(p.force for p in section.set_points):
         return "adaptive_force: force_high does not lie above every set point; no reading would be valid."
     return ""
+
+
+def _force_range(section: "AdaptiveForceSection") -> dict[str, float]:
+    """Limits of a valid reading: those of the file, or assumed from the set points."""
+    forces = [point.force for point in section.set_points]
+    return {
+        "force_low": -DRIFT * min(forces) if section.force_low is None else section.force_low,
+        "force_high": HIGHEST * max(forces) if section.force_high is None else section.force_high,
+    }
+
+
+def force_loop(settings: ForceSettings, *, stuck_after: float = STUCK_AFTER) -> LoadLoop:
+    """The settings as the supervision and the exports take them; the program commands the upper limit."""
+    s, span = settings, (settings.high - settings.low) / settings.high
+    at_low = s.low / s.beta if s.beta > 0 else s.set_point
+    model = ReferenceModel(s.reference_time, s.reference_damping, s.sample_time).transition
+    threshold = ENGAGE * min(at_low, s.set_point)
+    unit_feed, unit_load = (label.rpartition(", ")[2] for label in s.labels)
+    return LoadLoop(
+        kp=0.0, ki=0.0, sample_time=s.sample_time, reference=s.set_point,
+        feed_low=s.low, feed_high=s.high, feed_programmed=s.high, unit_load=unit_load, unit_feed=unit_feed,
+        filter_time=0.0, average=s.samples, engage_at=threshold, hysteresis=HYSTERESIS * threshold,
+        engage_after=(s.samples + 1) * s.sample_time, back_off=span / BACK_OFF, recover=span / RECOVER,
+        load_low=s.force_low, load_high=s.force_high, worn_load=OVERLOAD * s.set_point, stuck_after=stuck_after,
+        law="adaptive", approach=s.low / s.high, m=s.m, alpha=s.alpha, beta=s.beta, g1=s.g1, g2=s.g2, g3=s.g3,
+        Kd=s.Kd, lam=s.lam, model_time=s.reference_time, model_damping=s.reference_damping,
+        model_a=model[0], model_b=model[1], model_c=model[2], model_d=model[3],
+    )  # fmt: skip
+
+
+def assumed_settings(pf: "ParameterFile", settings: ForceSettings) -> tuple[str, ...]:
+    """The settings of the supervision that the file does not hold, each with the value that is assumed."""
+    section, loop, assumed = _section(pf), force_loop(settings), []
+    if section.force_low is None:
+        assumed.append(f"force_low {loop.load_low:.4g} {loop.unit_load}, minus a tenth of the smallest set point")
+    if section.force_high is None:
+        assumed.append(f"force_high {loop.load_high:.4g} {loop.unit_load}, {HIGHEST:g} times the largest set point")
+    return (
+        *assumed,
+        f"threshold of a cut {loop.engage_at:.4g} {loop.unit_load}, an eighth of the force at the lower feed limit by "
+        f"the estimates, with a hysteresis of {loop.hysteresis:.3g} {loop.unit_load}",
+        f"overload above {loop.overload_at:.4g} {loop.unit_load}, 1.05 times {OVERLOAD:g} times the set point: the "
+        "file holds no force that the tool withstands",
+        f"feed out of the cut down by {loop.back_off:.4g} and up by {loop.recover:.4g} of the upper limit per s",
+        *monitoring(loop),
+    )
 
 
 def machine(pf: "ParameterFile") -> tuple[float, float, float]:

@@ -49,6 +49,11 @@ class ReferenceModel:
     def __post_init__(self) -> None:
         self._phi = _transition(1 / self.time, self.damping, self.step_time)
 
+    @property
+    def transition(self) -> tuple[float, float, float, float]:
+        """Transition of (value - target, rate) over a step, by rows."""
+        return self._phi
+
     def advance(self, target: float) -> None:
         """Advance one step with a constant target."""
         a, b, c, d = self._phi

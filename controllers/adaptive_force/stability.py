@@ -245,7 +245,7 @@ def _built(
 
     s = replace(settings, sample_time=step, samples=round(revolution / step))
     plant = DriveAndCut.from_parameters(pf, s.depth)
-    trace = replay(AdaptiveForceControl(s), plant, duration=duration, dt=step, record=RECORDED)
+    trace = replay(AdaptiveForceControl(s, stuck_after=0.0), plant, duration=duration, dt=step, record=RECORDED)
     late = trace.recorded["error"][-round(STEADY * len(trace.time)) :]
     error = float(np.abs(late).max() / s.set_point)
     found = energy(trace, s, plant)

@@ -1,4 +1,4 @@
-"""The two control laws of constant load, from load error to feed override, and the settings of a file for them.
+"""The control laws, from a load or force to a feed override, and the settings of a file for constant load.
 
 Position form, as LinuxCNC's pid runs it about the middle of the limits, from the feed at entry. Incremental form, as
 Tai, Tsai & Li 2023 word eq. 16:
@@ -7,11 +7,16 @@ Tai, Tsai & Li 2023 word eq. 16:
 
 "U0 is the last control signal" makes Kp an integral gain and Ki one of the integral. The limits are inside the
 recursion, so it does not wind up; the sum of Ki holds while a limit is active and the error pushes further.
+
+Constant roughness scales the feed by reference over measured force, adaptive force control estimates the process; see
+`fitmodels.controllers.roughness` and `fitmodels.controllers.adaptive_force`. Both follow the machine in every sample.
 """
 
+import math
 from typing import TYPE_CHECKING
 
 from ...core.errors import GateError, ParameterError
+from ..adaptive_force.signals import ReferenceModel, Revolution
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -112,3 +117,103 @@ class IncrementalLaw:
         self._last = min(max(unlimited, self._low, last - self._back_off), self._high, last + self._recover)
         self.limited = (unlimited > self._high) - (unlimited < self._low)
         return self._last
+
+
+class RatioLaw:
+    """The feed of the servo, by a first-order model of it, times reference over measured force.
+
+    Attributes
+    ----------
+    limited : int
+        1 or -1 while the override is clipped at its upper or lower limit, else 0.
+    """
+
+    __slots__ = ("_high", "_low", "_servo", "_share", "limited")
+
+    def __init__(self, loop: "LoadLoop") -> None:
+        self._low, self._high, self._servo, self.limited = loop.low, loop.high, loop.low, 0
+        self._share = -math.expm1(-loop.sample_time / loop.servo_time) if loop.servo_time else 1.0
+
+    def track(self, u: float, force: float, reference: float, *, closed: bool) -> None:
+        """Advance the model of the servo by a sample under the last override."""
+        self._servo += (u - self._servo) * self._share
+
+    def enter(self) -> None:
+        """Begin at the feed of the servo."""
+        self.limited = 0
+
+    def target(self, measured: float, reference: float, *, known: bool) -> float:
+        """Override for a force."""
+        wanted = self._servo * reference / measured
+        self.limited = (wanted > self._high) - (wanted < self._low)
+        return min(max(wanted, self._low), self._high)
+
+
+class AdaptiveLaw:
+    """The adaptive law on the force of the last revolution.
+
+    E = F~' + lambda F~ with F~ = F - F_d, and u = m F_d'' + alpha F_d' + beta F_d - Kd E. The estimates follow their
+    law by the trapezoidal rule, unless the last command was limited or a reading is missing.
+
+    Attributes
+    ----------
+    m, alpha, beta : float
+        Estimates over k.
+    error, error_rate : float
+        F~ and F~'.
+    adapting : bool
+        Whether the estimates were updated in the last sample.
+    limited : int
+        1 or -1 while the override is clipped at its upper or lower limit, else 0.
+    model, revolution
+        The reference model, and the last revolution of force and F_d.
+    """
+
+    __slots__ = (
+        "_E", "_begins", "_loop", "_w", "adapting", "alpha", "beta", "error", "error_rate", "limited", "m", "model",
+        "revolution",
+    )  # fmt: skip
+
+    def __init__(self, loop: "LoadLoop") -> None:
+        self._loop, self.limited, self.adapting, self._begins = loop, 0, False, False
+        self.m, self.alpha, self.beta = loop.m, loop.alpha, loop.beta
+        self.error = self.error_rate = self._E = 0.0
+        self._w = (0.0, 0.0, 0.0)
+        self.model = ReferenceModel(loop.model_time, loop.model_damping, loop.sample_time)
+        self.revolution = Revolution(loop.average, loop.sample_time)
+        for _ in range(loop.average + 1):
+            self.revolution.push(0.0, 0.0, 0.0)
+
+    def track(self, u: float, force: float, reference: float, *, closed: bool) -> None:
+        """Advance reference model and revolution by a sample."""
+        if closed:
+            self.model.advance(reference)
+        self.revolution.push(force, self.model.value, self.model.rate)
+
+    def enter(self) -> None:
+        """Begin with F_d at the measured force."""
+        self.model.restart(self.revolution.force)
+        self.revolution.want(self.revolution.force)
+        self.limited, self._begins = 0, True
+
+    def target(self, measured: float, reference: float, *, known: bool) -> float:
+        """Override for the last revolution."""
+        loop = self._loop
+        self._adapt(known=known)
+        second, rate, value = self.model.midway(reference, loop.sample_time)
+        feed = self.m * second + self.alpha * rate + self.beta * value - loop.Kd * self._E
+        wanted = feed / loop.feed_programmed
+        self.limited = (wanted > loop.high) - (wanted < loop.low)
+        return min(max(wanted, loop.low), loop.high)
+
+    def _adapt(self, *, known: bool) -> None:
+        loop, w, old = self._loop, self.revolution.wanted, self._w
+        self.error, self.error_rate = self.revolution.force - w[2], self.revolution.force_rate - w[1]
+        E = self.error_rate if self._begins else self.error_rate + loop.lam * self.error
+        self.adapting = known and not self.limited and not self._begins
+        if self.adapting:
+            step = (self._E + E) / 2 * loop.sample_time
+            self.m -= loop.g1 * step * (w[0] + old[0]) / 2
+            self.alpha -= loop.g2 * step * (w[1] + old[1]) / 2
+            self.beta -= loop.g3 * step * (w[2] + old[2]) / 2
+        self._E, self._w, self._begins = E, w, False

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Final, Self
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from .control_laws import IncrementalLaw, PositionLaw
+from .control_laws import AdaptiveLaw, IncrementalLaw, PositionLaw, RatioLaw
 from .states import State
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
     from ...parameters.exports.loop import LoadLoop
 
-REST_SHARE: Final = 0.01  # of the range between the feed limits: a mean command so near the lower one rests on it
+REST_SHARE: Final = 0.01  # of the range of the feed, at most of its lower limit: a mean command so near rests on it
+SPARSE_RISE, SPARSE_AT, SPARSE_MOST = 4, 8, 10  # count of an invalid reading; lost, and end of the count, by lost_after
 WORN_MEAN: Final = 0.2  # s, time constant of the mean command
 OVERLOAD_MEAN: Final = 0.1  # s, time constant of the mean load: the mean delay of a mean over 0.2 s
 PERIOD: Final = 0.01  # relative deviation of the period that the gains and filters allow
@@ -29,7 +30,9 @@ class ConstantLoad(Displayable):
     """The controller of CLM-2023; its command is the feed override, feed over programmed feed.
 
     Armed, with the spindle running, it monitors the load: invalid readings, equal readings in the cut, a heartbeat that
-    stops and an overload latch a fault, which takes the feed to its lower limit until ``reset``.
+    stops and an overload latch a fault, which takes the feed to its lower limit until ``reset``. The same supervision
+    runs constant roughness and adaptive force control, by the ``law`` of the loop: before a cut their feed is the lower
+    limit, and ``approach`` once air is known; after it the last one, at most ``approach``.
 
     Attributes
     ----------
@@ -94,7 +97,7 @@ class ConstantLoad(Displayable):
     labels: tuple[str, str] = field(init=False)
     reference: float = field(init=False)
     rest: float = field(init=False)
-    _law: PositionLaw | IncrementalLaw = field(init=False)
+    _law: PositionLaw | IncrementalLaw | RatioLaw | AdaptiveLaw = field(init=False)
     _u: float | None = field(default=None, init=False)
     _factor: float = field(default=1.0, init=False)
     _held: float = field(default=0.0, init=False)
@@ -113,6 +116,8 @@ class ConstantLoad(Displayable):
     _last_beat: bool | None = field(default=None, init=False)
     _limited: int = field(default=0, init=False)
     _bad: int = field(default=0, init=False)
+    _sparse: int = field(default=0, init=False)
+    _clear_for: int = field(default=0, init=False)
     _spindle: int = field(default=0, init=False)
     _loaded_for: int = field(default=0, init=False)
     _same: int = field(default=0, init=False)
@@ -129,7 +134,8 @@ class ConstantLoad(Displayable):
 
     def __post_init__(self) -> None:
         loop = self.loop
-        self._law = IncrementalLaw(loop) if loop.form == "incremental_sum" else PositionLaw(loop)
+        forms = {"ratio": RatioLaw, "adaptive": AdaptiveLaw}
+        self._law = forms.get(loop.law, IncrementalLaw if loop.form == "incremental_sum" else PositionLaw)(loop)
         self.command, self.reference = loop.low, loop.reference
         self.labels = ("feed override", f"load, {loop.unit_load}")
         times = ("arm_after", "lost_after", "engage_after", "stuck_after", "heartbeat", "overload_after", "dwell")
@@ -141,7 +147,8 @@ class ConstantLoad(Displayable):
         )
         self._threshold = (loop.engage_at, loop.hysteresis / 2)
         self._bounds = (loop.low, loop.high, loop.back_off * loop.sample_time, loop.recover * loop.sample_time)
-        self.rest, self._overload_at = loop.low + REST_SHARE * (loop.high - loop.low), loop.overload_at
+        self.rest = loop.low + REST_SHARE * min(loop.high - loop.low, loop.low)
+        self._overload_at = loop.overload_at
         average = {name: loop.average if loop.average_of == name else 1 for name in ("measurement", "command")}
         self._loads = deque([0.0] * average["measurement"], average["measurement"])
         self._targets = deque([0.0] * average["command"], average["command"])
@@ -159,6 +166,11 @@ class ConstantLoad(Displayable):
         from .control_laws import loop_of
 
         return cls(loop_of(pf), running=running)
+
+    @property
+    def law(self) -> PositionLaw | IncrementalLaw | RatioLaw | AdaptiveLaw:
+        """The control law, with its state."""
+        return self._law
 
     @property
     def feed_inhibit(self) -> bool:
@@ -180,6 +192,9 @@ class ConstantLoad(Displayable):
         equal = self._read(load)
         self._engage()
         self._watch(equal)
+        if isinstance(self._law, RatioLaw | AdaptiveLaw):
+            u = loop.low if self._u is None else self._u
+            self._law.track(u, self._held, self.reference, closed=self.cutting)
         target = self._target(load)
         u = self._limit(target)
         self._rests(u)
@@ -203,6 +218,7 @@ class ConstantLoad(Displayable):
             self._bad += 1
         self._spindle = self._spindle + 1 if self.spindle_on else 0
         self._armed = self.enabled and self._spindle >= self._n["arm_after"]
+        self._sparse = self._count_invalid() if self._armed else 0
         previous = self._held
         if not self._bad:
             self._held = load
@@ -216,6 +232,12 @@ class ConstantLoad(Displayable):
         self._mean += (self._held - self._mean) * self._gains[1]
         return self._held == previous
 
+    def _count_invalid(self) -> int:
+        """Count that rises where more than a fifth of the readings are invalid."""
+        if not self._bad:
+            return max(self._sparse - 1, 0)
+        return min(self._sparse + SPARSE_RISE, SPARSE_MOST * self._n["lost_after"])
+
     def _engage(self) -> None:
         """Engage by the filtered load after a delay, disengage at once by the reading too."""
         at, half = self._threshold
@@ -225,6 +247,7 @@ class ConstantLoad(Displayable):
         self._engaged = self._armed and self._over and self._above
         self._loaded_for = self._loaded_for + 1 if self._engaged else 0
         self._loaded = self._loaded_for >= self._n["engage_after"]
+        self._clear_for = 0 if self._bad or self._over or self._above else self._clear_for + 1
 
     def _watch(self, equal: bool) -> None:
         """Latch a fault and an overload; a reset clears each whose cause is gone."""
@@ -243,6 +266,8 @@ class ConstantLoad(Displayable):
         self.overload = exceeded or (self.overload and not cleared)
         if cleared:
             self.worn, self._rested = False, 0
+            if self.loop.law != "pi" and not (self.fault or self.overload):
+                self._had_cut = False
 
     def _cause(self, equal: bool) -> str:
         """Cause of a fault that is present, or nothing."""
@@ -256,7 +281,7 @@ class ConstantLoad(Displayable):
         self._last_beat = beat
         if not self._armed:
             return ""
-        if self._bad >= n["lost_after"]:
+        if self._bad >= n["lost_after"] or self._sparse >= SPARSE_AT * n["lost_after"]:
             return "load lost"
         if loop.stuck_after and self._same >= n["stuck_after"]:
             return "load stuck"
@@ -282,6 +307,10 @@ class ConstantLoad(Displayable):
             target = self._control(u, begins=not self.cutting)
         elif self.fault or self.overload:
             target = self.loop.low
+        elif self.loop.law != "pi":
+            approach = self.loop.approach
+            known = self._clear_for >= self._n["engage_after"]
+            target = min(u, approach) if self._had_cut else approach if known else u
         elif self._had_cut:
             target = u
         else:
@@ -291,11 +320,17 @@ class ConstantLoad(Displayable):
 
     def _control(self, u: float, *, begins: bool) -> float:
         """The control law's override, its mean where the file averages the command."""
-        error, law = self.reference - self._measured, self._law
-        if begins:
-            law.enter(u + self.loop.entry_gain * error)
-            self._targets.extend([u] * len(self._targets))
-        target = law.target(error)
+        law = self._law
+        if isinstance(law, RatioLaw | AdaptiveLaw):
+            if begins:
+                law.enter()
+            target = law.target(self._measured, self.reference, known=not self._bad)
+        else:
+            error = self.reference - self._measured
+            if begins:
+                law.enter(u + self.loop.entry_gain * error)
+                self._targets.extend([u] * len(self._targets))
+            target = law.target(error)
         if law.limited != self._limited:
             self._limited = law.limited
             self.news += (("free", "at high", "at low")[law.limited],)  # the third by index -1
@@ -312,6 +347,9 @@ class ConstantLoad(Displayable):
             return self._u
         if target != last:
             self._falling = target < last
+        if self.cutting and self.loop.law != "pi":
+            self._u = target
+            return target
         most = back_off if self._falling else recover
         target = min(max(target, low), high)
         self._u = min(max(target, last - most), last + most)

@@ -19,7 +19,14 @@ from typing import Final
 from ...core.errors import GateError
 from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.view import ExportView
-from ..constant_load_milling.controller import OVERLOAD_MEAN, WORN_MEAN, ConstantLoad
+from ..constant_load_milling.controller import (
+    OVERLOAD_MEAN,
+    SPARSE_AT,
+    SPARSE_MOST,
+    SPARSE_RISE,
+    WORN_MEAN,
+    ConstantLoad,
+)
 from ..constant_load_milling.states import STATES
 from ..gate import GatedControl
 
@@ -38,7 +45,8 @@ NOT_IN_HAL = (
 _FUNCTIONS: Final = (
     ("standing", "comp"),
     ("number", "near"), ("range", "wcomp"), ("valid", "and2"), ("bad", "not"), ("lost", "timedelay"),
-    ("turning", "timedelay"), ("armed", "and2"), ("held", "mux4"), ("filter", "lowpass"), ("mean", "lowpass"),
+    ("turning", "timedelay"), ("armed", "and2"), ("unarmed", "not"), ("loose", "mux2"), ("sparse", "integ"),
+    ("scattered", "comp"), ("held", "mux4"), ("filter", "lowpass"), ("mean", "lowpass"),
     ("over", "comp"), ("above", "comp"), ("engaged", "lut5"), ("loaded", "timedelay"),
     ("change", "ddt"), ("same", "near"), ("still", "lut5"), ("stuck", "timedelay"),
     ("first-beat", "flipflop"), ("beat", "xor2"), ("alive", "oneshot"),
@@ -84,14 +92,20 @@ net fm-load => fm.number.in1 fm.number.in2 fm.range.in fm.held.in1 fm.held.in3 f
 net fm-is-number fm.number.out => fm.valid.in0 fm.unused.in-3
 net fm-in-range fm.range.out => fm.valid.in1 fm.unused.in-4
 net fm-valid fm.valid.out => fm.bad.in fm.held.sel0
-net fm-bad fm.bad.out => fm.lost.in
+net fm-bad fm.bad.out => fm.lost.in fm.loose.sel
 net fm-lost fm.lost.out => fm.cause.in-1
 
 # Armed: switched on, and the spindle has turned long enough.
 net fm-spindle-on => fm.turning.in
 net fm-turning fm.turning.out => fm.armed.in0
 net fm-enable => fm.armed.in1
-net fm-armed fm.armed.out => fm.held.sel1 fm.engaged.in-0 fm.cause.in-0 fm.strained.in0 fm.unused.in-0 fm.before.sel
+net fm-armed fm.armed.out => fm.held.sel1 fm.engaged.in-0 fm.cause.in-0 fm.strained.in0 fm.unused.in-0 fm.before.sel fm.unarmed.in
+
+# More than a fifth of the readings invalid, each counted by 4 and a valid one by -1: lost too.
+net fm-unarmed fm.unarmed.out => fm.sparse.reset
+net fm-loose fm.loose.out => fm.sparse.in
+net fm-sparse fm.sparse.out => fm.scattered.in1
+net fm-scattered fm.scattered.out => fm.cause.in-4
 
 # Idle: the path does not advance, also in a pause, a dwell, and at an override of 0.
 net fm-velocity => fm.standing.in0
@@ -234,6 +248,9 @@ def _settings(loop: LoadLoop) -> list[tuple[str, str]]:
         "standing.in1": STANDING,
         "range.min": loop.load_low, "range.max": loop.load_high,
         **_delay("lost", loop, loop.lost_after), **_delay("turning", loop, loop.arm_after),
+        "loose.in0": -1.0, "loose.in1": float(SPARSE_RISE), "sparse.gain": 1 / loop.sample_time, "sparse.min": 0.0,
+        "sparse.max": float(SPARSE_MOST * loop.samples(loop.lost_after)),
+        "scattered.in0": SPARSE_AT * loop.samples(loop.lost_after) - 0.5,
         "filter.gain": _gain(loop, loop.filter_time), "mean.gain": _gain(loop, OVERLOAD_MEAN),
         "over.in0": loop.engage_at, "over.hyst": loop.hysteresis,
         "above.in0": loop.engage_at, "above.hyst": loop.hysteresis,
@@ -253,7 +270,7 @@ def _settings(loop: LoadLoop) -> list[tuple[str, str]]:
     }  # fmt: skip
     tables = {
         "engaged": 0x80,  # armed, over, above: all three
-        "cause": 0xAAA8,  # armed, and one of lost, stuck, dead
+        "cause": 0xAAAAAAA8,  # armed, and one of lost, stuck, dead, scattered
         "still": 0x8,  # same, loaded, not idle
         "cut": 0x2,  # loaded, not fault, not overload, not idle
         "unused": 0x4000404,  # not armed, idle, not heavy, and a number: in range is true for NaN

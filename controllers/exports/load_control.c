@@ -321,8 +321,9 @@ static int load_read(const LoadSettings *s, LoadState *x, const LoadInput *in)
     x->spindle = in->spindle_on ? load_count(x->spindle) : 0;
     x->armed = in->enable && x->spindle >= x->n_arm;
     if (!x->armed) x->sparse = 0;
-    else if (!valid && x->sparse < LOAD_SPARSE_MOST * x->n_lost) x->sparse += LOAD_SPARSE_RISE;
-    else if (valid && x->sparse > 0) --x->sparse;
+    else if (valid) x->sparse -= x->sparse > 0;
+    else if (x->sparse + LOAD_SPARSE_RISE < LOAD_SPARSE_MOST * x->n_lost) x->sparse += LOAD_SPARSE_RISE;
+    else x->sparse = LOAD_SPARSE_MOST * x->n_lost;
     if (valid) x->held = in->load;
     else if (!x->armed) x->held = 0;
     x->filtered += (x->held - x->filtered) * x->gain;

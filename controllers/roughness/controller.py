@@ -3,17 +3,20 @@
     fc(t) = f(t-1) F_ref / F(t)        f(t-1): the feed that the servo has reached
 
 Source: SURF, the feed law after Fig. 4 (its equation is missing in the copy used: a reconstruction from the text).
+
+The supervision is that of constant load (`fitmodels.controllers.constant_load_milling.controller`), which the exports
+carry: states, faults, overload, worn tool. Its override is the command over the upper limit of the feed.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Final, Literal, Self
 
 from ...core.display import Displayable
 from ...core.errors import ParameterError, UsageError
-from ..sensor_check import KNOWN, SensorCheck
+from ...parameters.exports.loop import BACK_OFF, RECOVER, STUCK_AFTER, LoadLoop, monitoring
+from ..constant_load_milling.controller import ConstantLoad
 from .reference import reference_force, settings_of
 
 if TYPE_CHECKING:
@@ -22,20 +25,22 @@ if TYPE_CHECKING:
 
 FLOOR = 0.1  # of the programmed feed: from feed 0 a multiplicative law cannot recover, and the edge would rub
 WAIT = 0.3  # s above the threshold, where the file has no time
-# of the programmed feed, in 25 equal readings: then the sensor is stuck. Stuck within 0.1 % of the reference it moves
-# the feed by less, below 1 % a second, and is seen when that has come to ten times as much.
-LEAST_MOVE = 0.0025
+HYSTERESIS: Final = 0.1  # of the threshold, whole width
+DRIFT: Final = 0.1  # of the reference, at least the threshold: a more negative force is no drift of the zero
+HIGHEST: Final = 20.0  # times the reference: a larger force is that of a broken sensor
+OVERLOAD: Final = 2.0  # times the reference that a tool withstands, where nothing is known of it
 
 
 @dataclass(slots=True, repr=False)
 class ConstantRoughness(Displayable):
     """The controller of SURF; its command is the feed, in mm/rev.
 
-    The law is active while the force reading is valid and has been above ``threshold`` for ``wait``. Below the
-    threshold and during the wait the feed is the programmed one, so it does not diverge as the force falls to zero.
-    While a reading is invalid (NaN, wrong sign, stuck) the command is held, but not above the programmed feed. It
-    always lies between ``low`` and ``high``. A sensor that reads 0 is indistinguishable from a tool in air: the feed is
-    then the programmed one.
+    From power-on the feed is at its lower limit. Once valid readings were below the threshold for ``wait``, the tool is
+    known to be in air and the feed rises to the programmed one; it is held while the force is above the threshold for
+    less than ``wait``, then the law acts. After a cut the feed keeps its last value, but at most the programmed one.
+    Invalid readings are bridged by the last valid one; for 0.05 s, or more than a fifth of them, they latch a fault, as
+    equal readings in the cut for ``stuck_after`` do: the feed goes to its lower limit until ``reset``. A sensor that
+    reads 0 is indistinguishable from a tool in air.
 
     Attributes
     ----------
@@ -49,21 +54,27 @@ class ConstantRoughness(Displayable):
         s; the controller carries a model of the servo, a lag of ``servo_time``.
     reading : str
         Meaning of f(t-1): the ``servo`` output, or the last ``command``, which is not stable (see `stability`).
+    force_low, force_high : float or None
+        N: a reading at or beyond these is invalid. None: minus the threshold or a tenth of the reference, and 20 times
+        the reference.
+    stuck_after : float
+        s; 0 for a simulated force without noise.
+    labels : tuple of str
+    control : ConstantLoad
+        The supervision and its inputs (``enabled``, ``spindle_on``, ``idle``, ``beat``, ``reset``, ``requested``).
     command : float
         mm/rev.
     reference : float
         Set point of the force, N.
-    acting : bool
-        Whether the law is in force.
     news : tuple of str
-        What changed in the last step: ``cut`` (the law acts), ``air`` (the force is below the threshold), ``idle``
-        (the reading is not valid), ``at low``, ``at high``, ``free``, ``force unknown``, ``force stuck``,
-        ``force known``, ``reference``.
+        What changed in the last step: ``cut`` (the law acts), ``air``, ``at low``, ``at high``, ``free``,
+        ``force unknown``, ``force known``, ``force lost``, ``force stuck``, ``overload``, ``reset``, ``change tool``,
+        ``reference``.
 
     Examples
     --------
     >>> from fitmodels.parameters.published import published
-    >>> controller = ConstantRoughness.from_parameters(published("SURF"))
+    >>> controller = ConstantRoughness.from_parameters(published("SURF")).approached()
     >>> feeds = [controller.step(600.0 + k % 2, 0.01) for k in range(40)]
     >>> round(feeds[0], 3), round(feeds[-1], 3), controller.acting
     (0.2, 0.176, True)
@@ -78,26 +89,19 @@ class ConstantRoughness(Displayable):
     sample_time: float
     servo_time: float
     reading: Literal["servo", "command"] = "servo"
+    force_low: float | None = None
+    force_high: float | None = None
+    stuck_after: float = STUCK_AFTER
     labels: tuple[str, str] = ("feed, mm/rev", "force, N")
+    control: ConstantLoad = field(init=False, compare=False)
     command: float = field(default=0.0, init=False)
     reference: float = field(default=0.0, init=False)
-    acting: bool = field(default=False, init=False)
     news: tuple[str, ...] = field(default=(), init=False)
-    _sensing: SensorCheck = field(init=False)
-    _servo: float = field(default=0.0, init=False)
-    _share: float = field(default=1.0, init=False)
-    _needed: int = field(default=1, init=False)
-    _above: int = field(default=0, init=False)
-    _limited: int = field(default=0, init=False)
     _samples: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        self.command = self._servo = min(self.programmed, self.high)
-        self.reference = self.references[0][1]
-        self._share = -math.expm1(-self.sample_time / self.servo_time) if self.servo_time else 1.0
-        self._needed = max(math.ceil(self.wait / self.sample_time - 1e-9), 1)
-        below = -max(self.threshold, 0.1 * self.reference)  # a drifting zero is air, a negative cutting force is none
-        self._sensing = SensorCheck(below, math.inf, LEAST_MOVE * self.programmed)
+        self.control = ConstantLoad(self.loop, running=True)
+        self.command, self.reference = self.low, self.references[0][1]
 
     @classmethod
     def from_parameters(
@@ -106,6 +110,7 @@ class ConstantRoughness(Displayable):
         *,
         schedule: Sequence[tuple[float, float]] = (),
         feed: Literal["servo", "command"] = "servo",
+        stuck_after: float = STUCK_AFTER,
     ) -> Self:
         """Make the controller from the file alone.
 
@@ -117,6 +122,8 @@ class ConstantRoughness(Displayable):
             Changes of the roughness along the run: s, and the roughness from then on.
         feed : {"servo", "command"}
             Meaning of f(t-1).
+        stuck_after : float
+            s.
 
         Raises
         ------
@@ -137,17 +144,50 @@ class ConstantRoughness(Displayable):
             programmed=programmed,
             low=low,
             high=high,
-            threshold=section.threshold,
+            threshold=_threshold(section),
             wait=WAIT if section.threshold_time is None else section.threshold_time,
             sample_time=sample_time,
             servo_time=servo_time,
             reading=feed,
+            force_low=section.force_low,
+            force_high=section.force_high,
+            stuck_after=stuck_after,
         )
+
+    @property
+    def loop(self) -> LoadLoop:
+        """The settings as the supervision and the exports take them; the program commands the upper limit."""
+        reference, span = self.references[0][1], (self.high - self.low) / self.high
+        drift, largest = -max(self.threshold, DRIFT * reference), max(force for _, force in self.references)
+        return LoadLoop(
+            kp=0.0, ki=0.0, sample_time=self.sample_time, reference=reference,
+            feed_low=self.low, feed_high=self.high, feed_programmed=self.high, unit_load="N", unit_feed="mm/rev",
+            filter_time=0.0, engage_at=self.threshold, hysteresis=HYSTERESIS * self.threshold, engage_after=self.wait,
+            back_off=span / BACK_OFF, recover=span / RECOVER,
+            load_low=drift if self.force_low is None else self.force_low,
+            load_high=HIGHEST * largest if self.force_high is None else self.force_high,
+            worn_load=OVERLOAD * largest, stuck_after=self.stuck_after, law="ratio",
+            approach=min(max(self.programmed, self.low), self.high) / self.high,
+            servo_time=self.servo_time if self.reading == "servo" else 0.0,
+        )  # fmt: skip
+
+    @property
+    def acting(self) -> bool:
+        """Whether the law is in force."""
+        return self.control.cutting
 
     @property
     def override(self) -> float:
         """Command over programmed feed."""
         return self.command / self.programmed
+
+    def approached(self) -> Self:
+        """The controller after it has run in air until its feed came to rest; times count from then."""
+        last = -1.0
+        for _ in range(self.control.loop.samples(self.wait + RECOVER) + 2):
+            last = self.control.step(0.0, self.sample_time)
+        self.command = last * self.high
+        return self
 
     def step(self, measurement: float, dt: float) -> float:
         """Feed command for a force.
@@ -160,30 +200,43 @@ class ConstantRoughness(Displayable):
         if abs(dt - self.sample_time) > 1e-9 * dt:
             own = f"the file samples the force every {self.sample_time:g} s"
             raise UsageError(f"a step of {dt:g} s: {own}; replay it at that.")
-        before = self._sensing.state, self.acting, self._limited, self.reference
-        self._servo += (self.command - self._servo) * self._share
-        valid = self._sensing.valid(measurement, self.command)
-        self._above = self._above + 1 if valid and measurement > self.threshold else 0
-        self.acting = self._above >= self._needed
-        self._update_reference(dt)
-        if self.acting:
-            last = self._servo if self.reading == "servo" else self.command
-            self._limit(last * self.reference / float(measurement))
-        else:
-            idle = min(self.programmed, self.high)
-            self.command, self._limited = idle if valid else min(self.command, idle), 0
-        now = self._sensing.state, self.acting, self._limited, self.reference
-        self.news = () if now == before else _changes(before, now)
-        return self.command
-
-    def _update_reference(self, dt: float) -> None:
-        now = self._samples * dt + 1e-9
+        before, now = self.reference, self._samples * dt + 1e-9
         self.reference = next(force for start, force in reversed(self.references) if start <= now)
         self._samples += 1
+        self.control.reference = self.reference
+        self.command = min(self.control.step(measurement, self.sample_time) * self.high, self.high)
+        news = tuple(words.replace("load ", "force ") for words in self.control.news)
+        self.news = news if self.reference == before else (*news, "reference")
+        return self.command
 
-    def _limit(self, wanted: float) -> None:
-        self._limited = int(wanted > self.high) - int(wanted < self.low)
-        self.command = min(max(wanted, self.low), self.high)
+
+def assumed_settings(pf: "ParameterFile") -> tuple[str, ...]:
+    """The settings of the supervision that the file does not hold, each with the value that is assumed."""
+    section, control = settings_of(pf), ConstantRoughness.from_parameters(pf)
+    loop, assumed = control.loop, []
+    if section.threshold_time is None:
+        assumed.append(f"threshold_time {WAIT:g} s")
+    if section.force_low is None:
+        assumed.append(f"force_low {loop.load_low:.4g} N, minus the threshold or a tenth of the reference")
+    if section.force_high is None:
+        assumed.append(f"force_high {loop.load_high:.4g} N, {HIGHEST:g} times the reference")
+    return (
+        *assumed,
+        f"overload above {loop.overload_at:.4g} N, 1.05 times {OVERLOAD:g} times the reference: the file holds no "
+        "force that the tool withstands",
+        f"hysteresis {loop.hysteresis:.4g} N, a tenth of the threshold",
+        f"feed out of the cut down by {loop.back_off:.4g} and up by {loop.recover:.4g} of the upper limit per s",
+        *monitoring(loop),
+    )
+
+
+def _threshold(section: "RoughnessSection") -> float:
+    if not (section.threshold > 0 and section.threshold * (1 + HYSTERESIS) < section.force):
+        raise ParameterError(
+            f"roughness.threshold {section.threshold:g} N: a cut is told from air by a force above zero and below the "
+            f"reference of {section.force:.4g} N; give such a threshold."
+        )
+    return section.threshold
 
 
 def feed_limits(pf: "ParameterFile") -> tuple[float, float]:
@@ -220,19 +273,3 @@ def _needed(section: "RoughnessSection", name: str) -> float:
     if value is None:
         raise ParameterError(f"The roughness section has no {name}; add it for the controller.")
     return value
-
-
-State = tuple[str, bool, int, float]
-
-
-def _changes(before: State, now: State) -> tuple[str, ...]:
-    news = []
-    if before[0] != now[0]:
-        news.append(f"force {now[0]}")
-    if before[1] != now[1]:
-        news.append("cut" if now[1] else "air" if now[0] == KNOWN else "idle")
-    if before[2] != now[2]:
-        news.append(("free", "at high", "at low")[now[2]])  # the third by index -1
-    if before[3] != now[3]:
-        news.append("reference")
-    return tuple(news)

@@ -9,6 +9,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import UsageError
+from ...parameters.exports.loop import STUCK_AFTER
 from ...parameters.published.roughness import FEED, TableRow, surf, table1
 from ..loop import Trace, replay
 from .controller import ConstantRoughness
@@ -130,7 +131,8 @@ def turn(
     (1.6, 0.201)
     """
     section, law = settings_of(pf), law_of(pf)
-    made = ConstantRoughness.from_parameters(pf, schedule=schedule, feed=feed)
+    noisy = STUCK_AFTER if disturbance else 0.0  # a force without disturbance repeats to the last bit
+    made = ConstantRoughness.from_parameters(pf, schedule=schedule, feed=feed, stuck_after=noisy).approached()
     start = made.command if constant_feed is None or control else constant_feed
     more: dict[str, Any] = {} if hold is None else {"hold": hold}
     plant = TurningForce.from_parameters(pf, disturbance=disturbance, engaged=engaged, feed=start, **more)

@@ -110,6 +110,16 @@ class LoadLoop:
         return max(round(time / self.sample_time), 1)
 
 
+def monitoring(loop: LoadLoop) -> tuple[str, ...]:
+    """Times of the supervision that no force section holds, in the words of an assumption."""
+    return (
+        f"arm_after {loop.arm_after:g} s, lost_after {loop.lost_after:g} s, stuck_after {loop.stuck_after:g} s",
+        f"heartbeat {loop.heartbeat:g} s, overload_after {loop.overload_after:g} s",
+        f"dwell {loop.dwell:g} s on the lower limit",
+        "on_fault lower limit, not stop",
+    )
+
+
 LEAST_FEED: Final = 0.05  # of the programmed feed: at zero a tool rubs in its cut for ever, below it runs back
 BACK_OFF, RECOVER = 0.5, 2.0  # s for the whole range of the feed, downwards and upwards: back off faster than recover
 ENGAGE = 0.1  # s
