@@ -90,7 +90,11 @@ JUST, NOT_YET, SLOWLY = "bgbgbbgbbgb", "bgbgbbgbgbgb", "bggg" * 40  # 24, 23, an
 SCATTERED = [
     *(f"{part}{'g' * 40}r{'g' * 40}" for part in (JUST, NOT_YET, SLOWLY)),
     *(f"{'bg' * 20}{'g' * more}r{'g' * 40}r{'g' * 60}" for more in (3, 4, 5, 6, 7, 8)),
-    *(f"{before}{part}{'g' * 40}r{'g' * 40}" for before in ("bgggggggo", "bg" * 20 + "ooo") for part in (JUST, NOT_YET)),
+    *(
+        f"{before}{part}{'g' * 40}r{'g' * 40}"
+        for before in ("bgggggggo", "bg" * 20 + "ooo")
+        for part in (JUST, NOT_YET)
+    ),
 ]
 
 

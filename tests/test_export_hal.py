@@ -33,8 +33,8 @@ from hal_sequences import (
     first_difference,
     hal_answer,
     random_inputs,
-    scattered_inputs,
     reference_answers,
+    scattered_inputs,
     worn_inputs,
 )
 
@@ -195,6 +195,8 @@ def _other_values(pin: str, value: str, period: float) -> list[str]:
         return [repr(float(value) + 2 * period)] + [repr(float(value) - period)] * (float(value) > period)
     if "period1" in pin:
         return [str(int(value) * 21 // 20), str(int(value) * 19 // 20)]
+    if float(value) == 0:
+        return ["1.0", "-2.0"]
     return [repr(float(value) * 1.05), repr(float(value) * 0.95)]
 
 
