@@ -122,31 +122,37 @@ class IncrementalLaw:
 class RatioLaw:
     """The feed of the servo, by a first-order model of it, times reference over measured force.
 
+    From entry, where the force still builds up, the feed rises at ``recover`` until the law first asks for less.
+
     Attributes
     ----------
     limited : int
         1 or -1 while the override is clipped at its upper or lower limit, else 0.
     """
 
-    __slots__ = ("_high", "_low", "_servo", "_share", "limited")
+    __slots__ = ("_high", "_low", "_rise", "_servo", "_share", "_soft", "_u", "limited")
 
     def __init__(self, loop: "LoadLoop") -> None:
         self._low, self._high, self._servo, self.limited = loop.low, loop.high, loop.low, 0
         self._share = -math.expm1(-loop.sample_time / loop.servo_time) if loop.servo_time else 1.0
+        self._u, self._rise, self._soft = loop.low, loop.recover * loop.sample_time, True
 
     def track(self, u: float, force: float, reference: float, *, closed: bool) -> None:
         """Advance the model of the servo by a sample under the last override."""
+        self._u = u
         self._servo += (u - self._servo) * self._share
 
     def enter(self) -> None:
         """Begin at the feed of the servo."""
-        self.limited = 0
+        self.limited, self._soft = 0, True
 
     def target(self, measured: float, reference: float, *, known: bool) -> float:
         """Override for a force."""
         wanted = self._servo * reference / measured
         self.limited = (wanted > self._high) - (wanted < self._low)
-        return min(max(wanted, self._low), self._high)
+        inside = min(max(wanted, self._low), self._high)
+        self._soft = self._soft and inside > self._u
+        return min(inside, self._u + self._rise) if self._soft else inside
 
 
 class AdaptiveLaw:

@@ -99,7 +99,8 @@ net fm-lost fm.lost.out => fm.cause.in-1
 net fm-spindle-on => fm.turning.in
 net fm-turning fm.turning.out => fm.armed.in0
 net fm-enable => fm.armed.in1
-net fm-armed fm.armed.out => fm.held.sel1 fm.engaged.in-0 fm.cause.in-0 fm.strained.in0 fm.unused.in-0 fm.before.sel fm.unarmed.in
+net fm-armed fm.armed.out => fm.held.sel1 fm.engaged.in-0 fm.cause.in-0 fm.strained.in0 fm.unused.in-0 fm.before.sel
+net fm-armed => fm.unarmed.in
 
 # More than a fifth of the readings invalid, each counted by 4 and a valid one by -1: lost too.
 net fm-unarmed fm.unarmed.out => fm.sparse.reset

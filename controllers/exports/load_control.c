@@ -128,7 +128,7 @@ typedef struct {
     LoadReal forces[LOAD_CONTROL_AVERAGE + 1], model[LOAD_CONTROL_AVERAGE + 1], rates[LOAD_CONTROL_AVERAGE + 1];
     LoadReal force_sum, model_sum;
     long spindle, bad, sparse, loaded_for, clear_for, same, alive, high_for, rested;
-    int ready, begun, armed, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset, ring;
+    int ready, begun, armed, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset, ring, soft;
     int fault, worn, overload;
     LoadCause cause;
 } LoadState;
@@ -407,6 +407,14 @@ static LoadReal load_inside(const LoadSettings *s, LoadState *x, LoadReal wanted
     return load_clip(wanted, s->low, s->high);
 }
 
+/* Feed of the servo times reference over force; from entry it rises at recover until less is asked for. */
+static LoadReal load_ratio(const LoadSettings *s, LoadState *x, int entering)
+{
+    const LoadReal target = load_inside(s, x, x->servo * s->reference / x->measured), most = x->u + x->rise;
+    x->soft = (entering || x->soft) && target > x->u;
+    return x->soft && target > most ? most : target;
+}
+
 /* A sample into the last revolution; its sums are trapezoidal and begin anew with every turn of the ring. */
 static void load_push(const LoadSettings *s, LoadState *x)
 {
@@ -499,8 +507,7 @@ static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error,
     int k;
     if (s->law != LOAD_PI) {
         x->had_cut = 1;
-        if (s->law == LOAD_ADAPTIVE) return load_adaptive(s, x, entering);
-        return load_inside(s, x, x->servo * s->reference / x->measured);
+        return s->law == LOAD_ADAPTIVE ? load_adaptive(s, x, entering) : load_ratio(s, x, entering);
     }
     if (entering) {
         x->bias = x->u + s->entry_gain * error;

@@ -111,7 +111,7 @@ def _variables(loop: LoadLoop) -> str:
     if loop.law != "pi":
         inside += ["clear_for : DINT := 0"]
     if loop.law == "ratio":
-        inside += [f"servo : LREAL := {real(loop.low)}"]
+        inside += [f"servo : LREAL := {real(loop.low)}", "soft : BOOL := FALSE"]
     if loop.law == "adaptive":
         inside += _adaptive_variables(loop)
     interface = _TEXT["interface"].format(
