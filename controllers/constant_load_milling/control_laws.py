@@ -223,3 +223,12 @@ class AdaptiveLaw:
             self.alpha -= loop.g2 * step * (w[1] + old[1]) / 2
             self.beta -= loop.g3 * step * (w[2] + old[2]) / 2
         self._E, self._w, self._begins = E, w, False
+
+
+def law_of_loop(loop: "LoadLoop") -> PositionLaw | IncrementalLaw | RatioLaw | AdaptiveLaw:
+    """The control law of a loop, at its start."""
+    if loop.law == "ratio":
+        return RatioLaw(loop)
+    if loop.law == "adaptive":
+        return AdaptiveLaw(loop)
+    return IncrementalLaw(loop) if loop.form == "incremental_sum" else PositionLaw(loop)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, Self
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from .control_laws import AdaptiveLaw, IncrementalLaw, PositionLaw, RatioLaw
+from .control_laws import AdaptiveLaw, IncrementalLaw, PositionLaw, RatioLaw, law_of_loop
 from .states import State
 
 if TYPE_CHECKING:
@@ -134,8 +134,7 @@ class ConstantLoad(Displayable):
 
     def __post_init__(self) -> None:
         loop = self.loop
-        forms = {"ratio": RatioLaw, "adaptive": AdaptiveLaw}
-        self._law = forms.get(loop.law, IncrementalLaw if loop.form == "incremental_sum" else PositionLaw)(loop)
+        self._law = law_of_loop(loop)
         self.command, self.reference = loop.low, loop.reference
         self.labels = ("feed override", f"load, {loop.unit_load}")
         times = ("arm_after", "lost_after", "engage_after", "stuck_after", "heartbeat", "overload_after", "dwell")
