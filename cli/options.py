@@ -177,8 +177,10 @@ def plan_options(parser: Parser | argparse._ArgumentGroup) -> None:
         "--grid", action="append", metavar="V=5m/min", help="steps of V and of f (default: 10 m/min and 0.005 mm/rev)"
     )
     group.add_argument(
-        "--wear-state", action="store_true", help="wear adds up from the wear reached (default: by the time, AC-2017)"
-    )
+        "--wear-state", action=argparse.BooleanOptionalAction,
+        help="wear adds up from the wear reached, or by the time as in AC-2017 (default: from the wear reached for "
+        "objectives cost and time)",
+    )  # fmt: skip
     group.add_argument(
         "--factors", choices=["published", "full"],
         help="whether power and force have their factors of time; published, as in AC-2017, leaves them out (default: "
@@ -195,7 +197,7 @@ def plan_options(parser: Parser | argparse._ArgumentGroup) -> None:
 
 def plan_asked(args: argparse.Namespace) -> list[str]:
     """The options of `plan_options` that were given, as they are typed."""
-    return [f"--{name.replace('_', '-')}" for name in PLAN_NAMES if getattr(args, name)]
+    return [f"--{name.replace('_', '-')}" for name in PLAN_NAMES if getattr(args, name) is not None]
 
 
 def plan_options_of(args: argparse.Namespace, pf: "ParameterFile") -> "PlanOptions":

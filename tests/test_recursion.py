@@ -585,6 +585,28 @@ def test_the_time_holds_whole_intervals_and_says_what_is_left(pf):
     assert "Of 5.7 min 5.5 are planned: whole intervals of 0.5 min." in plan.assumed
 
 
+def test_a_sequence_adds_wear_from_the_wear_reached_unless_told_otherwise(pf):
+    """By the time a sequence gains by cutting slowly first, and exceeds the limits on an edge by the wear state."""
+    asked = {"objective": "time", "time": 12.0, "grid": (25.0, 0.06)}
+    plan, clock = (plan_of(pf, options=PlanOptions(**asked, wear_state=by)) for by in (None, False))
+    assert (plan.life.rules.wear, clock.life.rules.wear) == ("wear_state", "clock")
+    assert any(line.startswith("Wear adds up from the wear reached") for line in plan.assumed)
+    held = apply_plan(clock.life, clock.laws, Rules("published", "wear_state"))
+    assert clock.removed > 1.2 * plan.removed
+    assert held.P[:12].max() > 8 > 7 >= plan.life.P.max()
+    assert held.Fxz[:12].max() > 2000 > 1500 >= plan.life.Fxz.max()
+    assert plan_of(pf, options=PlanOptions(time=2.0)).life.rules.wear == "clock"
+
+
+def test_wear_before_the_first_test_is_named(pf):
+    data = pf.model_dump()
+    next(factor for factor in data["laws"]["AW"]["factors"] if factor["symbol"] == "t")["low"] = 10.0
+    late = ParameterFile.model_validate({**data, "content_sha256": None})
+    words = "No test is shorter than 10 min: the wear before is that of the law."
+    assert words in plan_of(late, options=PlanOptions(time=2.0)).assumed
+    assert words not in plan_of(pf, options=PlanOptions(time=2.0)).assumed
+
+
 def test_the_diameter_gives_the_spindle_speed(pf):
     row = plan_of(pf, options=PlanOptions(at={"D": 80.0})).rows[0]
     assert row.n == pytest.approx(1000 * 150 / (np.pi * 80))

@@ -36,6 +36,8 @@ def greedy_lines(plan: Plan, costs: "CostsSection | None", most: int) -> list[st
         lines.append(
             f"No sequence costs less than {cost_words(plan.least)} (lives to 1.25 times the least cost compared)."
         )
+    if life.rules.wear == "clock" and len(life.time):
+        lines.append(_by_state(life))
     if not len(greedy.time):
         return lines
     cost = ""
@@ -47,6 +49,18 @@ def greedy_lines(plan: Plan, costs: "CostsSection | None", most: int) -> list[st
         f"{_lasts(greedy)}{cost}."
     )
     return lines
+
+
+def _by_state(life: Life) -> str:
+    """What a plan by the time does to an edge that wears by the wear state."""
+    count = len(life.time)
+    held = apply_plan(life, life.laws, Rules(life.rules.times, STATE_RULE, life.rules.interval), count)
+    values = {"power": held.P, "force": held.Fxz}
+    peaks = [
+        f"{rounded(float(values[name].max()))} {terms.unit} of {terms.most:g}" for name, terms in life.laws.limited
+    ]
+    end = f"{_lasts(held)}" if len(held.time) < count else "as long"
+    return f"On edges that wear by the wear state this plan lasts {end}{', with peaks of ' + listed(peaks) if peaks else ''}."
 
 
 def reading_lines(life: Life, most: int) -> list[str]:

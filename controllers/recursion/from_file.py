@@ -258,7 +258,7 @@ def outside_tests(
     wear, count = laws.wear, len(path["V"])
     units, held = {**UNITS, wear.response: wear.unit}, {**at, **path, "d": laws.d}
     inside, beyond = np.full(count, True), dict[tuple[str, str], list[str]]()
-    combined: list[str] = []
+    combined, corner = list[str](), np.full(count, False)
     for name in (wear.response, *(terms.response for _, terms in laws.limited)):
         law, given, within = pf.laws[name], dict[str, Array](), np.full(count, True)
         for factor in law.factors:
@@ -274,11 +274,12 @@ def outside_tests(
         tested = np.asarray(law.inside(None if law.by is None else by, **given))
         if (within & ~tested).any():
             combined.append(name)
+            corner |= within & ~tested
         inside &= within & tested
     words = [f"EXTRAPOLATED: {what}, tested {span} ({', '.join(of)})." for (what, span), of in beyond.items()]
     if combined:
         words.append(
-            f"EXTRAPOLATED: {int((~inside).sum())} of {count} pairs lie in a corner of the ranges outside the tested "
+            f"EXTRAPOLATED: {int(corner.sum())} of {count} pairs lie in a corner of the ranges outside the tested "
             f"region of {', '.join(combined)}."
         )
     return inside, tuple(words)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 Objective = Literal["removal", "life", "cost", "time"]
 OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 WHOLE = 1e-9  # of an interval
+EARLY = 2.0  # intervals before the first test that are not worth a note
 ENDS = {"most speed": "the upper limit of speed", "most feed": "the upper limit of feed"}
 
 
@@ -44,8 +45,9 @@ class PlanOptions(Displayable):
         min between changes of the pair; 1, as in the paper.
     grid : (float, float) or None
         Steps of speed and feed, m/min and mm/rev; 10 and 0.005, as in the paper.
-    wear_state : bool
-        Wear adds up from the wear reached and not by the clock, see `Rules`.
+    wear_state : bool or None
+        Wear adds up from the wear reached and not by the time, see `Rules`; by default so for objectives ``cost`` and
+        ``time``, since by the time a sequence gains by cutting slowly at first, whatever it cuts later.
     factors : {"published", "full"} or None
         Whether the laws of power and force keep their factors of time; published only in the paper's own file.
     objective : {"removal", "life", "cost", "time"}
@@ -69,7 +71,7 @@ class PlanOptions(Displayable):
     time: float | None = None
     interval: float | None = None
     grid: tuple[float, float] | None = None
-    wear_state: bool = False
+    wear_state: bool | None = None
     factors: Times | None = None
     objective: Objective = "removal"
     removal: float | None = None
@@ -94,6 +96,11 @@ class PlanOptions(Displayable):
             )
         if self.objective != "life" and self.removal is not None:
             raise UsageError(f"a least removal rate belongs to objective life, not {self.objective}: leave it out.")
+
+    @property
+    def by_wear(self) -> bool:
+        """Whether wear adds up from the wear reached."""
+        return self.objective in ("cost", "time") if self.wear_state is None else self.wear_state
 
     @property
     def steps(self) -> tuple[float, float]:
@@ -234,7 +241,7 @@ def plan_of(
     options = options or PlanOptions()
     _need_known(pf, options)
     laws = life_laws(pf, d=options.depth, by=options.by, at=options.at)
-    wear: WearRule = "wear_state" if options.wear_state else "clock"
+    wear: WearRule = "wear_state" if options.by_wear else "clock"
     rules = Rules(options.factors or laws.times, wear, options.interval or 1.0)
     grid = grid_of(laws, *options.steps)
     life, bound, least = _chosen(pf, laws, rules, grid, options)
@@ -378,6 +385,11 @@ def _assumed(pf: "ParameterFile", laws: LifeLaws, rules: Rules, options: PlanOpt
     parts += [] if options.grid is not None else [f"steps of {SPEED_STEP:g} m/min and {FEED_STEP:g} mm/rev"]
     words = ", ".join(parts)
     out = [f"{words[:1].upper()}{words[1:]}."] if parts else []
+    if options.by_wear and not options.wear_state:
+        out.append("Wear adds up from the wear reached: by the time, a plan gains by cutting slowly first.")
+    first = max((each.low for each in pf.laws[laws.wear.response].factors if each.symbol == "t"), default=0.0)
+    if first > EARLY * rules.interval:
+        out.append(f"No test is shorter than {first:g} min: the wear before is that of the law.")
     if options.time is not None:
         whole = intervals_in(options, rules) * rules.interval
         if abs(whole - options.time) > WHOLE * options.time:
