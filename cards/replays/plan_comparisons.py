@@ -57,10 +57,12 @@ def _by_state(life: Life) -> str:
     held = apply_plan(life, life.laws, Rules(life.rules.times, STATE_RULE, life.rules.interval), count)
     values = {"power": held.P, "force": held.Fxz}
     peaks = [
-        f"{rounded(float(values[name].max()))} {terms.unit} of {terms.most:g}" for name, terms in life.laws.limited
+        f"{rounded(float(values[name].max(initial=0.0)))} {terms.unit} of {terms.most:g}"
+        for name, terms in life.laws.limited
     ]
-    end = f"{_lasts(held)}" if len(held.time) < count else "as long"
-    return f"On edges that wear by the wear state this plan lasts {end}{', with peaks of ' + listed(peaks) if peaks else ''}."
+    end = _lasts(held) if len(held.time) < count else "as long"
+    taken = f", with peaks of {listed(peaks)}" if peaks else ""
+    return f"On edges that wear by the wear state this plan lasts {end}{taken}."
 
 
 def reading_lines(life: Life, most: int) -> list[str]:
