@@ -208,7 +208,8 @@ def plan_options_of(args: argparse.Namespace, pf: "ParameterFile") -> "PlanOptio
     UsageError
         A value that is no number, is not above zero, is in another unit, or an objective without what it needs.
     """
-    from ..controllers.recursion.plan import PlanOptions, need_level
+    from ..controllers.recursion.from_file import need_level
+    from ..controllers.recursion.plan import PlanOptions
 
     need_level(pf, args.by)
     asked = {

@@ -93,6 +93,14 @@ def shortfall(
     return ""
 
 
+def need_level(pf: "ParameterFile", by: str | None) -> None:
+    """Raise UsageError for a level that no law has."""
+    levels = dict.fromkeys(name for law in pf.laws.values() if law.by for name in (law.by.reference, *law.by.shifts))
+    if by is not None and by not in levels:
+        known = f"they have {', '.join(levels)}" if levels else "no law has levels"
+        raise UsageError(f"by {by}: no law has this level; {known}.")
+
+
 def depth(pf: "ParameterFile") -> float:
     """Default depth of cut, mm: the papers' 2.5, or the geometric mean of the tested range where that excludes it."""
     factors = [f for law in pf.laws.values() for f in law.factors if f.symbol == "d" and f.low > 0]

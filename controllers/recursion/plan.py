@@ -14,7 +14,7 @@ from ...core.display import Displayable
 from ...core.errors import UsageError
 from ..economics.part_cost import cost_of_edge
 from .distribution import LifeDraws, life_draws, responses
-from .from_file import depth, life_laws, outside_tests
+from .from_file import depth, life_laws, need_level, outside_tests
 from .interval_optimum import FEED_STEP, SPEED_STEP, Grid, grid_of, not_convex
 from .laws import LifeLaws, Rules, Times, WearRule
 from .life import MOST, Life, whole_life
@@ -277,14 +277,6 @@ def _need_known(pf: "ParameterFile", options: PlanOptions) -> None:
             raise UsageError(f"at {name}: no law has this factor; they have {', '.join(sorted(known))}.")
         if not is_positive(value):
             raise UsageError(f"at {name}={value:g}: give a value above zero.")
-
-
-def need_level(pf: "ParameterFile", by: str | None) -> None:
-    """Raise UsageError for a level that no law has."""
-    levels = dict.fromkeys(name for law in pf.laws.values() if law.by for name in (law.by.reference, *law.by.shifts))
-    if by is not None and by not in levels:
-        known = f"they have {', '.join(levels)}" if levels else "no law has levels"
-        raise UsageError(f"by {by}: no law has this level; {known}.")
 
 
 def diameter_of(pf: "ParameterFile", options: PlanOptions) -> float | None:
