@@ -84,8 +84,8 @@ def parser() -> Parser:
         "--step",
         action="append",
         metavar="RECORD",
-        help="recorded steps of the feed command, with the feed (servo) or the cutting force (servo and process); "
-        "one of each may be given (default: none)",
+        help="recorded steps of the feed command, with the feed (servo) or the cutting force (servo and process, also "
+        "of a command without steps); one of each may be given (default: none)",
     )
     p.add_argument("--input", metavar="COLUMN", help="feed command in the records (default: by name and unit)")
     p.add_argument("--output", metavar="COLUMN", help="measured feed or force in them (default: by name and unit)")

@@ -195,6 +195,23 @@ def test_times_and_gain_of_recorded_steps(params, tmp_path):
     assert "force.csv" in section.sources["force_per_feed"]
 
 
+def test_times_and_gain_of_a_record_without_steps(params, tmp_path):
+    t, noise = np.arange(2000) / 100, np.random.default_rng(8)
+    u = 0.2 + 0.02 * (np.sin(2 * t) + np.sin(5.3 * t) + np.sin(11 * t))
+    x, F, rows = 0.2, 560.0, []
+    for time, command in zip(t, u, strict=True):
+        rows.append(f"{time:.2f},{60 * 10 * command:.4f},{F + noise.standard_normal():.3f}")
+        for _ in range(20):
+            x, F = x + (command - x) * 0.0005 / 0.13, F + (2800 * x - F) * 0.0005 / 0.3
+    (tmp_path / "run.csv").write_text("time [s],command [mm/min],force [N]\n" + "\n".join(rows) + "\n", "utf-8")
+    words = ("Ra=1.6um", "n=600rpm", "f=0.2mm/rev", "servo=0.13s", "--step", str(tmp_path / "run.csv"))
+    section = settings(params, *words)
+    assert section.process_time == pytest.approx(0.3, rel=0.05)
+    bare = parameters.collect(laws=[fit.exponential_law(TABLE, "Ra", "F")])
+    parameters.write(bare, tmp_path / "bare.json")
+    assert settings(tmp_path / "bare.json", *words).force_per_feed == pytest.approx(2800, rel=0.03)
+
+
 def test_ideal_roughness_is_that_of_a_drawn_profile():
     f, r = 0.2, 0.8
     x = np.linspace(-f / 2, f / 2, 100001)

@@ -199,7 +199,7 @@ class _Draft:
         self.put("force_per_feed", *self._force_per_feed(self.values["feed"]))
         recorded, used = self.measured.force_per_feed, self.values["force_per_feed"]
         if recorded is not None and recorded != used:
-            words = f"The step record gives kc a {recorded:.4g} N per mm/rev, {recorded / used:.3g} times the one used."
+            words = f"The record gives kc a {recorded:.4g} N per mm/rev, {recorded / used:.3g} times the one used."
             self.remarks.append(words)
 
     def force(self, feed: float) -> float:

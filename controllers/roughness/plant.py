@@ -15,17 +15,18 @@ of 17.9/s. Derived here; the paper prints no analysis.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from ...core.display import Displayable
-from ...core.errors import ParameterError, UsageError
+from ...core.errors import IdentError, ParameterError, UsageError
 from ...core.verdict import DO_NOT_USE
 from .reference import settings_of
 
 if TYPE_CHECKING:
     from ...datasets import Record
+    from ...ident.physical_models.force_process import ForceProcess
     from ...ident.physical_models.step_response import StepFit
     from ...parameters import ParameterFile
 
@@ -281,74 +282,97 @@ class Measured:
     sources: dict[str, str] = field(default_factory=dict)
 
 
-def measured_from(records: "Sequence[Record]", cut: Cut) -> Measured:
-    """Time constants of servo and process, and kc a, from recorded steps of the feed command.
+class _Response(NamedTuple):
+    """Lags of a response, the slower first, its delay and time to 63.2 %, s; its gain, and its fit in words."""
 
-    A record whose output is a force shows servo and process in a row, two lags; any other one the servo alone, whose
-    time constant is the time to 63.2 % of the step, delay included.
+    lags: tuple[float, ...]
+    delay: float
+    time_to_63: float
+    gain: float
+    words: str
+
+
+def measured_from(records: "Sequence[Record]", cut: Cut) -> Measured:
+    """Time constants of servo and process, and kc a, from recorded runs of the feed command.
+
+    A record whose output is a force shows servo and process in a row, two lags: of steps with their delay, of any other
+    command by the force process of LYAP. Any other output shows the servo alone, whose time constant is the time to
+    63.2 % of a step, delay included.
 
     Raises
     ------
     UsageError
         Two records of one kind, a response that falls when the feed rises, one that oscillates, or a poor fit.
     """
-    from ...ident.physical_models.step_response import step_response_fit
-
     found, kinds = Measured(), set()
     for rec in sorted(records, key=lambda one: one.unit_y in FORCES):  # the servo first: it tells the lags apart
         of_force = rec.unit_y in FORCES
         if of_force in kinds:
-            raise UsageError(f"two steps of the {'force' if of_force else 'servo'}: give one record of each.")
+            raise UsageError(f"two records of the {'force' if of_force else 'servo'}: give one of each.")
         kinds.add(of_force)
-        fit = step_response_fit(rec, 2 if of_force else 1)
-        name = f"step record {rec.source or rec.output}"
-        if not fit.gain > 0:
-            raise UsageError(
-                f"{name}: the {rec.output} falls as the {rec.input} rises (gain {fit.gain:.4g}); check the sign of the "
-                "sensor and which column is the command (--input, --output)."
-            )
-        if fit.verdict.level == DO_NOT_USE:
-            raise UsageError(f"{name}: {' '.join(fit.verdict.reasons)}")
-        words = f"{name}, fit {fit.fit:.1f} %"
-        found = _of_force(found, fit, words, cut) if of_force else _of_servo(found, fit, words)
+        seen = _response(rec, of_force=of_force)
+        if of_force:
+            found = _of_force(found, seen, rec, cut)
+        else:
+            words = f"time to 63.2 % of the step, delay {seen.delay:.3g} s included; {seen.words}"
+            found = replace(found, servo_time=seen.time_to_63, sources={"servo_time": words})
     return found
 
 
-def _of_servo(found: Measured, fit: "StepFit", words: str) -> Measured:
-    time = fit.time_to_63
-    source = f"time to 63.2 % of the step, delay {fit.delay:.3g} s included; {words}"
-    return replace(found, servo_time=time, sources={**found.sources, "servo_time": source})
+def _response(rec: "Record", *, of_force: bool) -> _Response:
+    """The response of a record, refused where it falls, oscillates or is not explained."""
+    from ...ident.physical_models.force_process import force_process_fit
+    from ...ident.physical_models.step_response import step_response_fit
+
+    fit: StepFit | ForceProcess
+    name = f"record {rec.source or rec.output}"
+    try:
+        fit = step_response_fit(rec, 2 if of_force else 1)
+        gain, delay, time, lags = fit.gain, fit.delay, fit.time_to_63, fit.time_constants
+    except IdentError:  # no steps
+        if not of_force:
+            raise
+        fit = force_process_fit(rec.centred())
+        gain, delay, time = 1 / float(fit.ratios[2]), 0.0, math.nan
+        lags = () if np.abs(fit.poles.imag).max() > 0 else tuple(-1 / fit.poles.real)
+    if not gain > 0:
+        raise UsageError(
+            f"{name}: the {rec.output} falls as the {rec.input} rises (gain {gain:.4g}); check the sign of the sensor, "
+            "and which column is the command (--input, --output)."
+        )
+    if not lags or not min(lags) > 0:
+        raise UsageError(f"{name}: the {rec.output} oscillates or is not stable, which no two lags explain.")
+    if fit.verdict.level == DO_NOT_USE:
+        raise UsageError(f"{name}: {' '.join(fit.verdict.reasons)}")
+    words = " ".join([f"{name}, fit {fit.fit:.1f} %", *fit.verdict.reasons])
+    return _Response(tuple(map(float, lags)), delay, time, gain, words)
 
 
-def _of_force(found: Measured, fit: "StepFit", words: str, cut: Cut) -> Measured:
-    lags = fit.time_constants
-    if not lags:
-        raise UsageError(f"{words}: the force oscillates (damping {fit.shape[1]:.2g}), which two lags cannot.")
+def _of_force(found: Measured, seen: _Response, rec: "Record", cut: Cut) -> Measured:
+    """Process time and kc a of a record of force, and the servo where nothing else states it."""
     known = cut.servo_time if cut.servo_time is not None else found.servo_time
     near = cut.revolution if known is None else known
-    first, second = sorted(lags, key=lambda lag: abs(math.log(lag / near)))
+    first, second = sorted(seen.lags, key=lambda lag: abs(math.log(lag / near)))
     servo, process = (second, first) if known is None else (first, second)
-    process += fit.delay
     told = "the one nearer one revolution" if known is None else "the one farther from that of the servo"
-    of_process = f"{told} of the lags {lags[0]:.3g} and {lags[1]:.3g} s, delay {fit.delay:.3g} s included; {words}"
-    sources = {**found.sources, "process_time": of_process}
+    both = f"{told} of the lags {seen.lags[0]:.3g} and {seen.lags[1]:.3g} s, delay {seen.delay:.3g} s included"
+    sources = {**found.sources, "process_time": f"{both}; {seen.words}"}
     if known is None:
-        sources["servo_time"] = f"the lag farther from one revolution; {words}"
-    gain = _per_revolution(fit, cut)
-    if gain is not None:
-        sources["force_per_feed"] = f"gain of the {words}"
-    return Measured(servo if known is None else found.servo_time, process, gain, sources)
+        sources["servo_time"] = f"the lag farther from one revolution; {seen.words}"
+    if (gain := _per_revolution(seen.gain, rec, cut)) is not None:
+        sources["force_per_feed"] = f"gain of the {seen.words}"
+    return Measured(servo if known is None else found.servo_time, process + seen.delay, gain, sources)
 
 
-def _per_revolution(fit: "StepFit", cut: Cut) -> float | None:
-    """Gain of a force record, N per mm/rev; None where its command is no feed."""
+def _per_revolution(gain: float, rec: "Record", cut: Cut) -> float | None:
+    """Gain of a record of force, N per mm/rev; None where its command is no feed."""
     from ...datasets.units import convert, same_dimension
 
-    newton = fit.gain * float(convert(np.array([1.0]), fit.unit_y, "N")[0])
-    if fit.unit_u == "mm/rev":
+    newton = gain * float(convert(np.array([1.0]), rec.unit_y, "N")[0])
+    if rec.unit_u == "mm/rev":
         return newton
-    if fit.unit_u and same_dimension(fit.unit_u, "mm/min"):
-        return newton * cut.spindle_speed / float(convert(np.array([1.0]), fit.unit_u, "mm/min")[0])
+    if rec.unit_u and same_dimension(rec.unit_u, "mm/min"):
+        return newton * cut.spindle_speed / float(convert(np.array([1.0]), rec.unit_u, "mm/min")[0])
     return None
 
 
