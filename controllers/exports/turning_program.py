@@ -40,6 +40,7 @@ NOT_IN_NC: Final = (
 NOT_IN_CSV: Final = ("the laws and their uncertainty",)
 CLEAR: Final = 2.0  # mm off the work
 WIDTH: Final = 100
+RISK: Final = 0.05  # of new edges: more that are worn out within the plan are worth a shorter one
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +84,8 @@ class TurningExport:
             return (f"plan of one edge: {rows}, {self.plan.minutes:.4g} min, {self.plan.removed / 1000:.4g} cm3",)
         last = part.moves[-1]
         count = f"{last.part} part{'s' * (last.part > 1)}, {part.edges} edge{'s' * (part.edges > 1)}"
-        after = (
-            f"the last edge has then cut {last.end:.2f} of {part.edge.end:.4g} min: go on with --from {last.end:.2f}"
-        )
+        of, spent = "" if part.edge.others else f" of {part.edge.end:.4g}", math.ceil(100 * last.end) / 100
+        after = f"the last edge has then cut {spent:.2f}{of} min: go on with --from {spent:.2f}min"
         return (f"{count}, {len(part.moves)} cuts, {_minutes(part):.4g} min in the cut", after)
 
     @property
@@ -130,21 +130,29 @@ def turning_export(
     doubts = () if pf.reading is None else pf.reading.doubts
     doubted = (f"the data are right although the reading doubts them: {doubt.sentence}" for doubt in doubts)
     assumed = (*doubted, *untried, *plan.assumed)
-    ends = () if plan.ends_early is None else (
-        f"of new edges drawn from the laws {100 * plan.ends_early:.0f} % are worn out before the plan ends",
-    )  # fmt: skip
     return TurningExport(
         plan=plan,
         part=part,
         origin=(pair, *([said] if said else []), *verdicts, *outside, checksum),
         remarks=(
             *NO_SAFETY, "calculated from the laws of the file, not measured: watch the first part and inspect the edge",
-            *ends, *_settings(plan), *([] if part is None else _words_of(part)),
+            *_chance(plan), *_settings(plan), *([] if part is None else _words_of(part)),
             *(f"assumed: {words}" for words in assumed),
         ),
         marks=(*([said] if said else []), *(line for line in verdicts if line.startswith("VERDICT ACCEPTED"))),
         inch=request.inch if part is None else part.job.inch,
     )  # fmt: skip
+
+
+def _chance(plan: Plan) -> tuple[str, ...]:
+    """Share of new edges that the plan overtaxes, and the time that it should end after; empty without draws."""
+    if plan.chance is None:
+        return ()
+    early = plan.chance.band("minutes", 1 - 2 * RISK)[0]
+    words = f"of new edges drawn from the laws {100 * plan.chance.ends_early:.0f} % are worn out before the plan ends"
+    if plan.chance.ends_early <= RISK:
+        return (words,)
+    return (f"{words}, {100 * RISK:.0f} % before {early:.3g} min: --time {early:.3g}min ends the plan there",)
 
 
 def _settings(plan: Plan) -> tuple[str, ...]:
