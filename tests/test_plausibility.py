@@ -470,6 +470,15 @@ def test_merely_unusual_values_are_a_reservation(read):
         assert doubts_of_reading(fit.power_law(runs, "AW", ["V", "f", "t"]), runs).concern == 1
 
 
+def test_long_times_that_would_be_usual_in_seconds_are_a_reservation(read):
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna()
+    content = frame.assign(**{"t [min]": frame["t [min]"] * 29}).to_csv(index=False)  # 58 to 580
+    (doubt,) = read(content).doubts
+    assert str(doubt) == "t 58 to 580 min is long (usual 0.2 to 120 min); 58 to 580 s would be usual: --unit t=s"
+    assert not doubt.unsettled
+    assert not read(content, units={"t": "min"}).doubts
+
+
 def test_no_file_is_exported_whose_law_has_an_impossible_unit(tmp_path):
     path = tmp_path / "tests.csv"
     path.write_text(mislabelled("thrust in kN")[2], "utf-8")

@@ -166,13 +166,14 @@ def _other_role(draft: Draft, one: Quantity) -> str:
 
 def _judge_named(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) -> None:
     """Refuse values that cannot be in the unit named, doubt unusual ones."""
-    if one.lies_in(one.ranges.unusual):
-        return
     units = [
         u
         for u in _units_in_use(draft, one)
         if u != one.unit and one.lies_in(one.ranges.usual, unit_factor(u, one.role))
     ]
+    if one.lies_in(one.ranges.unusual):
+        _doubt_long_times(draft, one, units)
+        return
     other = exchanged.get(one.role)
     possible = one.lies_in(one.ranges.hard) or (one.given and one.lies_in(widest(one.role).hard))
     head = f"{one.role} {one.shown(one.unit)}"
@@ -189,6 +190,13 @@ def _judge_named(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) ->
     swap = f"{swap}: {_exchange_options(draft, one, other)}" if other else ""
     can = " or ".join(filter(None, (swap, can, _other_role(draft, one))))
     raise DataError(f"column {header!r}: {head} cannot be ({one.usual}); {can or _correct(one)}.")
+
+
+def _doubt_long_times(draft: Draft, one: Quantity, units: list[str]) -> None:
+    """Doubt times in the cut that are long in the unit named and usual in another: seconds named minutes."""
+    if ROLES[one.role].kind == "time" and units and not one.given and one.bulk[0] * one.factor > one.ranges.usual[1]:
+        sentence = f"{one.role} {one.shown(one.unit)} is long ({one.usual}); {one.shown(units[0])} would be usual"
+        draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={units[0]}"))
 
 
 def _confirmation(role: str, unit: str) -> str:
