@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fitmodels import parameters
 from fitmodels.cards.replays import region as replay_of_region
+from fitmodels.controllers.region.figures import plot_region_detail
 from fitmodels.controllers.region.probability import best_point, feasibility
 from fitmodels.controllers.region.visible import visible_region, wear_front
 from fitmodels.core.errors import DataError, UsageError
@@ -679,3 +680,10 @@ def test_limits_that_curves_exclude_are_named_with_the_best_value(tests_of_two_l
         _ = region.best
     with pytest.raises(UsageError, match=r"d 9 mm lies outside 1 to 3, the tested range of the second order law of"):
         visible_region(pf, d=9.0, t=5.0)
+
+
+def test_the_detail_of_pairs_far_apart_stays_above_zero():
+    region = visible_region(file(POWER, limits=kW(5.0)))
+    low = np.exp(region.box.low)
+    ax = plot_region_detail(region, {"slow": region.at(*low)})
+    assert min(ax.get_xlim()[0] / low[0], ax.get_ylim()[0] / low[1]) > 0

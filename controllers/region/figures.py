@@ -43,7 +43,7 @@ def plot_region_detail(region: VisibleRegion, marks: Mapping[str, OperatingPoint
     pairs = np.array([region.best.xy, *(point.xy for point in marks.values())])
     half = np.maximum((pairs.max(axis=0) - pairs.min(axis=0)) * 0.8, pairs[0] * 0.04)
     middle = (pairs.max(axis=0) + pairs.min(axis=0)) / 2
-    low, high = middle - half, middle + half
+    low, high = np.maximum(middle - half, 0.5 * np.exp(region.box.low)), middle + half  # a logarithm of them is taken
     _region(region, ax, marks, _grid(low, high, FINE))
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     return ax
