@@ -205,6 +205,7 @@ def adaptive_force_window(a: AdaptiveForceSection) -> WindowPart:
     """Estimates and settings of adaptive force control."""
     errors = _standard_errors(a.uncertainty)
     lacking = [name for name in ("g1", "g2", "g3", "Kd", "lam") if getattr(a, name) is None]
+    by = a.sources
     points = (
         fact(f"force at depth {quantity(figure(p.depth, 6, a.unit_depth))}", figure(p.force, 6, a.unit_force))
         for p in a.set_points
@@ -216,30 +217,40 @@ def adaptive_force_window(a: AdaptiveForceSection) -> WindowPart:
             for item in fact(
                 name,
                 figure(getattr(a, name), 6),
-                ", ".join(filter(None, ("first estimate, divided by k", _error(getattr(a, name), errors, name)))),
+                ", ".join(
+                    filter(None, ("first estimate, divided by k", _error(getattr(a, name), errors, name), by.get(name)))
+                ),
             )
         ),
-        *fact("depth of the run", figure(a.depth, 6, a.unit_depth)),
+        *fact("depth of the run", figure(a.depth, 6, a.unit_depth), by.get("depth", "")),
         *(
             item
             for name in ("g1", "g2", "g3")
             if getattr(a, name) is not None
-            for item in fact(name, figure(getattr(a, name), 6), "adaptation rate")
+            for item in fact(name, figure(getattr(a, name), 6), by.get(name, "adaptation rate"))
         ),
-        *fact("Kd", figure(a.Kd, 6)),
-        *fact("lambda", figure(a.lam, 6, "1/s")),
+        *fact("Kd", figure(a.Kd, 6), by.get("Kd", "")),
+        *fact("lambda", figure(a.lam, 6, "1/s"), by.get("lam", "")),
         *(item for point in points for item in point),
-        *fact("sample time", figure(a.sample_time, 6, "s")),
-        *fact("averaging time", figure(a.average_time, 6, "s")),
-        *fact("lowest command", figure(a.low, 6, a.unit_u)),
-        *fact("highest command", figure(a.high, 6, a.unit_u)),
+        *fact("spindle speed", figure(a.spindle_speed, 6, "1/min"), by.get("spindle_speed", "")),
+        *fact("time of the reference model", figure(a.reference_time, 6, "s"), by.get("reference_time", "")),
+        *fact("sample time", figure(a.sample_time, 6, "s"), by.get("sample_time", "")),
+        *fact("averaging time", figure(a.average_time, 6, "s"), by.get("average_time", "")),
+        *fact("lowest command", figure(a.low, 6, a.unit_u), by.get("low", "")),
+        *fact("highest command", figure(a.high, 6, a.unit_u), by.get("high", "")),
+        *fact("smallest valid force", figure(a.force_low, 6, a.unit_force), by.get("force_low", "")),
+        *fact("largest valid force", figure(a.force_high, 6, a.unit_force), by.get("force_high", "")),
     )
     return WindowPart(
         title="Adaptive force",
         verdict=verdict_part(ADAPTIVE_FORCE, a.verdict),
         facts=facts,
         sentences=(
-            *([f"Settings not stated: {', '.join(lacking)}; a controller needs them."] if lacking else []),
+            *(
+                [f"Settings not stated: {', '.join(lacking)}; derive them: fitmodels adaptive-force."]
+                if lacking
+                else []
+            ),
             *map(sentence, a.notes),
         ),
     )

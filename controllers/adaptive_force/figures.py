@@ -42,7 +42,7 @@ def depths_figure(runs: Sequence["ForceRun"], others: Sequence["ForceRun"] = (),
     for ax, words in zip(grid[:, 0], labels, strict=True):
         ax.set_ylabel(words)
     grid[0, 0].legend(loc="lower right")
-    figure.suptitle("Simulated: force averaged over a revolution at the three depths (grey band: 2 %)")
+    figure.suptitle("Simulated: force averaged over a revolution, at each depth (grey band: 2 %)")
     return figure
 
 
