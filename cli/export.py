@@ -13,7 +13,7 @@ from .output import Printer, output_options, print_json
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ..controllers.exports import ExportJob
+    from ..controllers.exports.plan_table import ExportJob
     from ..controllers.exports.turning_job import Stretch, TurningJob
     from ..controllers.exports.turning_program import TurningRequest
     from ..parameters import ParameterFile
@@ -57,11 +57,11 @@ def parser() -> Parser:
 
 def part_options(parser: Parser) -> None:
     """Add the part, the machine and the control of an NC program, and the machine of a running plan."""
-    group = parser.add_argument_group("part and control, of nc and csv; --diameter and --max-rpm of a plan in c too")
+    group = parser.add_argument_group("part and control, of nc and csv")
     group.add_argument(
         "--diameter", metavar="80mm",
-        help="of the work before the first pass; of a running plan, 60mm, or 40mm:80mm where it is measured (default: "
-        "none)",
+        help="of the work before the first pass; of a running plan too, 60mm, or 40mm:80mm where it is measured "
+        "(default: none)",
     )  # fmt: skip
     group.add_argument("--length", metavar="200mm", help="of each pass (default: none)")
     group.add_argument("--passes", type=int, metavar="N", help="passes of a part, each one depth deeper (default: 1)")
@@ -71,7 +71,11 @@ def part_options(parser: Parser) -> None:
         "80:120,78:80:1.5 (instead of --diameter and --length; default: none)",
     )  # fmt: skip
     group.add_argument("--parts", type=int, metavar="N", help="number of parts (default: as many as the edge cuts)")
-    group.add_argument("--max-rpm", metavar="2500", help="highest spindle speed (default: the limit of n in the file)")
+    group.add_argument(
+        "--max-rpm",
+        metavar="2500",
+        help="highest spindle speed, of a running plan too (default: the limit of n in the file)",
+    )
     group.add_argument(
         "--from", dest="from_", metavar="4min", help="time that the edge has cut by this plan (default: 0)"
     )
@@ -113,7 +117,7 @@ def turning_request(args: argparse.Namespace, pf: "ParameterFile") -> "TurningRe
 
 def _job_of(args: argparse.Namespace, pf: "ParameterFile", system: str, draws: "Mapping[str, Draws]") -> "ExportJob":
     """Choices of the export; an option that the format does not use is refused."""
-    from ..controllers.exports import ExportJob
+    from ..controllers.exports.plan_table import ExportJob
     from ..controllers.exports.turning_program import TurningRequest
 
     program, running = args.to in PLANS, system in PLANNED and args.to not in PLANS

@@ -121,7 +121,7 @@ HALRUN = """\
 set -e
 mount --bind {modules} original
 for module in original/*.so; do ln -s "$PWD/$module" modules/; done
-mv fm_control.so modules/
+mv {name}.so modules/
 mount --bind modules {modules}
 exec halrun -f test.hal
 """
@@ -152,14 +152,15 @@ def machine(consumer):
     folder.chmod(0o777)
 
     def run(component: str, hal: str) -> subprocess.CompletedProcess[str]:
-        (folder / "fm_control.comp").write_text(component)
-        made = subprocess.run([compiler, "--compile", "fm_control.comp"], cwd=folder, capture_output=True, text=True)
+        name = re.search(r"^component (\w+)", component, re.MULTILINE)[1]
+        (folder / f"{name}.comp").write_text(component)
+        made = subprocess.run([compiler, "--compile", f"{name}.comp"], cwd=folder, capture_output=True, text=True)
         assert made.returncode == 0, made.stderr
         assert "warning" not in made.stderr
         (folder / "test.hal").write_text(hal)
-        (folder / "run.sh").write_text(HALRUN.format(modules=MODULES))
-        for name in ("original", "modules"):
-            (folder / name).mkdir()
+        (folder / "run.sh").write_text(HALRUN.format(modules=MODULES, name=name))
+        for part in ("original", "modules"):
+            (folder / part).mkdir()
         env = {**os.environ, "RTAPI_UID": "65534", "RTAPI_FIFO_PATH": str(folder / "fifo")}
         with (Path(tempfile.gettempdir()) / "fitmodels-halrun.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)

@@ -5,6 +5,9 @@ The laws are those of Alaskari & Oraby, AC-2017 (Kuwait J. Sci., accepted June 2
 """
 
 import ctypes
+import importlib
+import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -30,6 +33,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from load_control import STRICT
 from st_evaluator import FunctionBlock
+from test_export_control_run import fmpy, machine  # noqa: F401  fixtures
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -301,6 +305,34 @@ def test_the_feed_rate_waits_for_a_rising_spindle_and_falls_at_once():
     assert all(one["feed_rate"] <= one["feed"] * one["spindle_speed"] * (1 + 1e-12) for one in rising)
 
 
+def test_the_command_takes_diameter_period_and_settings_of_the_plan(tmp_path, monkeypatch, capsys):
+    from fitmodels import parameters
+    from fitmodels.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    parameters.write(published("AC-2017"), "params.json")
+    asked = ["export", "params.json", "--to", "c"]
+    assert main([*asked, "--system", "recursion", "--diameter", "40mm:80mm", "--max-rpm", "2500", "--period", "10ms",
+                 "--depth", "2mm", "--interval", "2min"]) == 0  # fmt: skip
+    text = Path("params.c").read_text()
+    assert "7 rows to 14 min" in text
+    assert "spindle speed at most 2500 1/min" in text
+    assert "(PlanReal)0.01, /* sample_time */" in text
+    assert main([*asked, "--system", "region", "--out", "region.c"]) == 0
+    capsys.readouterr()
+    for more, words in (
+        ([], "supports recursion and region; choose one with --system"),
+        (["--system", "recursion"], "--diameter 40mm:80mm"),
+        (["--system", "recursion", "--diameter", "40:60:80"], "give one, 60mm"),
+        (["--system", "recursion", "--diameter", "80:40"], "the smaller first"),
+        (["--system", "recursion", "--diameter", "60", "--period", "5s"], "at most 1 s"),
+        (["--system", "recursion", "--diameter", "60", "--tool", "3"], "belongs to --to nc"),
+        (["--system", "region", "--depth", "2mm"], "leave it out"),
+    ):
+        assert main([*asked, *more, "--force"]) != 0
+        assert words in " ".join(capsys.readouterr().err.split()), more
+
+
 def test_the_default_system_is_named_where_several_are_possible():
     assert system_of(published("AC-2017"), "hal") == "constant-load"
     with pytest.raises(UsageError, match="there is no such system"):
@@ -423,3 +455,115 @@ def test_measured_wear_takes_the_place_of_its_law():
 def test_a_limit_of_the_spindle_needs_the_diameter():
     with pytest.raises(UsageError, match="needs the diameter"):
         rendered(limited_spindle(published("AC-2016")), "c", system="region", job=ExportJob(accept_verdict=True))
+
+
+SYSTEMS = {
+    "recursion": (published("AC-2017"), plan_in_st, plan_variables, plan_control),
+    "region": (published("AC-2016"), region_in_st, region_variables, region_control),
+}
+
+
+def inputs_of(system, samples, period):
+    """Inputs of a system by name, that a streamer can read."""
+    if system == "recursion":
+        rows = sequence(5, samples)[:samples]
+        return [{**row, "period": period, **{k: np.nan_to_num(row[k]) for k in ("diameter", "wear", "elapsed")}}
+                for row in rows]  # fmt: skip
+    rng = np.random.default_rng(6)
+    return [{"period": period, "V": rng.uniform(40, 250), "f": rng.uniform(0.05, 0.7), "d": rng.uniform(1, 4),
+             "t": rng.uniform(-0.2, 30), "wear": rng.choice([0.0, 0.2]), "diameter": 60.0,
+             "reset": rng.random() < 0.3} for _ in range(samples)]  # fmt: skip
+
+
+@pytest.mark.consumer
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_fmpy_validates_compiles_and_runs_the_fmu(consumer, fmpy, tmp_path, system):  # noqa: F811
+    consumer("cmake", "apt-get install cmake gcc g++")
+    pf, block, variables_of, control_of = SYSTEMS[system]
+    variables = variables_of(control_of(pf, JOB))
+    (tmp_path / "build").mkdir()
+    (tmp_path / "fm.fmu").write_bytes(rendered(pf, "fmu", system=system, job=JOB))
+    assert importlib.import_module("fmpy.validation").validate_fmu(str(tmp_path / "fm.fmu")) == []
+    unzipped = fmpy.extract(str(tmp_path / "fm.fmu"), str(tmp_path / "fm"))
+    importlib.import_module("fmpy.build").build_platform_binary(unzipped, tmp_path / "build", all_warnings=True)
+    model = fmpy.instantiate_fmu(unzipped, fmpy.read_model_description(unzipped), fmi_type="CoSimulation")
+    model.setupExperiment()
+    model.enterInitializationMode()
+    model.exitInitializationMode()
+    st = block()
+    for k, row in enumerate(inputs_of(system, 2000, T)):
+        for kind, put in (("Real", model.setReal), ("Boolean", model.setBoolean)):
+            given = [v for v in variables if v.causality == "input" and v.kind == kind]
+            put([v.reference for v in given], [row[v.name] for v in given])
+        model.doStep(k * T, T)
+        found = {}
+        for kind, get in (("Real", model.getReal), ("Integer", model.getInteger), ("Boolean", model.getBoolean)):
+            asked = [v for v in variables if v.causality == "output" and v.kind == kind]
+            found |= dict(zip([v.name for v in asked], get([v.reference for v in asked]), strict=True))
+        assert found == pytest.approx(st.call(**row), rel=1e-9, abs=1e-9)
+    model.terminate()
+    model.freeInstance()
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_linuxcnc_runs_the_component(machine, system):  # noqa: F811
+    """Streamer gives the inputs, sampler takes the outputs, each by its pin."""
+    pf, block, variables_of, control_of = SYSTEMS[system]
+    job, samples = replace(JOB, sample_time=0.001), 2000
+    variables, st = variables_of(control_of(pf, job)), block(job)
+    inputs = [v for v in variables if v.causality == "input"]
+    outputs = [v for v in variables if v.causality == "output"]
+    rows = inputs_of(system, samples, 0.001)
+    name = "fm-plan" if system == "recursion" else "fm-region"
+    letters = {"Real": "f", "Boolean": "b", "Integer": "s"}
+
+    def pins(variables, side):
+        lines = (
+            f"net x-{side}-{k} {name}.{v.name.replace('_', '-')} {side}.0.pin.{k}" for k, v in enumerate(variables)
+        )
+        return "\n".join(lines)
+
+    text = "".join(
+        " ".join(f"{float(row[v.name])!r}" if v.kind == "Real" else str(int(row[v.name])) for v in inputs) + "\n"
+        for row in rows
+    )
+    (machine.folder / "inputs").write_text(text)
+    component = rendered(pf, "comp", system=system, job=job)
+    made = machine(
+        component,
+        f"""\
+loadrt threads name1=t period1=1000000 fp1=1
+loadrt streamer depth=4000 cfg={"".join(letters[v.kind] for v in inputs)}
+loadrt sampler depth=4000 cfg={"".join(letters[v.kind] for v in outputs)}
+loadrt {name.replace("-", "_")}
+{pins(inputs, "streamer")}
+{pins(outputs, "sampler")}
+addf streamer.0 t
+addf {name} t
+addf sampler.0 t
+loadusr -w halstreamer {machine.folder}/inputs
+start
+loadusr -w halsampler -t -n {samples} {machine.folder}/trace
+""",
+    )
+    assert (machine.folder / "trace").exists(), made.stdout + made.stderr
+    found = np.array([line.split()[1:] for line in (machine.folder / "trace").read_text().splitlines()], float)
+    expected = np.array([list(st.call(**row).values()) for row in rows])
+    assert found.shape == expected.shape, made.stderr
+    assert np.abs(found - expected).max() <= 1e-6  # halsampler prints six decimals
+    lines = "\n".join(line[4:] for line in component.splitlines() if line.startswith("//| "))
+    assert set(re.findall(rf"{name}\.([\w-]+)", lines)) <= {v.name.replace("_", "-") for v in variables}
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_blark_parses_the_structured_text(system):
+    try:
+        parse = importlib.import_module("blark.parse")
+    except ImportError:
+        missing = "blark is not installed: pip install blark"
+        pytest.fail(missing) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(missing)
+    text = rendered(SYSTEMS[system][0], "st", system=system, job=JOB)
+    assert parse.parse_source_code(text).exception is None
