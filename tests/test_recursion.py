@@ -565,13 +565,14 @@ def test_the_plan_of_the_paper_with_costs_is_the_reference_number(pf):
     [
         ({"depth": 0.01, "time": 3.0}, "EXTRAPOLATED: d 0.01 mm, tested 1.5 to 3 mm (AW, P, Fxz)."),
         ({"depth": 3.2}, "EXTRAPOLATED: d 3.2 mm, tested 1.5 to 3 mm"),
+        ({"depth": 1e5}, "EXTRAPOLATED: d 1e+05 mm, tested 1.5 to 3 mm"),  # of which no pair is within the limits
         ({"objective": "life", "removal": 1e5}, "EXTRAPOLATED: t up to 52 min, tested 2 to 15 min"),
     ],
 )
 def test_what_lies_outside_the_tests_is_extrapolated(pf, options, says):
     plan = plan_of(pf, options=PlanOptions(**options))
     assert any(line.startswith(says) for line in plan.extrapolated)
-    assert not plan.rows[-1].tested
+    assert not any(row.tested for row in plan.rows[-1:])
 
 
 @pytest.mark.parametrize("depth", [1.5, 2.0, 3.0])
@@ -628,6 +629,7 @@ def test_the_diameter_gives_the_spindle_speed(pf):
         ({"at": {"HB": 200.0}}, "no law has this factor"),
         ({"at": {"AW": 0.2}}, "the plan gives V, f, t and the wear"),
         ({"grid": (1e-4, 0.005)}, "use larger steps"),
+        ({"objective": "time", "time": 12.0, "interval": 0.02}, "Give a longer --interval or larger steps"),
     ],
 )
 def test_what_cannot_be_planned_is_one_sentence(pf, options, says):

@@ -166,7 +166,7 @@ def _best_pairs(ax: Axes, life: Life, k: int, lines: list[Line2D]) -> None:
 
 
 def _lives(life: Life, exact: Life | None) -> Sequence[tuple[Life, str, str, str]]:
-    first = (life, BLUE, "-", "best pair of the grid")
+    first = (life, BLUE, "-", "plan" if exact is None else "best pair of the grid")
     return (first,) if exact is None else (first, (exact, ORANGE, "--", "exact optimum"))
 
 
@@ -178,7 +178,7 @@ def _interval(life: Life, k: int) -> str:
 
 
 def _how(life: Life) -> str:
-    wear = "wear by the clock" if life.rules.wear == "clock" else "wear from the wear state (not in the paper)"
+    wear = "wear by the clock" if life.rules.wear == "clock" else "wear by the wear state"
     return f"d {life.laws.d:g} mm, {life.rules.times} times, {wear}"
 
 

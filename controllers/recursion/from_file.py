@@ -265,13 +265,15 @@ def outside_tests(
     """
     wear, count = laws.wear, len(path["V"])
     units, held = {**UNITS, wear.response: wear.unit}, {**at, **path, "d": laws.d}
-    inside, beyond = np.full(count, True), dict[tuple[str, str], list[str]]()
-    combined, corner = list[str](), np.full(count, False)
+    inside, beyond = np.full(max(count, 1), True), dict[tuple[str, str], list[str]]()
+    combined, corner = list[str](), np.full(max(count, 1), False)
     for name in (wear.response, *(terms.response for _, terms in laws.limited)):
-        law, given, within = pf.laws[name], dict[str, Array](), np.full(count, True)
+        law, given, within = pf.laws[name], dict[str, Array](), np.full(max(count, 1), True)
         for factor in law.factors:
             times = ratio(units[factor.symbol], factor.unit) if factor.symbol in units else 1.0
-            values = np.broadcast_to(np.asarray(held[factor.symbol], dtype=np.float64) * times, (count,))
+            none = not count and factor.symbol in path  # of no row: the fixed factors are judged all the same
+            value = np.asarray(factor.low if none else held[factor.symbol], dtype=np.float64) * (1.0 if none else times)
+            values = np.broadcast_to(value, (max(count, 1),))
             begins = factor.symbol in ("t", wear.response)
             kept = np.clip(values, factor.low if begins else -np.inf, np.inf)
             on_end = np.clip(kept, factor.low, factor.high)
@@ -285,12 +287,12 @@ def outside_tests(
             corner |= within & ~tested
         inside &= within & tested
     words = [f"EXTRAPOLATED: {what}, tested {span} ({', '.join(of)})." for (what, span), of in beyond.items()]
-    if combined:
+    if combined and count:
         words.append(
             f"EXTRAPOLATED: {int(corner.sum())} of {count} pairs lie in a corner of the ranges outside the tested "
             f"region of {', '.join(combined)}."
         )
-    return inside, tuple(words)
+    return inside[:count], tuple(words)
 
 
 def _beyond_words(factor: "Factor", values: Array) -> tuple[str, str]:

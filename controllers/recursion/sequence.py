@@ -24,6 +24,8 @@ CELLS, MOST_CELLS = 6000, 24000  # of the wear from 0 to its criterion; a plan o
 PER_INTERVAL = 80  # cells
 LONGER = 1.25  # times the least cost: longer lives are not searched
 
+WORK = 600_000  # pairs times intervals of a search: half a minute
+
 Ints = NDArray[np.intp]
 
 
@@ -89,6 +91,8 @@ def best_sequence(laws: LifeLaws, rules: Rules, grid: Grid, count: int, known: L
     """
     need_monotone(laws)
     pairs, cells = pairs_of(laws, rules, grid), cells_for(count)
+    if count * len(pairs.rate) > WORK:
+        raise _too_many(count, pairs)
     upper = values_to_go(laws, rules, pairs, count, cells, up=False)
     found = [known] if known is not None and len(known.time) == count else []
     for tables in (values_to_go(laws, rules, pairs, count, cells, up=True), upper):
@@ -127,6 +131,7 @@ def least_cost_sequence(
     """
     need_monotone(laws)
     pairs = pairs_of(laws, rules, grid)
+    most = min(most, WORK // len(pairs.rate))
     most_metal = [removable(laws, rules, pairs, most, up, per_minute, fixed) for up in (True, False)]
     costs = [
         [(fixed + per_minute * (k + 1) * rules.interval) / metal if metal > 0 else np.inf for k, metal in enumerate(of)]
@@ -135,7 +140,16 @@ def least_cost_sequence(
     if not costs[0] or not np.isfinite(costs[0]).any():
         raise UsageError("no pair of the grid is within the limits of a new edge, so no cost can be given.")
     count = int(np.argmin(costs[0])) + 1
+    if count == WORK // len(pairs.rate):
+        raise _too_many(count, pairs)
     return best_sequence(laws, rules, grid, count), float(min(costs[1]))
+
+
+def _too_many(count: int, pairs: Pairs) -> UsageError:
+    return UsageError(
+        f"{count} intervals of {len(pairs.rate)} pairs each: a best sequence is searched for among at most {WORK} in "
+        "all. Give a longer --interval or larger steps, --grid V=20m/min --grid f=0.01mm/rev."
+    )
 
 
 def least_wear_life(laws: LifeLaws, rules: Rules, grid: Grid, rate: float, most: int = MOST) -> Life:
