@@ -370,11 +370,22 @@ def test_a_change_of_depth_along_the_part_takes_the_pair_of_that_depth_in_time(t
         )
 
 
+def test_a_pass_begins_at_the_diameter_that_the_last_one_leaves(turned):
+    """Pass 2 at 70 mm where pass 1 leaves 75 was cut 5 mm deep by a plan of 2.5 mm."""
+    for wrong in (70.0, 80.0):
+        with pytest.raises(UsageError, match=rf"pass 2 begins at a diameter of {wrong:g} mm .* leaves 75 mm"):
+            turned(passes=((Stretch(80.0, 200.0),), (Stretch(wrong, 100.0),)))
+    steps = ((Stretch(80.0, 100.0), Stretch(85.0, 50.0)), (Stretch(75.0, 100.0),), (Stretch(80.0, 150.0),))
+    with pytest.raises(UsageError, match="pass 3 begins at a diameter of 80 mm where an earlier pass leaves 70 mm"):
+        turned(passes=steps)
+    assert turned(passes=(*steps[:2], (Stretch(70.0, 100.0), Stretch(80.0, 50.0))), parts=1).part.moves
+
+
 def test_what_is_outside_the_tests_is_marked_alike_in_every_format(turned):
     deep = PlanOptions(depth=4.0)
     said = plan_of(published("AC-2017"), None, deep).extrapolated
     assert said == ("EXTRAPOLATED: d 4 mm, tested 1.5 to 3 mm (AW, P, Fxz).",)
-    made = turned(options=deep, parts=1)
+    made = turned(options=deep, parts=1, passes=((Stretch(80.0, 200.0),), (Stretch(72.0, 200.0),)))
     assert "(fm - EXTRAPOLATED - d 4 mm, tested 1.5 to 3 mm [AW, P, Fxz].)" in nc_program(made)
     plain = turning_export(published("AC-2017"), TurningRequest(deep))
     for table in (csv_table(made), csv_table(plain)):

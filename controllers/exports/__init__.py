@@ -323,8 +323,8 @@ def export(
         Gains that fail the check are not exported; nor are laws, dynamics or a force process that must not be used for
         control, or that have no verdict.
     kind : str
-        A running control, ``hal``, ``st``, ``c``, ``comp`` or ``fmu``, or values: ``ngc``, ``mat``, ``ssv``, ``h`` or
-        ``ini``.
+        A running control, ``hal``, ``st``, ``c``, ``comp`` or ``fmu``; a plan, ``nc`` or ``csv``; or values: ``ngc``,
+        ``mat``, ``ssv``, ``h`` or ``ini``.
     path : path-like
         In a folder that exists.
     system : str, optional

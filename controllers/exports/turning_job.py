@@ -16,6 +16,7 @@ INCH: Final = 25.4  # mm
 FOOT: Final = 0.3048  # m
 MOST_PARTS: Final = 1000
 CLOSE: Final = 1e-9  # min, mm: rounding
+NEAR: Final = 0.01  # mm: diameters and lengths are typed
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,3 +297,28 @@ def require_geometry(passed: Sequence[Stretch], depth: float) -> None:
                 "the work. Cut the smaller diameter nearer to the end face, or in a pass of its own."
             )
         turned = final
+
+
+def require_passes(passes: Sequence[Sequence[Stretch]], depth: float) -> None:
+    """Refuse passes that cannot be turned, and one whose diameter is not the one that an earlier pass leaves there.
+
+    Raises
+    ------
+    UsageError
+        As `require_geometry`; or a pass would be deeper, or shallower, than its depth.
+    """
+    left: list[tuple[float, float, float]] = []  # from, to, diameter: the latest first
+    for number, passed in enumerate(passes, 1):
+        require_geometry(passed, depth)
+        begins, cut = 0.0, []
+        for one in passed:
+            ends = begins + one.length
+            found = next((each for each in left if each[0] < ends - NEAR and begins < each[1] - NEAR), None)
+            if found is not None and abs(found[2] - one.diameter) > NEAR:
+                raise UsageError(
+                    f"pass {number} begins at a diameter of {one.diameter:g} mm where an earlier pass leaves "
+                    f"{found[2]:g} mm: its depth would not be {one.depth or depth:g} mm. Give the diameter left."
+                )
+            cut.append((begins, ends, one.diameter - 2 * (one.depth or depth)))
+            begins = ends
+        left = [*cut, *left]

@@ -28,7 +28,7 @@ from .turning_job import (
     Stretch,
     TurningJob,
     TurningPlan,
-    require_geometry,
+    require_passes,
 )
 
 if TYPE_CHECKING:
@@ -126,8 +126,7 @@ def moves_of(
     UsageError
         The geometry cannot be cut, a pass outlasts an edge, or the limits of the machine cannot be kept.
     """
-    for passed in job.passes:
-        require_geometry(passed, edge.laws.d)
+    require_passes(job.passes, edge.laws.d)
     if not edge.rows:
         raise UsageError("the plan is empty: no pair of speed and feed keeps the limits on a new edge.")
     return TurningPlan(job, edge, tuple(_Walk(edge, job, spindle, feed_rate).moves()))

@@ -180,7 +180,7 @@ def _words_of(part: TurningPlan) -> tuple[str, ...]:
     )  # fmt: skip
     surface = f"S in {job.S_unit} is the speed at the turned diameter: V holds at the diameter before the cut"
     return (
-        f"passes of a part: {passes}",
+        f"passes of a part: {passes}; the first edge {f'has cut {job.start:g} min' if job.start else 'is new'}",
         f"X is a diameter in {unit}, Z 0 is the end face, the cut runs towards -Z in {unit}, F in {job.F_unit}",
         surface if job.speed == "G96" else "S in 1/min",
         f"highest spindle speed {math.floor(job.max_rpm)} 1/min; S and F are rounded down",
@@ -345,7 +345,7 @@ def csv_table(made: TurningExport) -> str:
     writer = csv.writer(out, lineterminator="\n")
     rows = list(_plan_rows(made) if made.part is None else _move_rows(made.part, made))
     units = _units(made)
-    writer.writerow([f"{name} [{units[name]}]" if name in units else name for name in rows[0]])
+    writer.writerow([f"{plain(name)} [{units[name]}]" if name in units else name for name in rows[0]])
     writer.writerows(list(row.values()) for row in rows)
     return out.getvalue()
 
