@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
-from .arguments import Parser, pairs, traced
+from .arguments import Parser, pairs, parameter_file, traced
 from .output import Printer, output_options, print_json
 from .physical import FORCE, fitted, spindle_speed
 
@@ -120,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
     from ..parameters.checks.report import cautions
     from ..parameters.file import sealed
 
-    pf = parameters.read(args.file)
+    pf = parameter_file(args.file, writes=True)
     if pf.adaptive_force is not None and pf.adaptive_force.Kd is not None and not args.force:
         raise UsageError(f"{args.file} has settings of adaptive force; replace them with --force.")
     section = _in_units(_estimates(pf, args), args)

@@ -277,6 +277,23 @@ def test_what_cannot_be_is_refused_in_a_sentence_and_nothing_is_written(file, ru
     assert bool(out) != bool(says)
 
 
+def test_a_file_changed_by_hand_is_refused_and_units_are_exported(file, run, tmp_path):
+    assert run(file, "2mm=200N")[0] == 0
+    assert main(["export", str(file), "--to", "ini", "--out", str(tmp_path / "x.ini"), "--accept-verdict"]) == 0
+    lines = (tmp_path / "x.ini").read_text().splitlines()
+    assert "adaptive_force_kd = s (mm/min)/N" in lines
+    assert "adaptive_force_set_points_0_force = N" in lines
+    data = json.loads(file.read_text())
+    data["adaptive_force"]["high"] = 390.0
+    del data["content_sha256"]
+    file.write_text(json.dumps(data))
+    before = file.read_bytes()
+    code, _, err = run(file, "--force")
+    assert code != 0
+    assert "no content_sha256" in err
+    assert file.read_bytes() == before
+
+
 def test_a_feed_beyond_the_tests_is_recorded_where_it_is_allowed(file, run):
     assert run(file, "2mm=200N", "--feed", "100:900", "--beyond-tested")[0] == 0
     a = parameters.read(file).adaptive_force

@@ -95,9 +95,10 @@ def noise_in(section: "AdaptiveForceSection") -> float:
 
 
 def _plan(depths: Sequence[float]) -> tuple[float, ...]:
-    """From the middle depth to the shallowest, back, to the deepest, and back; of one depth, to half of it and back."""
-    if len(depths) == 1:
-        return (depths[0], 0.5 * depths[0], depths[0])
+    """From the middle depth to the shallowest, back, to the deepest, and back; of two, there and back."""
+    if len(depths) < 3:
+        other = depths[1] if len(depths) == 2 else 0.5 * depths[0]
+        return (depths[0], other, depths[0])
     middle = depths[len(depths) // 2]
     return (middle, depths[0], middle, depths[-1], middle)
 
@@ -109,7 +110,7 @@ def _s(value: float | None) -> str:
 def _at_depths(runs: "Sequence[ForceRun]", section: "AdaptiveForceSection") -> str:
     parts = [
         f"{run.settings.set_point:g} {section.unit_force} at {run.settings.depth:g} {section.unit_depth}: settled "
-        f"after {_s(held.settling)}, then within {percent(held.steady)}, at {_late(run):.0f} {section.unit_u}"
+        f"after {_s(held.settling)}, then within {percent(held.steady)}, at {_late(run):.3g} {section.unit_u}"
         for run, held in ((run, run.segments()[0]) for run in runs)
     ]
     return (
@@ -245,7 +246,8 @@ ROUNDING = 1e-12  # of V
 
 def percent(share: float) -> str:
     """A share to two digits."""
-    return f"{100 * share:.2g} %"
+    value = 100 * share
+    return f"{value:.2g} %" if value < 99.5 else f"{value:.0f} %"
 
 
 def of_proof(run: "ForceRun", rippled: "ForceRun") -> str:

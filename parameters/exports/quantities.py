@@ -71,6 +71,14 @@ _UNIT_OF = {
     "roughness": "unit_roughness",
     "force_per_feed": "unit_force/(unit_feed)",
     "lam": "1/s",
+    "m": "s^2 (unit_u)/unit_force",
+    "alpha": "s (unit_u)/unit_force",
+    "beta": "(unit_u)/unit_force",
+    "Kd": "s (unit_u)/unit_force",
+    "g3": "(unit_u)/unit_force^3",
+    "g2": "s^2 (unit_u)/unit_force^3",
+    "g1": "s^4 (unit_u)/unit_force^3",
+    "spindle_speed": "1/min",
     "M": "unit_inertia",
     "Fv": "unit_viscous",
     **dict.fromkeys(("Fc", "offset"), "unit_force"),
@@ -198,15 +206,15 @@ def _of_sections(pf: ParameterFile) -> Found:
             yield from _of_section(name, section)
 
 
-def _of_section(prefix: str, section: Section) -> Found:
-    """Numbers of a section, and of the sections in it."""
+def _of_section(prefix: str, section: Section, above: Section | None = None) -> Found:
+    """Numbers of a section, and of the sections in it, whose units may stand in the one above."""
     for name in type(section).model_fields:
         value = getattr(section, name)
         for key, item in _items(f"{prefix}_{name}", value):
             if isinstance(item, int | float) and not isinstance(item, bool):
-                yield key, float(item), _unit(section, name), key.replace("_", " ")
+                yield key, float(item), _unit(section, name, above), key.replace("_", " ")
             elif isinstance(item, Section):
-                yield from _of_section(key, item)
+                yield from _of_section(key, item, section)
 
 
 def _items(key: str, value: object) -> Iterable[tuple[str, object]]:
@@ -217,7 +225,7 @@ def _items(key: str, value: object) -> Iterable[tuple[str, object]]:
     return [(key, value)]
 
 
-def _unit(section: Section, name: str) -> str:
-    """Unit of a field: that of its section, or that of the field."""
+def _unit(section: Section, name: str, above: Section | None = None) -> str:
+    """Unit of a field: that of its section, or that of the field, which may stand in the section above."""
     unit = str(getattr(section, "unit", None) or _UNIT_OF.get(name, "1"))
-    return re.sub(r"unit_\w+", lambda m: str(getattr(section, m[0], m[0])), unit)
+    return re.sub(r"unit_\w+", lambda m: str(getattr(section, m[0], getattr(above, m[0], m[0]))), unit)
