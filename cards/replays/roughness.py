@@ -183,13 +183,18 @@ def _out_of_work(pf: "ParameterFile", facts: dict[str, object]) -> str:
     start, end = OUT
     cut = turn(pf, disturbance=0.0, engaged=lambda t: 0.0 if start <= t < end else 1.0)
     time, feed = cut.trace.time, cut.trace.recorded["feed"]
-    highest = float(feed[(time >= start) & (time < end)].max())
+    air = (time >= start) & (time < end)
+    highest, kept = float(feed[air].max()), float(feed[air][-1])
     peak = float(cut.trace.measurement[time >= end].max())
-    facts |= {"feed_peak_leaving_mm_per_rev": highest, "force_peak_entering_N": peak}
+    facts |= {
+        "feed_peak_leaving_mm_per_rev": highest, "feed_kept_in_air_mm_per_rev": kept, "force_peak_entering_N": peak,
+    }  # fmt: skip
     return (
-        f"As the tool leaves the work the feed rises to {highest:.3f} mm/rev: below "
-        f"{section.threshold:g} N the control is off and the feed the programmed one; on re-entry the force "
-        f"peaks at {peak:.0f} N, {_percent(peak / section.force - 1)} of the reference."
+        f"As the tool leaves the work the law raises the feed, to {highest:.3f} mm/rev at the servo, until the force "
+        f"is below {section.threshold:g} N; in air the control keeps the last feed, but at most the programmed one: "
+        f"{kept:.3f} mm/rev. On re-entry the force peaks at {peak:.0f} N, {_percent(peak / section.force - 1)} of the "
+        f"reference. After power-on the feed stays at its lower limit, {cut.low:.3g} mm/rev, until the force has been "
+        "below the threshold and shows a tool in air."
     )
 
 
