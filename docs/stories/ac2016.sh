@@ -6,4 +6,4 @@ fitmodels limits region-fit/GC435_709M40-En-19/params.json P=7kW Fxz=1300N V=50:
 fitmodels replay region-fit/GC435_709M40-En-19/params.json --system region --depth 2.5mm --time 10min
 fitmodels replay region-fit/GC435_709M40-En-19/params.json --system region --depth 1.5mm --time 10min --out light-cut
 fitmodels check region-fit/GC435_709M40-En-19/params.json
-fitmodels export region-fit/GC435_709M40-En-19/params.json --to ini --out region.ini
+fitmodels export region-fit/GC435_709M40-En-19/params.json --system region --to c --out region.c
