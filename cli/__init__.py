@@ -29,6 +29,7 @@ COMMANDS = (
         "ident",
         "limits",
         "look",
+        "merge",
         "next",
         "optimum",
         "plan",

@@ -36,6 +36,7 @@ GROUPS: Final = {
         "ident": "a model of the machine's dynamics from a recorded run",
         "tune": "PI gains for these dynamics",
         "limits": "limits of machine, tool and work, written into params.json",
+        "merge": "parameter files of one tool and work joined into one, conflicts named",
         "costs": "rates, prices and times of a part, written into params.json",
         "settings": "reference load, feed limits and tool change for constant load",
         "roughness": "reference force, feed limits and times for constant roughness",

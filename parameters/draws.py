@@ -4,10 +4,10 @@ import hashlib
 import io
 import os
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from .messages import short
 if TYPE_CHECKING:
     from ..core.display import Frame
     from .file import ParameterFile
+    from .sections.posterior import PosteriorSection
 
 Array = NDArray[np.float64]
 
@@ -132,3 +133,56 @@ def _one(arrays: Mapping[str, NDArray[np.generic]], response: str, name: str) ->
     if not np.isfinite(values).all():
         raise ParameterError(f"{name}: a draw of {short(response)} is not finite. {REMEDY}")
     return Draws(tuple(str(n) for n in names), np.asarray(values, dtype=np.float64))
+
+
+def joined_posterior(
+    files: Sequence[tuple["PosteriorSection | None", Mapping[str, Draws]]], laws: Mapping[str, int], stem: str
+) -> tuple[dict[str, Any] | None, bytes | None]:
+    """Posterior section and draws of laws from several files.
+
+    Draws of one file stay paired with each other. Those of each further file are put into another order, the same for
+    all of its laws: files of one seed come from one stream of random numbers, and draws of independent tests must not
+    be correlated by it.
+
+    Parameters
+    ----------
+    files : sequence of section and draws
+    laws : mapping of str to int
+        Number of the file of each law.
+    stem : str
+        Beginning of the name of the file of draws, which ends with their checksum: of two versions each has its own.
+
+    Returns
+    -------
+    dict or None
+        The section.
+    bytes or None
+        Content of the file of draws.
+    """
+    section: dict[str, Any] = {"seed": None, "laws": {}}
+    kept: dict[str, Draws] = {}
+    orders: dict[tuple[int, int], NDArray[np.intp]] = {}
+    for response, number in laws.items():
+        held, draws = files[number]
+        if held is None or response not in held.laws:
+            continue
+        law = held.laws[response].model_dump()
+        if law["method"] is not None and response not in draws and any(each for _, each in files):
+            law = {"reason": "its draws were not kept, and those of other laws are"}
+        section["laws"][response] = law
+        section["seed"] = held.seed if section["seed"] is None else section["seed"]
+        if response in draws:
+            values, first = draws[response].values, min(n for n, (_, each) in enumerate(files) if each)
+            seed = int(str(held.draws_sha256 or "0")[:16], 16)
+            order = orders.setdefault(
+                (number, len(values)),
+                np.arange(len(values)) if number == first else np.random.default_rng(seed).permutation(len(values)),
+            )
+            kept[response] = Draws(draws[response].names, values[order])
+    if section["seed"] is None:
+        return None, None
+    if not kept:
+        return section, None
+    content = packed(kept)
+    digest = hashlib.sha256(content).hexdigest()
+    return {**section, "draws_file": f"{stem}-draws-{digest[:12]}.npz", "draws_sha256": digest}, content

@@ -258,8 +258,15 @@ def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
     >>> sealed(pf, limits={"power": {"value": 7.0, "unit": "kW"}}).limits.power.value
     7.0
     """
-    data = {**pf.model_dump(), **{k: v.model_dump() if isinstance(v, Section) else v for k, v in sections.items()}}
+    data = {**pf.model_dump(), **{name: _data(value) for name, value in sections.items()}}
     return _content(data, "the parameter file")[1]
+
+
+def _data(value: object) -> object:
+    """Sections as data, also those in a dictionary."""
+    if isinstance(value, Mapping):
+        return {key: _data(inner) for key, inner in value.items()}
+    return value.model_dump() if isinstance(value, Section) else value
 
 
 def seal_fault(pf: ParameterFile) -> str:

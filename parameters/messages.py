@@ -1,7 +1,7 @@
-"""Validation errors of the schema as one sentence, and values shortened for messages."""
+"""Validation errors of the schema and differences of sections as one sentence, and values shortened for messages."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
@@ -84,3 +84,81 @@ def short(value: object, limit: int = 40) -> str:
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     return short_name(repr(value), limit)
+
+
+SHOWN = 4  # fields of a difference that are named; the others are counted
+FIRST = ("form", "unit", "coefficients", "criterion", "kp", "ki", "b", "a", "reference", "worn")
+LIMIT = {"value", "low", "high", "unit", "of"}
+
+
+def difference(one: object, two: object, a: str, b: str) -> str:
+    """Where two contents of a section differ, each beside the name of its file: limits, or the first fields that do.
+
+    >>> difference({"kp": 1.0, "ki": 2.0}, {"kp": 1.5, "ki": 2.0}, "a.json", "b.json")
+    'kp 1.0 in a.json, 1.5 in b.json'
+    >>> difference({"value": 7.0, "unit": "kW"}, {"value": 5e3, "unit": "W"}, "a.json", "b.json")
+    'at most 7 kW in a.json, at most 5000 W in b.json; the tighter one is that of b.json'
+    """
+    if not (isinstance(one, Mapping) and isinstance(two, Mapping)):
+        return f"{short(one)} in {a}, {short(two)} in {b}"
+    if set(one) <= LIMIT and set(two) <= LIMIT:
+        return f"{limit_words(one)} in {a}, {limit_words(two)} in {b}{tighter(one, two, a, b)}"
+    names = sorted({*one, *two}, key=lambda key: (FIRST.index(key) if key in FIRST else len(FIRST), key))
+    differ = list(_fields(one, two, names))
+    more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
+    return "; ".join(f"{key} {short(x)} in {a}, {short(y)} in {b}" for key, x, y in differ[:SHOWN]) + more
+
+
+def in_unit(value: float, unit: str, to: str) -> float | None:
+    """A value in another unit, to 12 digits; None where the units are of other dimensions.
+
+    >>> in_unit(220.0, "um", "mm")
+    0.22
+    """
+    import numpy as np
+
+    from ..datasets.units import convert, is_unit, same_dimension
+
+    if unit == to:
+        return value
+    if not (is_unit(unit) and is_unit(to) and same_dimension(unit, to)):
+        return None
+    return float(f"{float(convert(np.array(value), unit, to)):.12g}")
+
+
+def _fields(a: Mapping[str, Any], b: Mapping[str, Any], names: Iterable[str]) -> Iterator[tuple[str, Any, Any]]:
+    for key in names:
+        x, y = a.get(key), b.get(key)
+        if x == y:
+            continue
+        if isinstance(x, dict) and isinstance(y, dict):
+            yield from _fields(x, y, dict.fromkeys([*x, *y]))
+        else:
+            yield key, x, y
+
+
+def limit_words(limit: Mapping[str, Any]) -> str:
+    """A limit of one end or two in words.
+
+    >>> limit_words({"low": 50.0, "high": 200.0, "unit": "m/min"})
+    'from 50 to 200 m/min'
+    """
+    if "value" in limit:
+        return f"at most {limit['value']:g} {limit['unit']}" + (f" of {limit['of']}" if limit.get("of") else "")
+    ends = [f"{word} {limit[end]:g}" for word, end in (("from", "low"), ("to", "high")) if limit[end] is not None]
+    return f"{' '.join(ends)} {limit['unit']}"
+
+
+def tighter(a: Mapping[str, Any], b: Mapping[str, Any], one: str, two: str) -> str:
+    """Which of two limits is the tighter one, where that can be said of all their ends."""
+    if a.get("of") != b.get("of"):
+        return ""
+    signs = set()
+    for key, sign in (("value", 1), ("high", 1), ("low", -1)):
+        x, y = (limit.get(key) for limit in (a, b))
+        y = None if y is None else in_unit(y, b["unit"], a["unit"])
+        if (x is None) != (y is None):
+            signs.add(sign if x is None else -sign)
+        elif x is not None and y is not None and x != y:
+            signs.add(sign if x > y else -sign)
+    return f"; the tighter one is that of {two if signs == {1} else one}" if len(signs) == 1 else ""

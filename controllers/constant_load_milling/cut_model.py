@@ -5,7 +5,8 @@
     VB = c0 t^n fm^m                  time in the cut; where the feed changes, from the wear that was reached
 
 The paper's G and load line do not agree in gain, so the line gives the gain and G its shape. The scaling that follows,
-``G(1)/B`` in feed per unit of the drive's input, is derived and no one's measurement.
+``G(1)/B`` in feed per unit of the drive's input, is derived and no one's measurement. A wear law in other units than
+the settings, mm and um, is converted.
 """
 
 from dataclasses import dataclass
@@ -16,11 +17,13 @@ import numpy as np
 from ...core.arrays import is_positive
 from ...core.display import Displayable
 from ...core.errors import ParameterError
+from ...datasets.units import convert, is_unit, same_dimension
 from .control_laws import line_of
 
 if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
     from ...parameters.sections.load_line import LoadLineSection
+    from ...parameters.sections.origin import DesignSection
 
 FACTORS = ("t", "fm")  # of a wear law: what changes in a cut at constant load
 
@@ -156,36 +159,48 @@ def _wear(pf: "ParameterFile", symbol: str, line: "LoadLineSection") -> tuple[fl
             f"the law of {symbol} leaves {', '.join(free) or 'its level'} open; at constant load only t and fm may "
             f"change: {remedy}"
         )
-    _same_units(law, factors, line)
+    _check_dimensions(law, factors, line)
     held: dict[str, Any] = {name: factor.low for name, factor in factors.items() if name not in FACTORS}
     held |= {name: 1.0 for name in FACTORS if name in factors}
-    c0 = float(law.values(**held))
-    c0, n = c0 * unit_factor("s", factors["t"].unit) ** law.coefficients["t"], law.coefficients["t"]
+    n, m = law.coefficients["t"], law.coefficients.get("fm", 0.0)
+    c0 = float(law.values(**held)) * unit_factor("s", factors["t"].unit) ** n * unit_factor(law.unit, line.unit_wear)
+    if "fm" in factors:
+        c0 *= unit_factor(line.unit_feed, factors["fm"].unit) ** m
     if not n > 0:
         raise ParameterError(f"the law of {symbol} has t^{n:g}: wear grows with time; {remedy}")
-    return c0, n, law.coefficients.get("fm", 0.0), _tested(factors)
+    return c0, n, m, _tested(factors, pf.design, line)
 
 
-def _same_units(law: "LawSection", factors: dict[str, Any], line: "LoadLineSection") -> None:
-    if law.unit != line.unit_wear or ("fm" in factors and factors["fm"].unit != line.unit_feed):
-        raise ParameterError(
-            f"the law of {law.response} is in {law.unit}, the settings in {line.unit_wear} and {line.unit_feed}; give "
-            "both in the same units."
-        )
+def _check_dimensions(law: "LawSection", factors: dict[str, Any], line: "LoadLineSection") -> None:
+    """Refuse units that cannot be converted into those of the settings."""
+    pairs = [(law.unit, line.unit_wear), *([(factors["fm"].unit, line.unit_feed)] if "fm" in factors else [])]
+    for unit, to in pairs:
+        if unit != to and not (is_unit(unit) and is_unit(to) and same_dimension(unit, to)):
+            raise ParameterError(
+                f"the law of {law.response} is in {unit or 'no unit'} where the settings are in {to or 'no unit'}, "
+                "which are not of one quantity; fit the wear tests again with their units."
+            )
 
 
-def _tested(factors: dict[str, Any]) -> dict[str, float]:
+def _tested(factors: dict[str, Any], design: "DesignSection | None", line: "LoadLineSection") -> dict[str, float]:
+    """Feed and cross-section of the wear tests: of the factors of the law, or constant in the tests that it is from."""
+    t = factors["t"]
+    timed = None if design is None else next((of for of in design.factors if of.symbol == "t"), None)
+    same = timed is not None and (timed.low, timed.high, timed.unit) == (t.low, t.high, t.unit)
+    constant = {of.symbol: of for of in design.factors if of.low == of.high} if same and design is not None else {}
+    known = {**constant, **factors}
     found = {}
-    if "fm" in factors:
-        found["fm"] = (factors["fm"].low + factors["fm"].high) / 2
-    if {"d", "ae"} <= factors.keys():
-        d, ae = (factors[name].low * unit_factor(factors[name].unit, "mm") for name in ("d", "ae"))
+    if "fm" in known:
+        fm = known["fm"]
+        found["fm"] = (fm.low + fm.high) / 2 * unit_factor(fm.unit, line.unit_feed)
+    if {"d", "ae"} <= known.keys():
+        d, ae = (known[name].low * unit_factor(known[name].unit, "mm") for name in ("d", "ae"))
         found["area"] = d * ae
     return found
 
 
 def unit_factor(unit: str, to: str) -> float:
-    """Conversion factor between units."""
-    from ...datasets.units import convert
-
+    """Conversion factor between units; exactly 1 where they are the same."""
+    if unit == to:
+        return 1.0
     return float(convert(np.array(1.0), unit, to))

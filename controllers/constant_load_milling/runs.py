@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import UsageError
+from ...parameters.messages import in_unit
 from ..loop import Trace, replay
 from .control_laws import line_of
 from .controller import ConstantLoad
@@ -246,7 +247,8 @@ def constant_feed_run(
 def criterion(pf: "ParameterFile") -> float:
     """Wear at which a tool is worn out at constant feed: the file's criterion, or the wear of the lower limit."""
     line, life = line_of(pf), pf.tool_life
-    return life.criterion if life is not None and life.unit_of_wear == line.unit_wear else line.lower.wear
+    found = None if life is None else in_unit(life.criterion, life.unit_of_wear, line.unit_wear)
+    return line.lower.wear if found is None else found
 
 
 @dataclass(slots=True)

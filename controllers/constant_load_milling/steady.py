@@ -105,7 +105,9 @@ def _wear(columns: dict[str, Array], cut: CutModel, law: "LawSection") -> dict[s
         moved = columns.get(factor.symbol, law.coefficients[factor.symbol]) - law.coefficients[factor.symbol]
         if factor.symbol == "t":
             ln = ln - moved * np.log(unit_factor(factor.unit, "s"))
-        elif factor.symbol != "fm":
+        elif factor.symbol == "fm":
+            ln = ln + moved * np.log(unit_factor(cut.unit_feed, factor.unit))
+        else:
             ln = ln + moved * np.log(factor.low)
     return {**out, "c0": cut.c0 * np.exp(ln)}
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...datasets.units import is_unit, same_dimension, suggest
 from ...datasets.vocabulary import ROLES, fits
 from ..file import ParameterFile
-from ..messages import short, short_name
+from ..messages import in_unit, short, short_name
 from ..sections.base import Covariance, ModelCovariance, covariance_error
 from ..sections.dynamics import DynamicsSection
 from ..sections.force_control import AdaptiveForceSection
@@ -280,10 +280,14 @@ def _inside(limit: FeedLimit) -> bool:
 
 def _feed_of_machine(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
     allowed = None if pf.limits is None else pf.limits.feed_rate
-    if allowed is not None and allowed.unit == line.unit_feed:
+    ends = (
+        [] if allowed is None else [in_unit(end, allowed.unit, line.unit_feed) for end in (allowed.low, allowed.high)]
+    )
+    low, high = ends or (None, None)
+    if low is not None and high is not None:
         for name, value in (("lower", line.lower.value), ("upper", line.upper.value)):
-            if not allowed.low <= value <= allowed.high:
-                yield f"the {name} feed limit {value:g} is outside the machine's {allowed.low:g} to {allowed.high:g}"
+            if not low <= value <= high:
+                yield f"the {name} feed limit {value:g} is outside the machine's {low:g} to {high:g}"
     pi = pf.pi
     if pi is not None and pi.unit_u == line.unit_feed and pi.low is not None and pi.low <= 0:
         yield f"the gains may command a feed of {pi.low:g} {line.unit_feed}; a feed lies above zero"
@@ -310,8 +314,9 @@ def _window(line: LoadLineSection) -> Iterator[str]:
 def _criterion(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
     worn = None if pf.limits is None else pf.limits.wear
     wear = line.lower.wear
-    if worn is not None and worn.unit == line.unit_wear and wear > worn.value * EXCEEDS:
-        yield f"the wear at the lower feed limit, {wear:g} {worn.unit}, is above the criterion, {worn.value:g}"
+    limit = None if worn is None else in_unit(worn.value, worn.unit, line.unit_wear)
+    if limit is not None and wear > limit * EXCEEDS:
+        yield f"the wear at the lower feed limit, {wear:g} {line.unit_wear}, is above the criterion, {limit:g}"
 
 
 def _reference(line: LoadLineSection) -> Iterator[str]:

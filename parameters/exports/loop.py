@@ -238,18 +238,18 @@ def _feed_per_unit(pi: PiSection, line: LoadLineSection, programmed: float) -> f
         "tune again with the scaling of the feed drive: `fitmodels tune params.json ... --scaling S --unit "
         f"{plain_unit(line.unit_feed)} --force`, S in {plain_unit(line.unit_feed)} per {plain_unit(pi.unit_u)}"
     )
-    return _factor(pi.unit_u, line.unit_feed, "commands", "feed limits", remedy)
+    return _factor(pi.unit_u, line.unit_feed, "a PI that commands", "feed limits", remedy)
 
 
 def _load_per_unit(pi: PiSection, line: LoadLineSection) -> float:
-    return _factor(pi.unit_y, line.unit_load, "measures", "a reference load", "give both in one unit")
+    return _factor(pi.unit_y, line.unit_load, "a PI that measures", "a reference load", "give both in one unit")
 
 
 def _factor(unit: str, to: str, does: str, what: str, remedy: str) -> float:
     if unit == to:
         return 1.0
     if not (is_unit(unit) and is_unit(to) and same_dimension(unit, to)):
-        raise _Lacking(f"has a PI that {does} {plain_unit(unit)!r} but {what} in {plain_unit(to)!r}; {remedy}.")
+        raise _Lacking(f"has {does} {plain_unit(unit)!r} but {what} in {plain_unit(to)!r}; {remedy}.")
     return float(convert(np.array(1.0), unit, to))
 
 
@@ -261,8 +261,9 @@ def _feeds(
     lows, highs = [line.lower.value], [line.upper.value]
     lows += [] if pi.low is None else [pi.low * per_u]
     highs += [] if pi.high is None else [pi.high * per_u]
-    if machine is not None and machine.unit == line.unit_feed:
-        lows, highs = [*lows, machine.low], [*highs, machine.high]
+    if machine is not None:
+        per = _factor(machine.unit, line.unit_feed, "a limit of the feed rate in", "feed limits", "limit fm")
+        lows, highs = [*lows, machine.low * per], [*highs, machine.high * per]
     low, high = max(lows), min(highs)
     if high > programmed:
         assumed.append(f"feed_high {programmed:.6g}, the programmed feed; the file has {high:.6g}")

@@ -1,0 +1,142 @@
+"""``fitmodels merge``: parameter files of one tool and work material joined into one, conflicts named."""
+
+import argparse
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.errors import ParameterError, UsageError
+from ..core.files import locked_folder, refuse_input, write_together
+from ..core.rounding import count
+from .arguments import Parser, inputs_of, pairs, parameter_file, traced
+from .output import Printer, output_options, print_json
+
+if TYPE_CHECKING:
+    from ..parameters.merging import Merged, MergeInput
+
+NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,60}")  # of a file of draws
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels merge``."""
+    p = Parser(
+        "fitmodels merge",
+        "fitmodels merge load-fit/params.json wear-fit/params.json --out both.json",
+        "Join parameter files of one tool and work material: laws, dynamics, gains, settings, limits and costs, each\n"
+        "section whole from the file that holds it, posterior draws with their laws. Where files hold one section\n"
+        "with other contents nothing is written and all conflicts are named; --take and --prefer decide them.\n"
+        "Identity and provenance are those of the first file, the others are named in it (provenance.merged).",
+    )
+    p.add_argument("files", nargs="+", metavar="PARAMS", help="params.json, two or more; draws next to each")
+    p.add_argument("--out", metavar="FILE", required=True, help="the merged file, none of those that are read")
+    p.add_argument(
+        "--take", action="append", metavar="SECTION=FILE",
+        help="a section from one of the files, where they differ: laws.VB=b.json, limits=a.json, criterion=a.json",
+    )  # fmt: skip
+    p.add_argument("--prefer", metavar="FILE", help="file that decides all other conflicts")
+    p.add_argument("--force", action="store_true", help="replace an existing file")
+    output_options(p, "print sections and notes as JSON (fitmodels.merge/1)")
+    return p
+
+
+def run(args: argparse.Namespace) -> int:
+    """Merge, write and print, and return the exit code."""
+    from ..parameters.checks import check
+    from ..parameters.checks.report import cautions
+    from ..parameters.file import sealed
+    from ..parameters.merging import merge
+
+    inputs, target = _inputs(args.files), Path(args.out)
+    _check_target(target, inputs, force=args.force)
+    take = {section: _number(file, args.files, "--take") for section, file in _asked(args.take).items()}
+    prefer = None if args.prefer is None else _number(args.prefer, args.files, "--prefer")
+    stem = target.stem if NAME.fullmatch(target.stem) else "merged"
+    merged = merge(inputs, take=take, prefer=prefer, stem=stem)
+    pf = sealed(merged.pf, provenance=traced(merged.pf, args.words))
+    _write(target, stem, pf, merged)
+    failed, verdicts = [finding.words for finding in check(pf).inconsistent], cautions(pf)
+    if args.json:
+        facts = {"file": target.name, "sections": dict(merged.taken), "notes": list(merged.notes)}
+        print_json("merge", {**facts, "failed": failed, "verdicts": verdicts})
+        return 0
+    out = Printer(quiet=args.quiet)
+    for line in (*_sections(merged), *merged.notes, *(f"Fails its check: {words}" for words in failed), *verdicts):
+        out.show(line)
+    draws = [] if merged.draws is None or pf.posterior is None else [target.parent / str(pf.posterior.draws_file)]
+    out.wrote(f"Written: {', '.join(map(str, (target, *draws)))}", target, *draws)
+    return 0
+
+
+def _inputs(files: Sequence[str]) -> "list[MergeInput]":
+    """The files with their draws, each read once and unchanged since it was written."""
+    from .. import parameters
+    from ..parameters.merging import MergeInput
+
+    if len(files) < 2:
+        raise UsageError(f"{files[0]}: one file has nothing to be merged with; give two or more.")
+    found = []
+    for number, name in enumerate(files):
+        pf = parameter_file(name, writes=True)
+        for other in files[:number]:
+            if os.path.realpath(other) == os.path.realpath(name):
+                raise UsageError(f"{name} is given twice; give each file once.")
+        found.append(MergeInput(name, pf, parameters.read_draws(pf, Path(name).parent)))
+    return found
+
+
+def _check_target(target: Path, inputs: "Sequence[MergeInput]", *, force: bool) -> None:
+    for each in inputs:
+        refuse_input(target, *inputs_of(each.name, each.pf))
+    if target.is_dir():
+        raise UsageError(f"--out {target}: is a folder; give the name of the file.")
+    if not target.parent.is_dir():
+        raise UsageError(f"--out {target}: its folder does not exist; make it first.")
+    if os.path.lexists(target) and not force:
+        raise ParameterError(f"{target}: the file exists; choose another path, or replace it with --force.")
+
+
+def _asked(words: list[str] | None) -> dict[str, str]:
+    return pairs(words, "--take", "laws.VB=b.json")
+
+
+def _number(file: str, files: Sequence[str], option: str) -> int:
+    """Place of a file among those given, by the path that was typed or by another path of it."""
+    for number, name in enumerate(files):
+        if file == name or os.path.realpath(file) == os.path.realpath(name):
+            return number
+    raise UsageError(f"{option} {file}: is none of the files to be merged: {', '.join(files)}.")
+
+
+def _write(target: Path, stem: str, pf: object, merged: "Merged") -> None:
+    """Write draws and file, and remove the draws of a former file of this name, in this order.
+
+    The name of the draws has their checksum: a process that is killed at any moment leaves the former file with its
+    draws, or the new one with its own.
+    """
+    from ..parameters.file import ParameterFile, as_bytes
+
+    assert isinstance(pf, ParameterFile)  # noqa: S101
+    folder = Path(os.path.realpath(target)).parent
+    own = None if merged.draws is None or pf.posterior is None else pf.posterior.draws_file
+    with locked_folder(folder, f"{target}: another process has kept its folder locked for 10 s; nothing was written."):
+        if own is not None and merged.draws is not None:
+            write_together(folder / own, merged.draws, error=ParameterError)
+        write_together(Path(os.path.realpath(target)), as_bytes(pf, str(target)), error=ParameterError)
+        for path in sorted(folder.glob(f"{stem}-draws-*.npz")):
+            left = re.fullmatch(rf"{re.escape(stem)}-draws-[0-9a-f]{{12}}\.npz", path.name)
+            if left and path.name != own and not _used(path, folder):
+                path.unlink(missing_ok=True)
+
+
+def _used(draws: Path, folder: Path) -> bool:
+    """Whether some parameter file of the folder names these draws."""
+    return any(draws.name.encode() in path.read_bytes() for path in folder.glob("*.json") if path.is_file())
+
+
+def _sections(merged: "Merged") -> list[str]:
+    """A line for each file with the sections that it gave."""
+    files = dict.fromkeys(merged.taken.values())
+    by_file = {file: [name for name, of in merged.taken.items() if of == file] for file in files}
+    return [f"From {file}, {count(len(names), 'section')}: {', '.join(names)}." for file, names in by_file.items()]

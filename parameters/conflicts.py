@@ -1,0 +1,262 @@
+"""Sections of several parameter files: which file each is taken from, and the conflicts that leave this open.
+
+A section that follows from another one (a tool life from its wear law, gains from dynamics, settings from a load law)
+is only taken from a file that holds the same as the result.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from ..core.display import Displayable
+from ..core.errors import ParameterError, UsageError
+from ..core.suggestions import did_you_mean
+from ..datasets.units import is_unit, same_dimension
+from .draws import Draws
+from .file import ParameterFile
+from .messages import difference, in_unit, short
+from .sections.base import Section
+from .setting_rules import LOAD_FORMS
+
+WHOLE: Final = ("design", "dynamics", "drive", "costs", "adaptive_force")
+FOLLOWING: Final = ("pi", "tool_life", "load_line", "roughness")  # each from the file of what it was computed from
+IDENTITY: Final = ("machine", "iso513", "setup")
+RANGES: Final = ("feed", "feed_rate", "speed", "spindle_speed")
+ASSUMED: Final = "average flank wear of ISO 3685"  # source of a criterion that nobody gave
+AGAIN: Final = {
+    "pi": "fitmodels tune", "load_line": "fitmodels settings", "roughness": "fitmodels roughness",
+    "tool_life": "fitmodels FILE --criterion",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class MergeInput(Displayable):
+    """A parameter file to be merged: the name that messages use, the file, and its draws."""
+
+    name: str
+    pf: ParameterFile
+    draws: Mapping[str, Draws] = field(default_factory=dict)
+
+
+def parts(pf: ParameterFile) -> dict[str, Any]:
+    """Sections that are taken whole, by name: ``laws.VB``, ``limits.power``, ``pi``, ``identity.machine``.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> list(parts(published("AC-2016")))[:3]
+    ['identity.iso513', 'laws.AW', 'laws.P']
+    """
+    identity = pf.identity
+    found: dict[str, Any] = {f"identity.{name}": getattr(identity, name) for name in IDENTITY}
+    found |= {f"identity.iso13399.{name}": value for name, value in identity.iso13399.items()}
+    found |= {f"identity.sensors.{sensor.symbol}": sensor for sensor in identity.sensors}
+    found |= {f"laws.{name}": law for name, law in pf.laws.items()}
+    found |= {name: getattr(pf, name) for name in (*WHOLE, *FOLLOWING)}
+    if pf.limits is not None:
+        found |= {f"limits.{name}": getattr(pf.limits, name) for name in ("power", "force", "wear", *RANGES)}
+        found |= {f"limits.responses.{name}": limit for name, limit in pf.limits.responses.items()}
+    found |= pf.model_extra or {}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def check_pair(inputs: Sequence[MergeInput]) -> None:
+    """Refuse other tools or works, and symbols whose units are of other quantities: no option can decide these."""
+    first = inputs[0]
+    for each in inputs[1:]:
+        for name in ("tool", "work"):
+            one, two = (getattr(of.pf.identity, name) for of in (first, each))
+            if one != two:
+                raise ParameterError(
+                    f"{first.name} is of {name} {short(one)} and {each.name} of {short(two)}: only files of one tool "
+                    "and work material are merged. Fit again with --tool and --work where both are the same."
+                )
+    seen: dict[str, tuple[str, str]] = {}
+    for each in inputs:
+        for symbol, unit in units_of(each.pf):
+            former, where = seen.setdefault(symbol, (unit, each.name))
+            if former != unit and not (is_unit(former) and is_unit(unit) and same_dimension(former, unit)):
+                raise ParameterError(
+                    f"{symbol} is in {former or 'no unit'} in {where} and in {unit or 'no unit'} in {each.name}: these "
+                    "are not one quantity. Fit one of both again with the name or unit of the other (--map, --unit)."
+                )
+
+
+def units_of(pf: ParameterFile) -> Iterator[tuple[str, str]]:
+    """Symbol and unit of each response and factor of the laws."""
+    for law in pf.laws.values():
+        yield law.response, law.unit
+        yield from ((factor.symbol, factor.unit) for factor in law.factors)
+
+
+@dataclass(slots=True)
+class SectionChoice:
+    """Sections of all files, the decisions that were given, and the conflicts that these leave."""
+
+    inputs: Sequence[MergeInput]
+    take: dict[str, int]
+    prefer: int | None
+    conflicts: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    held: list[dict[str, Any]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.held = [parts(each.pf) for each in self.inputs]
+        for section, number in self.take.items():
+            known = {prefix for name in self.held[number] for prefix in _prefixes(name)} | {"criterion"}
+            if section not in known:
+                file = self.inputs[number].name
+                raise UsageError(f"--take {section}: {file} has no such section. {did_you_mean(section, known, 0.6)}")
+
+    def name(self, number: int) -> str:
+        """Name of a file in messages."""
+        return self.inputs[number].name
+
+    def asked(self, name: str) -> int | None:
+        """The file that ``take`` names for a section, by the longest name."""
+        return next((self.take[prefix] for prefix in reversed(_prefixes(name)) if prefix in self.take), None)
+
+    def decided(self, name: str, among: Sequence[int], words: str) -> int:
+        """The file of a section that several hold with other contents; a conflict where nothing decides."""
+        asked = self.asked(name)
+        for number in (asked, self.prefer):
+            if number in among and number is not None:
+                self.notes.append(f"{name} of {self.name(number)}: {words}.")
+                return number
+        self.conflicts.append(f"{name}: {words}.")
+        return among[0]
+
+
+def _prefixes(name: str) -> list[str]:
+    """Names that stand for a section, from the widest.
+
+    >>> _prefixes("limits.responses.Ra")
+    ['limits', 'limits.responses', 'limits.responses.Ra']
+    """
+    words = name.split(".", 2) if name.startswith(("limits.responses.", "identity.")) else name.split(".", 1)
+    return [".".join(words[: count + 1]) for count in range(len(words))]
+
+
+def resolved(choice: SectionChoice) -> dict[str, int]:
+    """File of each section, first of those that stand alone and then of those that follow from them."""
+    names = list(dict.fromkeys(name for held in choice.held for name in held))
+    chosen: dict[str, int] = {}
+    for name in (*(n for n in names if n not in FOLLOWING), *(n for n in FOLLOWING if n in names)):
+        among = [number for number, held in enumerate(choice.held) if name in held]
+        if name in FOLLOWING:
+            among = [number for number in among if _follows(choice, name, number, chosen)]
+        if not among:
+            continue
+        if name == "design":
+            chosen[name] = _design(choice, among)
+            continue
+        held = [choice.held[number][name] for number in among]
+        others = [number for number, value in zip(among, held, strict=True) if not same_section(value, held[0])]
+        asked = choice.asked(name)
+        chosen[name] = among[0] if asked not in among or asked is None else asked
+        if others:
+            chosen[name] = choice.decided(name, among, _differ(choice, name, among[0], others[0]))
+    _criterion(choice, chosen)
+    return chosen
+
+
+def _design(choice: SectionChoice, among: Sequence[int]) -> int:
+    """The tests that are described: a file has room for those of one data file."""
+    number = next((n for n in (choice.asked("design"),) if n in among and n is not None), among[0])
+    if len({choice.inputs[n].pf.provenance.data_sha256 for n in among}) > 1:
+        choice.notes.append(
+            f"design: the tests described are those of {choice.name(number)}; each law keeps its own ranges. "
+            "--take design=FILE describes the others."
+        )
+    return number
+
+
+def _sources(pf: ParameterFile, name: str) -> list[str]:
+    """Sections from which one follows, in its own file."""
+    line, pi = pf.load_line, pf.pi
+    if name == "tool_life" and pf.tool_life is not None:
+        return [f"laws.{pf.tool_life.wear}"]
+    if name == "load_line" and line is not None:
+        return [f"laws.{line.law}"]
+    if name == "roughness" and pf.roughness is not None:
+        return [f"laws.{pf.roughness.law}"]
+    if name != "pi":
+        return []
+    loads = [key for key, law in pf.laws.items() if law.form in LOAD_FORMS] if line is None else [line.law]
+    return ["dynamics", *(f"laws.{key}" for key in loads if pi is not None and pi.scaling_u != 1)]
+
+
+def _follows(choice: SectionChoice, name: str, number: int, chosen: Mapping[str, int]) -> bool:
+    """Whether a section of a file belongs to what the result holds; what is left out is noted."""
+    for source in _sources(choice.inputs[number].pf, name):
+        if source not in chosen:
+            continue
+        own, file = choice.held[number].get(source), choice.name(number)
+        taken = choice.held[chosen[source]][source]
+        if own is not None and same_section(own, taken):
+            continue
+        of = choice.name(chosen[source])
+        asked = choice.prefer if choice.asked(name) is None else choice.asked(name)
+        if own is None and asked == number:
+            choice.notes.append(f"{name} of {file} is taken as given; it was not computed from the {source} of {of}.")
+            continue
+        if own is None and asked is None:
+            words = f"{name}: that of {file} was not computed from the {source} of {of}, which {file} does not hold."
+            choice.conflicts.append(words)
+            return True
+        if choice.asked(name) == number:
+            raise UsageError(
+                f"--take {name}: that of {file} was computed from its own {source}, and that of {of} is taken; take "
+                f"both from one file, or run {AGAIN[name]} on the merged file."
+            )
+        choice.notes.append(
+            f"{name} of {file} is left out: it was computed from another {source}; run {AGAIN[name]} on the result."
+        )
+        return False
+    return True
+
+
+def _criterion(choice: SectionChoice, chosen: dict[str, int]) -> None:
+    """A wear limit and a tool life of two files at other criteria are a conflict; an assumed criterion gives way."""
+    if not {"limits.wear", "tool_life"} <= chosen.keys() or chosen["limits.wear"] == chosen["tool_life"]:
+        return
+    one, two = chosen["limits.wear"], chosen["tool_life"]
+    limit, life = choice.held[one]["limits.wear"], choice.held[two]["tool_life"]
+    if limit.of not in (None, life.wear) or in_unit(limit.value, limit.unit, life.unit_of_wear) == life.criterion:
+        return
+    words = (
+        f"the wear limit of {choice.name(one)} is {limit.value:g} {limit.unit}, the tool life of {choice.name(two)} is "
+        f"at {life.criterion:g} {life.unit_of_wear}"
+    )
+    design = choice.inputs[two].pf.design
+    if design is not None and design.criterion is not None and design.criterion.source == ASSUMED:
+        choice.notes.append(f"criterion: {words}, which was assumed; the limit counts.")
+        return
+    kept = choice.decided("criterion", sorted((one, two)), words)
+    chosen.pop("tool_life" if kept == one else "limits.wear")
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401
+    """A section as data; anything else as it is."""
+    return value.model_dump() if isinstance(value, Section) else value
+
+
+def same_section(one: Any, two: Any) -> bool:  # noqa: ANN401
+    """Whether two sections say the same; limits also in other units."""
+    a, b = plain(one), plain(two)
+    if isinstance(a, dict) and isinstance(b, dict) and a.get("unit") != b.get("unit") and set(a) == set(b):
+        ends = [key for key in a if key in ("value", "low", "high")]
+        rest = [key for key in a if key not in (*ends, "unit")]
+        if ends and len(a) <= 4 and all(a[key] == b[key] for key in rest):
+            return all(_end(a, key) == _end(b, key, a["unit"]) for key in ends)
+    return bool(a == b)
+
+
+def _end(limit: Mapping[str, Any], key: str, to: str | None = None) -> float | None:
+    value = limit[key]
+    return value if value is None or to is None else in_unit(value, limit["unit"], to)
+
+
+def _differ(choice: SectionChoice, name: str, one: int, two: int) -> str:
+    a, b = (plain(choice.held[number][name]) for number in (one, two))
+    return difference(a, b, choice.name(one), choice.name(two))
