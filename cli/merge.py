@@ -33,9 +33,9 @@ def parser() -> Parser:
     p.add_argument("--out", metavar="FILE", required=True, help="the merged file, none of those that are read")
     p.add_argument(
         "--take", action="append", metavar="SECTION=FILE",
-        help="a section from one of the files, where they differ: laws.VB=b.json, limits=a.json, criterion=a.json",
+        help="a section from one of the files, where they differ: laws.VB=b.json, limits=a.json (default: none)",
     )  # fmt: skip
-    p.add_argument("--prefer", metavar="FILE", help="file that decides all other conflicts")
+    p.add_argument("--prefer", metavar="FILE", help="file that decides all other conflicts (default: none)")
     p.add_argument("--force", action="store_true", help="replace an existing file")
     output_options(p, "print sections and notes as JSON (fitmodels.merge/1)")
     return p

@@ -200,6 +200,12 @@ def _follows(choice: SectionChoice, name: str, number: int, chosen: Mapping[str,
         if own is None and asked == number:
             choice.notes.append(f"{name} of {file} is taken as given; it was not computed from the {source} of {of}.")
             continue
+        mine = choice.held[number][name]
+        if own is None and any(
+            source in held and same_section(held[source], taken) and same_section(held.get(name), mine)
+            for held in choice.held
+        ):
+            continue  # another file holds both
         if own is None and asked is None:
             words = f"{name}: that of {file} was not computed from the {source} of {of}, which {file} does not hold."
             choice.conflicts.append(words)

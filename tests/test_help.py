@@ -144,7 +144,7 @@ def test_an_unknown_option_is_one_sentence(name, tmp_path, monkeypatch):
         name == "wear" :
     ]
     words += {"settings": ["--worn", "1"], "export": ["--to", "c"], "limits": ["P=1"], "costs": ["machine=60/h"],
-              "roughness": ["Ra=1um"]}.get(name, [])  # fmt: skip
+              "roughness": ["Ra=1um"], "merge": ["--out", "o"]}.get(name, [])  # fmt: skip
     said = sentence(run(*words, "--jsno"), 2)
     assert "--jsno" in said
     assert "did you mean --json?" in said
@@ -291,6 +291,16 @@ def _records():
     shutil.copy(DOCS / "records-plan.csv", "tests.csv")
 
 
+def _divided():
+    """A file of a load law and one of a wear law."""
+    whole = published("CLM-2023")
+    laws = {"load-fit": "I", "wear-fit": "VB"}
+    for folder, name in laws.items():
+        Path(folder).mkdir()
+        pf = sealed(whole, laws={name: whole.laws[name]}, **({"tool_life": None} if name == "I" else {"pi": None}))
+        parameters.write(pf, f"{folder}/params.json")
+
+
 def _turning():
     table = datasets.bundled("surf_table1")
     return parameters.collect(laws=[fit.exponential_law(table, "Ra", "F"), fit.power_law(table, "F", ["f"])])
@@ -313,6 +323,7 @@ PREPARED = {  # what the example of a command needs besides data.csv and its res
     "ident": _record,
     "optimum": lambda: _params(sealed(published("AC-2017"), costs=COSTS)),
     "limits": lambda: _params(sealed(published("AC-2017"), limits=None)),
+    "merge": _divided,
     "publish": lambda: shutil.copytree("data-fit", "results"),
     "reduce": _records,
     "roughness": lambda: _params(_turning()),
@@ -352,7 +363,7 @@ TWICE = [name for name in COMMANDS if name not in (*SLOW, "help", "completion")]
 def test_quiet_prints_paths_and_json_prints_json(name, place):
     PREPARED.get(name, lambda: None)()
     words = shlex.split(parser(name).example)[1:]
-    force = ["--force"] if name in ("card", "limits", "roughness", "settings", "optimum") else []
+    force = ["--force"] if name in ("card", "limits", "merge", "roughness", "settings", "optimum") else []
     result = run(*words, "--quiet", *force)
     assert (result.code, result.err) == (0, "")
     assert [line for line in result.out.splitlines() if not Path(line).exists()] == []
