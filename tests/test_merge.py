@@ -81,7 +81,7 @@ def test_provenance_names_the_other_files_and_the_commands_that_made_them():
     ],
 )  # fmt: skip
 def test_other_contents_are_refused_and_named(two, words):
-    with pytest.raises(ParameterError, match="a.json") as found:
+    with pytest.raises(ParameterError, match=r"a\.json") as found:
         joined(LOAD, two)
     assert words in str(found.value)
 
@@ -110,11 +110,11 @@ def test_limits_of_two_files_are_united_and_the_tighter_one_of_each_is_named():
     assert (both.power.value, both.force.value) == (7.0, 1300.0)
     same = joined(limited(power=power), limited(power={"value": 7000.0, "unit": "W"})).pf.limits
     assert (same.power.value, same.power.unit) == (7.0, "kW")
-    with pytest.raises(ParameterError, match="at most 7 kW in a.json, at most 5000 W in b.json; the tighter one is "
-                                             "that of b.json"):  # fmt: skip
+    with pytest.raises(ParameterError, match=r"at most 7 kW in a.json, at most 5000 W in b.json; the tighter one is "
+                                             r"that of b.json"):  # fmt: skip
         joined(limited(power=power), limited(power={"value": 5000.0, "unit": "W"}))
     ranges = [limited(speed={"low": low, "high": 200.0, "unit": "m/min"}) for low in (50.0, 60.0)]
-    with pytest.raises(ParameterError, match="the tighter one is that of b.json"):
+    with pytest.raises(ParameterError, match=r"the tighter one is that of b.json"):
         joined(*ranges)
     looser = joined(*ranges, take={"limits.speed": 0})
     assert looser.pf.limits.speed.low == 50.0
@@ -144,9 +144,9 @@ def test_gains_and_settings_do_not_meet_dynamics_and_laws_that_they_were_not_com
     merged = joined(LOAD, other, take={"dynamics": 1})
     assert merged.pf.pi is None
     assert any("pi of a.json is left out" in note and "fitmodels tune" in note for note in merged.notes)
-    with pytest.raises(UsageError, match="--take pi: that of a.json was computed from its own dynamics"):
+    with pytest.raises(UsageError, match=r"--take pi: that of a.json was computed from its own dynamics"):
         joined(LOAD, other, take={"dynamics": 1, "pi": 0})
-    with pytest.raises(ParameterError, match="pi: that of a.json was not computed from the dynamics of b.json"):
+    with pytest.raises(ParameterError, match=r"pi: that of a.json was not computed from the dynamics of b.json"):
         joined(sealed(LOAD, dynamics=None), sealed(WEAR, dynamics=CLM.dynamics))
     law = {**LOAD.laws["I"].model_dump(), "coefficients": {"A": 0.1, "B": 1e-4, "k1": 2e-4}}
     refitted = sealed(LOAD, laws={"I": law}, load_line=None, pi=None, dynamics=None)
@@ -173,7 +173,7 @@ def test_symbols_of_other_quantities_are_refused_and_units_of_one_are_named():
     millimetres = in_mm(WEAR)
     assert any("VB is in um in a.json, mm in b.json" in note for note in joined(LOAD, millimetres).notes)
     law = {**WEAR.laws["VB"].model_dump(), "unit": "min"}
-    with pytest.raises(ParameterError, match="VB is in um in a.json and in min in b.json: these are not one quantity"):
+    with pytest.raises(ParameterError, match=r"VB is in um in a.json and in min in b.json: these are not one quantity"):
         joined(LOAD, sealed(WEAR, laws={"VB": law}, tool_life=None))
 
 
@@ -192,7 +192,7 @@ def test_settings_in_um_and_a_wear_law_in_mm_give_the_cut_of_one_unit():
     names = ("ln c0", "t", "fm", "d", "ae")
     values = np.array([[np.log(merged.laws["VB"].coefficients["c0"]), 1.0, 0.0, 0.0, 0.0]])
     life, used = drawn_life(merged, {"VB": Draws(names, values)})
-    published_life, _ = drawn_life(CLM, {"VB": Draws(names, values + [np.log(1000), 0, 0, 0, 0])})
+    published_life, _ = drawn_life(CLM, {"VB": Draws(names, values + np.array([np.log(1000), 0, 0, 0, 0]))})
     assert used == ("VB",)
     assert life.length == pytest.approx(published_life.length, rel=1e-9)
 
