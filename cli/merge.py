@@ -124,10 +124,15 @@ def _write(target: Path, stem: str, pf: object, merged: "Merged") -> None:
         if own is not None and merged.draws is not None:
             write_together(folder / own, merged.draws, error=ParameterError)
         write_together(Path(os.path.realpath(target)), as_bytes(pf, str(target)), error=ParameterError)
-        for path in sorted(folder.glob(f"{stem}-draws-*.npz")):
-            left = re.fullmatch(rf"{re.escape(stem)}-draws-[0-9a-f]{{12}}\.npz", path.name)
-            if left and path.name != own and not _used(path, folder):
-                path.unlink(missing_ok=True)
+        _remove_former(folder, stem, own)
+
+
+def _remove_former(folder: Path, stem: str, own: str | None) -> None:
+    """Remove draws of former files of this name, which no parameter file of the folder names."""
+    for path in sorted(folder.glob(f"{stem}-draws-*.npz")):
+        left = re.fullmatch(rf"{re.escape(stem)}-draws-[0-9a-f]{{12}}\.npz", path.name)
+        if left and path.name != own and not _used(path, folder):
+            path.unlink(missing_ok=True)
 
 
 def _used(draws: Path, folder: Path) -> bool:

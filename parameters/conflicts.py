@@ -11,11 +11,11 @@ from typing import Any, Final
 from ..core.display import Displayable
 from ..core.errors import ParameterError, UsageError
 from ..core.suggestions import did_you_mean
-from ..datasets.units import is_unit, same_dimension
 from .draws import Draws
 from .file import ParameterFile
 from .messages import difference, in_unit, short
 from .sections.base import Section
+from .sections.load_line import Bound, LimitsSection, Range, ResponseLimit
 from .setting_rules import LOAD_FORMS
 
 WHOLE: Final = ("design", "dynamics", "drive", "costs", "adaptive_force")
@@ -53,11 +53,14 @@ def parts(pf: ParameterFile) -> dict[str, Any]:
     found |= {f"identity.sensors.{sensor.symbol}": sensor for sensor in identity.sensors}
     found |= {f"laws.{name}": law for name, law in pf.laws.items()}
     found |= {name: getattr(pf, name) for name in (*WHOLE, *FOLLOWING)}
-    if pf.limits is not None:
-        found |= {f"limits.{name}": getattr(pf.limits, name) for name in ("power", "force", "wear", *RANGES)}
-        found |= {f"limits.responses.{name}": limit for name, limit in pf.limits.responses.items()}
-    found |= pf.model_extra or {}
+    found |= {**_limits(pf), **(pf.model_extra or {})}
     return {name: value for name, value in found.items() if value is not None}
+
+
+def _limits(pf: ParameterFile) -> dict[str, Any]:
+    limits = pf.limits or LimitsSection()
+    found: dict[str, Any] = {f"limits.{name}": getattr(limits, name) for name in ("power", "force", "wear", *RANGES)}
+    return found | {f"limits.responses.{name}": limit for name, limit in limits.responses.items()}
 
 
 def check_pair(inputs: Sequence[MergeInput]) -> None:
@@ -71,11 +74,15 @@ def check_pair(inputs: Sequence[MergeInput]) -> None:
                     f"{first.name} is of {name} {short(one)} and {each.name} of {short(two)}: only files of one tool "
                     "and work material are merged. Fit again with --tool and --work where both are the same."
                 )
+    _check_units(inputs)
+
+
+def _check_units(inputs: Sequence[MergeInput]) -> None:
     seen: dict[str, tuple[str, str]] = {}
     for each in inputs:
         for symbol, unit in units_of(each.pf):
             former, where = seen.setdefault(symbol, (unit, each.name))
-            if former != unit and not (is_unit(former) and is_unit(unit) and same_dimension(former, unit)):
+            if in_unit(1.0, unit, former) is None:
                 raise ParameterError(
                     f"{symbol} is in {former or 'no unit'} in {where} and in {unit or 'no unit'} in {each.name}: these "
                     "are not one quantity. Fit one of both again with the name or unit of the other (--map, --unit)."
@@ -139,25 +146,25 @@ def _prefixes(name: str) -> list[str]:
 
 def resolved(choice: SectionChoice) -> dict[str, int]:
     """File of each section, first of those that stand alone and then of those that follow from them."""
-    names = list(dict.fromkeys(name for held in choice.held for name in held))
+    names = dict.fromkeys(name for held in choice.held for name in held)
     chosen: dict[str, int] = {}
-    for name in (*(n for n in names if n not in FOLLOWING), *(n for n in FOLLOWING if n in names)):
+    for name in sorted(names, key=lambda name: name in FOLLOWING):
         among = [number for number, held in enumerate(choice.held) if name in held]
         if name in FOLLOWING:
             among = [number for number in among if _follows(choice, name, number, chosen)]
-        if not among:
-            continue
-        if name == "design":
-            chosen[name] = _design(choice, among)
-            continue
-        held = [choice.held[number][name] for number in among]
-        others = [number for number, value in zip(among, held, strict=True) if not same_section(value, held[0])]
-        asked = choice.asked(name)
-        chosen[name] = among[0] if asked not in among or asked is None else asked
-        if others:
-            chosen[name] = choice.decided(name, among, _differ(choice, name, among[0], others[0]))
+        if among:
+            chosen[name] = _design(choice, among) if name == "design" else _one_of(choice, name, among)
     _criterion(choice, chosen)
     return chosen
+
+
+def _one_of(choice: SectionChoice, name: str, among: Sequence[int]) -> int:
+    """The file of a section that several may hold."""
+    first, asked = choice.held[among[0]][name], choice.asked(name)
+    others = [number for number in among if not same_section(choice.held[number][name], first)]
+    if others:
+        return choice.decided(name, among, _differ(choice, name, among[0], others[0]))
+    return asked if asked is not None and asked in among else among[0]
 
 
 def _design(choice: SectionChoice, among: Sequence[int]) -> int:
@@ -173,17 +180,15 @@ def _design(choice: SectionChoice, among: Sequence[int]) -> int:
 
 def _sources(pf: ParameterFile, name: str) -> list[str]:
     """Sections from which one follows, in its own file."""
-    line, pi = pf.load_line, pf.pi
-    if name == "tool_life" and pf.tool_life is not None:
-        return [f"laws.{pf.tool_life.wear}"]
-    if name == "load_line" and line is not None:
-        return [f"laws.{line.law}"]
-    if name == "roughness" and pf.roughness is not None:
-        return [f"laws.{pf.roughness.law}"]
+    section: Any = getattr(pf, name)
+    if name == "tool_life":
+        return [f"laws.{section.wear}"]
     if name != "pi":
-        return []
-    loads = [key for key, law in pf.laws.items() if law.form in LOAD_FORMS] if line is None else [line.law]
-    return ["dynamics", *(f"laws.{key}" for key in loads if pi is not None and pi.scaling_u != 1)]
+        return [f"laws.{section.law}"]
+    loads = [key for key, law in pf.laws.items() if law.form in LOAD_FORMS]
+    if pf.load_line is not None:
+        loads = [pf.load_line.law]
+    return ["dynamics", *(f"laws.{key}" for key in loads if section.scaling_u != 1)]
 
 
 def _follows(choice: SectionChoice, name: str, number: int, chosen: Mapping[str, int]) -> bool:
@@ -191,35 +196,43 @@ def _follows(choice: SectionChoice, name: str, number: int, chosen: Mapping[str,
     for source in _sources(choice.inputs[number].pf, name):
         if source not in chosen:
             continue
-        own, file = choice.held[number].get(source), choice.name(number)
-        taken = choice.held[chosen[source]][source]
+        own, taken = choice.held[number].get(source), choice.held[chosen[source]][source]
         if own is not None and same_section(own, taken):
             continue
-        of = choice.name(chosen[source])
-        asked = choice.prefer if choice.asked(name) is None else choice.asked(name)
-        if own is None and asked == number:
-            choice.notes.append(f"{name} of {file} is taken as given; it was not computed from the {source} of {of}.")
-            continue
-        mine = choice.held[number][name]
-        if own is None and any(
-            source in held and same_section(held[source], taken) and same_section(held.get(name), mine)
-            for held in choice.held
-        ):
-            continue  # another file holds both
-        if own is None and asked is None:
-            words = f"{name}: that of {file} was not computed from the {source} of {of}, which {file} does not hold."
-            choice.conflicts.append(words)
-            return True
-        if choice.asked(name) == number:
-            raise UsageError(
-                f"--take {name}: that of {file} was computed from its own {source}, and that of {of} is taken; take "
-                f"both from one file, or run {AGAIN[name]} on the merged file."
-            )
-        choice.notes.append(
-            f"{name} of {file} is left out: it was computed from another {source}; run {AGAIN[name]} on the result."
-        )
-        return False
+        if own is None and not _without_source(choice, name, number, source, chosen[source]):
+            return False
+        if own is not None:
+            _leave_out(choice, name, number, source, choice.name(chosen[source]))
+            return False
     return True
+
+
+def _without_source(choice: SectionChoice, name: str, number: int, source: str, of: int) -> bool:
+    """Whether a section is taken although its file lacks what it was computed from, which another file holds."""
+    mine, taken, file = choice.held[number][name], choice.held[of][source], choice.name(number)
+    for held in choice.held:
+        if source in held and same_section(held[source], taken) and same_section(held.get(name), mine):
+            return True  # another file holds both
+    asked = choice.prefer if choice.asked(name) is None else choice.asked(name)
+    words = f"{name} of {file} was not computed from the {source} of {choice.name(of)}, which {file} does not hold"
+    if asked is None:
+        choice.conflicts.append(f"{words}.")
+        return True
+    choice.notes.append(f"{words}; it is {'taken as given' if asked == number else 'left out'}.")
+    return asked == number
+
+
+def _leave_out(choice: SectionChoice, name: str, number: int, source: str, of: str) -> None:
+    """Note that a section is left out, as it was computed from another source than that of the result."""
+    file = choice.name(number)
+    if choice.asked(name) == number:
+        raise UsageError(
+            f"--take {name}: that of {file} was computed from its own {source}, and that of {of} is taken; take "
+            f"both from one file, or run {AGAIN[name]} on the merged file."
+        )
+    choice.notes.append(
+        f"{name} of {file} is left out: it was computed from another {source}; run {AGAIN[name]} on the result."
+    )
 
 
 def _criterion(choice: SectionChoice, chosen: dict[str, int]) -> None:
@@ -250,17 +263,15 @@ def plain(value: Any) -> Any:  # noqa: ANN401
 def same_section(one: Any, two: Any) -> bool:  # noqa: ANN401
     """Whether two sections say the same; limits also in other units."""
     a, b = plain(one), plain(two)
-    if isinstance(a, dict) and isinstance(b, dict) and a.get("unit") != b.get("unit") and set(a) == set(b):
-        ends = [key for key in a if key in ("value", "low", "high")]
-        rest = [key for key in a if key not in (*ends, "unit")]
-        if ends and len(a) <= 4 and all(a[key] == b[key] for key in rest):
-            return all(_end(a, key) == _end(b, key, a["unit"]) for key in ends)
-    return bool(a == b)
+    if not (isinstance(one, (Bound, Range, ResponseLimit)) and type(one) is type(two)):
+        return bool(a == b)
+    return all(_end(b, key, a["unit"]) == value for key, value in a.items() if key != "unit")
 
 
-def _end(limit: Mapping[str, Any], key: str, to: str | None = None) -> float | None:
-    value = limit[key]
-    return value if value is None or to is None else in_unit(value, limit["unit"], to)
+def _end(limit: Mapping[str, Any], key: str, to: str) -> Any:  # noqa: ANN401
+    """An end of a limit in another unit; what is no number as it is."""
+    value = limit.get(key)
+    return in_unit(value, limit["unit"], to) if isinstance(value, float) else value
 
 
 def _differ(choice: SectionChoice, name: str, one: int, two: int) -> str:

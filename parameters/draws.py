@@ -159,30 +159,32 @@ def joined_posterior(
     bytes or None
         Content of the file of draws.
     """
-    section: dict[str, Any] = {"seed": None, "laws": {}}
-    kept: dict[str, Draws] = {}
-    orders: dict[tuple[int, int], NDArray[np.intp]] = {}
-    for response, number in laws.items():
-        held, draws = files[number]
-        if held is None or response not in held.laws:
-            continue
-        law = held.laws[response].model_dump()
-        if law["method"] is not None and response not in draws and any(each for _, each in files):
-            law = {"reason": "its draws were not kept, and those of other laws are"}
-        section["laws"][response] = law
-        section["seed"] = held.seed if section["seed"] is None else section["seed"]
-        if response in draws:
-            values, first = draws[response].values, min(n for n, (_, each) in enumerate(files) if each)
-            seed = int(str(held.draws_sha256 or "0")[:16], 16)
-            order = orders.setdefault(
-                (number, len(values)),
-                np.arange(len(values)) if number == first else np.random.default_rng(seed).permutation(len(values)),
-            )
-            kept[response] = Draws(draws[response].names, values[order])
-    if section["seed"] is None:
+    kept = {response: files[number] for response, number in laws.items()}
+    held = {name: of for name, (of, _) in kept.items() if of is not None and name in of.laws}
+    if not held:
         return None, None
-    if not kept:
+    some = any(draws for _, draws in files)
+    lost = {"reason": "its draws were not kept, and those of other laws are"}
+    found = {name: of.laws[name].model_dump() for name, of in held.items()}
+    missing = {name for name in found if some and found[name]["method"] is not None and name not in kept[name][1]}
+    section = {
+        "seed": next(iter(held.values())).seed,
+        "laws": {name: lost if name in missing else law for name, law in found.items()},
+    }
+    first = min((number for number, (_, draws) in enumerate(files) if draws), default=0)
+    given = {name: _reordered(kept[name], name, laws[name] == first) for name in held if name in kept[name][1]}
+    if not given:
         return section, None
-    content = packed(kept)
+    content = packed(given)
     digest = hashlib.sha256(content).hexdigest()
     return {**section, "draws_file": f"{stem}-draws-{digest[:12]}.npz", "draws_sha256": digest}, content
+
+
+def _reordered(file: tuple["PosteriorSection | None", Mapping[str, Draws]], response: str, first: bool) -> Draws:
+    """Draws of a law, those of the first file in their order, of another one in that of its checksum."""
+    section, draws = file
+    found = draws[response]
+    if first:
+        return found
+    seed = int(str((section and section.draws_sha256) or "0")[:16], 16)
+    return Draws(found.names, found.values[np.random.default_rng(seed).permutation(len(found.values))])

@@ -4,7 +4,7 @@ Sections that two files hold with other contents are conflicts, which are named 
 posterior draws go along with their laws. See `fitmodels.parameters.conflicts`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,8 @@ from .conflicts import (
 )
 from .draws import joined_posterior
 from .file import ParameterFile, sealed
+
+GROUPS = ("responses.", "iso13399.", "sensors.")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -105,33 +107,33 @@ def _joined(choice: SectionChoice, chosen: Mapping[str, int], stem: str) -> Merg
     """The file of the chosen sections, with posterior draws, doubts and provenance of all."""
     inputs, first = choice.inputs, choice.inputs[0].pf
     sections: dict[str, Any] = dict.fromkeys((*WHOLE, *FOLLOWING))
-    laws: dict[str, Any] = {}
-    limits: dict[str, Any] = {"responses": {}}
-    identity: dict[str, Any] = {"iso13399": {}, "sensors": []}
+    found: dict[str, dict[str, Any]] = {"laws": {}, "limits": {}, "identity": {}}
     for name, number in chosen.items():
-        value, (kind, _, key) = plain(choice.held[number][name]), name.partition(".")
-        if kind == "laws" and key:
-            laws[key] = _of_its_wear_law(choice, chosen, value, number)
-        elif name.startswith("limits.responses."):
-            limits["responses"][key.removeprefix("responses.")] = value
-        elif kind == "limits" and key:
-            limits[key] = value
-        elif name.startswith("identity.sensors."):
-            identity["sensors"].append(value)
-        elif name.startswith("identity.iso13399."):
-            identity["iso13399"][key.removeprefix("iso13399.")] = value
-        else:
-            (identity if kind == "identity" else sections)[key or kind] = value
+        kind, _, key = name.partition(".")
+        (found[kind] if kind in found and key else sections)[key or kind] = plain(choice.held[number][name])
+    laws = {name: _of_its_wear_law(choice, chosen, law, chosen[f"laws.{name}"]) for name, law in found["laws"].items()}
+    limits = {**_below(found["limits"]), "responses": _below(found["limits"], "responses.")}
+    identity = {
+        **_below(found["identity"]), "iso13399": _below(found["identity"], "iso13399."),
+        "sensors": [*_below(found["identity"], "sensors.").values()],
+    }  # fmt: skip
     posterior, draws = joined_posterior([(of.pf.posterior, of.draws) for of in inputs], _of_laws(chosen), stem)
     choice.notes += _remarks(choice, chosen)
     data = {
         **first.model_dump(), **sections, "laws": laws, "posterior": posterior,
-        "limits": limits if len(limits) > 1 or limits["responses"] else None,
+        "limits": limits if found["limits"] else None,
         "identity": {**first.identity.model_dump(), **identity, **_mark(inputs)},
         "reading": _reading(inputs), "provenance": _provenance(inputs, chosen),
     }  # fmt: skip
     pf = sealed(ParameterFile.model_validate({**data, "content_sha256": None}))
     return Merged(pf, draws, {name: choice.name(number) for name, number in chosen.items()}, tuple(choice.notes))
+
+
+def _below(found: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Parts whose names begin with a prefix, without it; without a prefix those with no such group."""
+    if not prefix:
+        return {name: value for name, value in found.items() if not name.startswith(GROUPS)}
+    return {name.removeprefix(prefix): value for name, value in found.items() if name.startswith(prefix)}
 
 
 def _of_laws(chosen: Mapping[str, int]) -> dict[str, int]:
@@ -164,19 +166,17 @@ def _reading(inputs: Sequence[MergeInput]) -> dict[str, Any] | None:
     """Doubts about the data of all files; those of the others name their data file and its remedy."""
     if all(each.pf.reading is None for each in inputs):
         return None
-    doubts: list[dict[str, Any]] = []
-    for number, each in enumerate(inputs):
-        data = each.pf.provenance.data_file or each.name
-        if each.pf.reading is None:
-            if each.pf.laws:
-                words = f"It is not known whether {data} was read without doubts."
-                doubts.append({"sentence": words})
-            continue
-        for doubt in each.pf.reading.doubts:
-            remedy = f" Remedy: fitmodels {data} {doubt.remedy}." if doubt.remedy else ""
-            other = {"sentence": f"{data}: {doubt.sentence}{remedy}", "remedy": ""} if number else {}
-            doubts.append({**doubt.model_dump(), **other})
-    return {"doubts": doubts}
+    return {"doubts": [doubt for number, each in enumerate(inputs) for doubt in _doubts(each, other=number > 0)]}
+
+
+def _doubts(of: MergeInput, *, other: bool) -> Iterator[dict[str, Any]]:
+    data, reading = of.pf.provenance.data_file or of.name, of.pf.reading
+    if reading is None and of.pf.laws:
+        yield {"sentence": f"It is not known whether {data} was read without doubts."}
+    for doubt in () if reading is None else reading.doubts:
+        remedy = f" Remedy: fitmodels {data} {doubt.remedy}." if doubt.remedy else ""
+        named = {"sentence": f"{data}: {doubt.sentence}{remedy}", "remedy": ""} if other else {}
+        yield {**doubt.model_dump(), **named}
 
 
 def _provenance(inputs: Sequence[MergeInput], chosen: Mapping[str, int]) -> dict[str, Any]:
@@ -201,19 +201,27 @@ def _provenance(inputs: Sequence[MergeInput], chosen: Mapping[str, int]) -> dict
 
 
 def _remarks(choice: SectionChoice, chosen: Mapping[str, int]) -> list[str]:
-    """What a reader of the result is to know: marks of simulation, machines and units that differ."""
-    inputs, remarks = choice.inputs, []
-    marks = {each.pf.identity.simulated for each in inputs}
-    if len(marks) > 1 and marks != {False}:
-        of = ", ".join(each.name for each in inputs if each.pf.identity.simulated is not False)
-        remarks.append(
-            f"identity.simulated: {of} {'is' if True in marks else 'may be'} simulated, so the result counts as such."
-        )
-    unnamed = [each.name for each in inputs if each.pf.identity.machine is None]
+    """What a reader of the result is to know: marks of simulation, machines, units and seeds that differ."""
+    inputs = choice.inputs
+    remarks = [*_simulated(inputs), *_other_units(inputs)]
+    unnamed = ", ".join(each.name for each in inputs if each.pf.identity.machine is None)
     if "identity.machine" in chosen and unnamed:
-        remarks.append(
-            f"identity.machine: taken from {choice.name(chosen['identity.machine'])}; {', '.join(unnamed)} names none."
-        )
+        remarks.append(f"identity.machine: that of {choice.name(chosen['identity.machine'])}; {unnamed} names none.")
+    seeds = sorted({each.pf.posterior.seed for each in inputs if each.pf.posterior is not None})
+    if len(seeds) > 1:
+        remarks.append(f"posterior: draws of the seeds {', '.join(map(str, seeds))}; the file names the first used.")
+    return remarks
+
+
+def _simulated(inputs: Sequence[MergeInput]) -> Iterator[str]:
+    marks = {each.pf.identity.simulated for each in inputs}
+    if len(marks) > 1:
+        of = ", ".join(each.name for each in inputs if each.pf.identity.simulated is not False)
+        kind = "simulated" if True in marks else "perhaps simulated"
+        yield f"identity.simulated: {of} is {kind}, so the whole result counts as that."
+
+
+def _other_units(inputs: Sequence[MergeInput]) -> Iterator[str]:
     units: dict[str, dict[str, str]] = {}
     for each in inputs:
         for symbol, unit in units_of(each.pf):
@@ -221,8 +229,4 @@ def _remarks(choice: SectionChoice, chosen: Mapping[str, int]) -> list[str]:
     for symbol, found in units.items():
         if len(found) > 1:
             listed = ", ".join(f"{unit} in {name}" for unit, name in found.items())
-            remarks.append(f"{symbol} is in {listed}: each section keeps its unit, and constant load converts.")
-    seeds = {each.pf.posterior.seed for each in inputs if each.pf.posterior is not None}
-    if len(seeds) > 1:
-        remarks.append(f"posterior: draws of the seeds {', '.join(map(str, sorted(seeds)))}; the file names the first.")
-    return remarks
+            yield f"{symbol} is in {listed}: each section keeps its unit, and constant load converts."

@@ -146,7 +146,7 @@ def test_gains_and_settings_do_not_meet_dynamics_and_laws_that_they_were_not_com
     assert any("pi of a.json is left out" in note and "fitmodels tune" in note for note in merged.notes)
     with pytest.raises(UsageError, match=r"--take pi: that of a.json was computed from its own dynamics"):
         joined(LOAD, other, take={"dynamics": 1, "pi": 0})
-    with pytest.raises(ParameterError, match=r"pi: that of a.json was not computed from the dynamics of b.json"):
+    with pytest.raises(ParameterError, match=r"pi of a.json was not computed from the dynamics of b.json"):
         joined(sealed(LOAD, dynamics=None), sealed(WEAR, dynamics=CLM.dynamics))
     law = {**LOAD.laws["I"].model_dump(), "coefficients": {"A": 0.1, "B": 1e-4, "k1": 2e-4}}
     refitted = sealed(LOAD, laws={"I": law}, load_line=None, pi=None, dynamics=None)

@@ -17,7 +17,8 @@ import numpy as np
 from ...core.arrays import is_positive
 from ...core.display import Displayable
 from ...core.errors import ParameterError
-from ...datasets.units import convert, is_unit, same_dimension
+from ...datasets.units import convert
+from ...parameters.messages import in_unit
 from .control_laws import line_of
 
 if TYPE_CHECKING:
@@ -175,7 +176,7 @@ def _check_dimensions(law: "LawSection", factors: dict[str, Any], line: "LoadLin
     """Refuse units that cannot be converted into those of the settings."""
     pairs = [(law.unit, line.unit_wear), *([(factors["fm"].unit, line.unit_feed)] if "fm" in factors else [])]
     for unit, to in pairs:
-        if unit != to and not (is_unit(unit) and is_unit(to) and same_dimension(unit, to)):
+        if in_unit(1.0, unit, to) is None:
             raise ParameterError(
                 f"the law of {law.response} is in {unit or 'no unit'} where the settings are in {to or 'no unit'}, "
                 "which are not of one quantity; fit the wear tests again with their units."
@@ -184,11 +185,7 @@ def _check_dimensions(law: "LawSection", factors: dict[str, Any], line: "LoadLin
 
 def _tested(factors: dict[str, Any], design: "DesignSection | None", line: "LoadLineSection") -> dict[str, float]:
     """Feed and cross-section of the wear tests: of the factors of the law, or constant in the tests that it is from."""
-    t = factors["t"]
-    timed = None if design is None else next((of for of in design.factors if of.symbol == "t"), None)
-    same = timed is not None and (timed.low, timed.high, timed.unit) == (t.low, t.high, t.unit)
-    constant = {of.symbol: of for of in design.factors if of.low == of.high} if same and design is not None else {}
-    known = {**constant, **factors}
+    known = {**_constants(factors["t"], design), **factors}
     found = {}
     if "fm" in known:
         fm = known["fm"]
@@ -197,6 +194,15 @@ def _tested(factors: dict[str, Any], design: "DesignSection | None", line: "Load
         d, ae = (known[name].low * unit_factor(known[name].unit, "mm") for name in ("d", "ae"))
         found["area"] = d * ae
     return found
+
+
+def _constants(time: Any, design: "DesignSection | None") -> dict[str, Any]:  # noqa: ANN401
+    """Factors that were constant in the tests of a wear law, where the tests of the file are those, by their times."""
+    if design is None or (time.low, time.high, time.unit) not in [
+        (of.low, of.high, of.unit) for of in design.factors if of.symbol == "t"
+    ]:
+        return {}
+    return {of.symbol: of for of in design.factors if of.low == of.high}
 
 
 def unit_factor(unit: str, to: str) -> float:

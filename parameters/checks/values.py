@@ -279,16 +279,13 @@ def _inside(limit: FeedLimit) -> bool:
 
 
 def _feed_of_machine(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
-    allowed = None if pf.limits is None else pf.limits.feed_rate
-    ends = (
-        [] if allowed is None else [in_unit(end, allowed.unit, line.unit_feed) for end in (allowed.low, allowed.high)]
-    )
-    low, high = ends or (None, None)
-    if low is not None and high is not None:
+    allowed, pi = None if pf.limits is None else pf.limits.feed_rate, pf.pi
+    per = None if allowed is None else in_unit(1.0, allowed.unit, line.unit_feed)
+    if allowed is not None and per is not None:
+        low, high = allowed.low * per, allowed.high * per
         for name, value in (("lower", line.lower.value), ("upper", line.upper.value)):
             if not low <= value <= high:
                 yield f"the {name} feed limit {value:g} is outside the machine's {low:g} to {high:g}"
-    pi = pf.pi
     if pi is not None and pi.unit_u == line.unit_feed and pi.low is not None and pi.low <= 0:
         yield f"the gains may command a feed of {pi.low:g} {line.unit_feed}; a feed lies above zero"
 
