@@ -387,6 +387,9 @@ def test_what_is_outside_the_tests_is_marked_alike_in_every_format(turned):
     assert said == ("EXTRAPOLATED: d 4 mm, tested 1.5 to 3 mm (AW, P, Fxz).",)
     made = turned(options=deep, parts=1, passes=((Stretch(80.0, 200.0),), (Stretch(72.0, 200.0),)))
     assert "(fm - EXTRAPOLATED - d 4 mm, tested 1.5 to 3 mm [AW, P, Fxz].)" in nc_program(made)
+    running = ExportJob(turning=TurningRequest(deep), diameter=(80.0, 80.0), max_rpm=2500.0)
+    assert all(line.removesuffix(".") in exported(published("AC-2017"), "c", system="recursion", job=running).content
+               for line in said)  # fmt: skip
     plain = turning_export(published("AC-2017"), TurningRequest(deep))
     for table in (csv_table(made), csv_table(plain)):
         assert {row["marks"] for row in csv.DictReader(io.StringIO(table))} == {"EXTRAPOLATED"}

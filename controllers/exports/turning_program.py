@@ -127,7 +127,7 @@ def turning_export(
     who = pf.identity
     pair = f"tool {plain(who.tool)}, work {plain(who.work)}, machine {plain(who.machine or 'not named')}"
     checksum = f"parameter file {pf.content_sha256 or content_sha256(pf.model_dump())}"
-    doubts = () if pf.reading is None else pf.reading.doubts
+    doubts, inch = () if pf.reading is None else pf.reading.doubts, request.inch if part is None else part.job.inch
     doubted = (f"the data are right although the reading doubts them: {doubt.sentence}" for doubt in doubts)
     assumed = (*doubted, *untried, *plan.assumed)
     return TurningExport(
@@ -136,11 +136,11 @@ def turning_export(
         origin=(pair, *([said] if said else []), *verdicts, *outside, checksum),
         remarks=(
             *NO_SAFETY, "calculated from the laws of the file, not measured: watch the first part and inspect the edge",
-            *_chance(plan), *_settings(plan), *([] if part is None else _words_of(part)),
+            *_chance(plan), *_settings(plan, inch), *([] if part is None else _words_of(part)),
             *(f"assumed: {words}" for words in assumed),
         ),
         marks=(*([said] if said else []), *(line for line in verdicts if line.startswith("VERDICT ACCEPTED"))),
-        inch=request.inch if part is None else part.job.inch,
+        inch=inch,
     )  # fmt: skip
 
 
@@ -155,14 +155,15 @@ def _chance(plan: Plan) -> tuple[str, ...]:
     return (f"{words}, {100 * RISK:.0f} % before {early:.3g} min: --time {early:.3g}min ends the plan there",)
 
 
-def _settings(plan: Plan) -> tuple[str, ...]:
+def _settings(plan: Plan, inch: bool) -> tuple[str, ...]:
     """Objective, limits and rules of the plan."""
     laws, rules = plan.laws, plan.life.rules
     limits = [(laws.wear.response, laws.wear), *((terms.response, terms) for _, terms in laws.limited)]
     kept = ", ".join(f"{name} {terms.most:g} {plain_unit(terms.unit)}" for name, terms in limits)
+    depth = f"{laws.d / INCH:.4g} in" if inch else f"{laws.d:g} mm"
     adds = "by the wear reached" if rules.wear == "wear_state" else "by the minutes of the edge"
     return (
-        f"objective {plan.options.objective}, limits {kept}, depth {laws.d:g} mm",
+        f"objective {plan.options.objective}, limits {kept}, depth {depth}",
         f"wear adds up {adds}, rows of {rules.interval:g} min, factors of time {rules.times}",
     )
 
