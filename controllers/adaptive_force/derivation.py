@@ -38,6 +38,8 @@ ALMOST, UNEVEN = 0.02, 0.1  # of a revolution: averages that miss a whole one by
 READINGS: Final = (-0.1, 4.0)  # times the largest set point: valid readings, where the sensor's range is not given
 BEYOND, BEYOND_NEED = 1.5, 2.0  # times the tested range; times the feed that the set points need
 SETTLED, SETTLED_REFERENCE = 3.91, 5.83  # time constants until within 2 %: of first order, of the reference model
+OTHER_SPEED: Final = 0.1  # relative: a spindle speed that is not that of the record
+LONGEST_DELAY, SLOWEST = 1.0, 100.0  # s; times the time of the reference model by the rule
 DRAWS, SEED = 1000, 1
 
 
@@ -180,6 +182,15 @@ def _timing(section: "AdaptiveForceSection", choices: ForceChoices) -> tuple[Tim
     speed = choices.spindle_speed or section.spindle_speed or (60 / average if average else None)
     if speed is None:
         raise UsageError("the spindle speed is not known: the force is averaged over a revolution; give --spindle RPM.")
+    run = section.spindle_speed or speed
+    other = abs(speed / run - 1) > OTHER_SPEED
+    if other and not choices.beyond_tested:
+        raise UsageError(
+            f"--spindle {speed:g} 1/min: the estimates are of a cut at {run:g} 1/min, and the force follows the feed "
+            "in revolutions; record a cut at that speed, or allow it with --beyond-tested."
+        )
+    if choices.delay is not None and choices.delay > LONGEST_DELAY:
+        raise UsageError(f"--delay {choices.delay:g} s: at most {LONGEST_DELAY:g} s; give it in s or ms, as 5ms.")
     turn = 60 / speed
     step = choices.sample_time or STEP
     if choices.sample_time is None and abs(round(turn / step) * step / turn - 1) > ALMOST:
@@ -192,8 +203,9 @@ def _timing(section: "AdaptiveForceSection", choices: ForceChoices) -> tuple[Tim
             f"step of at most that, near a whole part of it, as {turn / np.ceil(turn / min(step, turn)):.4g}."
         )
     words = f"one revolution at {speed:g} 1/min" + ("" if abs(turns - 1) < 1e-9 else f" in whole steps: {turns:.4g}")
+    given = f"given; allowed beyond the tests: the estimates are of {run:g} 1/min" if other else GIVEN
     sources = {
-        "spindle_speed": GIVEN if choices.spindle_speed else section.sources.get("spindle_speed", AS_BEFORE),
+        "spindle_speed": given if choices.spindle_speed else section.sources.get("spindle_speed", AS_BEFORE),
         "average_time": words,
         "sample_time": GIVEN if choices.sample_time else "assumed: period of the control (--sample-time)",
     }
@@ -252,6 +264,11 @@ def _gains(
     """Gains by the rule or as given, and their sources."""
     rule = design_gains(ratios.tolist(), force, timing)
     T = choices.reference_time or rule.reference_time
+    if not timing.dead_time <= T <= SLOWEST * rule.reference_time:
+        raise UsageError(
+            f"--reference-time {T:g} s: between the dead time of {timing.dead_time:.3g} s and "
+            f"{SLOWEST * rule.reference_time:.3g} s; the rule gives {rule.reference_time:.3g} s."
+        )
     g3 = choices.g3 if choices.g3 is not None else rule.g3 * (choices.Kd or rule.Kd) / rule.Kd
     gains = ForceGains(choices.Kd or rule.Kd, choices.lam or rule.lam, g3 * T**4, g3 * T**2, g3, T)
     at = f"at {deepest:g} {unit_depth}"

@@ -176,7 +176,8 @@ def loop_response(
 
     def held(pole: NDArray[np.complex128]) -> NDArray[np.complex128]:
         after = np.exp(-pole * h)
-        return ((1 - after) / pole)[:, None] * back / (1 - after[:, None] * back)
+        step: NDArray[np.complex128] = ((1 - after) / pole)[:, None] * back / (1 - after[:, None] * back)
+        return step
 
     plant = (held(p) - held(q)) / ((q - p) * ratios[:, 0])[:, None]
     response: NDArray[np.complex128] = law * (rate + gains.lam * mean) * np.exp(-1j * omega * timing.delay) * plant
