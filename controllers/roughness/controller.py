@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 FLOOR = 0.1  # of the programmed feed: from feed 0 a multiplicative law cannot recover, and the edge would rub
 WAIT = 0.3  # s above the threshold, where the file has no time
-HYSTERESIS: Final = 0.1  # of the threshold, whole width
+HYSTERESIS: Final = 0.25  # of the threshold, whole width: above a change of the force by 10 % either way
 DRIFT: Final = 0.1  # of the reference, at least the threshold: a more negative force is no drift of the zero
 HIGHEST: Final = 20.0  # times the reference: a larger force is that of a broken sensor
 OVERLOAD: Final = 2.0  # times the reference that a tool withstands, where nothing is known of it
@@ -162,7 +162,8 @@ class ConstantRoughness(Displayable):
         return LoadLoop(
             kp=0.0, ki=0.0, sample_time=self.sample_time, reference=reference,
             feed_low=self.low, feed_high=self.high, feed_programmed=self.high, unit_load="N", unit_feed="mm/rev",
-            filter_time=0.0, engage_at=self.threshold, hysteresis=HYSTERESIS * self.threshold, engage_after=self.wait,
+            filter_time=0.0, engage_at=(1 - HYSTERESIS / 2) * self.threshold,
+            hysteresis=HYSTERESIS * self.threshold, engage_after=self.wait,
             back_off=span / BACK_OFF, recover=span / RECOVER,
             load_low=drift if self.force_low is None else self.force_low,
             load_high=HIGHEST * largest if self.force_high is None else self.force_high,
@@ -224,14 +225,14 @@ def assumed_settings(pf: "ParameterFile") -> tuple[str, ...]:
         *assumed,
         f"overload above {loop.overload_at:.4g} N, 1.05 times {OVERLOAD:g} times the reference: the file holds no "
         "force that the tool withstands",
-        f"hysteresis {loop.hysteresis:.4g} N, a tenth of the threshold",
+        f"hysteresis {loop.hysteresis:.4g} N: a cut begins at the threshold and ends that much below it",
         f"feed out of the cut down by {loop.back_off:.4g} and up by {loop.recover:.4g} of the upper limit per s",
         *monitoring(loop),
     )
 
 
 def _threshold(section: "RoughnessSection") -> float:
-    if not (section.threshold > 0 and section.threshold * (1 + HYSTERESIS) < section.force):
+    if not (section.threshold > 0 and section.threshold < section.force):
         raise ParameterError(
             f"roughness.threshold {section.threshold:g} N: a cut is told from air by a force above zero and below the "
             f"reference of {section.force:.4g} N; give such a threshold."

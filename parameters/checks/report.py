@@ -170,7 +170,7 @@ def require_verdicts(
     loop_only : bool
         As of `judged_parts`.
     only : collection of str
-        Responses of the laws that are used; all parts without it.
+        Responses of the laws, or names of sections, that are used; all parts without it.
 
     Returns
     -------
@@ -182,7 +182,7 @@ def require_verdicts(
     GateError
         A part must not be used for control, or its verdict is not known.
     """
-    laws = {f"laws.{short_name(name)}" for name in only}
+    laws = {f"laws.{short_name(name)}" for name in only} | set(only)
     parts = [part for part in judged_parts(pf, loop_only=loop_only) if not laws or part.where in laws]
     refused = [part for part in parts if part.verdict is None or part.verdict.concern == DO_NOT_USE]
     if refused and not accepted:

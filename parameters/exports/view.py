@@ -102,7 +102,7 @@ class ExportView:
     @property
     def limits_of_use(self) -> tuple[str, ...]:
         """Lines that every export carries: it is no safety function, and what a loop with these gains cannot detect."""
-        return NO_SAFETY if self.gains is None else (*NO_SAFETY, *NOT_DETECTED)
+        return NO_SAFETY if self.gains is None and self.loop is None else (*NO_SAFETY, *NOT_DETECTED)
 
     def needed_loop(self) -> LoadLoop:
         """The loop, for a format that needs one.

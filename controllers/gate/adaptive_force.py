@@ -1,0 +1,199 @@
+"""Gate of adaptive force control: it runs on drive and process of the file's estimates, with ripple and noise."""
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from ...core.errors import FitmodelsError, GateError
+from ...datasets.units import canonical
+from ...parameters.checks.report import FileFinding, require_verdicts
+from ...parameters.sections.base import ModelCovariance
+from ..adaptive_force.controller import AdaptiveForceControl
+from ..adaptive_force.plant import DriveAndCut
+from ..adaptive_force.settings import assumed_settings, force_loop, lacking, machine, settings_for
+from . import GatedControl
+from .roughness import ForceBench, fault_findings, gated, wrong_at_rest
+
+if TYPE_CHECKING:
+    from ...parameters import ParameterFile
+
+SEED: Final = 20
+DRAWS, SPREAD = 6, 0.3  # of the plant; relative change of k, where the file has a covariance of the estimates besides
+RIPPLE, NOISE = 0.3, 0.01  # of the force, and of the set point
+BEYOND: Final = 5.0  # times the feed that the estimates need for the set points
+PER_TURN: Final = 2.0  # mm per revolution
+LONGEST: Final = 5000  # samples of a run
+
+
+def check_adaptive_force(pf: "ParameterFile") -> tuple[FileFinding, ...]:
+    """Findings of the gate on the adaptive force control of a file; none without its section or its settings.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> check_adaptive_force(published("SURF"))
+    ()
+    """
+    if pf.adaptive_force is None or pf.adaptive_force.Kd is None:
+        return ()
+    return _findings(_Same(pf))
+
+
+class _Same:
+    """A parameter file that equals another where the force sections are equal."""
+
+    def __init__(self, pf: "ParameterFile") -> None:
+        self.pf, self.key = pf, pf.model_dump_json(include={"adaptive_force"})
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+
+@lru_cache(maxsize=16)
+def _findings(same: _Same) -> tuple[FileFinding, ...]:
+    pf = same.pf
+    try:
+        if why := lacking(pf):
+            raise GateError(why)
+        machine(pf)
+        found = list(_order(pf))
+    except FitmodelsError as error:
+        return (FileFinding("control", None, f"The adaptive force control was not simulated: {error}"),)
+    if not any(finding.passed is False for finding in found):
+        found += _simulated(pf)
+    return tuple(found)
+
+
+def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """Findings on the feed limits against the estimates."""
+    section = pf.adaptive_force
+    if section is None or section.depth is None:
+        return
+    low, high, beta = section.low or 0.0, section.high or 0.0, section.beta
+    if not beta > 0:
+        yield _failed("units", f"beta is {beta:.4g}: the force falls when the feed rises; check the sensor's sign.")
+        return
+    feeds = [point.force * beta * section.depth / point.depth for point in section.set_points]
+    words = f"by the estimates the set points need feeds of {min(feeds):.4g} to {max(feeds):.4g} {section.unit_u}"
+    if not (low < min(feeds) and max(feeds) < high):
+        limits = f"the limits are {low:.4g} to {high:.4g}"
+        yield _failed("limits", f"{words}, {limits}: check the units of feed and force, or widen the limits.")
+    if high > BEYOND * max(feeds):
+        beyond = f"the upper limit {high:.4g} is more than {BEYOND:g} times as much"
+        yield _failed("limits", f"{words}, {beyond}; lower it: no run is known to have cut at it.")
+    speed = section.spindle_speed
+    if speed is not None and canonical(section.unit_u) == "mm/min" and high > PER_TURN * speed:
+        turn = f"{high / speed:.3g} mm per revolution at {speed:g} 1/min"
+        yield _failed("limits", f"the upper limit {high:.4g} mm/min is {turn}, more than {PER_TURN:g}; lower it.")
+
+
+def _failed(name: str, words: str) -> FileFinding:
+    return FileFinding(name, False, f"Adaptive force control: {words}")
+
+
+def _simulated(pf: "ParameterFile") -> Iterator[FileFinding]:
+    section = pf.adaptive_force
+    if section is None:
+        return
+    means, middle = [], None
+    for point in section.set_points[:5]:
+        bench = _bench(pf, point.depth)
+        wrong, mean = _run(bench, point.force)
+        if wrong:
+            where = f"simulated at {point.depth:g} {section.unit_depth}"
+            yield _failed("simulation", f"{where}, {wrong}; choose Kd, lam and the feed limits again.")
+            return
+        means.append(f"{mean:.4g} at {point.force:.4g}")
+        middle = middle or bench
+    named = ", ".join(means)
+    yield FileFinding(
+        "simulation", True, f"Simulated on drive and process of the estimates, the mean force is {named} "
+        f"{section.unit_force} asked for.",
+    )  # fmt: skip
+    yield from _draws(pf)
+    if middle is not None:
+        yield from fault_findings(middle)
+
+
+def _bench(pf: "ParameterFile", depth: float, plant: DriveAndCut | None = None, seed: int = SEED) -> ForceBench:
+    control = AdaptiveForceControl.from_parameters(pf, depth)
+    noise = NOISE * control.set_point
+    cut = plant or DriveAndCut.from_parameters(pf, depth, ripple=RIPPLE, noise=noise)
+    return ForceBench(control, cut, control.settings.sample_time, np.random.default_rng(seed))
+
+
+def _run(bench: ForceBench, point: float) -> tuple[str, float]:
+    """What is wrong after settling, and the mean force."""
+    settings = bench.controller.settings
+    settle = 1.0 + 8 * settings.reference_time + 6 / settings.lam
+    bench.run(min(settle, LONGEST * settings.sample_time))
+    turn = settings.samples * settings.sample_time
+    _, forces = bench.run(max(round(0.5 / turn), 1) * turn)
+    return wrong_at_rest(bench, forces, point), float(forces.mean())
+
+
+def _draws(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """Plants drawn from the covariance of the estimates, and with another k: harder work, another depth."""
+    section = pf.adaptive_force
+    if section is None or section.depth is None:
+        return
+    rng, point = np.random.default_rng(SEED + 1), section.set_points[0]
+    held, failed = section.uncertainty, []
+    estimates = np.array([section.m, section.alpha, section.beta])
+    covariance = np.zeros((3, 3))
+    if isinstance(held, ModelCovariance) and set(held.of) == {"m", "alpha", "beta"}:
+        order = [held.of.index(name) for name in ("m", "alpha", "beta")]
+        covariance = np.array(held.matrix)[np.ix_(order, order)]
+    for k in range(DRAWS):
+        drawn = rng.multivariate_normal(estimates, covariance, method="eigh")
+        fields = dict(zip(("m", "alpha", "beta"), (float(value) for value in drawn), strict=True))
+        try:
+            m, c, gain = machine(pf.model_copy(update={"adaptive_force": section.model_copy(update=fields)}))
+        except GateError:
+            failed.append("unstable poles")
+            continue
+        factor = 1 + SPREAD * (2 * k / (DRAWS - 1) - 1)
+        noise = NOISE * point.force
+        plant = DriveAndCut(point.depth, m=m, c=c, k_per_depth=gain * factor, ripple=RIPPLE, noise=noise)
+        words, _ = _run(_bench(pf, point.depth, plant, k), point.force)
+        failed += [words] if words else []
+    what = f"of {DRAWS} plants drawn from the estimates with a gain changed by up to {100 * SPREAD:.0f} %"
+    if failed:
+        yield _failed("draws", f"{what}, {len(failed)} are not held ({failed[0]}); identify or design again.")
+    else:
+        yield FileFinding("draws", True, f"{what[:1].upper()}{what[1:]}, all are held.")
+
+
+def gated_adaptive_force(
+    pf: "ParameterFile", *, depth: float | None = None, accept_verdict: bool = False
+) -> GatedControl:
+    """The adaptive force control of a file at one of its set points, once it has passed the gate.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    depth : float, optional
+        Of the set point; by default that of the smallest force.
+    accept_verdict : bool
+
+    Raises
+    ------
+    GateError
+        The file fails the check or the gate, lacks a setting, or its estimates must not be used for control.
+    """
+    section = pf.adaptive_force
+    if section is None or (why := lacking(pf)):
+        raise GateError(f"not exported: {lacking(pf) if section is None else why}")
+    least = min(section.set_points, key=lambda point: point.force)
+    settings = settings_for(pf, least.depth if depth is None else depth)
+    assumed = assumed_settings(pf, settings)
+    if depth is None and len(section.set_points) > 1:
+        words = f"set point {least.force:g} {section.unit_force} at a depth of {least.depth:g} {section.unit_depth}"
+        assumed = (f"{words}, the smallest of {len(section.set_points)}; the others need a file of their own", *assumed)
+    held = require_verdicts(pf, accept_verdict, only=("adaptive_force",))
+    return gated(pf, force_loop(settings), check_adaptive_force(pf), held, assumed)

@@ -1,0 +1,368 @@
+"""Gate of constant roughness, and the simulation of faults that it shares with adaptive force control.
+
+The control runs on the cut of the file, kc a / ((tc s + 1)(ts s + 1)), with the disturbance of the replay.
+"""
+
+import copy
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from ...core.arrays import Array
+from ...core.errors import FitmodelsError, GateError, ParameterError, UsageError
+from ...parameters.checks.report import FileFinding, require_verdicts
+from ...parameters.exports.names import plain_lines
+from ...parameters.exports.view import export_view
+from ..roughness.controller import ConstantRoughness, assumed_settings
+from ..roughness.plant import TurningForce, loop_theory
+from ..roughness.reference import settings_of
+from . import _MADE_BY_THE_GATE, GatedControl
+from .settings import TIMES, WIDEST
+from .simulation import SAFE_WITHIN, Fault, faults_of
+
+if TYPE_CHECKING:
+    from ...parameters import ParameterFile
+    from ...parameters.exports.loop import LoadLoop
+
+SEED: Final = 20
+DRAWS, SPREAD = 20, 0.3  # of the cut; relative, uniform
+WRONG: Final = 0.05  # share of draws
+HELD: Final = 0.04  # of the reference: deviation of the mean force at rest
+PLAUSIBLE: Final = 1.5  # mm/rev: a larger feed is none of turning, where the nose radius is not known
+SPECIFIC: Final = (100.0, 30000.0)  # N/mm2, specific cutting force
+USUAL: Final = 1.5  # times the programmed feed
+
+
+@dataclass(slots=True)
+class ForceBench:
+    """A force control on a cut."""
+
+    controller: Any  # ConstantRoughness or AdaptiveForceControl
+    plant: Any
+    period: float
+    rng: np.random.Generator
+    news: list[str] = field(default_factory=list)
+    _beat: bool = False
+
+    def __post_init__(self) -> None:
+        """Let the heartbeat begin before the control is switched on."""
+        self.controller.control.enabled = False
+        self.run(3 * self.period)
+        self.controller.control.enabled = True
+        self.news = []
+
+    def run(
+        self, seconds: float, *, reading: Callable[[float], float] | None = None, beats: bool = True
+    ) -> tuple[Array, Array]:
+        """Commands and true forces of each sample; ``reading`` replaces what the sensor reads."""
+        controller, control = self.controller, self.controller.control
+        n = max(round(seconds / self.period), 1)
+        commands, forces = np.empty(n), np.empty(n)
+        for k in range(n):
+            force = self.plant.step(controller.command, self.period, self.rng)
+            self._beat = self._beat is not beats
+            control.beat = self._beat
+            commands[k] = controller.step(force if reading is None else reading(force), self.period)
+            forces[k] = force
+            self.news += controller.news
+        return commands, forces
+
+
+def fault_findings(middle: ForceBench) -> Iterator[FileFinding]:
+    """Findings on faults of the sensor and on losses in mid-cut."""
+    loop = middle.controller.control.loop
+    faults = [fault for fault in faults_of(loop, loop.reference) if fault.name != "a reading of zero"]
+    faults.append(Fault("every second reading lost", _every_second(), True, 7 * _lost(loop)))
+    wrong = [words for fault in faults if (words := _answer(middle, fault))]
+    yield from (FileFinding("fault", False, f"{words[:1].upper()}{words[1:]}.") for words in wrong)
+    if not wrong:
+        names = ", ".join(fault.name for fault in faults)
+        yield FileFinding(
+            "fault", True, f"Each of these takes the feed to its lower limit, latched until reset: {names}."
+        )
+    rises = [words for name in _LOSSES if (words := _loss(middle, name))]
+    yield from (FileFinding("fault", False, f"{words}; it must not rise.") for words in rises)
+    if not rises:
+        yield FileFinding("fault", True, f"The feed does not rise when in mid-cut {', or '.join(_LOSSES)}.")
+
+
+def _lost(loop: "LoadLoop") -> float:
+    return loop.samples(loop.lost_after) * loop.sample_time
+
+
+def _every_second() -> Callable[[float], float]:
+    turn = [False]
+
+    def reading(force: float) -> float:
+        turn[0] = not turn[0]
+        return float("nan") if turn[0] else force
+
+    return reading
+
+
+def _answer(middle: ForceBench, fault: Fault) -> str:
+    """What is wrong in the answer to a fault in mid-cut; empty where it is safe."""
+    bench = copy.deepcopy(middle)
+    control, loop = bench.controller.control, bench.controller.control.loop
+    before, allowed = bench.controller.command, fault.detection + 3 * loop.sample_time
+    fall = (loop.high - loop.low) / loop.back_off
+    if allowed + fall > SAFE_WITHIN + loop.stuck_after * (fault.name == "a stuck reading"):
+        return f"{fault.name} reaches the lower feed limit only after {allowed + fall:.3g} s"
+    commands, _ = bench.run(allowed + fall + 5 * loop.sample_time, reading=fault.reading, beats=fault.beats)
+    if not control.fault or bench.controller.command > loop.feed_low * (1 + 1e-9):
+        return f"{fault.name} does not take the feed to its lower limit within {allowed + fall:.3g} s"
+    if fault.name != "a stuck reading" and commands.max() > 1.25 * before and commands.max() > loop.feed_low * 1.25:
+        return f"{fault.name} raises the feed from {before:.4g} to {commands.max():.4g} before it is detected"
+    bench.run(0.5)
+    if not control.fault:
+        return f"{fault.name} is not latched: the control goes on by itself when the reading returns"
+    control.reset = True
+    bench.run(loop.sample_time)
+    return f"{fault.name} cannot be reset when the reading has returned" if control.fault else ""
+
+
+_LOSSES: Final = (
+    "the force falls to zero", "the sign of the reading is reversed", "enable is lost", "spindle-on is lost",
+    "the path stops",
+)  # fmt: skip
+
+
+def _loss(middle: ForceBench, name: str) -> str:
+    bench = copy.deepcopy(middle)
+    control, before = bench.controller.control, bench.controller.command
+    control.enabled = name != "enable is lost"
+    control.spindle_on = name != "spindle-on is lost"
+    control.idle = name == "the path stops"
+    readings = {_LOSSES[0]: lambda force: 0.0, _LOSSES[1]: lambda force: -force}
+    highest = float(bench.run(2.0, reading=readings.get(name))[0].max())
+    return f"When {name} in mid-cut, the feed rises from {before:.4g} to {highest:.4g}" if highest > before else ""
+
+
+def check_roughness(pf: "ParameterFile") -> tuple[FileFinding, ...]:
+    """Findings of the gate on the roughness control of a file; none without its section.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> {finding.name for finding in check_roughness(published("SURF"))} >= {"simulation", "draws", "fault"}
+    True
+    """
+    return () if pf.roughness is None else _findings(_key(pf), _File(pf))
+
+
+class _File:
+    """A parameter file that is equal to every other: the cache compares the key beside it."""
+
+    def __init__(self, pf: "ParameterFile") -> None:
+        self.pf = pf
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _File)
+
+    def __hash__(self) -> int:
+        return 0
+
+
+def _key(pf: "ParameterFile") -> str:
+    return pf.model_dump_json(include={"roughness", "laws", "limits"})
+
+
+@lru_cache(maxsize=16)
+def _findings(key: str, file: _File) -> tuple[FileFinding, ...]:
+    pf = file.pf
+    try:
+        ConstantRoughness.from_parameters(pf)
+        TurningForce.from_parameters(pf)
+    except (ParameterError, UsageError) as error:
+        return (FileFinding("control", None, f"The roughness control was not simulated: {error}"),)
+    findings = list(_order(pf))
+    if not any(finding.passed is False for finding in findings):
+        findings += _simulated(pf)
+    return tuple(findings)
+
+
+def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """Findings on limits, units and times against each other."""
+    section, control = settings_of(pf), ConstantRoughness.from_parameters(pf)
+    gain, tc, ts = section.force_per_feed or 0.0, section.process_time or 0.0, section.servo_time or 0.0
+    bound, why = (
+        (PLAUSIBLE, "no feed of turning is larger; state the nose radius where it is")
+        if section.nose_radius is None
+        else (section.nose_radius, "the nose radius, beyond which the profile is not that of the nose")
+    )
+    if control.high > bound:
+        yield _failed("limits", f"The upper feed limit {control.high:.4g} mm/rev is above {bound:.4g} mm/rev: {why}.")
+    if control.high > WIDEST * control.low:
+        words = f"The feed limits {control.low:.4g} to {control.high:.4g} mm/rev are more than {WIDEST:g}-fold apart"
+        yield _failed("limits", f"{words}; raise override_low or lower override_high.")
+    if control.high > USUAL * control.programmed * (1 + 1e-9):
+        times = control.high / control.programmed
+        words = f"The upper feed limit is {times:.3g} times the programmed feed: no run is known to have cut at it."
+        yield FileFinding("limits", None, words)
+    needed = control.reference / gain
+    if not control.low < needed < control.high:
+        yield _failed(
+            "units",
+            f"At the reference force of {control.reference:.4g} N a cut of {gain:.4g} N per mm/rev has a feed "
+            f"of {needed:.4g} mm/rev, outside the limits {control.low:.4g} to {control.high:.4g}: check the units of feed, "
+            "force and force_per_feed.",
+        )
+    if section.depth is not None and not SPECIFIC[0] < gain / section.depth < SPECIFIC[1]:
+        yield _failed(
+            "units",
+            f"force_per_feed over depth is a specific cutting force of {gain / section.depth:.4g} N/mm2, outside "
+            f"{SPECIFIC[0]:g} to {SPECIFIC[1]:g}: check the units of feed, force and depth.",
+        )
+    if not (TIMES["sample_time"][0] <= control.sample_time <= min(tc, ts) / 2):
+        yield _failed(
+            "times",
+            f"A sample time of {control.sample_time:.4g} s does not follow a servo of {ts:.4g} s and a process of "
+            f"{tc:.4g} s: at most half of the shorter one.",
+        )
+    if gain * control.low < control.threshold:
+        yield FileFinding(
+            "threshold",
+            None,
+            f"At the lower feed limit a sharp tool has a force of {gain * control.low:.3g} N, below the threshold of "
+            f"{control.threshold:.3g} N: after power-on in the cut the feed rises slowly until the force is above it.",
+        )
+
+
+def _failed(name: str, words: str) -> FileFinding:
+    return FileFinding(name, False, f"Roughness control: {words}")
+
+
+def _bench(pf: "ParameterFile", *, seed: int = SEED, approached: bool = True, **plant: float) -> ForceBench:
+    control = ConstantRoughness.from_parameters(pf)
+    if approached:
+        control.approached()
+    cut = TurningForce.from_parameters(pf, feed=control.command)
+    return ForceBench(
+        control, replace(cut, **plant) if plant else cut, control.sample_time, np.random.default_rng(seed)
+    )
+
+
+def _simulated(pf: "ParameterFile") -> Iterator[FileFinding]:
+    section = settings_of(pf)
+    bench = _bench(pf)
+    bench.run(3.0 + 12 * ((section.servo_time or 0.0) + (section.process_time or 0.0)))
+    commands, forces = bench.run(5.0)
+    wrong = wrong_at_rest(bench, forces, bench.controller.reference)
+    if wrong:
+        yield _failed("simulation", f"simulated on the cut of the file, {wrong}.")
+        return
+    yield FileFinding(
+        "simulation",
+        True,
+        f"Simulated on the cut of the file, the mean force is {forces.mean():.4g} N at a reference of "
+        f"{bench.controller.reference:.4g} N and a feed of {commands.mean():.3g} mm/rev.",
+    )
+    yield from _draws(pf)
+    yield from _power_on(pf)
+    yield from fault_findings(bench)
+
+
+def wrong_at_rest(bench: ForceBench, forces: Array, reference: float) -> str:
+    """What is wrong where a force control should be at rest in the cut; empty where nothing is."""
+    control = bench.controller.control
+    if control.overload:
+        return "the control ends in an overload"
+    if control.fault:
+        return "the control ends in a fault"
+    if not control.cutting:
+        return "the control does not begin: the force stays below the threshold"
+    if control.worn:
+        return "a sharp tool is signalled as worn: the feed rests on its lower limit"
+    if abs(forces.mean() / reference - 1) > HELD:
+        return f"the mean force is {forces.mean():.4g} at a reference of {reference:.4g}"
+    return ""
+
+
+def _draws(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """Cuts that differ from the file: gain and both time constants, for which it states no covariance."""
+    section, rng = settings_of(pf), np.random.default_rng(SEED + 1)
+    failed = 0
+    for k in range(DRAWS):
+        factors = 1 + SPREAD * rng.uniform(-1, 1, 3)
+        tc, ts = (section.process_time or 0.0) * factors[1], (section.servo_time or 0.0) * factors[2]
+        bench = _bench(pf, seed=k, gain=(section.force_per_feed or 0.0) * factors[0], tc=tc, ts=ts, hold=tc)
+        bench.run(4.0)
+        failed += bool(wrong_at_rest(bench, bench.run(4.0)[1], bench.controller.reference))
+    radius = loop_theory(section.process_time or 0.0, section.servo_time or 0.0, section.sample_time or 0.0)
+    words = f"of {DRAWS} cuts with force per feed and both time constants changed by up to {100 * SPREAD:.0f} %"
+    if failed > WRONG * DRAWS:
+        yield _failed("draws", f"{words}, {failed} are not held; identify the cut again, or widen the feed limits.")
+    else:
+        held = f"{DRAWS - failed} are held; largest pole by the file {radius.servo_radius:.3g}."
+        yield FileFinding("draws", True, f"{words[:1].upper()}{words[1:]}, {held}")
+
+
+def _power_on(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """A power cycle in a cut twice as stiff as that of the file."""
+    section = settings_of(pf)
+    bench = _bench(pf, approached=False, gain=2 * (section.force_per_feed or 0.0))
+    loop = bench.controller.control.loop
+    commands, forces = bench.run(6.0)
+    if commands[0] > loop.feed_low * (1 + 1e-9) or forces.max() > 1.5 * bench.controller.reference:
+        yield _failed("fault", f"a power cycle in the cut gives a force of {forces.max():.4g} N.")
+    else:
+        yield FileFinding(
+            "fault",
+            True,
+            f"After a power cycle in a cut twice as stiff the feed starts at {loop.feed_low:.3g} mm/rev and the force "
+            f"stays below {forces.max():.4g} N.",
+        )
+
+
+def gated_roughness(pf: "ParameterFile", *, accept_verdict: bool = False, per_minute: bool = False) -> GatedControl:
+    """The roughness control of a file, once it has passed the gate; ``per_minute`` with its feed in mm/min.
+
+    Raises
+    ------
+    GateError
+        The file fails the check or the gate, lacks a setting, or its law must not be used for control.
+    """
+    try:
+        control, section = ConstantRoughness.from_parameters(pf), settings_of(pf)
+    except FitmodelsError as error:
+        raise GateError(f"not exported: {error}") from None
+    loop = control.loop
+    if per_minute:
+        if section.spindle_speed is None:
+            raise GateError(
+                "not exported: LinuxCNC compares feeds in mm/min, and the roughness section has no spindle_speed; "
+                "give it with `fitmodels roughness`."
+            )
+        factor = section.spindle_speed
+        loop = replace(
+            loop, unit_feed="mm/min", feed_low=loop.feed_low * factor, feed_high=loop.feed_high * factor,
+            feed_programmed=loop.feed_programmed * factor,
+        )  # fmt: skip
+    held = require_verdicts(pf, accept_verdict, only=(section.law,))
+    assumed = assumed_settings(pf)
+    if per_minute:
+        assumed = (*assumed, f"the spindle turns at {section.spindle_speed:g} 1/min, so the feed is in mm/min")
+    return gated(pf, loop, check_roughness(pf), held, assumed)
+
+
+def gated(
+    pf: "ParameterFile", loop: "LoadLoop", found: tuple[FileFinding, ...], verdicts: tuple[str, ...],
+    assumed: tuple[str, ...],
+) -> GatedControl:  # fmt: skip
+    """The control of a force loop whose findings do not fail."""
+    refused = [finding for finding in found if finding.passed is False]
+    if refused or not found:
+        first = refused[0].words if refused else "the control was not simulated."
+        more = f" {len(refused) - 1} more: see `fitmodels check`." if len(refused) > 1 else ""
+        raise GateError(f"not exported: {first}{more}")
+    if not any(finding.name == "simulation" and finding.passed for finding in found):
+        raise GateError(f"not exported: {found[0].words}")
+    view = export_view(pf, accept_verdict=True, loop_only=True)
+    doubts = tuple(words for words in view.assumed if words.startswith("the data are right"))
+    open_ = tuple(finding.words for finding in found if finding.passed is None)
+    lines = tuple(line for words in (*verdicts, *open_) for line in plain_lines(words))
+    view = replace(view, loop=loop, gains=None, plant=None, verdicts=lines, assumed=(*doubts, *assumed))
+    return GatedControl(view, loop, _key=_MADE_BY_THE_GATE)
