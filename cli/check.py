@@ -23,7 +23,8 @@ def parser() -> Parser:
         "Check a parameter file before a controller uses it: checksum, verdicts of laws and dynamics, doubts about\n"
         "the data, units, covariances, draws, stability, gains against their specification, feed limits, windows.\n"
         "Where the file has gains and settings of constant load, the control that an export would write is simulated\n"
-        "on its load law and dynamics, from a sharp to a worn tool and under faults of the sensor.\n"
+        "on its load law and dynamics, from a sharp to a worn tool and under faults of the sensor; so are constant\n"
+        "roughness and adaptive force control on the cut of their sections.\n"
         "Exit code 0, or 5 where a check fails; a doubt or a reservation is shown and does not fail the file.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json; the draws are expected in the same folder")
@@ -34,11 +35,14 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Print a line for each finding, and return the exit code."""
     from .. import controllers, parameters
+    from ..controllers.gate.adaptive_force import check_adaptive_force
+    from ..controllers.gate.roughness import check_roughness
     from ..parameters.checks.report import CheckReport
 
     pf = parameters.read(args.file)
     of_file, of_control = parameters.check(pf, Path(args.file).parent), controllers.check_control(pf)
-    report = CheckReport((*of_file.findings, *of_control.findings))
+    of_force = () if of_file.inconsistent else (*check_roughness(pf), *check_adaptive_force(pf))
+    report = CheckReport((*of_file.findings, *of_control.findings, *of_force))
     if args.json:
         print_json("check", {"file": Path(args.file).name, **report.facts()})
     else:

@@ -3,7 +3,7 @@
 HAL, ST and C are written from it or compared with it; `fitmodels.controllers.ConstantLoad` is its arithmetic.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Final
 
@@ -60,3 +60,28 @@ STATES: Final = (
         "back_off",
     ),
 )  # fmt: skip
+
+_HELD: Final = "the last feed, at most the approach feed, after a cut"
+_OF_FORCE: Final = {
+    State.OFF: f"from power-on the lower limit, the approach feed once air is known for engage_after; {_HELD}",
+    State.AIR: f"from power-on the lower limit, the approach feed once air is known for engage_after; {_HELD}",
+    State.ENTRY: "held",
+}
+_LAWS: Final = {
+    "ratio": "feed of the servo times reference over force, from entry no faster than recover until it first falls",
+    "adaptive": "adaptive law on the force of the last revolution",
+}
+
+
+def states_of(law: str) -> tuple[StateRow, ...]:
+    """The table for one law: ``pi``, ``ratio`` (constant roughness) or ``adaptive`` (adaptive force).
+
+    Examples
+    --------
+    >>> states_of("ratio")[2].feed
+    'held'
+    """
+    if law == "pi":
+        return STATES
+    feeds = {**_OF_FORCE, State.CONTROL: _LAWS[law]}
+    return tuple(replace(row, feed=feeds.get(row.state, row.feed)) for row in STATES)

@@ -14,7 +14,8 @@ A running control, and the values of a file that has one, are written only after
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,6 +25,8 @@ from ...parameters.checks.report import require_verdicts
 from ...parameters.exports import VALUES, ExportFormat, write_export
 from ...parameters.exports.view import export_view
 from ..gate import GatedControl, check_control, gated_control, require_control
+from ..gate.adaptive_force import adaptive_force_lacks, check_adaptive_force, gated_adaptive_force
+from ..gate.roughness import check_roughness, gated_roughness, roughness_lacks
 from ..recursion.from_file import shortfall
 from .c_source import NOT_IN_C, c_file
 from .component import NOT_IN_COMPONENT, component_file
@@ -182,6 +185,25 @@ REGION: Final = {
     "comp": ControlFormat(".comp", "LinuxCNC component", region_component, NOT_IN_REGION, file_name="fm_region.comp"),
     "fmu": ControlFormat(".fmu", "FMI 2.0 co-simulation, source FMU", region_fmu, NOT_IN_REGION),
 }
+
+
+def _roughness(pf: "ParameterFile", job: ExportJob, *, per_minute: bool = False) -> GatedControl:
+    return gated_roughness(pf, accept_verdict=job.accept_verdict, per_minute=per_minute)
+
+
+def _adaptive_force(pf: "ParameterFile", job: ExportJob) -> GatedControl:
+    return gated_adaptive_force(pf, accept_verdict=job.accept_verdict)
+
+
+def _force_notes(pf: "ParameterFile", control: GatedControl) -> tuple[str, ...]:
+    found = (check_roughness if control.loop.law == "ratio" else check_adaptive_force)(pf)
+    tried = (f"{f.name}: {f.words}" for f in found if f.passed and f.name in SIMULATED)
+    assumed = (f"assumed: {words}" for words in control.view.assumed)
+    return (*control.view.verdicts, *tried, *assumed)
+
+
+FORCE: Final = {kind: CONTROLS[kind] for kind in ("st", "c", "comp", "fmu")}
+ROUGHNESS: Final = {**FORCE, "comp": replace(CONTROLS["comp"], prepared=partial(_roughness, per_minute=True))}
 LOAD: Final = "constant-load"
 SYSTEMS: Final[dict[str, ControlSystem]] = {
     LOAD: ControlSystem("constant load by feed override", _load_lacks, _load_control, _load_notes, CONTROLS),
@@ -192,6 +214,12 @@ SYSTEMS: Final[dict[str, ControlSystem]] = {
         plan_notes,
         {**PLAN, **TURNING},
         draws=True,
+    ),
+    "roughness": ControlSystem(
+        "constant roughness by feed override", roughness_lacks, _roughness, _force_notes, ROUGHNESS
+    ),
+    "adaptive-force": ControlSystem(
+        "adaptive force control by feed override", adaptive_force_lacks, _adaptive_force, _force_notes, FORCE
     ),
     "region": ControlSystem(
         "limits on speed and feed at a time and a wear", region_lacks, region_control, region_notes, REGION

@@ -9,7 +9,7 @@ from textwrap import wrap
 from typing import Final
 
 from ...parameters.exports.loop import LoadLoop
-from ..constant_load_milling.states import STATES
+from ..constant_load_milling.states import states_of
 from ..gate import GatedControl
 
 NOT_IN_C = (
@@ -98,7 +98,7 @@ def c_head(control: GatedControl, not_carried: tuple[str, ...]) -> tuple[str, ..
     words = (
         f"load in {loop.unit_load}, feed in {loop.unit_feed}, override = feed / {loop.feed_programmed:.15g}",
         f"load {loop.reference:.6g}, override {loop.low:.4g} to {loop.high:.4g}, one call each {loop.sample_time:g} s",
-        *(f"state {int(row.state)} {row.state.name}: {row.condition}; feed: {row.feed}" for row in STATES),
+        *(f"state {int(row.state)} {row.state.name}: {row.condition}; feed: {row.feed}" for row in states_of(loop.law)),
         *view.remarks(not_carried),
     )
     title = f"{view.made_by}: {TITLES[loop.law]}, controller in C"

@@ -19,7 +19,7 @@ from ..constant_load_milling.controller import (
     SPARSE_RISE,
     WORN_MEAN,
 )
-from ..constant_load_milling.states import STATES
+from ..constant_load_milling.states import STATES, states_of
 from ..gate import GatedControl
 from .c_source import TITLES
 
@@ -224,7 +224,7 @@ def _head(control: GatedControl) -> str:
     view, loop = control.view, control.loop
     rows = (
         f"state {int(row.state)} {row.state.name}: {row.condition}. Feed: {row.feed}. Time: {row.time}."
-        for row in STATES
+        for row in states_of(loop.law)
     )
     lines = (
         f"{view.made_by}: {TITLES[loop.law]}, with limits, engagement, monitoring and tool change",

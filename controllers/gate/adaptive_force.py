@@ -169,6 +169,11 @@ def _draws(pf: "ParameterFile") -> Iterator[FileFinding]:
         yield FileFinding("draws", True, f"{what[:1].upper()}{what[1:]}, all are held.")
 
 
+def adaptive_force_lacks(pf: "ParameterFile") -> str:
+    """Reason why a file does not support adaptive force control; empty where it does."""
+    return lacking(pf)
+
+
 def gated_adaptive_force(
     pf: "ParameterFile", *, depth: float | None = None, accept_verdict: bool = False
 ) -> GatedControl:

@@ -206,9 +206,9 @@ def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
     if not control.low < needed < control.high:
         yield _failed(
             "units",
-            f"At the reference force of {control.reference:.4g} N a cut of {gain:.4g} N per mm/rev has a feed "
-            f"of {needed:.4g} mm/rev, outside the limits {control.low:.4g} to {control.high:.4g}: check the units of feed, "
-            "force and force_per_feed.",
+            f"At the reference of {control.reference:.4g} N a cut of {gain:.4g} N per mm/rev has a feed of "
+            f"{needed:.4g} mm/rev, outside the limits {control.low:.4g} to {control.high:.4g}: check the units "
+            "of feed, force and force_per_feed.",
         )
     if section.depth is not None and not SPECIFIC[0] < gain / section.depth < SPECIFIC[1]:
         yield _failed(
@@ -315,6 +315,17 @@ def _power_on(pf: "ParameterFile") -> Iterator[FileFinding]:
             f"After a power cycle in a cut twice as stiff the feed starts at {loop.feed_low:.3g} mm/rev and the force "
             f"stays below {forces.max():.4g} N.",
         )
+
+
+def roughness_lacks(pf: "ParameterFile") -> str:
+    """Reason why a file does not support the roughness control; empty where it does."""
+    if pf.roughness is None:
+        return "the file has no roughness section; add it with `fitmodels roughness`."
+    try:
+        ConstantRoughness.from_parameters(pf)
+    except FitmodelsError as error:
+        return str(error)
+    return ""
 
 
 def gated_roughness(pf: "ParameterFile", *, accept_verdict: bool = False, per_minute: bool = False) -> GatedControl:
