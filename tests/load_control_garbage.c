@@ -33,11 +33,13 @@ static double odd(double usual) /* a usual value, or one that nobody expects */
 static LoadSettings settings(int garbage)
 {
     LoadSettings s = load_settings;
-    LoadReal *field = &s.sample_time;
+    LoadReal *field = &s.sample_time, *of_law = &s.approach;
     int k;
     if (!garbage) return s;
     for (k = 0; k < 23; ++k)
         if (drawn() % 8 == 0) field[k] = (LoadReal)odd((double)field[k] * uniform(0.2, 5.0));
+    for (k = 0; k < 16; ++k)
+        if (drawn() % 32 == 0) of_law[k] = (LoadReal)odd((double)of_law[k] * uniform(0.2, 5.0));
     s.average = 1 + (int)(drawn() % (unsigned long)LOAD_CONTROL_AVERAGE);
     s.average_command = (int)(drawn() % 2);
     s.incremental = (int)(drawn() % 2);
@@ -69,7 +71,7 @@ int main(int count, char **words)
         const LoadSettings s = settings(loops % 3 != 0);
         const long length = 500 + (long)(drawn() % 2000);
         long last;
-        double level = 0.2;
+        double level = 0.8 * (double)load_settings.reference;
         LoadInput in;
         LoadOutput out;
         int started;
@@ -79,9 +81,9 @@ int main(int count, char **words)
         ++loops;
         for (; k < last && k < steps; ++k) {
             const unsigned long bits = drawn();
-            if (bits % 200 == 0) level = uniform(0.03, 0.4);
+            if (bits % 200 == 0) level = uniform(0.15, 2.0) * (double)load_settings.reference;
             in.period = (LoadReal)(bits % 977 == 0 ? odd((double)s.sample_time) : (double)s.sample_time);
-            in.load = (LoadReal)(bits % 16 == 0 ? odd(level) : level + uniform(-0.01, 0.01));
+            in.load = (LoadReal)(bits % 16 == 0 ? odd(level) : level * uniform(0.95, 1.05));
             in.requested = (LoadReal)(bits % 31 == 0 ? odd((double)s.feed_programmed) : (double)s.feed_programmed);
             in.enable = bits % 499 == 0 ? (int)bits : (bits >> 9) % 400 != 0;
             in.spindle_on = (bits >> 10) % 400 != 0;

@@ -25,6 +25,7 @@ RIPPLE, NOISE = 0.3, 0.01  # of the force, and of the set point
 BEYOND: Final = 5.0  # times the feed that the estimates need for the set points
 PER_TURN: Final = 2.0  # mm per revolution
 LONGEST: Final = 5000  # samples of a run
+SWING: Final = 0.1  # of the set point: deviation of the mean of a revolution at rest
 
 
 def check_adaptive_force(pf: "ParameterFile") -> tuple[FileFinding, ...]:
@@ -133,8 +134,15 @@ def _run(bench: ForceBench, point: float) -> tuple[str, float]:
     settle = 1.0 + 8 * settings.reference_time + 6 / settings.lam
     bench.run(min(settle, LONGEST * settings.sample_time))
     turn = settings.samples * settings.sample_time
-    _, forces = bench.run(max(round(0.5 / turn), 1) * turn)
-    return wrong_at_rest(bench, forces, point), float(forces.mean())
+    turns = max(round(0.5 / turn), 4)
+    commands, forces = bench.run(turns * turn)
+    means, span = forces.reshape(turns, -1).mean(axis=1), settings.high - settings.low
+    words = wrong_at_rest(bench, forces, point)
+    if not words and np.abs(means / point - 1).max() > SWING:
+        words = f"the mean force of a revolution swings between {means.min():.4g} and {means.max():.4g}"
+    if not words and np.ptp(commands) > 0.9 * span:
+        words = f"the feed command swings from {commands.min():.4g} to {commands.max():.4g}, over its whole range"
+    return words, float(forces.mean())
 
 
 def _draws(pf: "ParameterFile") -> Iterator[FileFinding]:

@@ -235,7 +235,13 @@ def _failed(name: str, words: str) -> FileFinding:
     return FileFinding(name, False, f"Roughness control: {words}")
 
 
-def _bench(pf: "ParameterFile", *, seed: int = SEED, approached: bool = True, **plant: float) -> ForceBench:
+def _bench(
+    pf: "ParameterFile",
+    *,
+    seed: int = SEED,
+    approached: bool = True,
+    **plant: Any,  # noqa: ANN401
+) -> ForceBench:
     control = ConstantRoughness.from_parameters(pf)
     if approached:
         control.approached()

@@ -1,0 +1,338 @@
+"""Constant roughness and adaptive force as running controls: each export is the replayed controller in every sample.
+
+Plain tests evaluate the text of the exports, the consumer tests compile it (cc, FMPy, halcompile).
+"""
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fitmodels.controllers.adaptive_force.controller import AdaptiveForceControl
+from fitmodels.controllers.adaptive_force.runs import steady_run
+from fitmodels.controllers.exports import rendered
+from fitmodels.controllers.exports.c_source import c_controller, c_settings
+from fitmodels.controllers.exports.st import structured_text
+from fitmodels.controllers.gate.adaptive_force import check_adaptive_force, gated_adaptive_force
+from fitmodels.controllers.gate.roughness import check_roughness, gated_roughness
+from fitmodels.controllers.loop import replay
+from fitmodels.controllers.roughness.controller import ConstantRoughness
+from fitmodels.controllers.roughness.plant import TurningForce
+from fitmodels.controllers.roughness.simulations import turn
+from fitmodels.core.errors import GateError
+from fitmodels.parameters.file import sealed
+from fitmodels.parameters.published import published
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from c_evaluator import evaluated
+from load_control import INPUTS, OUTPUTS, STRICT, compiled, interpreted, reference, sequence
+from st_evaluator import FunctionBlock
+from test_export_control_run import PRINTED, fmpy, machine, step  # noqa: F401  fixtures
+
+sys.path.remove(str(Path(__file__).parent))
+
+INSTALL = "apt-get install gcc libc6-dev"
+SINGLE = 1e-4  # of an override, measured 4e-6
+ROUNDING = 1e-12  # of an override
+SYSTEMS = {"roughness": "SURF", "adaptive-force": "LYAP"}
+
+
+@pytest.fixture(params=SYSTEMS)
+def system(request):
+    return request.param
+
+
+@pytest.fixture
+def pf(system):
+    return of_paper(system)
+
+
+def of_paper(system):
+    file = published(SYSTEMS[system])
+    if system == "adaptive-force":
+        return file
+    return changed(file, spindle_speed=610.0)
+
+
+def changed(file, **fields):
+    name = "roughness" if file.roughness is not None else "adaptive_force"
+    return sealed(file, **{name: {**getattr(file, name).model_dump(), **fields}})
+
+
+def gated(file):
+    return (gated_adaptive_force if file.roughness is None else gated_roughness)(file, accept_verdict=True)
+
+
+@pytest.fixture
+def loop(pf):
+    return gated(pf).loop
+
+
+def inputs_of(loop, seed=0, samples=1500):
+    rows = sequence(loop, seed, samples)
+    rows[:, 1] *= loop.reference / 0.22  # the levels of the sequence, about the reference
+    half, lossy = samples // 2, 7 * loop.samples(loop.lost_after)
+    rows[half - loop.samples(loop.arm_after) : half + lossy, 3:5] = 1.0
+    rows[half : half + lossy : 2, 1] = np.nan  # every second reading
+    return rows
+
+
+# the same numbers
+
+
+def test_the_c_text_is_the_python_controller_in_every_sample(loop):
+    for seed in (0, 3):
+        rows = inputs_of(loop, seed)
+        np.testing.assert_array_equal(interpreted(c_controller(loop))(rows), reference(loop, rows))
+
+
+def test_the_sequences_reach_the_states_of_the_table(loop):
+    reached = np.concatenate([reference(loop, inputs_of(loop, seed)) for seed in range(4)])
+    assert {0, 2, 3, 5} <= set(reached[:, 2])
+    assert (reached[:, 2] == 3).mean() > 0.1
+
+
+def test_the_function_block_is_the_python_controller_in_every_sample(pf, loop):
+    rows = inputs_of(loop, 1)
+    rows[:, 2] = loop.feed_programmed
+    block, found = FunctionBlock(structured_text(gated(pf))), []
+    for row in rows.tolist():
+        on = [value > 0 for value in row[3:]]
+        block.call(LOAD=row[1], ENABLE=on[0], SPINDLE_ON=on[1], MOTION_IDLE=on[2], BEAT=on[3], RESET=on[4])
+        found.append([block[name.upper()] for name in OUTPUTS])
+    expected = reference(loop, rows)
+    assert np.abs(np.array(found, float) - expected)[:, [0, 2, 3, 4, 5, 6]].max() <= ROUNDING
+
+
+def test_the_settings_stand_in_the_c_text_in_their_order(loop):
+    c = evaluated(c_controller(loop))
+    assert [name for name, _ in c["load_settings"]._members] == list(c_settings(loop))
+    assert {name: getattr(c["load_settings"], name) for name in c_settings(loop)} == c_settings(loop)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("law", 3), ("approach", 2.0), ("servo_time", -1.0), ("m", float("nan")), ("g3", -1.0), ("Kd", 0.0), ("lam", 0.0),
+     ("model_time", 0.0), ("model_d", float("inf"))],
+)  # fmt: skip
+def test_a_setting_of_the_law_out_of_range_is_refused_by_its_number(name, value):
+    loop = gated(of_paper("adaptive-force")).loop
+    c = evaluated(c_controller(loop))
+    setattr(c["load_settings"], name, value)
+    assert c["load_control_init"](c["load_settings"], c["new"]("LoadState")) == list(c_settings(loop)).index(name) + 1
+
+
+class Exported:
+    """The evaluated C text as a controller of a replay, its command in the unit of the feed."""
+
+    def __init__(self, loop) -> None:
+        self.loop, self.c, self.reference = loop, evaluated(c_controller(loop)), loop.reference
+        self.state, self.inputs, self.out = (self.c["new"](name) for name in ("LoadState", "LoadInput", "LoadOutput"))
+        assert self.c["load_control_init"](self.c["load_settings"], self.state) == 0
+        self.command, self.k = loop.feed_low, 0
+
+    def step(self, force, dt):
+        row = [dt, force, self.loop.feed_programmed, 1, 1, 0, self.k // 3 % 2, 0]
+        self.k += 1
+        for name, value in zip(INPUTS, row, strict=True):
+            setattr(self.inputs, name, value)
+        self.c["load_control_step"](self.c["load_settings"], self.state, self.inputs, self.out)
+        self.command = self.out.feed_override * self.loop.feed_high
+        return self.command
+
+
+def armed(loop):
+    """The exported controller with its spindle running for arm_after, as the replay begins."""
+    made = Exported(loop)
+    made.state.spindle = made.state.n_arm
+    made.state.alive, made.state.begun = made.state.n_beat, 1
+    return made
+
+
+def test_the_closed_loop_of_constant_roughness_through_the_exported_code_is_the_replay():
+    pf = of_paper("roughness")
+    cut, loop = turn(pf, duration=6.0), gated(pf).loop
+    controller = armed(loop)
+    approach = ConstantRoughness.from_parameters(pf)
+    for _ in range(loop.samples(approach.wait + 2.0) + 2):
+        controller.step(0.0, loop.sample_time)
+    plant = TurningForce.from_parameters(pf, feed=controller.command)
+    found = replay(controller, plant, duration=6.0, dt=loop.sample_time, seed=1)
+    np.testing.assert_allclose(found.command, cut.trace.command, rtol=1e-12)
+    np.testing.assert_allclose(found.measurement, cut.trace.measurement, rtol=1e-12)
+
+
+def test_the_closed_loop_of_adaptive_force_through_the_exported_code_is_the_replay():
+    pf = of_paper("adaptive-force")
+    run = steady_run(pf, 1.0, ripple=0.3, noise=2.0, duration=1.2)
+    loop = gated(pf).loop
+    again = type(run.plant)(**{name: getattr(run.plant, name) for name in ("depth", "m", "d", "c", "k_per_depth")},
+                            ripple=0.3, noise=2.0, tooth_frequency=run.plant.tooth_frequency)  # fmt: skip
+    found = replay(armed(loop), again, duration=1.2, dt=loop.sample_time, seed=1)
+    np.testing.assert_allclose(found.command, run.trace.command, rtol=1e-9)
+    np.testing.assert_allclose(found.measurement, run.trace.measurement, rtol=1e-9, atol=1e-9)
+
+
+# what is refused before an export
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"feed": 5.08}, "above 1.5 mm/rev"),  # 0.2 inch per revolution, converted twice
+        ({"override_high": 100.0}, "above 1.5 mm/rev"),
+        ({"override_high": 100.0, "nose_radius": 0.8}, "above 0.8 mm/rev: the nose radius"),
+        ({"force_per_feed": 2781.0 / 25.4}, "check the units"),
+        ({"force_per_feed": 2781.0 * 25.4}, "check the units"),
+        ({"depth": 0.001}, "specific cutting force"),
+        ({"sample_time": 0.1}, "at most half of the shorter one"),
+    ],
+)
+def test_a_roughness_section_in_a_wrong_unit_or_without_a_bound_is_refused(fields, words):
+    file = changed(of_paper("roughness"), **fields)
+    assert any(words in finding.words for finding in check_roughness(file) if finding.passed is False)
+    with pytest.raises(GateError, match="not exported"):
+        rendered(file, "c", system="roughness", accept_verdict=True)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"high": 600000.0}, "more than 5 times as much"),
+        ({"low": 0.5, "high": 10.0}, "check the units of feed and force"),  # mm/s
+        ({"Kd": 5.0, "lam": 30.0}, "simulated at 1 mm"),
+        ({"spindle_speed": 100.0}, "mm per revolution"),
+    ],
+)
+def test_an_adaptive_force_section_in_a_wrong_unit_or_without_a_bound_is_refused(fields, words):
+    file = changed(of_paper("adaptive-force"), **fields)
+    assert any(words in finding.words for finding in check_adaptive_force(file) if finding.passed is False)
+    with pytest.raises(GateError, match="not exported"):
+        rendered(file, "c", system="adaptive-force", accept_verdict=True)
+
+
+def test_what_the_file_does_not_state_is_assumed_in_the_head(pf, system):
+    text = " ".join(rendered(pf, "c", system=system, accept_verdict=True).replace("\n *", " ").split())
+    for words in ("lost_after 0.05 s", "stuck_after 1 s", "overload above", "dwell 4 s on the lower limit"):
+        assert words in text
+    assert "not detected" in text
+
+
+def test_an_export_in_linuxcnc_needs_the_speed_of_the_spindle():
+    file = changed(of_paper("roughness"), spindle_speed=None)
+    with pytest.raises(GateError, match="no spindle_speed"):
+        rendered(file, "comp", system="roughness")
+    text = rendered(of_paper("roughness"), "comp", system="roughness")
+    assert "feed in mm/min, override = feed / 183" in text
+
+
+# compiled
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize(("real", "within"), [("double", 0.0), ("float", SINGLE)])
+def test_the_compiled_c_is_the_python_controller(consumer, loop, tmp_path, real, within):
+    text = c_controller(loop)
+    options = [*STRICT, f"-DLOAD_CONTROL_REAL={real}"]
+    run = compiled(consumer("cc", INSTALL), text, tmp_path, "-std=c90", *options)
+    for seed in range(3):
+        rows = inputs_of(loop, seed, 4000)
+        found, expected = run(rows), reference(loop, rows)
+        assert np.abs(found[:, 0] - expected[:, 0]).max() <= within
+        if real == "double":
+            np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_garbage_leaves_every_output_inside_its_limits(consumer, loop, tmp_path, real):
+    (tmp_path / "controller.c").write_text(c_controller(loop))
+    options = ["-O1", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
+    garbage = Path(__file__).with_name("load_control_garbage.c")
+    made = [consumer("cc", INSTALL), *options, f"-DLOAD_CONTROL_REAL={real}", f"-I{tmp_path}", garbage, "-o", "garbage"]
+    subprocess.run(made, cwd=tmp_path, check=True)
+    ran = subprocess.run([tmp_path / "garbage", "500000", "7"], capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    loops, steps, outside, fault, *_ = map(int, ran.stdout.split())
+    assert (steps, outside) == (500000, 0)
+    assert loops > 100
+    assert fault > 1000
+
+
+@pytest.mark.consumer
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_fmpy_runs_the_fmu_as_the_python_controller(consumer, fmpy, pf, system, loop, tmp_path):  # noqa: F811
+    consumer("cmake", "apt-get install cmake gcc g++")
+    (tmp_path / "build").mkdir()
+    (tmp_path / "fm.fmu").write_bytes(rendered(pf, "fmu", system=system, accept_verdict=True))
+    assert importlib.import_module("fmpy.validation").validate_fmu(str(tmp_path / "fm.fmu")) == []
+    unzipped = fmpy.extract(str(tmp_path / "fm.fmu"), str(tmp_path / "fm"))
+    importlib.import_module("fmpy.build").build_platform_binary(unzipped, tmp_path / "build", all_warnings=True)
+    model = fmpy.instantiate_fmu(unzipped, fmpy.read_model_description(unzipped), fmi_type="CoSimulation")
+    model.setupExperiment()
+    model.enterInitializationMode()
+    model.exitInitializationMode()
+    rows = inputs_of(loop, 6, 1500)
+    found = [step(model, k, row, loop.sample_time) for k, row in enumerate(rows.tolist())]
+    assert np.abs(np.array(found, float) - reference(loop, rows)).max() == 0
+    model.terminate()
+    model.freeInstance()
+
+
+@pytest.mark.consumer
+def test_linuxcnc_runs_the_component(machine, pf, system):  # noqa: F811
+    """Inputs by streamer, outputs by sampler, in a thread of the controller's own period."""
+    text, samples = rendered(pf, "comp", system=system, accept_verdict=True), 1500
+    loop = gated_roughness(pf, per_minute=True).loop if system == "roughness" else gated(pf).loop
+    rows = inputs_of(loop, 9, samples)
+    rows[:, 2] = loop.feed_programmed
+    rows[~np.isfinite(rows[:, 1]) | (np.abs(rows[:, 1]) > 1e5), 1] = -9000.0  # streamer reads plain numbers
+    lines = "\n".join(line[4:] for line in text.splitlines() if line.startswith("//| "))
+    for pin in ("requested motion.requested-vel", "velocity motion.current-vel"):
+        lines = lines.replace(f"net fm-{pin} =>", f"net fm-{pin.split()[0]} =>")
+    thread = "servo-thread" if "addf fm-control servo-thread" in lines else "fm-thread"
+    lines = lines.replace("# >>> setp ", "setp ").replace(f"addf fm-control {thread}", "")
+    given = "".join(f"{row[1]!r} {' '.join(str(int(value)) for value in row[3:])}\n" for row in rows.tolist())
+    (machine.folder / "inputs").write_text(given)
+    signals = ("fm-load", "fm-enable", "fm-spindle-on", "fm-idle", "fm-heartbeat", "fm-reset")
+    sampled = ("feed", "measured", "state", "fault", "worn", "overload", "inhibit")
+    made = machine(text, f"""\
+loadrt trivkins
+loadrt tpmod
+loadrt homemod
+loadrt motmod servo_period_nsec=1000000 num_joints=3
+loadrt streamer depth=4000 cfg=fbbbbb
+loadrt sampler depth=4000 cfg=ffsbbbb
+{lines}
+sets fm-operator 1
+sets fm-velocity 10
+sets fm-requested {loop.feed_programmed / 60!r}
+{"".join(f"net {name} streamer.0.pin.{k}{chr(10)}" for k, name in enumerate(signals))}
+net fm-measured fm-control.measured
+net fm-state fm-control.state
+{"".join(f"net fm-{name} sampler.0.pin.{k}{chr(10)}" for k, name in enumerate(sampled))}
+addf streamer.0 {thread}
+addf fm-control {thread}
+addf sampler.0 {thread}
+loadusr -w halstreamer {machine.folder}/inputs
+start
+loadusr -w halsampler -t -n {samples} {machine.folder}/trace
+""")  # fmt: skip
+    assert (machine.folder / "trace").exists(), made.stdout + made.stderr
+    trace = (machine.folder / "trace").read_text().splitlines()
+    assert len(trace) == samples, made.stderr
+    found = np.array([line.split()[1:] for line in trace], float)
+    expected = reference(loop, rows)
+    assert np.abs(found[:, 0] - expected[:, 0]).max() <= PRINTED
+    assert np.abs(found[:, 1] - expected[:, 1]).max() <= 1e-5
+    assert [name for k, name in enumerate(OUTPUTS) if k > 1 and (found[:, k] != expected[:, k]).any()] == []
+
+
+def test_the_python_names_still_make_the_controllers():
+    control = AdaptiveForceControl.from_parameters(of_paper("adaptive-force"), 1.0)
+    assert control.control.loop == gated(of_paper("adaptive-force")).loop
+    pf = of_paper("roughness")
+    assert ConstantRoughness.from_parameters(pf).loop == gated(pf).loop
