@@ -457,6 +457,33 @@ def test_a_limit_of_the_spindle_needs_the_diameter():
         rendered(limited_spindle(published("AC-2016")), "c", system="region", job=ExportJob(accept_verdict=True))
 
 
+GARBAGE = [0.0, -0.0, np.nan, np.inf, -np.inf, 1e300, -1e300, 5e-324, 1e9, 60.0, 0.2, 1e-12, 14.0, T]
+
+
+@pytest.mark.consumer
+def test_no_input_takes_the_c_beyond_its_limits(consumer, tmp_path):
+    cc, rng = consumer("cc", INSTALL), np.random.default_rng(7)
+    sanitize = ("-fsanitize=undefined,float-cast-overflow", "-fno-sanitize-recover=all")
+    plan = plan_in_c(cc, tmp_path, JOB, None, *sanitize)
+    region = region_in_c(cc, tmp_path, JOB, limited_spindle(published("AC-2016")), *sanitize)
+    for code in (plan, region):
+        for _ in range(20000):
+            row = {name: rng.choice(GARBAGE) for name in ("period", "diameter", "wear")}
+            if code is plan:
+                row |= {"elapsed": rng.choice(GARBAGE), "cutting": rng.random() < 0.5}
+                row |= {name: rng.random() < 0.2 for name in ("new_edge", "set_elapsed", "reset")}
+            else:
+                row |= {**{name: rng.choice(GARBAGE) for name in "Vfdt"}, "reset": rng.random() < 0.5}
+            out = code.call(**row)
+            assert 0 <= out["feed_override"] <= 1
+            if code is plan:
+                assert 0 < out["spindle_speed"] <= 1591.55
+                assert 0 < out["cutting_speed"] <= 200.0001
+                assert 0 < out["feed"] <= 0.58
+                assert 0 <= out["feed_rate"] <= 955
+                assert np.isfinite(out["elapsed_min"])
+
+
 SYSTEMS = {
     "recursion": (published("AC-2017"), plan_in_st, plan_variables, plan_control),
     "region": (published("AC-2016"), region_in_st, region_variables, region_control),

@@ -115,6 +115,7 @@ void plan_table_step(const PlanSettings *s, PlanState *x, const PlanInput *in, P
 #endif
 
 #define PLAN_LONGEST_PERIOD 1.0 /* s */
+#define PLAN_LONGEST 1000000000L /* s: the time stops there */
 #define PLAN_MOST 1e9           /* a number at or above is none */
 #define PLAN_MOST_WEAR 10.0     /* of the criterion */
 #define PLAN_LEAST_WEAR 0.5     /* of the last measured wear */
@@ -249,16 +250,16 @@ static PlanCause plan_told(PlanState *x, const PlanInput *in)
 static PlanReal plan_count(const PlanSettings *s, PlanState *x, const PlanInput *in, PlanCause *cause)
 {
     PlanReal step = in->period;
+    long whole;
     if (!(step > 0 && step <= (PlanReal)PLAN_LONGEST_PERIOD)) {
         *cause = PLAN_PERIOD_WRONG;
         if (!plan_above(step)) step = (PlanReal)PLAN_LONGEST_PERIOD;
     }
     if (!in->cutting) return step;
     x->rest += step;
-    while (x->rest >= (PlanReal)1 - step / (PlanReal)2) {
-        ++x->seconds;
-        x->rest -= (PlanReal)1;
-    }
+    whole = (long)(x->rest + (step < (PlanReal)1 ? step : (PlanReal)1) / (PlanReal)2); /* a whole second but rounding */
+    if (whole > 0 && x->seconds < PLAN_LONGEST) x->seconds += whole;
+    x->rest -= (PlanReal)whole;
     if ((x->worn || !x->known) && x->overrun <= s->overrun) x->overrun += step;
     return step;
 }

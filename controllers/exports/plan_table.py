@@ -230,6 +230,7 @@ def _about(plan: Plan, settings: "Mapping[str, float | int]") -> tuple[str, ...]
         f"{len(plan.rows)} rows to {plan.minutes:g} min in the cut, {plan.removed / 1000:.4g} cm3, depth {laws.d:g} "
         f"mm, {wear.response} at most {wear.most:g} {wear.unit}",
         *(f"EXTRAPOLATED: {words.removeprefix('EXTRAPOLATED: ')}" for words in plan.extrapolated),
+        *_ends_early(plan),
         "row 1 holds from the start of a new edge; after the last row worn is latched until new_edge",
         f"after power on, in a fault and when worn: {slow.V:g} m/min and {slow.f:g} mm/rev, the slowest row that keeps "
         f"the limits at the end of the plan; after {settings['overrun']:g} s in the cut with a worn or unknown edge "
@@ -242,9 +243,16 @@ def _about(plan: Plan, settings: "Mapping[str, float | int]") -> tuple[str, ...]
     )
 
 
+def _ends_early(plan: Plan) -> tuple[str, ...]:
+    if plan.ends_early is None:
+        return ()
+    return (f"of new edges drawn from the laws {100 * plan.ends_early:.0f} % are worn out before the plan ends",)
+
+
 def plan_notes(pf: "ParameterFile", control: PlanControl) -> tuple[str, ...]:
     """Lines on the control for the person who exports it."""
-    return (*control.view.verdicts, *control.words)
+    view = control.view
+    return (*view.origin[1:-1], *control.words, *(f"assumed: {words}" for words in view.assumed))
 
 
 def _head(control: PlanControl, what: str, not_carried: tuple[str, ...], cycle: str) -> tuple[str, ...]:

@@ -228,7 +228,7 @@ def _about(
         f"tested ranges that all laws share: {spans}; beyond them the laws are extrapolated and tested is 0",
         *of,
         "feed_override is the largest factor of the feed before it, at most 1, that keeps every limit; 0 where none "
-        "does: the feed is then inhibited until the speed is lowered",
+        "does: the feed is then inhibited until the speed is changed",
         "an invalid time, depth or diameter is a fault, latched: it counts as the worse end of its range",
         *notes,
     )
@@ -237,7 +237,8 @@ def _about(
 def region_notes(pf: "ParameterFile", control: RegionControl) -> tuple[str, ...]:
     """Lines on the control for the person who exports it."""
     listed = (f"limit {k}: {row.name}" for k, row in enumerate(control.rows, 1))
-    return (*control.view.verdicts, *listed, *control.words)
+    view = control.view
+    return (*view.origin[1:-1], *listed, *control.words, *(f"assumed: {words}" for words in view.assumed))
 
 
 def _head(control: RegionControl, what: str, not_carried: tuple[str, ...], cycle: str) -> tuple[str, ...]:
