@@ -273,8 +273,8 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
     kind = ROLES[one.role].kind
     small = kind == "wear" and _is_metric(draft) and one.lies_in(one.ranges.hard, 1.0)
     if other is None and not options and not role and (small or kind not in ("condition", "time", "wear")):
-        sentence, far = f"{head} {home} is unusual ({one.usual}), its unit is not named", _is_unit_error(draft, one)
-        if far:
+        sentence = f"{head} {home} is unusual ({one.usual}), its unit is not named"
+        if _is_unit_error(draft, one):
             draft.doubts.append(Doubt((one.role,), sentence + _confirmation(one.role, home), unsettled=True))
         else:
             draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={home}"))
