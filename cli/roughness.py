@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import Parser, check_apart, pairs, parameter_file, traced
+from .arguments import Parser, pairs, parameter_file, traced
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -211,7 +211,8 @@ def _number(name: str, text: str, unit: str, *, bare: bool = False) -> float:
     found = re.fullmatch(rf"({NUMBER})\s*(\S.*)?", text.strip())
     if found is None or not np.isfinite(float(found[1])) or (found[2] or "").startswith(","):
         raise UsageError(f"{name}={text}: give a number with a decimal point and its unit, as {VALUES[name][2]}.")
-    check_apart(f"{name}={text}", found[2])
+    if (found[2] or "").startswith("/"):
+        raise UsageError(f"{name}={text}: number and unit cannot be told apart; give it as {VALUES[name][2]}.")
     if not found[2]:
         if bare:
             return float(found[1])

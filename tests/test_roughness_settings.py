@@ -231,12 +231,14 @@ def test_largest_feed_is_the_width_of_the_arc_at_a_small_depth():
 
 def test_a_feed_far_beyond_the_tests_is_refused_without_a_reason(params, capsys):
     assert "nose radius" in refused(params, capsys, *GIVEN, "override=0:10000%")
-    assert "--beyond-tests" in refused(params, capsys, *GIVEN, "r=0.8mm", "override=0:250%")
-    section = settings(params, *GIVEN, "r=0.8mm", "override=0:250%", "--beyond-tests", "trial on scrap")
+    assert "--beyond-tests" in refused(params, capsys, *GIVEN, "r=1.6mm", "override=0:250%")
+    section = settings(params, *GIVEN, "r=1.6mm", "override=0:250%", "--beyond-tests", "trial on scrap")
     assert any("EXTRAPOLATED" in note and "trial on scrap" in note for note in section.notes)
     capsys.readouterr()
-    words = ("r=0.8mm", "override=0:500%", "--beyond-tests", "trial", "--force")
-    assert "cannot form" in refused(params, capsys, *GIVEN, *words)
+    words = ("--beyond-tests", "trial", "--force")  # a reason does not accept what no edge can do
+    assert "cannot form" in refused(params, capsys, *GIVEN, "r=0.8mm", "override=0:500%", *words)
+    assert "nose radius" in refused(params, capsys, *GIVEN, "r=0.8mm", "override=0:250%", *words)
+    assert parameters.read(params).roughness == section
 
 
 def test_a_feed_somewhat_beyond_the_tests_is_stated(params, capsys):
@@ -304,7 +306,8 @@ def test_a_sample_time_beyond_the_process_is_refused(params, capsys):
         (("Ra=1.6um", "roughness=2um"), "same quantity"),
         (("Ra=1.6um", "Rq=2um"), "no such value"),
         (("Ra=1.6um", "override=120:80%"), "low must be below"),
-        (("Ra=1.6um", "threshold=700N"), "not below the reference"),
+        (("Ra=1.6um", "threshold=700N"), "and below it"),
+        (("Ra=1.6um", "threshold=1N"), "above 1 %"),
         (("Ra=1.6um", "valid=0:300N"), "enclose"),
         (("Ra=1.6um", "kc=2500N/mm2"), "depth"),
         (("Ra=1.6um", "--step", "missing.csv"), "missing.csv"),
@@ -315,7 +318,7 @@ def test_a_sample_time_beyond_the_process_is_refused(params, capsys):
         (("Ra=1.6um", "process=98s"), "0.001 to 10 s"),
         (("Ra=1.6um", "wait=1h"), "not controlled"),
         (("Ra=1.6um", "r=0.1mm"), "cannot form"),
-        (("Ra=1.6um", "r=0.3mm"), "too large for the nose radius"),
+        (("Ra=1.6um", "r=0.3mm"), "and nose radius 0.3 mm"),
     ],
 )
 def test_values_that_cannot_be_used_are_refused_with_one_sentence(params, capsys, words, named):

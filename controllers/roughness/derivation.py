@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 from ...core.errors import ParameterError, UsageError
 from ...parameters.sections.force_control import RoughnessSection
 from .controller import FLOOR
-from .plant import Cut, Measured, implausible, loop_theory
+from .plant import Cut, Measured, check_plausible, loop_theory
 from .reference import (
     ForceOfRoughness,
     Reading,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 OVERRIDE: Final = 1.5  # of the programmed feed: the highest of SURF's lathe
 BEYOND: Final = 1.5  # times the largest tested feed, or that of ideal marks, beyond which a reason is needed
+WIPER: Final = 2.0  # times the feed of ideal marks: no edge, not even a wiper, gives the roughness beyond it
 NEARLY: Final = 1 + 1e-9
 SAMPLE: Final = 0.01  # s, SURF
 SLOWEST_SAMPLE: Final = 0.5  # of the shorter time constant: a longer sample time is refused
@@ -115,8 +116,7 @@ def derived_settings(pf: "ParameterFile", cut: Cut, measured: Measured, chosen: 
     >>> Ra = fit.exponential_law(datasets.bundled("surf_table1"), "Ra", "F")
     >>> F = fit.power_law(datasets.bundled("surf_table1"), "F", ["f"])
     >>> pf = parameters.collect(laws=[Ra, F])
-    >>> found = derived_settings(pf, Cut(1.6, 610.0, feed=0.2, servo_time=0.13), Measured(), Choices())
-    >>> section = found.section
+    >>> section = derived_settings(pf, Cut(1.6, 610.0, feed=0.2, servo_time=0.13), Measured(), Choices()).section
     >>> round(section.force), round(section.force_per_feed), round(section.process_time, 3), section.override_high
     (580, 2878, 0.098, 1.4)
     """
@@ -198,6 +198,7 @@ class _Draft:
         self.put("feed", *((cut.feed, "given") if cut.feed is not None else self._feed_of_force()))
         self.put("force_per_feed", *self._force_per_feed(self.values["feed"]))
         recorded, used = self.measured.force_per_feed, self.values["force_per_feed"]
+        check_plausible(used, cut.depth)
         if recorded is not None and recorded != used:
             words = f"The record gives kc a {recorded:.4g} N per mm/rev, {recorded / used:.3g} times the one used."
             self.remarks.append(words)
@@ -255,16 +256,22 @@ class _Draft:
             if high > BEYOND * NEARLY:
                 untested = f"{words} is {high:.4g} times the programmed one, and no tests of feed are known."
                 self.beyond(untested, f"Give an override of at most {100 * BEYOND:g} %")
+        elif feed < tested[0] / NEARLY:
+            self.note(
+                f"EXTRAPOLATED: the programmed feed {feed:.4g} mm/rev lies below the tested ones, {tested[0]:g} up."
+            )
         elif top > tested[1] * NEARLY:
             beyond = f"{words} lies above the tested ones, {tested[0]:g} to {tested[1]:g} mm/rev."
             if top > BEYOND * tested[1] * NEARLY:
                 self.beyond(beyond, f"Stay within {BEYOND:g} times the tests")
             else:
                 self.note(f"EXTRAPOLATED: {beyond}")
-        radius = cut.nose_radius
-        if radius is not None and top > BEYOND * feed_of_ideal_roughness(cut.roughness, radius) * NEARLY:
-            marks = ideal_marks(top, radius, cut.roughness)
-            self.beyond(f"{words} is too large for the nose radius. {marks}", "Lower the feed or the override")
+        marks = math.inf if cut.nose_radius is None else feed_of_ideal_roughness(cut.roughness, cut.nose_radius)
+        if top > BEYOND * marks * NEARLY:
+            words = f"{words} is too large. {ideal_marks(top, cut.nose_radius or 1.0, cut.roughness)}"
+            if top > WIPER * marks * NEARLY:
+                raise UsageError(f"{words} Lower the feed or the override.")
+            self.beyond(words, "Lower the feed or the override")
 
     def _tested_override(self, feed: float, formed: float) -> tuple[float, float]:
         """Override range of the tested feeds, at most 150 % and what the nose forms; its values are put."""
@@ -308,10 +315,10 @@ class _Draft:
             self.put(
                 "threshold", _down(OF_REFERENCE * reference), f"{100 * OF_REFERENCE:g} % of the reference, assumed"
             )
-        if not self.values["threshold"] < reference:
+        if not 0.01 * reference <= self.values["threshold"] < reference:
             raise UsageError(
-                f"threshold={cut.threshold:g}N is not below the reference force {reference:.4g} N: the control would "
-                "never act; lower it."
+                f"threshold={self.values['threshold']:.4g}N is not above 1 % of the reference force and below it, "
+                f"{reference:.4g} N; only there is a cut told from noise in air and acted upon."
             )
         if self.values["threshold"] >= lowest:
             words = f"At the lower feed limit the force is {lowest:.4g} N, not above the threshold: the control takes "
@@ -345,10 +352,9 @@ class _Draft:
             )
         if "process_time" not in self.values:
             self.put("process_time", cut.revolution, f"one revolution at {cut.spindle_speed:g} 1/min, assumed")
-        times = {"servo": self.values["servo_time"], "process": self.values["process_time"]}
-        if reason := implausible(self.values["force_per_feed"], cut.depth, times):
-            raise UsageError(f"{reason}; check the value and its unit.")
-        shorter = min(times.values())
+        servo, process = self.values["servo_time"], self.values["process_time"]
+        check_plausible(times={"servo": servo, "process": process})
+        shorter = min(servo, process)
         if cut.sample_time is not None:
             self.put("sample_time", cut.sample_time, "given")
         else:
@@ -362,9 +368,7 @@ class _Draft:
             )
         wait = REVOLUTIONS * cut.revolution
         if cut.wait is not None and cut.wait > LONGEST_WAIT:
-            raise UsageError(
-                f"wait={cut.wait:g}s: the cut is not controlled that long; give at most {LONGEST_WAIT:g} s."
-            )
+            raise UsageError(f"wait={cut.wait:g}s: the cut is not controlled that long; {LONGEST_WAIT:g} s at most.")
         given_wait = (wait, f"{REVOLUTIONS:g} revolutions, assumed") if cut.wait is None else (cut.wait, "given")
         self.put("threshold_time", *given_wait)
 

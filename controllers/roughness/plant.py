@@ -376,22 +376,24 @@ def _per_revolution(gain: float, rec: "Record", cut: Cut) -> float | None:
     return None
 
 
-def implausible(gain: float, depth: float | None, times: "Mapping[str, float]") -> str:
-    """Reason why kc a, N per mm/rev, at a depth, mm, or the times of a cut, s, are impossible; empty where not.
+def check_plausible(
+    gain: float | None = None, depth: float | None = None, times: "Mapping[str, float] | None" = None
+) -> None:
+    """Refuse a kc a, N per mm/rev, at a depth, mm, or time constants, s, that no cut has.
 
-    Examples
-    --------
-    >>> implausible(2800.0, 1.0, {"servo": 0.13})
-    ''
-    >>> implausible(2.8, 1.0, {})
-    'kc a 2.8 N per mm/rev at a depth of 1 mm is a specific force of 2.8 N/mm2, not 100 to 30000'
+    Raises
+    ------
+    UsageError
+        The specific force is not 100 to 30000 N/mm2, or a time constant not 1 ms to 10 s.
     """
     low, high = KC_POSSIBLE
-    if depth is not None and not low <= gain / depth <= high:
-        kc = f"{gain / depth:.3g} N/mm2, not {low:g} to {high:g}"
-        return f"kc a {gain:.4g} N per mm/rev at a depth of {depth:g} mm is a specific force of {kc}"
-    shortest, longest = TIMES_POSSIBLE
-    for name, time in times.items():
-        if not shortest <= time <= longest:
-            return f"the time constant of the {name}, {time:.4g} s, is not {shortest:g} to {longest:g} s"
-    return ""
+    if gain is not None and depth is not None and not low <= gain / depth <= high:
+        raise UsageError(
+            f"kc a {gain:.4g} N per mm/rev at a depth of {depth:g} mm is a specific force of {gain / depth:.3g} N/mm2, "
+            f"not {low:g} to {high:g}; check the values and their units."
+        )
+    low, high = TIMES_POSSIBLE
+    for name, time in (times or {}).items():
+        if not low <= time <= high:
+            words = f"the time constant of the {name}, {time:.4g} s, is not {low:g} to {high:g} s"
+            raise UsageError(f"{words}; check its unit.")
