@@ -51,7 +51,7 @@ def complete(commands: tuple[str, ...]) -> None:
         return
     words = argcomplete.split_line(os.environ["COMP_LINE"], int(os.environ["COMP_POINT"]))[3]
     name = next((word for word in words[1:2] if word in commands), "")
-    of: Any = import_module(f".{name or 'wear'}", __package__).parser()
+    of: Any = import_module(f".{name.replace('-', '_') or 'wear'}", __package__).parser()
     if name:
         os.environ[VARIABLE] = "2"  # the words of the line begin with the name of the command
     first_words = () if name else commands

@@ -24,6 +24,7 @@ from .design import (
     largest_step,
     loop_margins,
     refuse_no_plant,
+    settling_time,
 )
 
 if TYPE_CHECKING:
@@ -37,7 +38,6 @@ STEP: Final = 0.001  # s: period of the servo thread of usual controls
 ALMOST, UNEVEN = 0.02, 0.1  # of a revolution: averages that miss a whole one by more are not assumed, and refused
 READINGS: Final = (-0.1, 4.0)  # times the largest set point: valid readings, where the sensor's range is not given
 BEYOND, BEYOND_NEED = 1.5, 2.0  # times the tested range; times the feed that the set points need
-SETTLED, SETTLED_REFERENCE = 3.91, 5.83  # time constants until within 2 %: of first order, of the reference model
 OTHER_SPEED: Final = 0.1  # relative: a spindle speed that is not that of the record
 LONGEST_DELAY, SLOWEST = 1.0, 100.0  # s; times the time of the reference model by the rule
 DRAWS, SEED = 1000, 1
@@ -286,13 +286,7 @@ def _gains(
 
 def _at(ratios: Array, depth: float, force: float, gains: ForceGains, timing: Timing) -> AtSetPoint:
     margins = loop_margins(ratios[None], gains, force, timing)[0]
-    r0, r1, r2 = ratios
-    loop = np.array(
-        [r0, r1 + gains.Kd, r2 + gains.Kd * gains.lam + gains.g3 * force**2, gains.g3 * force**2 * gains.lam]
-    )
-    slowest = float((-np.roots(loop).real).min())
-    settling = float(np.hypot(SETTLED_REFERENCE * gains.reference_time, SETTLED / slowest)) if slowest > 0 else np.inf
-    return AtSetPoint(depth, force, float(r2 * force), margins, settling)
+    return AtSetPoint(depth, force, float(ratios[2] * force), margins, settling_time(ratios, gains, force))
 
 
 def _refuse(section: "AdaptiveForceSection", at: tuple[AtSetPoint, ...], limits: tuple[float, float]) -> None:

@@ -32,6 +32,7 @@ SEPARATE: Final = 1e-6  # relative: poles nearer to each other are set apart by 
 FREQUENCIES: Final = 4000  # of the frequency response from a thousandth of the slower pole to half the sample rate
 OF_DRAWS: Final = 600  # the same for each draw of the estimates
 LEAST_GAIN_MARGIN, LEAST_PHASE_MARGIN = 2.0, 30.0  # below: refused
+SETTLED, SETTLED_REFERENCE = 3.91, 5.83  # time constants until within 2 %: of first order, of the reference model
 SLOWEST_REFERENCE: Final = 10.0  # dead times: the least time of the reference model
 
 
@@ -214,6 +215,24 @@ def _margins(omega: Array, L: NDArray[np.complex128]) -> Margins:
         angle = float(np.angle(-(L[i] + share * (L[i + 1] - L[i])))) % (2 * np.pi)
         phase, dead = min(phase, float(np.degrees(angle))), min(dead, angle / at)
     return Margins(float(gain), float(phase), float(dead))
+
+
+def settling_time(ratios: Array, gains: ForceGains, force: float) -> float:
+    """Time in s until the force has settled within 2 % of a set point, from the reference model and the slowest pole.
+
+    Examples
+    --------
+    >>> ratios = np.array([1e-3, 0.0625, 0.625])
+    >>> round(settling_time(ratios, design_gains(ratios.tolist(), 320.0, Timing(0.001, 20, 0.001)), 320.0), 2)
+    0.98
+    """
+    r0, r1, r2 = ratios
+    integral = gains.g3 * force**2
+    loop = np.array([r0, r1 + gains.Kd, r2 + gains.Kd * gains.lam + integral, integral * gains.lam])
+    slowest = float((-np.roots(loop).real).min())
+    if not slowest > 0:
+        return np.inf
+    return float(np.hypot(SETTLED_REFERENCE * gains.reference_time, SETTLED / slowest))
 
 
 def largest_step(ratios: Array, gains: ForceGains, force: float, timing: Timing) -> float:
