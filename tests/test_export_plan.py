@@ -429,6 +429,16 @@ def test_c_and_structured_text_of_the_region_agree_under_faults(consumer, tmp_pa
     assert causes == {0.0, 1.0, 2.0, 3.0, 4.0, 5.0}
 
 
+def test_an_input_that_is_not_connected_makes_nothing_faster():
+    plan, region = (rendered(SYSTEMS[system][0], "comp", system=system, job=JOB) for system in SYSTEMS)
+    assert "pin in bit cutting = 1 " in plan
+    assert "pin in float diameter = 0.0 " in plan
+    assert "pin in float t = -1.0 " in region
+    assert "pin in float d = 0.0 " in region
+    code = region_in_st()
+    assert code.call(V=120.0, f=0.3, d=2.0, t=-1.0)["cause"] == 2
+
+
 def test_what_is_not_known_counts_as_the_worse_end_and_is_latched():
     st = region_in_st()
     row = {"V": 120.0, "f": 0.3, "d": 2.0, "t": 5.0}

@@ -230,6 +230,7 @@ def _about(
         "feed_override is the largest factor of the feed before it, at most 1, that keeps every limit; 0 where none "
         "does: the feed is then inhibited until the speed is changed",
         "an invalid time, depth or diameter is a fault, latched: it counts as the worse end of its range",
+        "not detected - a speed, feed, depth, time or diameter in its range that is wrong or stands still",
         *notes,
     )
 
@@ -286,9 +287,9 @@ def _variables(control: RegionControl) -> tuple[Variable, ...]:
         Variable("V", "input", "Real", 0, "cutting speed", "0.0", "m/min"),
         Variable("f", "input", "Real", 1, "feed before the override", "0.0", "mm/rev"),
         Variable("d", "input", "Real", 2, "depth of cut", "0.0", "mm"),
-        Variable("t", "input", "Real", 3, "time in the cut of this edge", "0.0", "min"),
+        Variable("t", "input", "Real", 3, "time in the cut of this edge, not connected a fault", "-1.0", "min"),
         Variable("wear", "input", "Real", 4, "measured wear, 0 by its law", "0.0", unit),
-        Variable("diameter", "input", "Real", 5, "diameter at the edge", repr(control.tested["D"][1]), "mm"),
+        Variable("diameter", "input", "Real", 5, "diameter at the edge", "0.0", "mm"),
         Variable("reset", "input", "Boolean", 0, "its rising edge clears a fault whose cause is gone", "false"),
         Variable("excess", out, "Real", 10, "of the binding limit, logarithm of response over limit", "0.0", "1"),
         Variable("use", out, "Real", 11, "of the binding limit, response over limit", "0.0", "1"),
