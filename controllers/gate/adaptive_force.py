@@ -142,7 +142,7 @@ def _run(bench: ForceBench, point: float) -> tuple[str, float]:
     means, span = forces.reshape(turns, -1).mean(axis=1), settings.high - settings.low
     if float(forces.mean()) < point and commands.mean() > REST * settings.high and not bench.controller.control.fault:
         return "", float(forces.mean())  # the cut needs more than the upper limit: less force than asked for is right
-    words = wrong_at_rest(bench, forces, point)
+    words = wrong_at_rest(bench, commands, forces, point)
     if not words and np.abs(means / point - 1).max() > SWING:
         words = f"the mean force of a revolution swings between {means.min():.4g} and {means.max():.4g}"
     if not words and np.ptp(commands) > 0.9 * span:
