@@ -310,7 +310,8 @@ def _draws(pf: "ParameterFile") -> Iterator[FileFinding]:
     if failed > WRONG * DRAWS:
         yield _failed("draws", f"{words}, {failed} are not held; identify the cut again, or widen the feed limits.")
     else:
-        held = f"{DRAWS - failed} are held, or have less force at the upper feed limit; largest pole by the file {radius.servo_radius:.3g}."
+        pole = f"largest pole by the file {radius.servo_radius:.3g}."
+        held = f"{DRAWS - failed} are held, or have less force at the upper feed limit; {pole}"
         yield FileFinding("draws", True, f"{words[:1].upper()}{words[1:]}, {held}")
 
 
