@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
-from .arguments import Parser, parameter_file, values
+from .arguments import Parser, measured, parameter_file, values
+from .options import further
 from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:
@@ -22,10 +23,13 @@ def parser() -> Parser:
         "change an edge. The file needs costs (`fitmodels costs`) and a tool life.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
-    p.add_argument("--depth", type=float, metavar="MM", help="depth of cut (default: 2.5, or the middle of the tests)")
+    p.add_argument("--depth", metavar="2.5mm", help="depth of cut (default: 2.5 mm, or the middle of the tests)")
     p.add_argument("--by", metavar="LEVEL", help="level of the category that shifts the laws (default: none)")
     p.add_argument(
-        "--at", action="append", metavar="z=4", help="a further factor, or D in mm for limits of n (default: none)"
+        "--at",
+        action="append",
+        metavar="D=80mm",
+        help="a further factor, or the diameter (default: none)",
     )
     p.add_argument(
         "--today", action="append", metavar="V=145", help="V (m/min) and f (mm/rev) to compare (default: none)"
@@ -58,8 +62,9 @@ def run(args: argparse.Namespace) -> int:
             "currency=EUR."
         )
     draws = parameters.read_draws(pf, Path(args.file).parent)
+    depth = None if args.depth is None else measured(args.depth, "mm", "--depth", "2.5mm")
     found = economic_settings(
-        pf, pf.costs, d=args.depth, by=args.by, at=values(args.at, "--at"), today=_today(values(args.today, "--today")),
+        pf, pf.costs, d=depth, by=args.by, at=further(args.at, pf), today=_today(values(args.today, "--today")),
         draws=draws, level=args.level, times=args.factors,
     )  # fmt: skip
     verdicts = cautions(pf, *{found.source.law.response, *(limit.symbol for limit in found.limits)} & set(pf.laws))

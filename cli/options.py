@@ -226,7 +226,7 @@ def plan_options_of(args: argparse.Namespace, pf: "ParameterFile") -> "PlanOptio
         factors=args.factors,
         objective=args.objective or "removal",
         by=args.by,
-        at=_further(args.at, pf),
+        at=further(args.at, pf),
     )
 
 
@@ -245,7 +245,7 @@ def _grid(words: list[str] | None) -> tuple[float, float] | None:
     return (steps["V"], steps["f"]) if given else None
 
 
-def _further(words: list[str] | None, pf: "ParameterFile") -> dict[str, float]:
+def further(words: list[str] | None, pf: "ParameterFile") -> dict[str, float]:
     """Further factors in the units of the laws; the diameter D in mm."""
     units = {"D": "mm", **{factor.symbol: factor.unit for law in pf.laws.values() for factor in law.factors}}
     found = {}
