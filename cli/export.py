@@ -129,6 +129,9 @@ def _job_of(args: argparse.Namespace, pf: "ParameterFile", system: str, draws: "
     if args.period and not running:
         raise UsageError(f"--period belongs to a running plan or region; leave it out of {args.to}.")
     asked = [name for name in plan_asked(args) if system != "region" or name not in ("--by", "--at")]
+    if asked == ["--depth"] and system == "adaptive-force" and pf.adaptive_force is not None:
+        unit = pf.adaptive_force.unit_depth
+        return ExportJob(args.accept_verdict, draws, depth=measured(args.depth, unit, "--depth", f"2{unit}"))
     if asked and system not in PLANNED:
         raise UsageError(f"{asked[0]} belongs to a plan or a region; leave it out of {args.to}.")
     if asked and system == "region":

@@ -297,6 +297,16 @@ def test_a_file_changed_by_hand_is_refused_and_units_are_exported(file, run, tmp
     assert file.read_bytes() == before
 
 
+def test_the_running_control_is_exported_at_a_depth(file, run, tmp_path, capsys):
+    assert run(file, "1mm=150N", "2mm=200N", "4mm=320N", "--feed", "60:500")[0] == 0
+    words = ["export", str(file), "--system", "adaptive-force", "--to", "c", "--accept-verdict"]
+    assert main([*words, "--depth", "0.4cm", "--out", str(tmp_path / "x.c")]) == 0
+    assert "load 320, override 0.12 to 1" in (tmp_path / "x.c").read_text()
+    capsys.readouterr()
+    assert main([*words, "--depth", "3mm", "--out", str(tmp_path / "y.c")]) != 0
+    assert "no set point for a depth of 3 mm" in capsys.readouterr().err
+
+
 def test_a_feed_beyond_the_tests_is_recorded_where_it_is_allowed(file, run):
     assert run(file, "2mm=200N", "--feed", "100:900", "--beyond-tested")[0] == 0
     a = parameters.read(file).adaptive_force

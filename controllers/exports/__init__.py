@@ -192,7 +192,7 @@ def _roughness(pf: "ParameterFile", job: ExportJob, *, per_minute: bool = False)
 
 
 def _adaptive_force(pf: "ParameterFile", job: ExportJob) -> GatedControl:
-    return gated_adaptive_force(pf, accept_verdict=job.accept_verdict)
+    return gated_adaptive_force(pf, depth=job.depth, accept_verdict=job.accept_verdict)
 
 
 def _force_notes(pf: "ParameterFile", control: GatedControl) -> tuple[str, ...]:

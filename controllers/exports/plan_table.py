@@ -53,7 +53,8 @@ class ExportJob:
     ``accept_verdict`` exports parts that must not be used for control all the same; ``draws`` are those of the file, by
     response; ``seed`` is that of random draws; ``turning`` is the plan, and the part of an NC program. Of a plan as a
     control: the range of diameters of the work, mm, and the highest spindle speed, 1/min, 0 for that of the file.
-    ``sample_time`` is the period of the calls, s, 0 for the usual one.
+    ``sample_time`` is the period of the calls, s, 0 for the usual one. ``depth`` is that of the set point of adaptive
+    force control, in the unit of its section; None for that of the smallest force.
     """
 
     accept_verdict: bool = False
@@ -63,6 +64,7 @@ class ExportJob:
     diameter: tuple[float, float] | None = None
     max_rpm: float = 0.0
     sample_time: float = 0.0
+    depth: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -221,6 +221,6 @@ def gated_adaptive_force(
     assumed = assumed_settings(pf, settings)
     if depth is None and len(section.set_points) > 1:
         words = f"set point {least.force:g} {section.unit_force} at a depth of {least.depth:g} {section.unit_depth}"
-        assumed = (f"{words}, the smallest of {len(section.set_points)}; the others need a file of their own", *assumed)
+        assumed = (f"{words}, the smallest of {len(section.set_points)}; another one by --depth", *assumed)
     held = require_verdicts(pf, accept_verdict, only=("adaptive_force",))
     return gated(pf, force_loop(settings), check_adaptive_force(pf), held, assumed)

@@ -5,4 +5,4 @@ fitmodels ident docs/examples/force-chirp.csv --as force-process --depth 2 --spi
 fitmodels adaptive-force lyap-fit/params.json 1mm=150N 2mm=200N 4mm=320N --feed 60:500mm/min
 fitmodels replay lyap-fit/params.json --system adaptive-force
 fitmodels check lyap-fit/params.json
-fitmodels export lyap-fit/params.json --system adaptive-force --to c --out lyap.c
+fitmodels export lyap-fit/params.json --system adaptive-force --to c --depth 4mm --out lyap.c
