@@ -452,7 +452,27 @@ def test_what_is_not_known_counts_as_the_worse_end_and_is_latched():
     assert st.call(reset=False)["excess"] == pytest.approx(known["excess"])
     early, first = st.call(**{**row, "t": 0.0}), st.call(**{**row, "t": 2.0})
     assert early["excess"] >= first["excess"]
-    assert early["tested"] == 0
+    assert (early["tested"], st.call(**{**row, "t": 20.0})["tested"], st.call(**{**row, "d": 4.0})["tested"]) == (
+        1,
+        0,
+        0,
+    )
+
+
+def test_laws_without_time_need_none():
+    pf = published("AC-2016")
+    laws = {"Fz": pf.laws["AW"].model_copy(update={
+        "response": "Fz", "unit": "N", "factors": tuple(f for f in pf.laws["AW"].factors if f.symbol != "t"),
+        "coefficients": {k: v for k, v in pf.laws["AW"].coefficients.items() if k != "t"},
+    })}  # fmt: skip
+    limits = {"speed": {"low": 50.0, "high": 200.0, "unit": "m/min"},
+              "feed": {"low": 0.06, "high": 0.6, "unit": "mm/rev"},
+              "responses": {"Fz": {"high": 0.15, "unit": "N"}}}  # fmt: skip
+    pf = pf.model_copy(update={"laws": laws, "limits": type(pf.limits).model_validate(limits), "content_sha256": None})
+    st = region_in_st(pf=pf)
+    out = st.call(V=150.0, f=0.3, d=2.0, t=0.0)
+    assert (out["fault"], out["tested"]) == (0, 1)
+    assert_is_the_region(region_in_st(pf=pf), pf, 10, 1e-9)
 
 
 def test_measured_wear_takes_the_place_of_its_law():

@@ -79,7 +79,7 @@ typedef struct {
     RegionReal speed_override; /* the same of V at this f */
     int binding;               /* number of the limit with the largest excess, 1 the first */
     int within;                /* every limit is kept */
-    int tested;                /* V, f, d and t lie in the tested ranges */
+    int tested;                /* V, f, d lie in the tested ranges and t not beyond; every edge begins new */
     int fault;                 /* latched */
     RegionCause cause;         /* of the fault, the first one */
     int feed_inhibit;          /* stop the feed: no feed at this V keeps the limits */
@@ -226,7 +226,7 @@ static int region_tested(const RegionSettings *s, const RegionReal *value)
 {
     int i, in = 1;
     for (i = 0; i < REGION_DIAMETER; ++i)
-        if (!(s->tested[i].low <= value[i] && value[i] <= s->tested[i].high)) in = 0;
+        if (!((s->tested[i].low <= value[i] || i == REGION_T) && value[i] <= s->tested[i].high)) in = 0;
     return in;
 }
 

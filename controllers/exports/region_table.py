@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
     from ...parameters.sections.load_line import LimitsSection
 
+ANY: Final = (1e-6, 1e6)  # range of a factor that no law has
 FACTORS: Final = ("V", "f", "d", "t", "D")
 NOT_IN_REGION: Final = (
     "the choice of a better pair: it states how far this one must be lowered, and never raises it",
@@ -60,7 +61,7 @@ class RegionControl:
     wear : RegionRow
         Logarithm of the wear where none is measured; zero without a law.
     wear_unit, wear_most
-        Of the wear; the largest measured wear that is taken for one is ten times this.
+        The largest measured wear that is taken for one is ten times this.
     tested : dict
         Range of each factor: tested, of the diameter that of the work.
     sample_time : float
@@ -82,6 +83,11 @@ class RegionControl:
     def diameter_read(self) -> bool:
         """Whether a limit has the diameter."""
         return any(row.by[4] for row in self.rows)
+
+    @property
+    def listed(self) -> tuple[str, ...]:
+        """The limits with their numbers."""
+        return tuple(f"limit {k}: {row.name}" for k, row in enumerate(self.rows, 1))
 
 
 def region_lacks(pf: "ParameterFile") -> str:
@@ -109,8 +115,8 @@ def region_control(pf: "ParameterFile", job: ExportJob) -> RegionControl:
     require_check(pf)
     limits, options = merged(pf, None), job.turning.options
     at = {name: value for name, value in options.at.items() if name != "D"}
-    if why := "" if limits.power or limits.force or limits.wear or limits.responses else region_lacks(pf):
-        raise GateError(f"not exported: {why}")
+    if not (limits.power or limits.force or limits.wear or limits.responses):
+        raise GateError(f"not exported: {region_lacks(pf)}")
     diameter = _diameter(limits, job)
     rows, wear, used = _limits(pf, limits, options.by, at)
     machine = box(pf, limits)
@@ -205,11 +211,14 @@ def _of_spindle(limits: "LimitsSection") -> list[RegionRow]:
 
 
 def _tested(laws: "list[LawSection]", diameter: tuple[float, float]) -> dict[str, tuple[float, float]]:
-    """The range of each factor that all laws in use share; (1, 1) of one that none has."""
+    """The range of each factor that all laws in use share; any of one that none has."""
     found = {}
     for symbol in ("V", "f", "d", "t"):
         held = [(f, ratio(f.unit, USUAL[symbol])) for law in laws for f in law.factors if f.symbol == symbol]
-        low, high = max((f.low * k for f, k in held), default=1.0), min((f.high * k for f, k in held), default=1.0)
+        if not held:
+            found[symbol] = ANY
+            continue
+        low, high = max(f.low * k for f, k in held), min(f.high * k for f, k in held)
         if low > high:
             low, high = high, low
         found[symbol] = (max(low, 1e-3 * high), high)
@@ -220,10 +229,11 @@ def _about(
     rows: list[RegionRow], tested: dict[str, tuple[float, float]], diameter: tuple[float, float], notes: tuple[str, ...]
 ) -> tuple[str, ...]:
     spans = ", ".join(
-        f"{name} {low:.4g} to {high:.4g} {USUAL[name]}" for name, (low, high) in tested.items() if name in USUAL
+        f"{name} {low:.4g} to {high:.4g} {USUAL[name]}"
+        for name, (low, high) in tested.items()
+        if name in USUAL and (low, high) != ANY
     )
-    sized = any(row.by[4] for row in rows)
-    of = (f"diameter {diameter[0]:g} to {diameter[1]:g} mm",) if sized else ()
+    of = (f"diameter {diameter[0]:g} to {diameter[1]:g} mm",) if any(row.by[4] for row in rows) else ()
     return (
         f"tested ranges that all laws share: {spans}; beyond them the laws are extrapolated and tested is 0",
         *of,
@@ -237,15 +247,13 @@ def _about(
 
 def region_notes(pf: "ParameterFile", control: RegionControl) -> tuple[str, ...]:
     """Lines on the control for the person who exports it."""
-    listed = (f"limit {k}: {row.name}" for k, row in enumerate(control.rows, 1))
     view = control.view
-    return (*view.origin[1:-1], *listed, *control.words, *(f"assumed: {words}" for words in view.assumed))
+    return (*view.origin[1:-1], *control.listed, *control.words, *(f"assumed: {words}" for words in view.assumed))
 
 
 def _head(control: RegionControl, what: str, not_carried: tuple[str, ...], cycle: str) -> tuple[str, ...]:
     view = control.view
-    listed = (f"limit {k}: {row.name}" for k, row in enumerate(control.rows, 1))
-    words = (cycle, *listed, *control.words, f"causes of a fault: {CAUSES}", *view.remarks(not_carried))
+    words = (cycle, *control.listed, *control.words, f"causes of a fault: {CAUSES}", *view.remarks(not_carried))
     title = f"{view.made_by}: limits on speed and feed, {what}"
     return (title, *view.origin, *(part for line in words for part in wrap(line, WIDTH, subsequent_indent="    ")))
 
@@ -282,12 +290,13 @@ def region_source(control: RegionControl) -> str:
 
 def _variables(control: RegionControl) -> tuple[Variable, ...]:
     """Inputs and outputs by the names of ``RegionInput`` and ``RegionOutput``."""
-    unit, out = control.wear_unit, "output"
+    unit, out, timed = control.wear_unit, "output", control.tested["t"] != ANY
     return (
         Variable("V", "input", "Real", 0, "cutting speed", "0.0", "m/min"),
         Variable("f", "input", "Real", 1, "feed before the override", "0.0", "mm/rev"),
         Variable("d", "input", "Real", 2, "depth of cut", "0.0", "mm"),
-        Variable("t", "input", "Real", 3, "time in the cut of this edge, not connected a fault", "-1.0", "min"),
+        Variable("t", "input", "Real", 3, "time in the cut of this edge" + (", not connected a fault" if timed else ""),
+                 "-1.0" if timed else "0.0", "min"),
         Variable("wear", "input", "Real", 4, "measured wear, 0 by its law", "0.0", unit),
         Variable("diameter", "input", "Real", 5, "diameter at the edge", "0.0", "mm"),
         Variable("reset", "input", "Boolean", 0, "its rising edge clears a fault whose cause is gone", "false"),
@@ -301,7 +310,7 @@ def _variables(control: RegionControl) -> tuple[Variable, ...]:
         Variable("tested", out, "Boolean", 11, "V, f, d and t lie in the tested ranges", "false"),
         Variable("fault", out, "Boolean", 12, "latched: see cause", "true"),
         Variable("feed_inhibit", out, "Boolean", 13, "stop the feed", "true"),
-    )
+    )  # fmt: skip
 
 
 def _source(control: RegionControl, text: str) -> ControlSource:
@@ -318,26 +327,6 @@ def region_fmu(control: RegionControl) -> bytes:
     return fmu_archive(control.view, _source(control, region_c(control)), _variables(control), about, key=key)
 
 
-_PART = """\
-    (* {words}: the worse of value and end outside its range, the worse end where it is not known *)
-    part := {slope} * {ln};
-    IF fault THEN
-      part := MAX({slope} * LN_{word}_LOW, {slope} * LN_{word}_HIGH);
-    ELSIF {value} < {word}_LOW THEN
-      part := MAX(part, {slope} * LN_{word}_LOW);
-    ELSIF {value} > {word}_HIGH THEN
-      part := MAX(part, {slope} * LN_{word}_HIGH);
-    END_IF;
-    over := over + part;
-"""
-_PARTS = "".join(
-    _PART.format(words=words, slope=slope, ln=ln, value=value, word=word)
-    for words, slope, ln, value, word in (
-        ("depth", "slope_d", "ln_d", "d", "D"),
-        ("time", "slope_t", "ln_t", "t", "T"),
-        ("diameter", "BY_DIAMETER[number]", "ln_diameter", "used_diameter", "DIAMETER"),
-    )
-)
 _HAL = """\
 loadrt fm_region
 # >>> net fm-v <= YOUR-PIN, float: cutting speed, m/min;  net fm-f: feed before the override, mm/rev
@@ -388,7 +377,7 @@ def region_st(control: RegionControl) -> str:
     lines.append(f"  LIMITS : DINT := {count};\n  DIAMETER_READ : BOOL := {str(control.diameter_read).upper()};\n")
     head = _head(control, "structured text", NOT_IN_REGION_ST, f"call once every {control.sample_time:g} s")
     name = f"FB_REGION_{control.view.name}"[:LONGEST_NAME].rstrip("_")
-    body = Path(__file__).with_name("region_check.st").read_text("ascii").replace("{parts}", _PARTS)
+    body = Path(__file__).with_name("region_check.st").read_text("ascii")
     interface = st_interface(_variables(control))
     return (
         "".join(f"(* {c_text(line)} *)\n" for line in head)
