@@ -21,7 +21,7 @@ GROUPS: Final = {
         "predict": "what the laws give at your settings, with an interval; tool life",
         "compare": "forms of each law on the same tests, and the form to keep",
         "confirm": "whether new tests agree with the laws of earlier ones",
-        "optimum": "speed and feed of least cost or greatest rate; when to change an edge",
+        "optimum": "speed and feed of least cost or greatest rate; edge changes",
         "batch": "the laws of many tool/work pairs: a folder, a CSV or Parquet",
     },
     "Prepare data, and plan tests": {
@@ -36,7 +36,7 @@ GROUPS: Final = {
         "ident": "a model of the machine's dynamics from a recorded run",
         "tune": "PI gains for these dynamics",
         "limits": "limits of machine, tool and work, written into params.json",
-        "merge": "parameter files of one tool and work joined into one, conflicts named",
+        "merge": "parameter files of one pair joined, with conflicts named",
         "costs": "rates, prices and times of a part, written into params.json",
         "settings": "reference load, feed limits and tool change for constant load",
         "roughness": "reference force, feed limits and times for constant roughness",
