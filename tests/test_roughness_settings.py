@@ -142,7 +142,7 @@ def test_each_value_has_an_origin_and_is_printed_with_it(params, capsys):
     assert "one revolution" in section.sources["process_time"]
     law = parameters.read(params).laws["F"]
     assert section.force_per_feed == pytest.approx(float(law.values(f=0.2)) / 0.2)
-    assert (section.override_low, section.override_high) == pytest.approx((0.75, 1.4))  # tested 0.15 to 0.28 mm/rev
+    assert (section.override_low, section.override_high) == pytest.approx((0.5, 1.4))  # tested up to 0.28 mm/rev
 
 
 def test_values_of_the_paper_give_the_published_section(tmp_path):
@@ -309,7 +309,7 @@ def test_a_sample_time_beyond_the_process_is_refused(params, capsys):
         (("Ra=1.6um", "threshold=700N"), "and below it"),
         (("Ra=1.6um", "threshold=1N"), "above 1 %"),
         (("Ra=1.6um", "valid=0:300N"), "enclose"),
-        (("Ra=1.6um", "kc=2500N/mm2"), "depth"),
+        (("Ra=1.6um", "kc=2500N/mm2"), "d=1mm"),
         (("Ra=1.6um", "--step", "missing.csv"), "missing.csv"),
         (("Ra=1.6um", "--law", "F"), "is not Ra = a exp(b F)"),
         (("Ra=1.6um", "--level", "1.5"), "--level"),

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 OVERRIDE: Final = 1.5  # of the programmed feed: the highest of SURF's lathe
 BEYOND: Final = 1.5  # times the largest tested feed, or that of ideal marks, beyond which a reason is needed
+STIFF: Final = 0.5  # of the programmed feed: the highest lower limit that is assumed
 WIPER: Final = 2.0  # times the feed of ideal marks: no edge, not even a wiper, gives the roughness beyond it
 NEARLY: Final = 1 + 1e-9
 SAMPLE: Final = 0.01  # s, SURF
@@ -85,7 +86,7 @@ class DerivedSettings:
     section : RoughnessSection
     inverse : ForceOfRoughness
     regression : float or None
-        N, by the regression; None with ``no_regression``.
+        N; None with ``no_regression``.
     remarks : tuple of str
         Sentences on limits, extrapolation and the loop.
     laws : tuple of str
@@ -223,7 +224,7 @@ class _Draft:
             return cut.force_per_feed, "given"
         if cut.kc is not None:
             if cut.depth is None:
-                raise UsageError(f"kc={cut.kc:g}N/mm2: kc a is kc times the depth of cut; add depth=1mm.")
+                raise UsageError(f"kc={cut.kc:g}N/mm2: kc a is kc times the depth of cut; add d=1mm.")
             return cut.kc * cut.depth, f"kc {cut.kc:g} N/mm2, given, times the depth {cut.depth:g} mm"
         if law is not None:
             held = {"f": feed, **({} if cut.depth is None else {"d": cut.depth}), **cut.conditions}
@@ -237,7 +238,7 @@ class _Draft:
         symbol = self.law.factors[0].symbol
         raise UsageError(
             f"kc a is not known: the file has no law of {symbol} on feed. Fit one with --law '{symbol} ~ f, d', or "
-            "give kc=2500N/mm2 and depth=1mm, or a step of the feed with the force by --step."
+            "give kc=2500N/mm2 and d=1mm, or a step of the feed with the force by --step."
         )
 
     def limits(self) -> None:
@@ -279,8 +280,10 @@ class _Draft:
         of_high = f"{100 * OVERRIDE:g} % of the programmed feed, assumed as in SURF"
         if self.tested is not None:
             tests = "tested feed over the programmed one"
-            if FLOOR < self.tested[0] / feed < 1:
+            if self.tested[0] / feed > FLOOR:
                 low, of_low = self.tested[0] / feed, f"smallest {tests}, {self.tested[0]:g} over {feed:g} mm/rev"
+            if low > STIFF:
+                low, of_low = STIFF, "below the tested feeds, so that a cut twice as stiff is held; assumed"
             if self.tested[1] / feed < high:
                 high = max(self.tested[1] / feed, 1.0)
                 of_high = f"largest {tests}, {self.tested[1]:g} over {feed:g} mm/rev"
@@ -346,10 +349,7 @@ class _Draft:
             elif recorded is not None:
                 self.put(name, recorded, measured.sources[name])
         if "servo_time" not in self.values:
-            raise UsageError(
-                "the time constant of the feed servo is missing; give servo=0.13s, or a recorded step of the feed by "
-                "--step step.csv."
-            )
+            raise UsageError("the time constant of the feed servo is missing; give servo=0.13s, or a record by --step.")
         if "process_time" not in self.values:
             self.put("process_time", cut.revolution, f"one revolution at {cut.spindle_speed:g} 1/min, assumed")
         servo, process = self.values["servo_time"], self.values["process_time"]
@@ -366,11 +366,10 @@ class _Draft:
                 f"sample={self.values['sample_time']:g}s: the shorter time constant of servo and process is "
                 f"{shorter:.4g} s, and the force must be sampled at least every {SLOWEST_SAMPLE * shorter:.3g} s."
             )
-        wait = REVOLUTIONS * cut.revolution
         if cut.wait is not None and cut.wait > LONGEST_WAIT:
             raise UsageError(f"wait={cut.wait:g}s: the cut is not controlled that long; {LONGEST_WAIT:g} s at most.")
-        given_wait = (wait, f"{REVOLUTIONS:g} revolutions, assumed") if cut.wait is None else (cut.wait, "given")
-        self.put("threshold_time", *given_wait)
+        own = REVOLUTIONS * cut.revolution, f"{REVOLUTIONS:g} revolutions, assumed"
+        self.put("threshold_time", *(own if cut.wait is None else (cut.wait, "given")))
 
     def finished(self) -> DerivedSettings:
         """The section with its sources; remarks on loop and geometry."""
