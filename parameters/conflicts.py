@@ -128,7 +128,7 @@ class SectionChoice:
         asked = self.asked(name)
         for number in (asked, self.prefer):
             if number in among and number is not None:
-                self.notes.append(f"{name} of {self.name(number)}: {words}.")
+                self.notes.append(f"{name} is taken from {self.name(number)}: {words}.")
                 return number
         self.conflicts.append(f"{name}: {words}.")
         return among[0]
@@ -170,7 +170,7 @@ def _one_of(choice: SectionChoice, name: str, among: Sequence[int]) -> int:
 def _design(choice: SectionChoice, among: Sequence[int]) -> int:
     """The tests that are described: a file has room for those of one data file."""
     number = next((n for n in (choice.asked("design"),) if n in among and n is not None), among[0])
-    if len({choice.inputs[n].pf.provenance.data_sha256 for n in among}) > 1:
+    if choice.asked("design") is None and len({choice.inputs[n].pf.provenance.data_sha256 for n in among}) > 1:
         choice.notes.append(
             f"design: the tests described are those of {choice.name(number)}; each law keeps its own ranges. "
             "--take design=FILE describes the others."

@@ -95,7 +95,7 @@ def difference(one: object, two: object, a: str, b: str) -> str:
     """Where two contents of a section differ, each beside the name of its file: limits, or the first fields that do.
 
     >>> difference({"kp": 1.0, "ki": 2.0}, {"kp": 1.5, "ki": 2.0}, "a.json", "b.json")
-    'kp 1.0 in a.json, 1.5 in b.json'
+    'kp 1 in a.json; kp 1.5 in b.json'
     >>> difference({"value": 7.0, "unit": "kW"}, {"value": 5e3, "unit": "W"}, "a.json", "b.json")
     'at most 7 kW in a.json, at most 5000 W in b.json; the tighter one is that of b.json'
     """
@@ -105,8 +105,18 @@ def difference(one: object, two: object, a: str, b: str) -> str:
         return f"{limit_words(one)} in {a}, {limit_words(two)} in {b}{tighter(one, two, a, b)}"
     names = sorted({*one, *two}, key=lambda key: (FIRST.index(key) if key in FIRST else len(FIRST), key))
     differ = list(_fields(one, two, names))
-    more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
-    return "; ".join(f"{key} {short(x)} in {a}, {short(y)} in {b}" for key, x, y in differ[:SHOWN]) + more
+    shown = [(key, *_values(x, y)) for key, x, y in differ[:SHOWN]]
+    more = len(differ) - SHOWN
+    further = f" ({more} more field{'s' if more > 1 else ''} differ{'' if more > 1 else 's'})" if more > 0 else ""
+    held = (", ".join(f"{key} {values[side]}" for key, *values in shown) for side in (0, 1))
+    return f"{next(held)} in {a}; {next(held)} in {b}{further}"
+
+
+def _values(x: object, y: object) -> tuple[str, str]:
+    """Two values that differ, numbers at six digits where these differ."""
+    if isinstance(x, float) and isinstance(y, float) and f"{x:.6g}" != f"{y:.6g}":
+        return f"{x:.6g}", f"{y:.6g}"
+    return short(x), short(y)
 
 
 def in_unit(value: float, unit: str, to: str) -> float | None:

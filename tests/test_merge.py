@@ -73,9 +73,9 @@ def test_provenance_names_the_other_files_and_the_commands_that_made_them():
         (changed(WEAR, "identity", tool="other"), "of tool 'AA238M-0200-D4-ML-10' and b.json of 'other'"),
         (changed(WEAR, "identity", work="C45"), "of work 'S45C' and b.json of 'C45'"),
         (changed(WEAR, "identity", machine="other"), "identity.machine: 'five-axis mill"),
-        (changed(LOAD, "dynamics", noise_variance=0.1), "dynamics: noise_variance null in a.json, 0.1 in b.json"),
-        (changed(LOAD, "load_line", worn=0.29), "load_line: worn 0.28 in a.json, 0.29 in b.json"),
-        (changed(LOAD, "pi", kp=150.0), "pi: kp 160.0 in a.json, 150.0 in b.json"),
+        (changed(LOAD, "dynamics", noise_variance=0.1), "dynamics: noise_variance null in a.json; noise_variance 0.1"),
+        (changed(LOAD, "load_line", worn=0.29), "load_line: worn 0.28 in a.json; worn 0.29 in b.json"),
+        (changed(LOAD, "pi", kp=150.0), "pi: kp 160 in a.json; kp 150 in b.json"),
         (sealed(LOAD, laws={"I": {**LOAD.laws["I"].model_dump(), "coefficients": {"A": 0.1, "B": 1e-4, "k1": 2e-4}}}),
          "laws.I: A 0.115"),
     ],
@@ -94,7 +94,7 @@ def test_all_conflicts_are_named_at_once_and_decided_one_by_one_or_together():
         joined(LOAD, two, take={"pi": 1})
     merged = joined(LOAD, two, take={"pi": 1}, prefer=0)
     assert (merged.pf.pi.kp, merged.pf.load_line.dwell) == (150.0, CLM.load_line.dwell)
-    assert any(note.startswith("pi of b.json: kp 160.0 in a.json") for note in merged.notes)
+    assert any(note.startswith("pi is taken from b.json: kp 160 in a.json") for note in merged.notes)
 
 
 def test_a_section_that_the_file_lacks_cannot_be_taken():
