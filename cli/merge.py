@@ -14,7 +14,9 @@ from .arguments import Parser, inputs_of, pairs, parameter_file, traced
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
-    from ..parameters.merging import Merged, MergeInput
+    from ..parameters import ParameterFile
+    from ..parameters.conflicts import MergeInput
+    from ..parameters.merging import Merged
 
 NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,60}")  # of a file of draws
 
@@ -61,18 +63,22 @@ def run(args: argparse.Namespace) -> int:
         facts = {"file": target.name, "sections": dict(merged.taken), "notes": list(merged.notes)}
         print_json("merge", {**facts, "failed": failed, "verdicts": verdicts})
         return 0
+    _show(args, target, pf, merged, [*(f"Fails its check: {words}" for words in failed), *verdicts])
+    return 0
+
+
+def _show(args: argparse.Namespace, target: Path, pf: "ParameterFile", merged: "Merged", last: list[str]) -> None:
     out = Printer(quiet=args.quiet)
-    for line in (*_sections(merged), *merged.notes, *(f"Fails its check: {words}" for words in failed), *verdicts):
+    for line in (*_sections(merged), *merged.notes, *last):
         out.show(line)
     draws = [] if merged.draws is None or pf.posterior is None else [target.parent / str(pf.posterior.draws_file)]
     out.wrote(f"Written: {', '.join(map(str, (target, *draws)))}", target, *draws)
-    return 0
 
 
 def _inputs(files: Sequence[str]) -> "list[MergeInput]":
     """The files with their draws, each read once and unchanged since it was written."""
     from .. import parameters
-    from ..parameters.merging import MergeInput
+    from ..parameters.conflicts import MergeInput
 
     if len(files) < 2:
         raise UsageError(f"{files[0]}: one file has nothing to be merged with; give two or more.")
@@ -109,15 +115,14 @@ def _number(file: str, files: Sequence[str], option: str) -> int:
     raise UsageError(f"{option} {file}: is none of the files to be merged: {', '.join(files)}.")
 
 
-def _write(target: Path, stem: str, pf: object, merged: "Merged") -> None:
+def _write(target: Path, stem: str, pf: "ParameterFile", merged: "Merged") -> None:
     """Write draws and file, and remove the draws of a former file of this name, in this order.
 
     The name of the draws has their checksum: a process that is killed at any moment leaves the former file with its
     draws, or the new one with its own.
     """
-    from ..parameters.file import ParameterFile, as_bytes
+    from ..parameters.file import as_bytes
 
-    assert isinstance(pf, ParameterFile)  # noqa: S101
     folder = Path(os.path.realpath(target)).parent
     own = None if merged.draws is None or pf.posterior is None else pf.posterior.draws_file
     with locked_folder(folder, f"{target}: another process has kept its folder locked for 10 s; nothing was written."):

@@ -16,6 +16,7 @@ from .file import ParameterFile
 from .messages import difference, in_unit, short
 from .sections.base import Section
 from .sections.load_line import Bound, LimitsSection, Range, ResponseLimit
+from .sections.origin import DesignSection
 from .setting_rules import LOAD_FORMS
 
 WHOLE: Final = ("design", "dynamics", "drive", "costs", "adaptive_force")
@@ -149,13 +150,17 @@ def resolved(choice: SectionChoice) -> dict[str, int]:
     names = dict.fromkeys(name for held in choice.held for name in held)
     chosen: dict[str, int] = {}
     for name in sorted(names, key=lambda name: name in FOLLOWING):
-        among = [number for number, held in enumerate(choice.held) if name in held]
-        if name in FOLLOWING:
-            among = [number for number in among if _follows(choice, name, number, chosen)]
+        among = _among(choice, name, chosen)
         if among:
             chosen[name] = _design(choice, among) if name == "design" else _one_of(choice, name, among)
     _criterion(choice, chosen)
     return chosen
+
+
+def _among(choice: SectionChoice, name: str, chosen: Mapping[str, int]) -> list[int]:
+    """The files from which a section may be taken."""
+    among = [number for number, held in enumerate(choice.held) if name in held]
+    return [number for number in among if name not in FOLLOWING or _follows(choice, name, number, chosen)]
 
 
 def _one_of(choice: SectionChoice, name: str, among: Sequence[int]) -> int:
@@ -247,12 +252,16 @@ def _criterion(choice: SectionChoice, chosen: dict[str, int]) -> None:
         f"the wear limit of {choice.name(one)} is {limit.value:g} {limit.unit}, the tool life of {choice.name(two)} is "
         f"at {life.criterion:g} {life.unit_of_wear}"
     )
-    design = choice.inputs[two].pf.design
-    if design is not None and design.criterion is not None and design.criterion.source == ASSUMED:
+    if _assumed(choice.inputs[two].pf.design):
         choice.notes.append(f"criterion: {words}, which was assumed; the limit counts.")
         return
     kept = choice.decided("criterion", sorted((one, two)), words)
     chosen.pop("tool_life" if kept == one else "limits.wear")
+
+
+def _assumed(design: DesignSection | None) -> bool:
+    """Whether nobody gave the criterion of the tests."""
+    return design is not None and design.criterion is not None and design.criterion.source == ASSUMED
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401

@@ -163,14 +163,7 @@ def joined_posterior(
     held = {name: of for name, (of, _) in kept.items() if of is not None and name in of.laws}
     if not held:
         return None, None
-    some = any(draws for _, draws in files)
-    lost = {"reason": "its draws were not kept, and those of other laws are"}
-    found = {name: of.laws[name].model_dump() for name, of in held.items()}
-    missing = {name for name in found if some and found[name]["method"] is not None and name not in kept[name][1]}
-    section = {
-        "seed": next(iter(held.values())).seed,
-        "laws": {name: lost if name in missing else law for name, law in found.items()},
-    }
+    section = {"seed": next(iter(held.values())).seed, "laws": _kept_laws(held, kept)}
     first = min((number for number, (_, draws) in enumerate(files) if draws), default=0)
     given = {name: _reordered(kept[name], name, laws[name] == first) for name in held if name in kept[name][1]}
     if not given:
@@ -178,6 +171,19 @@ def joined_posterior(
     content = packed(given)
     digest = hashlib.sha256(content).hexdigest()
     return {**section, "draws_file": f"{stem}-draws-{digest[:12]}.npz", "draws_sha256": digest}, content
+
+
+def _kept_laws(
+    held: Mapping[str, "PosteriorSection"], kept: Mapping[str, tuple["PosteriorSection | None", Mapping[str, Draws]]]
+) -> dict[str, Any]:
+    """Posterior of each law; a reason where its draws were not kept and those of another law are."""
+    some = any(draws for _, draws in kept.values())
+    lost = {"reason": "its draws were not kept, and those of other laws are"}
+    found = {name: of.laws[name].model_dump() for name, of in held.items()}
+    return {
+        name: lost if some and law["method"] is not None and name not in kept[name][1] else law
+        for name, law in found.items()
+    }
 
 
 def _reordered(file: tuple["PosteriorSection | None", Mapping[str, Draws]], response: str, first: bool) -> Draws:

@@ -78,6 +78,7 @@ def merge(
 
     Examples
     --------
+    >>> from fitmodels.parameters.conflicts import MergeInput
     >>> from fitmodels.parameters.published import published
     >>> pf = published("CLM-2023")
     >>> bare = sealed(pf, laws={"I": pf.laws["I"]}, tool_life=None)

@@ -163,12 +163,14 @@ def tighter(a: Mapping[str, Any], b: Mapping[str, Any], one: str, two: str) -> s
     """Which of two limits is the tighter one, where that can be said of all their ends."""
     if a.get("of") != b.get("of"):
         return ""
-    signs = set()
-    for key, sign in (("value", 1), ("high", 1), ("low", -1)):
-        x, y = (limit.get(key) for limit in (a, b))
-        y = None if y is None else in_unit(y, b["unit"], a["unit"])
-        if (x is None) != (y is None):
-            signs.add(sign if x is None else -sign)
-        elif x is not None and y is not None and x != y:
-            signs.add(sign if x > y else -sign)
+    signs = {sign for key, sign in (("value", 1), ("high", 1), ("low", -1)) for sign in _sign(a, b, key, sign)}
     return f"; the tighter one is that of {two if signs == {1} else one}" if len(signs) == 1 else ""
+
+
+def _sign(a: Mapping[str, Any], b: Mapping[str, Any], key: str, sign: int) -> list[int]:
+    """The sign where the end of the second limit is tighter, its reverse where that of the first is; nothing if equal."""
+    x, y = a.get(key), b.get(key)
+    if x is None or y is None:
+        return [] if x is y else [sign if x is None else -sign]
+    other = in_unit(y, b["unit"], a["unit"])
+    return [] if other is None or x == other else [sign if x > other else -sign]

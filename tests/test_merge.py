@@ -15,9 +15,10 @@ from fitmodels.controllers.constant_load_milling.steady import drawn_life
 from fitmodels.core.errors import ParameterError, UsageError
 from fitmodels.parameters import read, read_draws, write
 from fitmodels.parameters.checks import check
+from fitmodels.parameters.conflicts import MergeInput
 from fitmodels.parameters.draws import Draws
 from fitmodels.parameters.file import sealed
-from fitmodels.parameters.merging import MergeInput, merge
+from fitmodels.parameters.merging import merge
 from fitmodels.parameters.published import published
 
 CLM = published("CLM-2023")
