@@ -168,7 +168,7 @@ def tighter(a: Mapping[str, Any], b: Mapping[str, Any], one: str, two: str) -> s
 
 
 def _sign(a: Mapping[str, Any], b: Mapping[str, Any], key: str, sign: int) -> list[int]:
-    """The sign where the end of the second limit is tighter, its reverse where that of the first is; nothing if equal."""
+    """The sign where the end of the second limit is tighter, its reverse where that of the first is; none if equal."""
     x, y = a.get(key), b.get(key)
     if x is None or y is None:
         return [] if x is y else [sign if x is None else -sign]
