@@ -324,6 +324,7 @@ class ConstantLoad(Displayable):
             if begins:
                 law.enter()
             target = law.target(self._measured, self.reference, known=not self._bad)
+            target = min(target, u) if self._bad else target  # on a bridged reading the feed never rises
         else:
             error = self.reference - self._measured
             if begins:

@@ -507,7 +507,8 @@ static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error,
     int k;
     if (s->law != LOAD_PI) {
         x->had_cut = 1;
-        return s->law == LOAD_ADAPTIVE ? load_adaptive(s, x, entering) : load_ratio(s, x, entering);
+        target = s->law == LOAD_ADAPTIVE ? load_adaptive(s, x, entering) : load_ratio(s, x, entering);
+        return x->bad > 0 && target > x->u ? x->u : target; /* on a bridged reading the feed never rises */
     }
     if (entering) {
         x->bias = x->u + s->entry_gain * error;
