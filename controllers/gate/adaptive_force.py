@@ -187,8 +187,8 @@ def _draws(pf: "ParameterFile") -> Iterator[FileFinding]:
     if failed:
         yield _failed("draws", f"{what}, {len(failed)} are not held ({failed[0]}); identify or design again.")
     else:
-        held = "all are held, or have less force at the upper feed limit."
-        yield FileFinding("draws", True, f"{what[:1].upper()}{what[1:]}, {held}")
+        result = "all are held, or have less force at the upper feed limit."
+        yield FileFinding("draws", True, f"{what[:1].upper()}{what[1:]}, {result}")
 
 
 def adaptive_force_lacks(pf: "ParameterFile") -> str:
