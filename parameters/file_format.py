@@ -237,8 +237,8 @@ def _to_version_7(data: dict[str, Any]) -> dict[str, Any]:
 def _to_version_8(data: dict[str, Any]) -> dict[str, Any]:
     """Data of version 7 with the origin of settings of force control and of merged sections unknown."""
     roughness = {"force_low": None, "force_high": None, "depth": None, "nose_radius": None, "unit_depth": "mm"}
-    both = {"spindle_speed": None, "sources": {}}
-    added = {"roughness": {**roughness, **both}, "adaptive_force": both, "provenance": {"merged": []}}
+    both: dict[str, Any] = {"spindle_speed": None, "sources": {}}
+    added: dict[str, dict[str, Any]] = {"roughness": {**roughness, **both}, "adaptive_force": both, "provenance": {"merged": []}}
     return {**data, **{name: {**data[name], **new} for name, new in added.items() if data.get(name)}}
 
 
