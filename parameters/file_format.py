@@ -238,7 +238,11 @@ def _to_version_8(data: dict[str, Any]) -> dict[str, Any]:
     """Data of version 7 with the origin of settings of force control and of merged sections unknown."""
     roughness = {"force_low": None, "force_high": None, "depth": None, "nose_radius": None, "unit_depth": "mm"}
     both: dict[str, Any] = {"spindle_speed": None, "sources": {}}
-    added: dict[str, dict[str, Any]] = {"roughness": {**roughness, **both}, "adaptive_force": both, "provenance": {"merged": []}}
+    added: dict[str, dict[str, Any]] = {
+        "roughness": {**roughness, **both},
+        "adaptive_force": both,
+        "provenance": {"merged": []},
+    }
     return {**data, **{name: {**data[name], **new} for name, new in added.items() if data.get(name)}}
 
 
