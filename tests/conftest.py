@@ -30,15 +30,15 @@ def pytest_configure(config):
     if home == ROOT:
         return
     packages = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]["packages"]
-    rooms = [name.removeprefix("fitmodels").lstrip(".").replace(".", "/") for name in packages]
-    for room in rooms:
-        here = {path.name for path in (ROOT / room).glob("*.py")}
-        there = {path.name for path in (home / room).glob("*.py")}
-        _, differ, odd = filecmp.cmpfiles(ROOT / room, home / room, here & there, shallow=False)
+    folders = [name.removeprefix("fitmodels").lstrip(".").replace(".", "/") for name in packages]
+    for directory in folders:
+        here = {path.name for path in (ROOT / directory).glob("*.py")}
+        there = {path.name for path in (home / directory).glob("*.py")}
+        _, differ, odd = filecmp.cmpfiles(ROOT / directory, home / directory, here & there, shallow=False)
         stale = sorted({*(here ^ there), *differ, *odd})
         if stale:
             pytest.exit(
-                f"the installed fitmodels differs from this checkout ({room or '.'}: {', '.join(stale)}): "
+                f"the installed fitmodels differs from this checkout ({directory or '.'}: {', '.join(stale)}): "
                 "install again (rm -rf build; pip install .)",
                 returncode=3,
             )

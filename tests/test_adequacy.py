@@ -100,9 +100,9 @@ def test_degenerate_designs_answer_in_words(name):
         warnings.simplefilter("error")
         found = fit.judge(law)
         assert_in_words(found)
-        told = " ".join(found.verdicts(20))
+        reported = " ".join(found.verdicts(20))
         reasons = " ".join(str(c) for c in found.checks.values() if isinstance(c, fit.NotAvailable))
-    assert words in told + reasons
+    assert words in reported + reasons
 
 
 def test_edges_without_a_variance_between_them_are_tested():
@@ -205,7 +205,7 @@ def swinging(edges, per_edge):
     return fit.power_law(datasets.runs_from_frame(frame), "AW", ["V", "t"])
 
 
-def test_the_order_of_rows_is_told_up_to_the_limit():
+def test_the_order_of_rows_is_reported_up_to_the_limit():
     found = fit.judge(swinging(20, MOST_ROWS // 20))
     assert found.nobs == MOST_ROWS
     assert found.checks["order within edges"].verdict.startswith(
@@ -213,7 +213,7 @@ def test_the_order_of_rows_is_told_up_to_the_limit():
     )
 
 
-def test_the_order_of_rows_is_not_told_of_a_choice_of_them():
+def test_the_order_of_rows_is_not_reported_of_a_choice_of_them():
     """Every second row alone: they would seem to follow each other no more than chance lets them."""
     law = swinging(20, 300)
     found = fit.judge(law)

@@ -78,8 +78,8 @@ def test_standard_errors_are_those_of_a_monte_carlo():
     """200 draws tell a standard deviation to 5 % (one sigma): 15 % is three."""
     models = [armax(record(n=800, seed=seed), 2, 2, 2) for seed in range(200)]
     spread = np.std([m.theta for m in models], axis=0)
-    told = np.sqrt(np.mean([np.diag(m.cov_params) for m in models], axis=0))
-    np.testing.assert_allclose(told / spread, 1, atol=0.15)
+    reported = np.sqrt(np.mean([np.diag(m.cov_params) for m in models], axis=0))
+    np.testing.assert_allclose(reported / spread, 1, atol=0.15)
 
 
 def test_a_record_joined_to_itself_fits_the_same_with_smaller_errors():
@@ -114,7 +114,7 @@ def test_a_time_shift_shifts_nk(shift):
     np.testing.assert_allclose(model.theta, once.theta, atol=0.1 * once.bse.max())
 
 
-def test_an_unstable_free_run_is_told():
+def test_an_unstable_free_run_is_reported():
     u = np.sign(np.random.default_rng(2).standard_normal(150))
     e = 0.01 * np.random.default_rng(3).standard_normal(150)
     y = lfilter([0, 0.1], [1, -1.02], u) + lfilter([1.0], [1, -1.02], e)

@@ -59,7 +59,7 @@ def shop(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
-    """A folder of its own, with an error that nobody expected raised rather than told."""
+    """A folder of its own, with an error that nobody expected raised rather than reported."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("FITMODELS_TRACEBACK", "1")
     return tmp_path
@@ -155,7 +155,7 @@ def test_json_is_json_and_nothing_else(shop, here, capsys):
     assert "FEW on C45" in said
 
 
-def test_families_are_told_in_json_without_nan(here, capsys):
+def test_families_are_reported_in_json_without_nan(here, capsys):
     shop = lab_files(here / "lab", 4)
     assert main(["batch", str(shop), "--json", "--table-only", "--jobs", "1"]) == 0
     families = strict(capsys.readouterr().out)["families"]
@@ -178,24 +178,25 @@ def test_files_that_cannot_be_read_are_named_though_their_reasons_do_not(here):
     assert "and 4 more: sub/8.csv, sub/9.csv, sub/10.csv, b.csv" in said
 
 
-def test_blocks_that_are_held_are_told_apart_from_pairs_that_are_streamed():
+def test_blocks_that_are_held_are_distinguished_from_pairs_that_are_streamed():
     rows = {"a": 9, "b": 8, "c": 5000, "d": 2000}
     blocks = [Block((Pair(tool, "x"),), (), n, streamed=n > 999) for tool, n in rows.items()]
     plan = Plan("lab", "parquet", tuple(blocks), 7017, (), {}, (), Reading())
-    told = " ".join(printed(telling.source_block(plan)).split())
-    assert "in blocks 2, of at most 9 rows in memory at a time; 2 pairs of up to 5000 rows, streamed chunk by" in told
-    told = printed(telling.source_block(replace(plan, blocks=plan.blocks[2:3])))
-    assert "1 pair of 5000 rows, streamed chunk by chunk" in told
+    reported = " ".join(printed(telling.source_block(plan)).split())
+    assert "in blocks 2, of at most 9 rows in memory at a time; 2 pairs of up to 5000 rows" in reported
+    assert "of up to 5000 rows, streamed chunk by" in reported
+    reported = printed(telling.source_block(replace(plan, blocks=plan.blocks[2:3])))
+    assert "1 pair of 5000 rows, streamed chunk by chunk" in reported
 
 
-def test_a_single_pair_is_told_by_its_values_and_intervals(tmp_path):
+def test_a_single_pair_is_reported_by_its_values_and_intervals(tmp_path):
     """Quarters of one pair would say nothing; the interval is that of the table."""
     made = batch.run(datasets.bundled("gc435_709m40"), tmp_path / "out", files=False)
-    told = printed(telling.laws_block(made))
-    assert "95 % by edge" in told
-    assert "quarter" not in told
+    reported = printed(telling.laws_block(made))
+    assert "95 % by edge" in reported
+    assert "quarter" not in reported
     law = made.results.iloc[0]
-    row = next(line.split() for line in told.splitlines() if line.split()[:2] == ["V", "exponent"])
+    row = next(line.split() for line in reported.splitlines() if line.split()[:2] == ["V", "exponent"])
     assert [float(row[i]) for i in (2, 3, 5)] == pytest.approx(
         [law[f"{n}_V"] for n in ("params", "low", "high")], rel=1e-3
     )
@@ -337,11 +338,11 @@ def test_an_error_is_one_sentence_and_leaves_nothing(case, shop, here, capsys):
     before = sorted(here.rglob("*"))
     alone = [] if {"--jobs", "--dask"} & set(words) else ["--jobs", "1"]
     assert main(["batch", *(str(shop) if word == "SHOP" else word for word in words), *alone]) == code
-    told = capsys.readouterr()
-    assert said in told.err
-    assert len([line for line in told.err.splitlines() if line.startswith("fitmodels")]) == 1
-    assert "Traceback" not in told.err
-    assert told.out == ""
+    reported = capsys.readouterr()
+    assert said in reported.err
+    assert len([line for line in reported.err.splitlines() if line.startswith("fitmodels")]) == 1
+    assert "Traceback" not in reported.err
+    assert reported.out == ""
     assert sorted(here.rglob("*")) == before
 
 
@@ -452,7 +453,7 @@ def test_only_powers_have_exponents(here, capsys):
     assert "a exponent" not in said
 
 
-def test_a_part_that_breaks_while_it_is_fitted_is_told_by_its_name(here, capsys):
+def test_a_part_that_breaks_while_it_is_fitted_is_reported_by_its_name(here, capsys):
     for i in range(2):
         written(f"set/{i}.parquet")(here)
         frame = pa.Table.from_pandas(simulated(i), preserve_index=False)

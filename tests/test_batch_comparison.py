@@ -266,11 +266,11 @@ def test_a_picture_of_many_families_long_names_and_a_wild_pair(tmp_path):
 def test_the_terminal_shows_twelve_rows_of_a_response_and_says_the_rest():
     results, _ = simulated(120)
     results["grade"] = [f"grade {i % 9}" for i in range(120)]
-    told = words(compare(results, ["iso513", "grade"]))
-    assert "14 more families in comparison.csv" in told
-    assert sum(line.count(" to ") == 3 for line in told.splitlines()) == 12
-    assert "P steel (iso513)" in told
-    assert "mean, 95 %" in told
+    reported = words(compare(results, ["iso513", "grade"]))
+    assert "14 more families in comparison.csv" in reported
+    assert sum(line.count(" to ") == 3 for line in reported.splitlines()) == 12
+    assert "P steel (iso513)" in reported
+    assert "mean, 95 %" in reported
 
 
 def test_a_law_that_must_not_be_used_does_not_move_its_family():

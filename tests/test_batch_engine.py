@@ -251,7 +251,7 @@ class _Versions:
         ({"fitmodels": "0.0.1"}, {}, "scheduler tcp://a has fitmodels 0.0.1"),
     ],
 )
-def test_the_first_that_differs_is_told_with_its_cure(scheduler, worker, words):
+def test_the_first_that_differs_is_reported_with_its_cure(scheduler, worker, words):
     with pytest.raises(UsageError, match=words):
         same_versions.refuse_other_versions(_Versions(scheduler, tcp=worker), "tcp://a")
 
@@ -322,12 +322,12 @@ def test_a_worker_is_no_scheduler(local):
 @pytest.mark.parametrize(
     "address", ["", "somewhere", "tcp://host:99999", "host:abc", "http://host:8786", "tcp://host", "a b:1"]
 )
-def test_what_is_no_address_is_told(address):
+def test_what_is_no_address_is_reported(address):
     with pytest.raises(UsageError, match="not an address of a Dask scheduler"), engine(dask=address):
         pass
 
 
-def test_a_scheduler_file_that_is_not_there_or_is_none_is_told(tmp_path):
+def test_a_scheduler_file_that_is_not_there_or_is_none_is_reported(tmp_path):
     with pytest.raises(UsageError, match="cannot be read"):
         scheduler_address(str(tmp_path / "none.json"), 1.0)
     (tmp_path / "other.json").write_text("[1]", "utf-8")
@@ -404,7 +404,7 @@ class _Clock:
         return self.now
 
 
-def test_rate_and_time_left_are_told_as_they_are_read():
+def test_rate_and_time_left_are_reported_as_they_are_read():
     clock = _Clock()
     meter = Meter(10_000, "pairs", clock=clock)
     clock.now = 12.0
@@ -453,7 +453,7 @@ def test_the_rate_lies_between_the_slowest_and_the_fastest_step(steps):
     assert min(rates) * (1 - 1e-9) <= meter.rate() <= max(rates) * (1 + 1e-9)
 
 
-def test_before_the_first_is_done_words_and_count_are_told_alone():
+def test_before_the_first_is_done_words_and_count_are_reported_alone():
     meter = Meter(0, "pairs")
     assert meter.line() == ""
     meter.say("reading")

@@ -123,7 +123,7 @@ def test_each_pair_is_as_its_file_alone_gives_it(lab, tmp_path):
     same(found[Pair("X1", "unnamed-work")], book)
 
 
-def test_a_pair_of_two_files_is_joined_with_edges_told_apart(lab, tmp_path):
+def test_a_pair_of_two_files_is_joined_with_edges_distinguished(lab, tmp_path):
     runs = all_runs(opened(lab, tmp_path))[Pair("T1", "steel")]
     parts = [next(iter(datasets.read_runs(lab / name).pairs())) for name in ("a.csv", "b.CSV")]
     renamed = [replace(p, data=p.data.assign(edge=[f"{p.source.name}: {e}" for e in p.data["edge"]])) for p in parts]
@@ -439,15 +439,15 @@ def test_names_from_a_note_or_the_file(tmp_path):
 
 
 def test_a_copy_is_used_again_until_the_source_changes(tmp_path):
-    path, told = tmp_path / "long.csv", []
+    path, reported = tmp_path / "long.csv", []
     path.write_text(long())
-    first = converted(path, Reading(), tmp_path / "work", told.append, 20_000, 1 << 14)
-    assert told[-1].endswith(" %")
-    told.clear()
-    assert converted(path, Reading(), tmp_path / "work", told.append, 20_000, 1 << 14) == first
-    assert not told
+    first = converted(path, Reading(), tmp_path / "work", reported.append, 20_000, 1 << 14)
+    assert reported[-1].endswith(" %")
+    reported.clear()
+    assert converted(path, Reading(), tmp_path / "work", reported.append, 20_000, 1 << 14) == first
+    assert not reported
     path.write_text(long(3000))
-    second = converted(path, Reading(), tmp_path / "work", told.append, 20_000, 1 << 14)
+    second = converted(path, Reading(), tmp_path / "work", reported.append, 20_000, 1 << 14)
     assert second.path != first.path
     assert not first.path.exists()
     assert not list((tmp_path / "work").rglob("*.part"))

@@ -193,7 +193,7 @@ def test_a_pair_that_fails_has_its_reason_and_leaves_the_others(fitted, case):
     assert (a.files, b.files) == tuple(p.files for p in alone.pairs)
 
 
-def test_an_infinite_value_is_told_by_its_line(fitted):
+def test_an_infinite_value_is_reported_by_its_line(fitted):
     frame = simulated("B", 3)
     frame.loc[4, "P"] = np.inf
     outcome = fitted(rows_of(simulated("A", 1), frame)).pairs[1]
@@ -277,10 +277,10 @@ def test_the_posterior_of_a_file_stands_in_its_row(fitted):
     (outcome,) = fitted(rows, how=FAST).pairs
     (_, runs), *_ = rows.runs()
     post = fit.posterior(fit.power_law(runs, "AW", ["V", "f", "d", "t"]), seed=1, draws=1000).table()
-    told = row(outcome, "AW")
-    assert told["posterior_V"] == pytest.approx(post.loc["V", "mean"], rel=SAME)
-    assert told["posterior_sd_t"] == pytest.approx(post.loc["t", "sd"], rel=SAME)
-    assert told["no_posterior"] == ""
+    reported = row(outcome, "AW")
+    assert reported["posterior_V"] == pytest.approx(post.loc["V", "mean"], rel=SAME)
+    assert reported["posterior_sd_t"] == pytest.approx(post.loc["t", "sd"], rel=SAME)
+    assert reported["no_posterior"] == ""
 
 
 def test_priors_of_a_file_stand_whole_in_the_options(fitted):

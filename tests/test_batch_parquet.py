@@ -238,12 +238,12 @@ def test_a_sorted_copy_holds_the_same_rows_pair_by_pair_in_the_same_order(tmp_pa
     monkeypatch.setattr(copier, "AT_ONCE", at_once)
     monkeypatch.setattr(copier, "HELD_ROWS", held)
     table, path = scattered(tmp_path)
-    told: list[str] = []
-    copied = planned(path, most_pairs=1, report=told.append)
+    reported: list[str] = []
+    copied = planned(path, most_pairs=1, report=reported.append)
     direct = planned(path, most_pairs=1, reads=1e9)
     assert copies(copied)
     assert not copies(direct)
-    assert "100 %" in told[-1]
+    assert "100 %" in reported[-1]
     assert [len(block.pieces) for block in copied.blocks] == [1] * 8
     pd.testing.assert_frame_equal(everything(copied), everything(direct))
     same(everything(copied), table)
@@ -282,7 +282,7 @@ def test_a_copy_that_breaks_off_leaves_nothing_behind(tmp_path):
     assert planned(path, most_pairs=1).rows == 8 * 24
 
 
-def test_a_damaged_row_group_is_left_out_of_the_copy_and_told(tmp_path):
+def test_a_damaged_row_group_is_left_out_of_the_copy_and_reported(tmp_path):
     table, path = scattered(tmp_path, write_page_checksum=True, use_dictionary=False, compression="none")
     damage(path, row_group=2, column="AW")
     plan = planned(path, most_pairs=1)
@@ -374,7 +374,7 @@ def test_a_corrupt_page_of_names_takes_its_row_group_out_of_the_plan(tmp_path):
         pytest.param(lambda path: write(a_shop(1, seed=9), path), "written again", id="written again"),
     ],
 )
-def test_a_file_that_is_not_what_was_planned_is_told(tmp_path, meddle: Callable[[Path], object], words):
+def test_a_file_that_is_not_what_was_planned_is_reported(tmp_path, meddle: Callable[[Path], object], words):
     table = a_shop()
     path = write(table[:24], tmp_path / "shop" / "a.parquet")
     write(table[24:], tmp_path / "shop" / "b.parquet")

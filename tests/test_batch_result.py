@@ -659,7 +659,7 @@ def test_no_concern_gives_empty_tables():
     assert csv_bytes(attention_frame([fitted("a")])) == b"tool,work,kind,words\n"
 
 
-def test_a_pair_that_scatters_is_told_and_one_with_hardly_any_rows_is_not():
+def test_a_pair_that_scatters_is_reported_and_one_with_hardly_any_rows_is_not():
     figures_by_plant = [fitted(name) for name in (*"abcdef", "loud", "near", "small")]
     rows = [{"scale_se": scale, "df_resid": 100} for scale in (*[0.1] * 6, 0.31, 0.29, 0.35)]
     rows[-1]["df_resid"] = 1
@@ -678,7 +678,7 @@ def pooled(estimate, se=0.02, df=20.0, tool="a", family="P", new=(0.4, 0.6), fac
 
 
 @pytest.mark.parametrize(
-    ("what", "row", "told"),
+    ("what", "row", "reported"),
     [
         ("inside the interval of a new pair", pooled(0.55), False),
         ("outside it", pooled(0.72), True),
@@ -690,13 +690,13 @@ def pooled(estimate, se=0.02, df=20.0, tool="a", family="P", new=(0.4, 0.6), fac
         ("without a standard error", pooled(0.9, se=np.nan), False),
     ],
 )
-def test_an_exponent_is_unlike_its_family(what, row, told):
+def test_an_exponent_is_unlike_its_family(what, row, reported):
     """By hand: half a 99 % interval of the family is 0.1 * 2.576 / 1.960 = 0.131, of one with df 1 63.66 se."""
     made = with_families([fitted("a")], results([fitted("a")]), pd.DataFrame([row]))
-    assert [c.kind for c in made[0].concerns] == ([UNLIKE] if told else [])
+    assert [c.kind for c in made[0].concerns] == ([UNLIKE] if reported else [])
 
 
-def test_an_exponent_is_told_once_by_the_family_of_its_grouping():
+def test_an_exponent_is_reported_once_by_the_family_of_its_grouping():
     rows = [pooled(0.9, family="all pairs"), pooled(0.9, family="P"), pooled(0.9, factor="f"), pooled(0.5, tool="b")]
     both = [fitted("a"), fitted("b")]
     made = with_families(both, results(both), pd.DataFrame(rows))
@@ -724,14 +724,14 @@ def test_every_kind_that_fitting_tells_has_its_place():
     """A kind that is not in the list would come last, however grave."""
     from pathlib import Path
 
-    import fitmodels.batch.fitting as room
+    import fitmodels.batch.fitting as directory
     from fitmodels.batch.attention import SEVERITY
 
-    texts = [path.read_text("utf-8") for path in Path(room.__path__[0]).glob("*.py")]
-    told = r"""(?<!>>> )(?:Concern\(|yield i, )(?:"([^"]+)"|([A-Z_]+)\b)"""
+    texts = [path.read_text("utf-8") for path in Path(directory.__path__[0]).glob("*.py")]
+    reported = r"""(?<!>>> )(?:Concern\(|yield i, )(?:"([^"]+)"|([A-Z_]+)\b)"""
     named = {name: word for text in texts for name, word in re.findall(r'^([A-Z_]+) = "([^"]+)"$', text, re.MULTILINE)}
     named |= {"NO_LAW": NO_LAW, "NOT_CONVERGED": NOT_CONVERGED, "REFUSED": REFUSED}
-    kinds = {kind or named[name] for text in texts for kind, name in re.findall(told, text)}
+    kinds = {kind or named[name] for text in texts for kind, name in re.findall(reported, text)}
     assert len(kinds) > 12
     assert {"fits badly", "doubt in reading"} <= kinds
     assert kinds | {"do not use for control", "usable with reservations"} <= set(SEVERITY)

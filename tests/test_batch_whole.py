@@ -324,10 +324,10 @@ def test_output_within_the_source_is_not_read(out, tmp_path, monkeypatch):
     assert any("skipped" in words for words in again.plan.assumed)
 
 
-# --- what is odd is told
+# --- what is odd is reported
 
 
-def test_odd_pairs_and_files_are_told_and_stop_nothing(tmp_path):
+def test_odd_pairs_and_files_are_reported_and_stop_nothing(tmp_path):
     folder = lab_files(tmp_path / "lab", 2)
     lines = (folder / "t1.csv").read_text().splitlines()
     (folder / "few.csv").write_text("\n".join([lines[0], *(line.replace("T1", "FEW") for line in lines[1:2])]))
@@ -338,9 +338,9 @@ def test_odd_pairs_and_files_are_told_and_stop_nothing(tmp_path):
     row = made.results.set_index("tool").loc["FEW"]
     assert "1 usable row" in row["reason"]
     assert np.isnan(row["params_V"])
-    told = made.attention.set_index("tool").loc["FEW"]
-    assert told["kind"] == "no law"
-    assert "1 usable row" in told["words"]
+    reported = made.attention.set_index("tool").loc["FEW"]
+    assert reported["kind"] == "no law"
+    assert "1 usable row" in reported["words"]
     assert not list(made.out.glob("pairs/FEW*"))
     assert made.warnings
     assert made.warnings[0].startswith("Part of the source")
@@ -450,7 +450,7 @@ def test_a_group_that_is_called_like_a_parameter_is_no_parameter(tmp_path):
     assert made.plot().get_xlabel()
 
 
-def test_a_group_that_is_none_of_iso_513_is_told(shop, table, tmp_path):
+def test_a_group_that_is_none_of_iso_513_is_reported(shop, table, tmp_path):
     made = batch.run(shop, tmp_path / "out", options=FILES, site=False, pairs=table("work,iso513", "C45,steel"))
     assert made.attention["kind"].tolist().count("no group of ISO 513") == 1
     assert parameters.read(made.out / "pairs" / "T1_C45" / "params.json").identity.iso513 is None

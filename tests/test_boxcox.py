@@ -177,7 +177,7 @@ def test_heavy_tails_are_no_reason_to_change_the_scale():
     assert np.mean(rejected) <= 0.06
 
 
-def test_what_cannot_be_told_is_said():
+def test_what_cannot_be_determined_is_said():
     rng = np.random.default_rng(5)
     X = rng.normal(size=(12, 1))
     assert "too little to distinguish powers" in str(asked(power_law(X, np.exp(1e-3 * X[:, 0] + 1e-3 * X[:, 0] ** 2))))

@@ -214,9 +214,9 @@ def test_the_simulated_test_goes_to_standard_output_without_a_file(capsys):
 def test_the_command_answers_what_it_cannot_do_with_one_line_and_code_2(arguments, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert gc435.main(arguments) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert len(told.err.splitlines()) == 1
+    reported = capsys.readouterr()
+    assert reported.out == ""
+    assert len(reported.err.splitlines()) == 1
 
 
 def test_the_published_variance_is_split_in_half():

@@ -182,10 +182,10 @@ def test_every_step_of_every_slider_says_what_profile_says(opened, wear):
         assert values[-1] == pytest.approx(factor.high.value * 1.2, rel=0.01)
         for value, line in zip(values, seen, strict=True):
             answers = profile_all(profiler, {**profiler.start, factor.symbol: value}).values()
-            told = [
+            reported = [
                 text for answer in answers for v, low, high in [value_texts(answer)] for text in (v, f"{low} to {high}")
             ]
-            assert line[1:-1] == told, (factor.symbol, value)
+            assert line[1:-1] == reported, (factor.symbol, value)
 
 
 def test_a_wear_is_taken_from_its_own_law_or_held_at_its_slider(opened, wear):

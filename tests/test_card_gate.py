@@ -62,8 +62,8 @@ def toml(tmp_path):
     return make
 
 
-def published(pf, told):
-    return compose(told.applied(pf), publication=told.publication)
+def published(pf, reported):
+    return compose(reported.applied(pf), publication=reported.publication)
 
 
 # --- what is missing ----------------------------------------------------------------------------------
@@ -78,8 +78,8 @@ def test_all_that_is_missing_is_said_in_one_go(pf):
 
 
 def test_a_complete_card_passes(pf, toml):
-    told = read_toml(toml(COMPLETE))
-    card = published(pf, told)
+    reported = read_toml(toml(COMPLETE))
+    card = published(pf, reported)
     report = check_publication(card, pf)
     assert (report.missing, report.refusals, report.ok) == ((), (), True)
     assert "identity" not in card.empty
@@ -137,9 +137,9 @@ def test_the_template_asks_for_exactly_what_is_missing(pf, toml):
 
 
 def test_a_template_that_nobody_filled_in_tells_nothing(pf, toml):
-    told = read_toml(toml(card_toml_template(compose(pf))))
-    assert told.applied(pf) is pf
-    assert [item.field for item in missing_fields(published(pf, told))] == ASKED
+    reported = read_toml(toml(card_toml_template(compose(pf))))
+    assert reported.applied(pf) is pf
+    assert [item.field for item in missing_fields(published(pf, reported))] == ASKED
 
 
 def test_the_examples_of_the_template_pass_the_gate(pf, toml):

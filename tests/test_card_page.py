@@ -169,14 +169,14 @@ def test_every_sentence_of_the_card_stands_in_the_page(either):
     ]
     settings = [words for window in card.windows for words in (window.title, *window.sentences)]
     parts = [part for part in (card.dynamics, card.gains) if part is not None]
-    told = [
+    reported = [
         card.title, card.summary, card.about_intervals, card.end, card.provenance.command, card.provenance.data_sha256,
         card.identity.content_sha256, *card.intended, *card.out_of_scope, *card.safety, *card.empty.values(),
         *laws, *settings,
         *(sentence for part in parts for sentence in part.sentences), *(s.words for s in card.uncertainty),
         *(card.tool_life.words if card.tool_life else ()), *(card.design.understood if card.design else ()),
     ]  # fmt: skip
-    assert not [words for words in told if re.sub(r"\s", "", words) not in said]
+    assert not [words for words in reported if re.sub(r"\s", "", words) not in said]
 
 
 def test_nothing_is_fetched_from_anywhere(either):
@@ -272,7 +272,7 @@ def test_the_same_card_gives_the_same_bytes_whatever_was_drawn_before(gc435, dri
     assert page_html(compose(again), again) == first
 
 
-def test_without_a_parameter_file_figures_are_told_in_words(drive):
+def test_without_a_parameter_file_figures_are_reported_in_words(drive):
     card = compose(drive)
     text = page_html(card)
     assert "<svg" not in text
@@ -332,24 +332,24 @@ def test_the_table_of_predictions_says_what_the_parameter_file_says(gc435):
     assert len(rest) == 2 * len(card.profiler.factors)
     at = {f.symbol: card.profiler.start[f.symbol] for f in card.profiler.factors}
     wear = gc435.laws["AW"].values(**at)
-    for law, told in zip(card.profiler.laws, start.values, strict=True):
+    for law, reported in zip(card.profiler.laws, start.values, strict=True):
         more = {"AW": wear} if law.wear else {}
         words = gc435.laws[law.response].predict(**at, **more).words
-        assert f"{law.response} {told.value} {law.unit} at" in words
-        assert f"{told.low} to {told.high} {law.unit}" in words
-        assert told.inside == ("inside the tested region" in words)
+        assert f"{law.response} {reported.value} {law.unit} at" in words
+        assert f"{reported.low} to {reported.high} {law.unit}" in words
+        assert reported.inside == ("inside the tested region" in words)
     assert float(start.removal) == pytest.approx(1000 * at["V"] * at["f"] * at["d"], rel=5e-4)
-    for law, told in zip([law for law in card.profiler.laws if law.wear], start.held, strict=True):
+    for law, reported in zip([law for law in card.profiler.laws if law.wear], start.held, strict=True):
         words = gc435.laws[law.response].predict(**card.profiler.start).words
-        assert f"{law.response} {told.value} {law.unit} at" in words
+        assert f"{law.response} {reported.value} {law.unit} at" in words
     low_speed = profile_all(card.profiler, {**at, "V": 50.0})["AW"]
     assert rest[0].values[0][:3] == value_texts(low_speed)
 
 
 @given(st.floats(1e-6, 1e6), st.floats(1e-3, 3.0))
-def test_a_prediction_is_told_between_its_ends(value, spread):
-    told = [float(text) for text in value_texts((value, value * np.exp(-spread), value * np.exp(spread)))]
-    assert told[1] <= told[0] <= told[2]
+def test_a_prediction_is_reported_between_its_ends(value, spread):
+    reported = [float(text) for text in value_texts((value, value * np.exp(-spread), value * np.exp(spread)))]
+    assert reported[1] <= reported[0] <= reported[2]
 
 
 def test_a_doi_is_a_link_and_anything_else_is_not(bare):
@@ -378,8 +378,8 @@ def test_no_line_break_parts_a_number_from_what_it_is_of(said, kept):
 
 
 def test_the_level_of_a_category_is_no_variable():
-    told = equation("VB = 0.026 f^0.3 for material 1; times 3.1 for 2")
-    assert told.endswith("<sup>0.3</sup> for material 1; times 3.1 for 2")
+    reported = equation("VB = 0.026 f^0.3 for material 1; times 3.1 for 2")
+    assert reported.endswith("<sup>0.3</sup> for material 1; times 3.1 for 2")
 
 
 def schemes():

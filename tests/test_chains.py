@@ -104,9 +104,9 @@ def off(sample, value, mean, sd):
 )
 def test_known_moments_are_found_and_the_gate_would_open(target, value, mean, sd):
     sample = chains(target, seed=3, ess=2000)
-    told = diagnose(target.names, sample.phi, sample)
-    assert told.r_hat.max() <= 1.01
-    assert min(told.ess_bulk.min(), told.ess_tail.min()) >= 2000
+    reported = diagnose(target.names, sample.phi, sample)
+    assert reported.r_hat.max() <= 1.01
+    assert min(reported.ess_bulk.min(), reported.ess_tail.min()) >= 2000
     assert off(sample, value, mean, sd) < SURE
     assert "before the convergence" not in sample.words
 
@@ -114,8 +114,8 @@ def test_known_moments_are_found_and_the_gate_would_open(target, value, mean, sd
 def test_a_funnel_is_either_found_or_refused():
     """Nothing that shows its neck and mouth too rarely may pass for the whole of it."""
     sample = chains(funnel(), seed=3, ess=1000, most=3000)
-    told = diagnose(("ln variance", "x"), sample.phi, sample)
-    passed = told.r_hat.max() <= 1.01 and min(told.ess_bulk.min(), told.ess_tail.min()) >= 1000
+    reported = diagnose(("ln variance", "x"), sample.phi, sample)
+    passed = reported.r_hat.max() <= 1.01 and min(reported.ess_bulk.min(), reported.ess_tail.min()) >= 1000
     assert passed != ("before the convergence checks passed" in sample.words)
     if passed:
         assert off(sample, lambda x: x[:, 0], 0.0, 3.0) < SURE

@@ -164,7 +164,7 @@ def test_each_thing_that_is_wrong_is_found(pf, change, name, words):
     assert pytest.approx(0) == sum("\n" in f.words or not f.words.endswith((".", "?")) for f in report.findings)
     found = [f.words for f in report.failed if f.name == name]
     assert found, report.failed
-    assert any(__import__("re").search(words, told) for told in found), found
+    assert any(__import__("re").search(words, reported) for reported in found), found
 
 
 @pytest.mark.parametrize("part", ["laws.fm", "dynamics", "adaptive_force"])
@@ -207,7 +207,7 @@ def test_a_changed_number_is_found_by_its_checksum(pf, tmp_path):
     assert "changed after it was written" in bad.words
 
 
-def test_a_file_without_a_checksum_is_told_and_passes(pf):
+def test_a_file_without_a_checksum_is_reported_and_passes(pf):
     bare = pf.model_copy(update={"content_sha256": None})
     report = check(bare)
     assert report.ok

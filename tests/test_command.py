@@ -28,7 +28,7 @@ from scipy.special import stdtrit
 
 GC435 = bundled("gc435_709m40")
 FOLDER = "GC435_709M40-En-19"
-ROUNDED = 0.051  # a number told to two digits of its standard error is off by a twentieth of it at most
+ROUNDED = 0.051  # a number reported to two digits of its standard error is off by a twentieth of it at most
 ESCAPE = "\x1b"
 
 # Wear of twelve rows, V 60 to 180, exactly AW = 0.01 V^0.5 f^0.2 t^0.3 with 1 % scatter written down by hand.
@@ -151,7 +151,7 @@ def test_the_json_report_holds_the_numbers_of_the_parameter_file(fitted):
     assert pair["parameters"] == written
 
 
-def test_json_writes_nothing_unless_told_where(wear, tmp_path, monkeypatch):
+def test_json_writes_nothing_unless_requested_where(wear, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run("wear.csv", "--json").code == 0
     assert [path.name for path in tmp_path.iterdir()] == ["wear.csv"]
@@ -204,25 +204,25 @@ def test_every_number_in_the_cards_tables_is_that_of_the_parameter_file(fitted):
         half = dict(zip(law.uncertainty.of, spread, strict=True))
         assert [row[0] for row in rows] == list(law.coefficients)
         for cells in rows:
-            told = dict(zip(head, cells, strict=True))
-            name = told["coefficient"]
+            reported = dict(zip(head, cells, strict=True))
+            name = reported["coefficient"]
             value, se = law.coefficients[name], law.standard_errors[name]
             near = pytest.approx
-            assert float(told["estimate"]) == near(value, abs=ROUNDED * se)
-            assert float(told["SE"]) == near(se, rel=ROUNDED)
-            assert float(told["SE, rows independent"]) == near(law.row_standard_errors[name], rel=ROUNDED)
+            assert float(reported["estimate"]) == near(value, abs=ROUNDED * se)
+            assert float(reported["SE"]) == near(se, rel=ROUNDED)
+            assert float(reported["SE, rows independent"]) == near(law.row_standard_errors[name], rel=ROUNDED)
             ends = (
                 [value * math.exp(-half["ln c0"]), value * math.exp(half["ln c0"])]
                 if name == "c0"
                 else [value - half[name], value + half[name]]
             )
-            assert [float(end) for end in told["95 % interval"].split(" … ")] == near(ends, abs=ROUNDED * se)
-            assert float(told["additive error (original scale)"]) == near(
+            assert [float(end) for end in reported["95 % interval"].split(" … ")] == near(ends, abs=ROUNDED * se)
+            assert float(reported["additive error (original scale)"]) == near(
                 law.alternative.coefficients[name], abs=ROUNDED * se
             )
-            assert float(told["published value"]) == near(law.published.coefficients[name], rel=1e-5)
+            assert float(reported["published value"]) == near(law.published.coefficients[name], rel=1e-5)
             if name != "c0":
-                assert float(told["t"]) == near(value / se, rel=1e-3)
+                assert float(reported["t"]) == near(value / se, rel=1e-3)
 
 
 def test_the_equation_of_the_card_computes_what_the_file_computes(fitted):
@@ -344,9 +344,11 @@ def interrupted(*_, **__):
     raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize(("room", "name"), [(fitmodels.fit, "default_laws"), (fitmodels.cards.figures, "draw_figures")])
-def test_an_interrupt_leaves_nothing_half_written(wear, tmp_path, monkeypatch, room, name):
-    monkeypatch.setattr(room, name, interrupted)
+@pytest.mark.parametrize(
+    ("module", "name"), [(fitmodels.fit, "default_laws"), (fitmodels.cards.figures, "draw_figures")]
+)
+def test_an_interrupt_leaves_nothing_half_written(wear, tmp_path, monkeypatch, module, name):
+    monkeypatch.setattr(module, name, interrupted)
     result = run(wear, "--out", tmp_path / "out")
     assert result.code == 130
     assert result.err == "fitmodels: interrupted; no file is incomplete.\n"
@@ -549,20 +551,20 @@ def test_names_stay_names_and_folders_stay_inside(tmp_path, monkeypatch):
     folders = list(out.iterdir())
     assert len(folders) == len(NAMES)
     assert len({folder.name.lower() for folder in folders}) == len(NAMES)
-    told = {}
+    reported = {}
     for folder in folders:
         assert re.fullmatch(r"\w[\w.-]*", folder.name)
         assert len(folder.name.encode()) <= 200
         card = (folder / "README.md").read_text("utf-8")
-        told[parameters.read(folder / "params.json").identity.tool] = card
+        reported[parameters.read(folder / "params.json").identity.tool] = card
         assert "<script" not in card
         assert [len(row) for (head, *body) in tables(card) for row in body if len(row) != len(head)] == []
         (title,) = [line for line in card.splitlines() if line.startswith("# ")]
         assert not re.search(r"(?<!\\)[`*|\[]", title)
-    assert set(told) == {name or "unnamed-tool" for name in NAMES}
-    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in told["<script>alert(1)</script>"]
-    assert r"# a\`b\|c on" in told["a`b|c"]
-    assert "# new line on" in told["new\nline"]
+    assert set(reported) == {name or "unnamed-tool" for name in NAMES}
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in reported["<script>alert(1)</script>"]
+    assert r"# a\`b\|c on" in reported["a`b|c"]
+    assert "# new line on" in reported["new\nline"]
 
 
 # plan and simulate
@@ -758,10 +760,10 @@ def test_confirm_tells_runs_of_the_same_laws_from_others(tmp_path, capsys):
     frame["AW"] *= 1.6  # another work material, say
     frame.drop(columns=["P", "Fxz"]).to_csv(other, index=False)
     assert main(["confirm", str(other), "--data", BUNDLED]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "AW: " in told
-    assert "does not hold" in told
-    assert "P is not tested" in told
+    reported = " ".join(capsys.readouterr().out.split())
+    assert "AW: " in reported
+    assert "does not hold" in reported
+    assert "P is not tested" in reported
 
 
 def test_each_law_has_at_most_six_verdicts_and_every_concern_is_printed(fitted):
@@ -775,7 +777,7 @@ def test_each_law_has_at_most_six_verdicts_and_every_concern_is_printed(fitted):
         assert {"form", "rival forms", "error structure"} <= set(law.checks)
 
 
-def test_a_gauge_that_is_coarse_is_told(tmp_path, capsys):
+def test_a_gauge_that_is_coarse_is_reported(tmp_path, capsys):
     assert main([BUNDLED, "--gauge-sd", "0.005", "--out", str(tmp_path / "fit")]) == 0
     (params,) = (tmp_path / "fit").rglob("params.json")
     laws = parameters.read(params).laws

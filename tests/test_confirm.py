@@ -74,7 +74,7 @@ def test_a_true_law_is_rejected_as_often_as_it_should_be():
     assert outside == pytest.approx(0.05, abs=0.02)
 
 
-def test_a_law_that_does_not_hold_is_told_by_edge():
+def test_a_law_that_does_not_hold_is_reported_by_edge():
     found = confirm(law(), new(AW=lambda data: data["AW"] * np.where(data["edge"] == "E07", 1.6, 1.0)))
     assert not found.holds
     assert found.edges.index[~found.edges["inside"]].tolist() == ["E07"]

@@ -76,5 +76,5 @@ def test_every_law_gets_at_most_six_verdicts_worst_first(tmp_path, monkeypatch):
         for law in pf.laws.values():
             assert 1 <= len(law.verdicts) <= 6
             concern = {check.verdict: check.concern for check in law.checks.values() if check.verdict}
-            told = [concern[verdict] for verdict in law.verdicts if concern.get(verdict)]
-            assert told == sorted(told, reverse=True)
+            reported = [concern[verdict] for verdict in law.verdicts if concern.get(verdict)]
+            assert reported == sorted(reported, reverse=True)

@@ -187,7 +187,7 @@ def test_rounding_to_four_digits_leaves_the_columns_nearly_orthogonal():
         ({"edge": (1.0, 2.0)}, ["'edge'", "rename"]),
     ],
 )
-def test_bad_ranges_are_told_in_a_sentence(ranges, words):
+def test_bad_ranges_are_reported_in_a_sentence(ranges, words):
     with pytest.raises(UsageError) as error:
         central_composite(ranges, seed=1)
     assert all(word in str(error.value) for word in words)
@@ -204,7 +204,7 @@ def test_bad_ranges_are_told_in_a_sentence(ranges, words):
         ({"digits": 0}, "digits 0"),
     ],
 )
-def test_bad_counts_are_told_in_a_sentence(options, word):
+def test_bad_counts_are_reported_in_a_sentence(options, word):
     with pytest.raises(UsageError, match=word):
         central_composite(TURNING, seed=1, **options)
 

@@ -1,4 +1,4 @@
-"""The design section: what the tests behind laws were, told from the runs and kept in the parameter file."""
+"""The design section: what the tests behind laws were, distinguished from the runs and kept in the parameter file."""
 
 from dataclasses import replace
 from functools import cache

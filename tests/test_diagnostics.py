@@ -109,9 +109,9 @@ def test_autocorrelation_time_is_that_of_emcee():
 def test_a_walker_that_never_moved_has_no_autocorrelation_time(value):
     chain = ar1(0.0, 8, 500).T[:, :, None].repeat(2, axis=2)
     chain[:, 3, 1] = value
-    told = autocorrelation_time(chain)
-    assert np.isfinite(told[0])
-    assert told[1] == np.inf
+    reported = autocorrelation_time(chain)
+    assert np.isfinite(reported[0])
+    assert reported[1] == np.inf
 
 
 @settings(max_examples=25, deadline=None)

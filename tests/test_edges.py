@@ -62,7 +62,7 @@ def test_a_leaving_out_is_a_refit_without_the_edge():
         np.testing.assert_allclose(law.theta + edges.moved[g], refit.theta, rtol=EXACT)
 
 
-def test_what_changes_within_edges_is_told_from_what_does_not():
+def test_what_changes_within_edges_is_distinguished_from_what_does_not():
     edges = edge_inference(fit.power_law(bundled(), "P", ["V", "f", "d", "t", "AW"]))
     assert edges.within == (False, False, False, False, True, True)
     assert edges.f_df == 3
@@ -70,7 +70,7 @@ def test_what_changes_within_edges_is_told_from_what_does_not():
     assert 0 <= edges.f_pvalue < 1e-6
 
 
-def test_a_law_in_natural_units_is_told_between_edges_by_the_same_factors():
+def test_a_law_in_natural_units_is_reported_between_edges_by_the_same_factors():
     law = fit.power_law(bundled(), "AW", ["V", "f", "d", "t"], error="additive")
     assert law.edges.within == (False, False, False, False, True)
 

@@ -332,7 +332,7 @@ def test_wear_along_edges_without_a_time_is_doubted():
     assert runs.doubts[0].remedy == '--map "t=stamp"'
 
 
-def test_names_that_start_again_are_told_apart_by_the_order():
+def test_names_that_start_again_are_distinguished_by_the_order():
     runs = read(TABLE.assign(edge=[str(k % 4 + 1) for k in NUMBER]))
     assert partition(runs) == NUMBER.tolist()
     assert any("numbers edges anew" in note for note in runs.assumed)

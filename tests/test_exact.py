@@ -110,9 +110,9 @@ def moments_by_sum(density, phi):
     log_density = density.log_prior(points) + density.log_likelihood(points)
     weight = np.exp(log_density - log_density.max())
     weight /= weight.sum()
-    told = density.parameters(points)
-    mean = weight @ told
-    return mean, np.sqrt(weight @ (told - mean) ** 2)
+    reported = density.parameters(points)
+    mean = weight @ reported
+    return mean, np.sqrt(weight @ (reported - mean) ** 2)
 
 
 @pytest.mark.slow

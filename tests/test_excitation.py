@@ -131,8 +131,8 @@ def test_each_form_keeps_every_digit(tmp_path_factory, values):
     assert mat["u"].ravel().tolist() == values
     assert mat["rate"].item() == 1000 / 3
     write_excitation(values, 1000 / 3, folder / "u.ngc", "linuxcnc")
-    told = [line for line in (folder / "u.ngc").read_text().splitlines() if not line.startswith("#")]
-    assert [float(line) for line in told] == values
+    reported = [line for line in (folder / "u.ngc").read_text().splitlines() if not line.startswith("#")]
+    assert [float(line) for line in reported] == values
     script = write_excitation(values, 1000 / 3, folder / "excite.m", "octave").read_text()
     assert [float(x) for x in script.split("[")[1].split("]")[0].split()] == values
 
@@ -164,7 +164,7 @@ def test_a_file_is_kept_unless_forced_and_left_whole(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["u.csv"]
 
 
-def test_foretold_errors_are_those_of_fits():
+def test_predicted_errors_are_those_of_fits():
     u, rng = chirp(), np.random.default_rng(5)
     x = PLANT.simulate(u)
     f, sd = np.array([0.1, 0.5, 1.0, 2.0]), 0.03 * np.std(x)

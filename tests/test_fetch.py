@@ -24,7 +24,7 @@ def sets(monkeypatch):
 
 @pytest.fixture
 def pooch(monkeypatch, tmp_path):
-    """A pooch that writes what it is told to have downloaded."""
+    """A pooch that writes what it is reported to have downloaded."""
     asked = []
 
     def retrieve(url, known_hash, fname, path):
@@ -104,7 +104,7 @@ def test_a_set_that_was_made_says_from_what(pooch, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "hint"), [("nasa_millling", "Did you mean 'nasa_milling'"), ("zzz", "There are")])
-def test_an_unknown_name_is_told_what_there_is(name, hint):
+def test_an_unknown_name_is_reported_what_there_is(name, hint):
     with pytest.raises(errors.UsageError, match=hint):
         datasets.fetch(name)
 

@@ -69,7 +69,7 @@ def test_one_known_value_gives_the_others(known):
     assert "with" in fit.identifiable["c"]
 
 
-def test_which_pole_is_the_drives_cannot_be_told():
+def test_which_pole_is_the_drives_cannot_be_determined():
     """Exchanged, m c + d and d c stay: the same force from another machine."""
     fast, slow = (force_process_fit(run(), m=M, drive=which) for which in ("faster", "slower"))
     np.testing.assert_allclose(fast.ratios, slow.ratios)
@@ -79,7 +79,7 @@ def test_which_pole_is_the_drives_cannot_be_told():
     np.testing.assert_allclose(other.y, run().y, rtol=1e-5)
 
 
-def test_without_a_known_value_products_alone_are_told():
+def test_without_a_known_value_products_alone_are_reported():
     fit = force_process_fit(run(noise=0.02))
     assert fit.parameters == {}
     assert set(fit.identifiable) >= {"m", "d", "c", "k", *RATIOS}
@@ -104,8 +104,8 @@ def test_errors_hold():
     for seed in range(40):
         fit = force_process_fit(run(noise=0.02, seed=seed), m=M, drive="faster")
         p, s = fit.parameters, fit.parameter_errors
-        told = [(p[n] - v) / s[n] for n, v in {"d": D, "c": C, "k": K}.items()]
-        z.append([*((fit.ratios - TRUTH) / fit.bse), *told, fit.zero_test])
+        reported = [(p[n] - v) / s[n] for n, v in {"d": D, "c": C, "k": K}.items()]
+        z.append([*((fit.ratios - TRUTH) / fit.bse), *reported, fit.zero_test])
     assert (np.abs(z) < 1.96).mean() > 0.9
     assert 0.8 < np.std(z) < 1.2
 
@@ -124,7 +124,7 @@ def test_simulation_and_picture():
     np.testing.assert_allclose(centred.ratios, TRUTH, rtol=0.03)
 
 
-def test_another_form_is_told():
+def test_another_form_is_reported():
     late = force_process_fit(run(noise=0.005, delay=0.008))
     assert abs(late.zero_test) > 3
     assert late.verdict.level == 1

@@ -106,7 +106,7 @@ NOTCHED = Model(
 )  # fmt: skip
 
 
-def test_a_ringing_machine_is_told_from_a_short_look():
+def test_a_ringing_machine_is_distinguished_from_a_short_look():
     found = frequency_response(recorded(np.random.default_rng(11).standard_normal(600), 30, 1, RINGING))
     assert found.method == "local"
     assert "has not decayed" in found.notes[0]

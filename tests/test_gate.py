@@ -27,9 +27,9 @@ def array(*values):
 
 
 def test_it_opens_at_the_limits_themselves():
-    told = check_convergence(GOOD)
-    assert told.passed
-    assert told.reasons == ()
+    reported = check_convergence(GOOD)
+    assert reported.passed
+    assert reported.reasons == ()
 
 
 def test_what_a_route_does_not_know_shuts_nothing():
@@ -76,7 +76,7 @@ SHUT = [
         "chains of 1000 draws hold 21 autocorrelation times of f, fewer than 50: run longer: 2400 draws a chain.",
     ),
     (
-        {"tau": array(48, 2)},  # of a density with other parameters than those told
+        {"tau": array(48, 2)},  # of a density with other parameters than those reported
         "chains of 1000 draws hold 21 autocorrelation times, fewer than 50: run longer: 2400 draws a chain.",
     ),
     (
@@ -88,17 +88,17 @@ SHUT = [
 
 @pytest.mark.parametrize(("changed", "sentence"), SHUT, ids=[f"{next(iter(c))}-{i}" for i, (c, _) in enumerate(SHUT)])
 def test_each_fault_shuts_it_with_one_sentence(changed, sentence):
-    told = check_convergence(replace(GOOD, **changed))
-    assert not told.passed
-    assert told.reasons == (sentence,)
+    reported = check_convergence(replace(GOOD, **changed))
+    assert not reported.passed
+    assert reported.reasons == (sentence,)
 
 
 @pytest.mark.parametrize("field", ["r_hat", "ess_bulk", "ess_tail", "tau"])
 def test_what_is_not_a_number_is_bad(field):
-    told = check_convergence(
+    reported = check_convergence(
         replace(GOOD, **{field: array(np.nan, 500, 500) if field != "r_hat" else array(1, np.nan, 1)})
     )
-    assert not told.passed
+    assert not reported.passed
 
 
 @pytest.mark.parametrize("field", ["k_hat", "ess_route"])
@@ -119,18 +119,18 @@ class Compared:
 
 
 def test_routes_that_disagree_shut_it():
-    told = check_convergence(GOOD, Compared(False, "the two routes disagree: the mean of V differs most"))
-    assert told.reasons == ("the two routes disagree: the mean of V differs most.",)
+    reported = check_convergence(GOOD, Compared(False, "the two routes disagree: the mean of V differs most"))
+    assert reported.reasons == ("the two routes disagree: the mean of V differs most.",)
     assert check_convergence(GOOD, Compared(True, "the two routes agree")).passed
 
 
 def test_a_stopped_run_shuts_it_whatever_the_draws_say():
-    told = check_convergence(GOOD, interrupted=True)
-    assert not told.passed
-    assert told.reasons == ("the run was interrupted: run it again to its end.",)
+    reported = check_convergence(GOOD, interrupted=True)
+    assert not reported.passed
+    assert reported.reasons == ("the run was interrupted: run it again to its end.",)
 
 
-def test_every_reason_is_told():
+def test_every_reason_is_reported():
     faults = replace(GOOD, r_hat=array(1.5, 1, 1), ess_bulk=array(9, 900, 900), ess_tail=array(9, 900, 900), k_hat=2.0)
     assert len(check_convergence(faults, Compared(False, "they differ"), interrupted=True).reasons) == 6
 
@@ -143,13 +143,13 @@ def test_independent_draws_open_it():
     assert drawn(np.random.default_rng(1).normal(size=(4000, 2))).passed
 
 
-def test_draws_that_never_moved_are_told_once():
+def test_draws_that_never_moved_are_reported_once():
     draws = np.random.default_rng(1).normal(size=(4000, 2))
     draws[:, 0] = 0.25
     assert drawn(draws).reasons == ("V: all draws are 0.25: the chains are constant.",)
 
 
-def test_a_draw_that_is_no_number_is_told_once():
+def test_a_draw_that_is_no_number_is_reported_once():
     draws = np.random.default_rng(1).normal(size=(4000, 2))
     draws[17, 1] = np.nan
     assert drawn(draws).reasons == ("f: 1 of 4000 draws are not finite numbers.",)

@@ -220,16 +220,16 @@ def test_every_kind_stays_within_its_level(run, tmp_path, kind):
     assert u.max() < 7.01
 
 
-def test_the_errors_to_come_are_told_before_cutting(run, german):
+def test_the_errors_to_come_are_reported_before_cutting(run, german):
     assert run(german.name, "--out", "fit")[0] == 0
     short = run("excite", "--like", "fit/params.json", "--noise", "0.005")[1]
     long = run("excite", "--like", "fit/params.json", "--noise", "0.005", "--duration", "60")[1]
     assert "the predicted standard error of the gain is" in short
 
-    def told(out):
+    def reported(out):
         return float(out.split("Hz")[-1].split("%")[0])
 
-    assert told(long) < told(short)
+    assert reported(long) < reported(short)
 
 
 @pytest.mark.parametrize(

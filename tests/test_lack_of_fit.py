@@ -240,7 +240,7 @@ def test_additive_errors_are_tested_too():
     ("p", "words"),
     [(0.0004, "p < .001"), (0.01504, "p = .015"), (0.2, "p = .20"), (1.0, "p = 1.00"), (0.0999, "p = .100")],
 )
-def test_p_is_told_as_papers_print_it(p, words):
+def test_p_is_reported_as_papers_print_it(p, words):
     assert format_p(p) == words
 
 

@@ -230,7 +230,7 @@ def test_laws_of_two_loads_share_the_wear_and_the_rows_they_all_have():
     assert joint.sample.words in " ".join(joint.summary().split())
 
 
-def test_a_gauge_error_as_large_as_all_scatter_is_told():
+def test_a_gauge_error_as_large_as_all_scatter_is_reported():
     wear, others = laws(cut(0.05))
     joint = latent_wear(wear, others, 0.2, method="importance", draws=400)
     assert not joint.closed_form[0]

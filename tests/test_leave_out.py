@@ -31,9 +31,15 @@ def _loo_of_0_23(az, by_unit):
     data = az.from_dict(posterior={"x": np.zeros((1, S))}, log_likelihood={"y": by_unit[None]})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # it warns of k-hats above 0.7
-        told = az.loo(data, pointwise=True, reff=1.0)
+        result = az.loo(data, pointwise=True, reff=1.0)
     # its standard error divides by G, that of the paper (eq. 23) by G - 1
-    return told.loo_i.values, told.pareto_k.values, told.elpd_loo, told.se * np.sqrt(G / (G - 1)), told.p_loo
+    return (
+        result.loo_i.values,
+        result.pareto_k.values,
+        result.elpd_loo,
+        result.se * np.sqrt(G / (G - 1)),
+        result.p_loo,
+    )
 
 
 def _loo_of_1(stats, by_unit):
@@ -62,30 +68,30 @@ NAMES = tuple(f"E{i + 1}" for i in range(EDGES))
 @pytest.mark.parametrize("S", [400, 2500, 10_000])  # whole tails, which both lines of ArviZ take alike
 def test_equals_arviz(loo, S, far):
     by_unit, _ = edges_about_a_mean(S, far=far)
-    told = leave_one_out(by_unit, NAMES)
+    result = leave_one_out(by_unit, NAMES)
     pointwise, k_hat, elpd, se, p_eff = loo(by_unit)
-    assert np.abs(told.pointwise - pointwise).max() < SAME
-    assert np.abs(told.k_hat - k_hat).max() < SAME
-    assert told.elpd == pytest.approx(float(elpd), rel=SAME)
-    assert told.se == pytest.approx(float(se), rel=SAME)
-    assert told.p_eff == pytest.approx(float(p_eff), abs=1e-8)
+    assert np.abs(result.pointwise - pointwise).max() < SAME
+    assert np.abs(result.k_hat - k_hat).max() < SAME
+    assert result.elpd == pytest.approx(float(elpd), rel=SAME)
+    assert result.se == pytest.approx(float(se), rel=SAME)
+    assert result.p_eff == pytest.approx(float(p_eff), abs=1e-8)
 
 
 def test_recovers_the_density_of_whole_edges_never_seen():
     """Without edge g the mean has a normal posterior, and the three rows of g are jointly normal."""
     by_unit, y = edges_about_a_mean(40_000)
-    told = leave_one_out(by_unit, NAMES)
+    result = leave_one_out(by_unit, NAMES)
     rest = (EDGES - 1) * ROWS
     spread = np.eye(ROWS) + 1 / rest
     known = [
         multivariate_normal.logpdf(y[g], np.full(ROWS, np.delete(y, g, axis=0).mean()), spread) for g in range(EDGES)
     ]
-    assert told.doubtful == ()
-    assert np.abs(told.pointwise - known).max() < 0.01  # ten Monte Carlo standard errors
-    assert told.elpd == pytest.approx(sum(known), abs=0.02)
-    assert told.p_eff == pytest.approx(1, abs=0.4)
-    assert told.words == f"LOO by edge: elpd {told.elpd:.1f} ± {told.se:.1f} over 12 edges, " + (
-        f"effective parameters {told.p_eff:.1f}."
+    assert result.doubtful == ()
+    assert np.abs(result.pointwise - known).max() < 0.01  # ten Monte Carlo standard errors
+    assert result.elpd == pytest.approx(sum(known), abs=0.02)
+    assert result.p_eff == pytest.approx(1, abs=0.4)
+    assert result.words == f"LOO by edge: elpd {result.elpd:.1f} ± {result.se:.1f} over 12 edges, " + (
+        f"effective parameters {result.p_eff:.1f}."
     )
 
 
@@ -104,36 +110,36 @@ def test_rows_taken_one_by_one_foretell_too_well_where_edges_have_levels():
 
 def test_an_edge_on_which_the_draws_lean_is_named():
     by_unit, _ = edges_about_a_mean(20_000, far=12.0)
-    told = leave_one_out(by_unit, NAMES)
-    assert told.doubtful == ("E1",)
-    assert "Unreliable for E1 (k-hat up to" in told.words
-    assert told.words.endswith("refit without it.")
+    result = leave_one_out(by_unit, NAMES)
+    assert result.doubtful == ("E1",)
+    assert "Unreliable for E1 (k-hat up to" in result.words
+    assert result.words.endswith("refit without it.")
 
 
 def test_no_more_than_five_edges_are_named():
     rng = np.random.default_rng(1)
-    told = leave_one_out(-(rng.standard_cauchy((1000, 8)) ** 2), tuple("abcdefgh"))
-    assert len(told.doubtful) == 8
-    assert "Unreliable for a, b, c, d, e and 3 more" in told.words
+    result = leave_one_out(-(rng.standard_cauchy((1000, 8)) ** 2), tuple("abcdefgh"))
+    assert len(result.doubtful) == 8
+    assert "Unreliable for a, b, c, d, e and 3 more" in result.words
 
 
 def test_one_edge_has_no_scatter_over_edges():
-    told = leave_one_out(np.random.default_rng(1).normal(size=(400, 1)), ("E1",))
-    assert isinstance(told.se, NotAvailable)
-    assert "+-" not in told.words
+    result = leave_one_out(np.random.default_rng(1).normal(size=(400, 1)), ("E1",))
+    assert isinstance(result.se, NotAvailable)
+    assert "+-" not in result.words
 
 
 def test_an_edge_that_tells_nothing_is_left_out_without_doubt():
     by_unit, _ = edges_about_a_mean(400)
     by_unit[:, 4] = -2.5
-    told = leave_one_out(by_unit, NAMES)
-    assert told.k_hat[4] == -np.inf
-    assert told.pointwise[4] == pytest.approx(-2.5)
-    assert "E5" not in told.doubtful
+    result = leave_one_out(by_unit, NAMES)
+    assert result.k_hat[4] == -np.inf
+    assert result.pointwise[4] == pytest.approx(-2.5)
+    assert "E5" not in result.doubtful
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_log_likelihood_that_is_no_number_is_told_with_its_edge(value):
+def test_a_log_likelihood_that_is_no_number_is_reported_with_its_edge(value):
     by_unit, _ = edges_about_a_mean(400)
     by_unit[5:8, 2] = value
     with pytest.raises(FitError, match=f"edge E3: log likelihood {value:g} at 3 of 400 draws"):

@@ -64,7 +64,7 @@ def test_standard_errors_are_those_of_a_monte_carlo(error):
     assert life.bse["c0"] / life.coefficients["c0"] == pytest.approx(np.std(ln_constant), rel=0.03)
 
 
-def test_what_is_told_beside_the_law():
+def test_what_is_reported_beside_the_law():
     law = wear_law()
     life = fit.tool_life(law)
     assert (life.wear, life.criterion, life.unit_of_wear, life.unit) == ("AW", 0.3, "mm", "min")
@@ -209,7 +209,7 @@ def test_wear_curves_that_agree_and_that_bend():
     assert "trust the interpolated lives" in bent.sentences[1]
 
 
-def test_scatter_that_crosses_early_is_told_from_a_bend():
+def test_scatter_that_crosses_early_is_distinguished_from_a_bend():
     """Flat wear: exponent .25 with 8 % of scatter, as in table 3.2 of Meeker-like studies; here by simulation."""
     law = fit.power_law(worn(exponent=0.2, scatter=0.12, until=160), "VB", ["V", "t"])
     found = fit.wear_curve_lives(law, 0.3)

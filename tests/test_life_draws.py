@@ -142,7 +142,7 @@ def test_the_level_of_a_new_edge_has_the_variance_that_sd_and_icc_say():
     assert level.std() == pytest.approx(0.06 * np.sqrt(0.6 / 0.4), rel=0.05)
 
 
-def test_a_controller_that_is_told_the_wear_of_a_drawn_edge_keeps_it_under_the_criterion(refit):
+def test_a_controller_that_is_reported_the_wear_of_a_drawn_edge_keeps_it_under_the_criterion(refit):
     pf, draws = refit
     laws = life_laws(pf)
     for k in range(0, 60, 6):
@@ -170,8 +170,8 @@ def test_a_life_longer_than_what_is_computed_is_counted_as_such(refit):
 def test_the_summary_tells_both_readings_with_their_bands_and_figures(refit):
     pf, draws = refit
     small = {name: Draws(of.names, of.values[:200]) for name, of in draws.items()}
-    told = replayed("recursion", pf, small, SEED)
-    text = " ".join(told.lines)
+    reported = replayed("recursion", pf, small, SEED)
+    text = " ".join(reported.lines)
     for words in (
         "worn out after 17 min",
         "last pair held",
@@ -181,9 +181,9 @@ def test_the_summary_tells_both_readings_with_their_bands_and_figures(refit):
     ):
         assert words in text
     assert "peaks of the fixed pair: power" in text
-    assert told.facts["replay_agrees"]
-    assert any("calculated" in line for line in told.assumed)
-    for figure in told.figures.values():
+    assert reported.facts["replay_agrees"]
+    assert any("calculated" in line for line in reported.assumed)
+    for figure in reported.figures.values():
         assert "Calculated" in figure.get_suptitle()
     alone = replayed("recursion", pf, {}, SEED)
     assert "Draws: none" in alone.lines[-1]

@@ -348,9 +348,9 @@ def named_in(hint):
 
 def public():
     """Classes that rooms export, and those that their public functions return."""
-    for room in ROOMS:
-        for name in room.__all__:
-            thing = getattr(room, name)
+    for folder in ROOMS:
+        for name in folder.__all__:
+            thing = getattr(folder, name)
             if inspect.isclass(thing):
                 yield thing
             elif callable(thing):
@@ -527,7 +527,7 @@ class Odd(Displayable):
     ],
     ids=["long", "a matrix", "empty", "one number", "complex", "texts"],
 )
-def test_fields_of_any_kind_are_told_in_a_few_words(many, said):
+def test_fields_of_any_kind_are_reported_in_a_few_words(many, said):
     assert said in repr(Odd(many))
     assert "hidden" not in repr(Odd(many))
     assert "nothing" not in repr(Odd(many))
@@ -544,7 +544,7 @@ def test_a_long_hash_is_shortened_and_a_long_sentence_broken():
     [(0.577123, 0.0213, "0.577 ± 0.021 mm"), (2.0, None, "2 mm"), (1.0, np.nan, "1 mm"), (0.0, 0.5, "0.00 ± 0.50 mm")],
     ids=["rounded by its error", "without one", "of an unknown one", "zero"],
 )
-def test_a_value_is_told_as_its_uncertainty_deserves(value, error, said):
+def test_a_value_is_reported_as_its_uncertainty_deserves(value, error, said):
     assert with_error(value, error, "mm") == said
 
 

@@ -258,7 +258,7 @@ def test_it_tells_and_draws_itself():
         ({"edge": "flute"}, "no column 'flute'"),
     ],
 )
-def test_what_cannot_be_asked_is_said_at_the_door(asked, said):
+def test_what_cannot_be_asked_is_said_before_the_fit(asked, said):
     usual = {"response": "AW", "factors": FACTORS, "pair": "tool", "edge": "edge"} | asked
     response, factors = usual.pop("response"), usual.pop("factors")
     with pytest.raises(UsageError, match=said):

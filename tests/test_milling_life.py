@@ -280,31 +280,31 @@ def test_draws_of_the_exponent_of_time_keep_the_minutes_of_the_law():
     assert float(life.time[0]) / 60 == pytest.approx((float(life.wear[0]) / c0) ** 2, rel=1e-3)
 
 
-# ---- what is told
+# ---- what is reported
 
 
 def test_the_summary_tells_change_regulation_gain_and_scaling(pf):
     assert replays.lacks("constant-load", pf) == ""
-    told = replays.replayed("constant-load", pf, {}, 1)
-    text = " ".join(told.lines)
+    reported = replays.replayed("constant-load", pf, {}, 1)
+    text = " ".join(reported.lines)
     for words in ("Change the tool at VB", "inside the window of 180 to 220 um", "within the 1 % of the paper",
                   "Against a constant feed of", "stayed there for", "derived, not measured", "No draws"):  # fmt: skip
         assert words in text
     assert "slot milling signals the change" in text
-    assert any("simulated" in words for words in told.assumed)
-    assert any("assumption: that life ends at" in words for words in told.assumed)
-    assert json.loads(json.dumps(told.facts))["simulated"] is True
-    assert set(told.figures) == {"constant_load", "constant_load_pass"}
-    assert all("Simulated" in figure.axes[0].get_title() for figure in told.figures.values())
+    assert any("simulated" in words for words in reported.assumed)
+    assert any("assumption: that life ends at" in words for words in reported.assumed)
+    assert json.loads(json.dumps(reported.facts))["simulated"] is True
+    assert set(reported.figures) == {"constant_load", "constant_load_pass"}
+    assert all("Simulated" in figure.axes[0].get_title() for figure in reported.figures.values())
 
 
 def test_with_draws_it_tells_a_band(pf):
     law = pf.laws["I"].coefficients
     rng = np.random.default_rng(1)
     rows = np.column_stack([np.full(500, law["A"]), np.full(500, law["B"]), law["k1"] * rng.normal(1, 0.05, 500)])
-    told = replays.replayed("constant-load", pf, {"I": Draws(("A", "B", "k1"), rows)}, 1)
-    assert "Over 500 posterior draws of the laws of I" in told.lines[-1]
-    assert "90 % bands" in told.lines[-1]
+    reported = replays.replayed("constant-load", pf, {"I": Draws(("A", "B", "k1"), rows)}, 1)
+    assert "Over 500 posterior draws of the laws of I" in reported.lines[-1]
+    assert "90 % bands" in reported.lines[-1]
 
 
 @pytest.mark.parametrize(

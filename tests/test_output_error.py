@@ -145,8 +145,8 @@ def test_standard_errors_are_those_of_a_monte_carlo(initial):
     u = np.sign(lfilter([1.0], [1.0, -0.8], np.random.default_rng(9).standard_normal(300)))
     models = [output_error(record(truth, u, 20, seed), 2, 2, initial=initial) for seed in range(200)]
     spread = np.std([m.theta for m in models], axis=0)
-    told = np.sqrt(np.mean([np.diag(m.cov_params) for m in models], axis=0))
-    np.testing.assert_allclose(told / spread, 1, atol=0.15)
+    reported = np.sqrt(np.mean([np.diag(m.cov_params) for m in models], axis=0))
+    np.testing.assert_allclose(reported / spread, 1, atol=0.15)
 
 
 def test_an_unstable_machine_is_never_handed_over_unsaid():
@@ -156,7 +156,7 @@ def test_an_unstable_machine_is_never_handed_over_unsaid():
     assert any("the plant is unstable" in note for note in model.notes)
 
 
-def test_an_integrator_is_told():
+def test_an_integrator_is_reported():
     u = np.sign(np.random.default_rng(2).standard_normal(200))
     y = np.r_[0.0, np.cumsum(0.1 * u)[:-1]] + 0.05 * np.random.default_rng(3).standard_normal(200)
     model = output_error(Record(u=u, y=y, sample_time=0.1), 1, 1, initial="zero")

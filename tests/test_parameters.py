@@ -581,11 +581,11 @@ def deep(levels):
 )
 def test_reading_what_is_wrong_is_one_sentence(path, content, words):
     path.write_bytes(content)
-    with pytest.raises(ParameterError, match=words) as told:
+    with pytest.raises(ParameterError, match=words) as raised:
         read(path)
-    assert str(told.value).startswith(str(path))
-    assert str(told.value).endswith((".", "?"))
-    assert "\n" not in str(told.value)
+    assert str(raised.value).startswith(str(path))
+    assert str(raised.value).endswith((".", "?"))
+    assert "\n" not in str(raised.value)
 
 
 def test_reading_what_is_not_a_file(tmp_path):
@@ -677,12 +677,12 @@ def test_a_damaged_file_is_refused_or_valid(path):
     """Never another exception; and what is still valid predicts, or says why not."""
     rng = random.Random(20240501)  # noqa: S311
     good = altered(lambda _: None)
-    told = []
+    raised = []
     for turn in range(MUTATIONS):
         path.write_bytes(mutate(rng, good) if turn % 2 else swap_value(rng, json.loads(good)))
-        told.append(complaint(path))
-    assert MUTATIONS / 4 < sum(text is not None for text in told) < MUTATIONS
-    assert not any("\n" in text for text in told if text)
+        raised.append(complaint(path))
+    assert MUTATIONS / 4 < sum(text is not None for text in raised) < MUTATIONS
+    assert not any("\n" in text for text in raised if text)
 
 
 # --- collecting -------------------------------------------------------------------------------------
@@ -879,7 +879,7 @@ HEADS = [
 
 
 @pytest.mark.parametrize("path", HEADS, ids=[path.relative_to(ROOM).as_posix() for path in HEADS])
-def test_the_file_knows_no_fitting_room_and_nothing_heavy(path):
+def test_the_file_knows_no_fitting_package_and_nothing_heavy(path):
     """Imports at the head of each module; scipy may stand inside a function."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     found = {alias.name for node in tree.body if isinstance(node, ast.Import) for alias in node.names}
@@ -889,7 +889,7 @@ def test_the_file_knows_no_fitting_room_and_nothing_heavy(path):
     ]
 
 
-def test_reading_and_predicting_load_no_fitting_room(path):
+def test_reading_and_predicting_load_no_fitting_package(path):
     write(whole(), path)
     code = (
         "import sys; from fitmodels import parameters as p; "
@@ -903,6 +903,6 @@ def test_reading_and_predicting_load_no_fitting_room(path):
     assert done.stdout.strip() == ""
 
 
-def test_public_names_are_there_and_told():
+def test_public_names_are_there_and_reported():
     for name in parameters.__all__:
         assert getattr(parameters, name).__doc__, name

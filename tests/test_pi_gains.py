@@ -107,7 +107,7 @@ def test_without_integral_action_nothing_integrates():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reported"),
     [
         ({"kp": np.nan}, "kp nan"),
         ({"ki": np.inf}, "ki inf"),
@@ -126,8 +126,8 @@ def test_without_integral_action_nothing_integrates():
         ({"high": np.inf}, "None for no limit"),
     ],
 )
-def test_what_cannot_run_is_refused_with_what_was_given(change, told):
-    with pytest.raises(UsageError, match=told):
+def test_what_cannot_run_is_refused_with_what_was_given(change, reported):
+    with pytest.raises(UsageError, match=reported):
         replace(PiGains(1.0, 1.0, 0.02), **change)
 
 

@@ -271,7 +271,7 @@ def test_an_unstable_loop_has_infinite_errors_and_no_margin():
     assert found.ms == found.settling_time == found.overshoot == found.noise_gain == np.inf
 
 
-def test_without_integral_action_the_error_stays_and_is_told():
+def test_without_integral_action_the_error_stays_and_is_reported():
     found = loop_of(PAPER, PiGains(2.0, 0.0, T)).figures()
     gain = 2 * PAPER.dc_gain
     assert found.steady_error == pytest.approx(1 / (1 + gain), rel=1e-12)
@@ -332,7 +332,7 @@ def test_poles_and_transfer_functions_agree_with_python_control():
 
 
 @pytest.mark.parametrize(
-    ("call", "error", "told"),
+    ("call", "error", "reported"),
     [
         (lambda: loop_of(PAPER, PiGains(1, 1, 0.01)), IdentError, "sample time"),
         (lambda: loop_of(PLANTS["at once"], PiGains(1, 1, T)), IdentError, "delay=1"),
@@ -343,6 +343,6 @@ def test_poles_and_transfer_functions_agree_with_python_control():
         (lambda: figures_on_grid([], [1.0], [1.0], KINDS["position"], 1.0), UsageError, "no model"),
     ],
 )
-def test_what_cannot_be_judged_is_refused(call, error, told):
-    with pytest.raises(error, match=told):
+def test_what_cannot_be_judged_is_refused(call, error, reported):
+    with pytest.raises(error, match=reported):
         call()

@@ -174,11 +174,11 @@ def test_the_trade_off_holds_the_chosen_gains_at_its_lower_edge():
     assert ms[0] > ms[-1]  # speed costs robustness
 
 
-def test_a_probability_out_of_reach_is_told():
+def test_a_probability_out_of_reach_is_reported():
     wild = Model(b=[0.0, 0.1], a=[1.0, -0.9], nk=1, sample_time=0.1, cov_params=np.diag([0.0, 0.05**2]))
     pi = tune_pi(wild, rise_time=0.5, settling_time=0.8, overshoot=0.02, probability=0.99, draws=200, n=40)
     assert not pi.feasible
-    assert any("probability" in told for told in pi.misses)
+    assert any("probability" in reported for reported in pi.misses)
 
 
 def test_several_models_are_held_at_their_worst():
@@ -189,7 +189,7 @@ def test_several_models_are_held_at_their_worst():
     assert pi.robustness.n == 3
 
 
-def test_draws_that_run_away_are_left_out_and_told():
+def test_draws_that_run_away_are_left_out_and_reported():
     slow = Model(b=[0.0, 0.1], a=[1.0, -0.98], nk=1, sample_time=0.1, cov_params=np.diag([0.02**2, 1e-6]))
     plants = drawn_models(slow, 1000, seed=1)
     assert plants.left_out / 1000 == pytest.approx(1 - NormalDist().cdf(1.0), abs=0.04)

@@ -108,7 +108,7 @@ def test_clamping_holds_the_sum_one_sample_after_the_limit_as_linuxcncs_pid_does
     assert sent == pytest.approx(wanted, abs=ROUNDING)
 
 
-def test_saturation_is_told_with_its_side():
+def test_saturation_is_reported_with_its_side():
     gains = PiGains(0.5, 3.0, 0.02, high=2.0, low=-2.0)
     trace = simulate_loop(PAPER, gains, np.r_[np.full(300, 3.0), np.full(300, -3.0)])
     assert trace.limited[200] == 1
@@ -172,13 +172,13 @@ def test_the_picture_shows_reference_output_command_and_limits():
         engaged=np.arange(N) > 50,
     )
     ax = trace.plot()
-    told = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert told == ["measurement", "reference", "output", "command", "at a limit"]
+    reported = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert reported == ["measurement", "reference", "output", "command", "at a limit"]
     assert ax.get_ylabel() == "output [A]"
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("more", "reported"),
     [
         ({"reference": np.ones((2, 2))}, "reference of shape"),
         ({"load": np.ones(3)}, "load of shape"),
@@ -191,8 +191,8 @@ def test_the_picture_shows_reference_output_command_and_limits():
         ({"idle": np.inf}, "idle inf"),
     ],
 )
-def test_what_does_not_fit_is_refused(more, told):
-    with pytest.raises(UsageError, match=told):
+def test_what_does_not_fit_is_refused(more, reported):
+    with pytest.raises(UsageError, match=reported):
         simulate_loop(PAPER, PiGains(0.5, 3.0, 0.02), **({"reference": STEP} | more))
 
 

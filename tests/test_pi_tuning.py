@@ -47,7 +47,7 @@ def test_the_published_plant_gets_what_the_paper_asks_for(published):
     assert f.overshoot <= 0.02
     assert f.ms <= 1.3
     assert abs(f.steady_error) < 1e-9
-    assert any("overshoot" in told for told in published.assumed)
+    assert any("overshoot" in reported for reported in published.assumed)
 
 
 def test_python_control_gives_the_same_margins_and_the_same_step(published):
@@ -109,8 +109,8 @@ def test_what_cannot_be_met_gets_the_nearest_gains_and_the_limit_that_fails():
     pi = tune_pi(PUBLISHED, rise_time=0.2, settling_time=4.0, ms=1.2, n=SMALL)
     assert not pi.feasible
     assert not pi.map.any
-    assert any("rise time" in told for told in pi.misses)
-    assert any("Ms" in told for told in pi.misses)
+    assert any("rise time" in reported for reported in pi.misses)
+    assert any("Ms" in reported for reported in pi.misses)
     assert pi.figures.stable
     nearest = float(pi.specification.worst({**figures_of(pi), "integral_time": pi.gains.ti}))
     grid = np.linspace(0, 7, 60), np.linspace(0.1, 25, 60)
@@ -263,6 +263,6 @@ def test_what_was_not_said_or_cannot_be_is_refused(call, error, words):
 
 def test_the_map_is_drawn_with_its_limits(published):
     ax = published.plot()
-    told = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert any("rise time" in t for t in told)
-    assert any(f"Kp {published.kp:.4g}" in t for t in told)
+    reported = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert any("rise time" in t for t in reported)
+    assert any(f"Kp {published.kp:.4g}" in t for t in reported)

@@ -101,7 +101,7 @@ FILES = {
 }
 
 
-def told(path):
+def reported(path):
     """All that is read of a file, or the sentence that refuses it."""
     try:
         table = read_table(path)
@@ -122,9 +122,9 @@ def told(path):
 def test_a_table_is_the_same_as_read_cell_by_cell(what, encoding, tmp_path, monkeypatch):
     path = tmp_path / "a.csv"
     path.write_bytes("".join(FILES[what]).encode(encoding))
-    found = told(path)
+    found = reported(path)
     monkeypatch.setattr(gather, "stretches", lambda body, findings, decimal: body.blocks(findings))
-    assert found == told(path)
+    assert found == reported(path)
 
 
 def test_blocks_of_numbers_are_read_as_such(tmp_path, monkeypatch):

@@ -209,9 +209,9 @@ def test_a_family_too_small_to_moderate_keeps_its_errors():
 
 
 def test_it_tells_itself():
-    told = pooled_exponents(as_table(*SCHOOLS), "V").summary()
-    assert "8 pairs in 1 families" in told
-    assert "half-t" in told
+    reported = pooled_exponents(as_table(*SCHOOLS), "V").summary()
+    assert "8 pairs in 1 families" in reported
+    assert "half-t" in reported
 
 
 def test_its_picture_shows_every_pair_alone_and_pooled():
@@ -285,6 +285,6 @@ def test_a_family_of_thousands_is_that_of_its_parts():
         ({"tau_scale": 0}, "above zero"),
     ],
 )
-def test_what_cannot_be_asked_is_said_at_the_door(asked, said):
+def test_what_cannot_be_asked_is_said_before_the_fit(asked, said):
     with pytest.raises(UsageError, match=said):
         pooled_exponents(as_table(*SCHOOLS), **({"factor": "V"} | asked))

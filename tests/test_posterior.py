@@ -35,8 +35,8 @@ def together(law, one, other, **options):
     a, b = (fit.posterior(law, method=method, seed=seed, **options) for method, seed in ((one, 1), (other, 2)))
     assert a.convergence.passed, a.convergence.reasons
     assert b.convergence.passed, b.convergence.reasons
-    told = compare_draws((a.draws, a.sample.chains), (b.draws, b.sample.chains), a.names)
-    assert told.agrees, told.words
+    reported = compare_draws((a.draws, a.sample.chains), (b.draws, b.sample.chains), a.names)
+    assert reported.agrees, reported.words
 
 
 @pytest.mark.parametrize("other", ["importance", "emcee"])

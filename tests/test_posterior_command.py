@@ -39,13 +39,13 @@ def test_draws_in_the_folder_are_those_of_the_laws(run, tmp_path):
     law = fit.power_law(datasets.read_runs(GC435), "AW", ["V", "f", "d", "t"])
     expected = fit.posterior(law, seed=1)
     assert np.array_equal(draws["AW"].values, expected.draws)
-    told = pf.posterior.laws["AW"]
-    assert told.method == "exact"
-    assert told.prior_set == "weak"
-    assert told.parameters["V"].median == pytest.approx(np.median(expected.draws[:, 1]))
-    assert told.priors["V"].numbers == {"mean": 0.0, "sd": 2.0}
-    assert told.ess > 400
-    assert told.r_hat < 1.01
+    reported = pf.posterior.laws["AW"]
+    assert reported.method == "exact"
+    assert reported.prior_set == "weak"
+    assert reported.parameters["V"].median == pytest.approx(np.median(expected.draws[:, 1]))
+    assert reported.priors["V"].numbers == {"mean": 0.0, "sd": 2.0}
+    assert reported.ess > 400
+    assert reported.r_hat < 1.01
     assert hashlib.sha256((folder / "draws.npz").read_bytes()).hexdigest() == pf.posterior.draws_sha256
 
 

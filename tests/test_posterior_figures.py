@@ -148,8 +148,8 @@ def test_nothing_overlaps_and_every_axis_has_its_unit(posteriors, name, what):
     for ax in axes:
         assert ax.lines
         for axis in (ax.xaxis, ax.yaxis):
-            told = any(label.get_visible() and label.get_text() for label in axis.get_ticklabels())
-            assert not told or re.search(r"\[.+\]$", axis.get_label_text()), axis.get_label_text()
+            reported = any(label.get_visible() and label.get_text() for label in axis.get_ticklabels())
+            assert not reported or re.search(r"\[.+\]$", axis.get_label_text()), axis.get_label_text()
             assert all(label.get_fontsize() >= 7 for label in axis.get_ticklabels())
     assert any(ax.get_xlabel() for ax in axes)
     assert axes[0].get_ylabel()
@@ -256,9 +256,9 @@ def test_intervals_and_least_squares_are_marked(posteriors):
 
 def test_pairs_tell_their_correlation(posteriors):
     post = posteriors["bundled"]
-    told = [float(ax.texts[0].get_text().replace("−", "-")) for ax in panels(post, "pairs")]
+    reported = [float(ax.texts[0].get_text().replace("−", "-")) for ax in panels(post, "pairs")]
     r = np.corrcoef(post.draws.T)
-    assert told == pytest.approx([r[i, j] for i in range(1, 7) for j in range(i)], abs=0.006)
+    assert reported == pytest.approx([r[i, j] for i in range(1, 7) for j in range(i)], abs=0.006)
 
 
 def test_only_the_parameters_that_hang_together_are_paired_where_there_are_many():
@@ -289,8 +289,8 @@ def test_edges_that_lie_outside_are_seen_and_counted(posteriors):
     said = 0
     for ax in panels(post, "predictive"):
         outside = sum(len(artist.get_ydata()) for artist in ax.lines if artist.get_label() == "rows outside")
-        told = re.search(r": (\d+) of \d+ outside", ax.get_title())
-        assert (int(told[1]) if told else 0) == outside
+        reported = re.search(r": (\d+) of \d+ outside", ax.get_title())
+        assert (int(reported[1]) if reported else 0) == outside
         assert (to_rgb(ax.title.get_color()) == ORANGE) == bool(outside)
         said += outside
     assert 0 < said < 0.1 * post.law.nobs
@@ -358,7 +358,7 @@ def test_what_was_not_tested_is_grey(posteriors, name):
         assert (spans[0][0], spans[1][1]) == pytest.approx(ax.get_xlim())
 
 
-def test_of_many_rows_some_are_drawn_and_what_was_tested_is_told_of_all():
+def test_of_many_rows_some_are_drawn_and_what_was_tested_is_reported_of_all():
     post = many_edges(edges=201)
     for factor, ax in zip(post.law.factors, panels(post, "curves"), strict=True):
         assert len(line_of(ax, "rows").get_xdata()) == 1000
@@ -394,15 +394,15 @@ def test_a_picture_that_there_is_not(posteriors, what, hint):
 def test_what_was_not_measured_says_so(posteriors, what):
     post = posteriors["exponential"]
     noted = replace(post, notes=("simulated: no real measurement; drawn from published laws",))
-    for asked, banner, told in ((post, "", ""), (post, "not measured", "not measured"),
+    for asked, banner, reported in ((post, "", ""), (post, "not measured", "not measured"),
                                 (noted, "", "simulated: no real measurement")):  # fmt: skip
         axes = panels(asked, what, banner=banner)
         texts = [text.get_text() for text in axes[0].figure.texts if text is not axes[0].figure._suptitle]
-        assert texts == [told]
+        assert texts == [reported]
         sound(axes)
 
 
-def test_a_long_banner_finds_room(posteriors):
+def test_a_long_banner_fits(posteriors):
     sound(panels(posteriors["one factor"], "curves", banner="not measured, but computed from published laws " * 3))
 
 

@@ -1,4 +1,4 @@
-"""``fitmodels predict``: the same numbers as the laws give, told once for people and once for programs."""
+"""``fitmodels predict``: the same numbers as the laws give, reported once for people and once for programs."""
 
 import contextlib
 import io
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
+from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.sections.base import VerdictSection
 from statsmodels.regression.linear_model import OLS
@@ -104,12 +105,12 @@ def test_the_verdict_of_a_law_and_of_the_wear_law_it_takes_is_printed(params, tm
 
 
 def test_json_holds_the_same_facts(params):
-    told = report(params, *AT, "--interval", "tolerance", "--level", ".9", "--coverage", "0.8")
-    assert (told["schema"], told["file"], told["simulated"], told["not_predicted"]) == (
+    reported = report(params, *AT, "--interval", "tolerance", "--level", ".9", "--coverage", "0.8")
+    assert (reported["schema"], reported["file"], reported["simulated"], reported["not_predicted"]) == (
         "fitmodels.prediction/2", "params.json", True, [],
     )  # fmt: skip
     laws = parameters.read(params).laws
-    wear, power = told["predictions"]
+    wear, power = reported["predictions"]
     assert (wear["low"], wear["high"]) == laws["AW"].interval(0.9, "tolerance", coverage=0.8, **POINT)
     assert wear["value"] == laws["AW"].values(**POINT)
     assert (wear["inside"], wear["interval"], wear["level"], wear["coverage"]) == (True, "tolerance", 0.9, 0.8)
@@ -119,7 +120,7 @@ def test_json_holds_the_same_facts(params):
     assert power["given"]["V"] == {
         "value": 120.0, "unit": "m/min", "low": 50.0, "high": 200.0, "beyond": 0, "from_law": None,
     }  # fmt: skip
-    for one in told["predictions"]:
+    for one in reported["predictions"]:
         assert one["words"] in run(params, *AT, "--interval", "tolerance", "--level", ".9", "--coverage", "0.8").out
 
 
@@ -148,10 +149,10 @@ def test_wear_that_is_given_is_taken(params):
     (power,) = report(params, "V=120", "f=0.2", "d=2", "AW=0.2", "--law", "P")["predictions"]
     assert power["value"] == parameters.read(params).laws["P"].values(V=120.0, f=0.2, d=2.0, AW=0.2)
     assert power["given"]["AW"]["from_law"] is None
-    told = run(params, "V=120", "f=0.2", "d=2", "AW=0.2")
-    assert told.code == 0
-    assert "not included" not in told.out
-    assert "AW is not predicted: the law of AW needs t (cutting time, min); add for instance t=6.3." in told.out
+    reported = run(params, "V=120", "f=0.2", "d=2", "AW=0.2")
+    assert reported.code == 0
+    assert "not included" not in reported.out
+    assert "AW is not predicted: the law of AW needs t (cutting time, min); add for instance t=6.3." in reported.out
 
 
 def test_outside_is_said_of_whatever_stands_on_it(params):
@@ -278,8 +279,7 @@ def test_an_earlier_file_says_what_it_lacks(params, tmp_path):
     for law in data["laws"].values():
         for name in ("rows_per_edge", "df_between", "df_within", "smearing_within"):
             del law["edges"][name]
-    old = tmp_path / "old.json"
-    old.write_text(json.dumps(data), "utf-8")
+    old = parameters.write(ParameterFile.model_validate(data), tmp_path / "old.json")
     assert report(old, *AT) == report(params, *AT) | {"file": "old.json"}
     refused(
         run(old, *AT, "--interval", "tolerance"), 3, "the law of AW lacks edges.rows_per_edge", "fit the data again"

@@ -135,14 +135,14 @@ def test_the_file_tells_every_interval_of_the_fit(name, tmp_path):
     for kind, edge, centre in product(KINDS, EDGES, CENTRES):
         options = {"edge": edge, "coverage": 0.9, "centre": centre}
         band = law.predict({**at, **category}, kind, level=0.8, **options)
-        told = section.predict(kind=kind, level=0.8, by=by, **options, **at)
-        np.testing.assert_allclose(told.value, band.value, rtol=ROUNDING)
-        np.testing.assert_allclose([told.low, told.high], [band.low, band.high], rtol=ROUNDING)
-        np.testing.assert_array_equal(section.interval(0.8, kind, by, **options, **at), [told.low, told.high])
-        np.testing.assert_array_equal(told.inside, band.inside)
+        result = section.predict(kind=kind, level=0.8, by=by, **options, **at)
+        np.testing.assert_allclose(result.value, band.value, rtol=ROUNDING)
+        np.testing.assert_allclose([result.low, result.high], [band.low, band.high], rtol=ROUNDING)
+        np.testing.assert_array_equal(section.interval(0.8, kind, by, **options, **at), [result.low, result.high])
+        np.testing.assert_array_equal(result.inside, band.inside)
         for name in ("edge", "centre", "coverage", "of", "kind", "level", "unit", "by"):
-            assert getattr(told, name) == getattr(band, name)
-        for ours, theirs in zip(told.given, band.given, strict=True):
+            assert getattr(result, name) == getattr(band, name)
+        for ours, theirs in zip(result.given, band.given, strict=True):
             assert (ours.symbol, ours.unit, ours.low, ours.high) == (
                 theirs.symbol,
                 theirs.unit,
@@ -150,7 +150,7 @@ def test_the_file_tells_every_interval_of_the_fit(name, tmp_path):
                 theirs.high,
             )
             np.testing.assert_array_equal(ours.beyond, theirs.beyond)
-        assert (told.low < told.value).all() or (kind, edge) == ("mean", "same") or centre != "median"
+        assert (result.low < result.value).all() or (kind, edge) == ("mean", "same") or centre != "median"
 
 
 @pytest.mark.parametrize("error", ["multiplicative", "additive"])
@@ -216,7 +216,7 @@ def test_an_earlier_file_of_independent_rows_lacks_the_smearing_alone(tmp_path):
         ({"V": "fast"}, "V = 'fast' is not a number"),
     ],
 )
-def test_what_cannot_be_told_is_a_sentence(options, words, tmp_path):
+def test_what_cannot_be_determined_is_a_sentence(options, words, tmp_path):
     with pytest.raises(ParameterError, match=words):
         handed_over(wear_law(), tmp_path).predict(**{**CONDITIONS, **options})
 
@@ -235,22 +235,22 @@ def test_a_sentence_with_numbers_by_hand():
     """ln 100 = 4.605: variance 0.9 - 2 x 0.19 x 4.605 + 0.0405 x 4.605^2 + 0.1^2, t(6) at 97.5 %."""
     x = np.log(100)
     half = student.ppf(0.975, 6) * np.sqrt(0.9 - 0.38 * x + 0.0405 * x**2 + 0.01)
-    told = hand_made().predict(V=100.0)
-    np.testing.assert_allclose([told.low, told.high], [0.1 * np.exp(-half), 0.1 * np.exp(half)], rtol=ROUNDING)
-    assert told.words == (
+    result = hand_made().predict(V=100.0)
+    np.testing.assert_allclose([result.low, result.high], [0.1 * np.exp(-half), 0.1 * np.exp(half)], rtol=ROUNDING)
+    assert result.words == (
         f"AW 0.100 mm at V 100 m/min; 95 % prediction interval for one row {0.1 * np.exp(-half):.3f} to "
         f"{0.1 * np.exp(half):.3f} mm; inside the tested region."
     )
-    assert (type(told.value), told.inside, told.given[0].beyond) == (float, True, 0)
+    assert (type(result.value), result.inside, result.given[0].beyond) == (float, True, 0)
 
 
 def test_what_is_outside_is_named():
     section = parameters.collect(tool="a", work="b", laws=[wear_law()]).laws["AW"]
     at = {"V": [120.0, 320.0, 40.0, 200.0], "f": [0.2, 0.2, 0.9, 0.6], "d": [2.0, 2.0, 2.0, 3.0], "t": 8.0}
-    told = section.predict(**at)
-    assert told.inside.tolist() == [True, False, False, False]
-    assert [g.beyond.tolist() for g in told.given[:2]] == [[0, 1, -1, 0], [0, 0, 1, 0]]
-    inside, fast, slow, corner = told.words.split("\n")
+    result = section.predict(**at)
+    assert result.inside.tolist() == [True, False, False, False]
+    assert [g.beyond.tolist() for g in result.given[:2]] == [[0, 1, -1, 0], [0, 0, 1, 0]]
+    inside, fast, slow, corner = result.words.split("\n")
     assert inside.endswith("mm; inside the tested region.")
     rely = "; do not rely on it."
     assert fast.endswith(f"outside the tested region: V 320 m/min is above 200 m/min, the highest tested{rely}")
@@ -265,9 +265,9 @@ def test_what_is_outside_is_named():
 
 
 def test_without_a_region_the_ranges_tell():
-    told = hand_made().predict(V=[50.0, 200.1, 49.9])
-    assert told.inside.tolist() == [True, False, False]
-    assert [line.split(": ")[-1] for line in told.words.split("\n")][1:] == [
+    result = hand_made().predict(V=[50.0, 200.1, 49.9])
+    assert result.inside.tolist() == [True, False, False]
+    assert [line.split(": ")[-1] for line in result.words.split("\n")][1:] == [
         "V 200.1 m/min is above 200 m/min, the highest tested; do not rely on it.",
         "V 49.9 m/min is below 50 m/min, the lowest tested; do not rely on it.",
     ]
@@ -297,12 +297,12 @@ def test_a_wide_interval_keeps_its_lower_end():
 @settings(max_examples=100, deadline=None)
 @given(st.floats(1e-6, 1e6), st.floats(1e-4, 3.0), st.floats(0.5, 0.99))
 def test_numbers_of_a_sentence_are_its_facts_to_the_last_digit(c0, sd, level):
-    told = hand_made(coefficients={"c0": c0, "V": 0.5}, residual_se=sd).predict(level=level, V=100.0)
+    result = hand_made(coefficients={"c0": c0, "V": 0.5}, residual_se=sd).predict(level=level, V=100.0)
     number = r"(-?[0-9.]+(?:e[+-]?\d+)?)"
-    found = re.fullmatch(rf"AW {number} mm at V 100 m/min; .* row {number} to {number} mm; inside .*", told.words)
-    for text, fact in zip(found.groups(), (told.value, told.low, told.high), strict=True):
+    found = re.fullmatch(rf"AW {number} mm at V 100 m/min; .* row {number} to {number} mm; inside .*", result.words)
+    for text, fact in zip(found.groups(), (result.value, result.low, result.high), strict=True):
         digits, _, power = text.partition("e")
         unit = 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
-        coarse = max(unit, 0.1 * min((told.high - told.low) / 2, told.low))  # two digits of the width, or finer
+        coarse = max(unit, 0.1 * min((result.high - result.low) / 2, result.low))  # two digits of the width, or finer
         assert abs(float(text) - fact) <= 0.51 * coarse
-    assert told.low < told.value < told.high
+    assert result.low < result.value < result.high

@@ -176,7 +176,7 @@ def test_no_shape_is_never_a_good_shape(log_weights):
         ([], "no draws, so no weights"),
     ],
 )
-def test_weights_that_cannot_be_are_told_in_a_sentence(log_weights, sentence):
+def test_weights_that_cannot_be_are_reported_in_a_sentence(log_weights, sentence):
     with pytest.raises(FitError, match=sentence):
         pareto_smoothed(np.array(log_weights))
 

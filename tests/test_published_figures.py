@@ -179,5 +179,5 @@ def test_hubers_refit_of_stack_losses():
     ours = [*found.theta[1:], 10 * found.theta[0]]
     np.testing.assert_allclose(ours, STACKS["theta"], rtol=2e-4)
     assert 10 * found.scale == pytest.approx(STACKS["scale"], rel=2e-4)
-    told = {int(i) + 1: found.weights[i] for i in np.flatnonzero(found.weights < 1)}
-    assert told == pytest.approx(WEIGHTS, rel=1e-3)
+    reported = {int(i) + 1: found.weights[i] for i in np.flatnonzero(found.weights < 1)}
+    assert reported == pytest.approx(WEIGHTS, rel=1e-3)

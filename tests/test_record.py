@@ -73,7 +73,7 @@ def test_resampling_up_and_down_again_gives_the_tone_back():
     assert back.u[100:-100] == pytest.approx(tone.u[100:-101], abs=BAND)
 
 
-def test_stretches_too_short_for_the_new_rate_are_left_out_and_that_is_told():
+def test_stretches_too_short_for_the_new_rate_are_left_out_and_that_is_reported():
     rec = sines(5.0, n=205, starts=(0, 5)).centred()
     slow = rec.decimated(10)
     assert slow.starts == (0,)

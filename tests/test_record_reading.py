@@ -39,7 +39,7 @@ def read(tmp_path):
     return reader
 
 
-def told(record):
+def reported(record):
     return " | ".join(record.notes)
 
 
@@ -85,11 +85,11 @@ def test_one_run_however_it_is_written(read, content, options, u, y, units):
 
 
 def test_what_was_presumed_stands_in_the_notes(read):
-    notes = told(read(text(header="t;u;y")))
+    notes = reported(read(text(header="t;u;y")))
     assert "input u and output y are assumed from their order" in notes
     assert "seconds are assumed" in notes
     assert "sampled every 0.02 s (50 Hz), uniformly" in notes
-    assert "assumed from" not in told(read(text(), "u", "y"))
+    assert "assumed from" not in reported(read(text(), "u", "y"))
 
 
 @pytest.mark.parametrize("rate", [120.0, 48.0, 300.0, 400.0])
@@ -99,15 +99,15 @@ def test_times_rounded_to_a_millisecond_still_tell_the_rate(read, rate):
     rec = read(text(times, form="{:.12g}"))
     assert rec.rate == pytest.approx(rate, rel=1e-4)
     assert rec.starts == (0,)
-    assert "uniform within the 0.001 s resolution of the times" in told(rec)
+    assert "uniform within the 0.001 s resolution of the times" in reported(rec)
 
 
-def test_jitter_is_measured_and_told(read):
+def test_jitter_is_measured_and_reported(read):
     jitter = np.zeros(N)
     jitter[77] = 0.004 * STEP
     rec = read(text(TIME + jitter, form="{:.12g}"))
     assert rec.sample_time == pytest.approx(STEP, rel=1e-6)
-    assert "differ from that by 0.4 % at most" in told(rec)
+    assert "differ from that by 0.4 % at most" in reported(rec)
 
 
 @given(step=st.sampled_from([1e-4, 0.001, 0.0125, 1 / 120, 0.08, 2.5]), lost=st.sets(st.integers(1, 198), max_size=8))
@@ -127,30 +127,30 @@ def test_empty_cells_and_nan_are_gaps(read, options):
     rec = read(text(u=u, y=y), **options)
     assert rec.starts == (0, 40, 97)
     assert len(rec) == N - 4
-    assert "4 rows lack a number, the first in line 42" in told(rec)
+    assert "4 rows lack a number, the first in line 42" in reported(rec)
     bare = read("\n".join(line.split(";", 1)[1] for line in text(u=u, y=y).splitlines()), sample_time=STEP)
     assert bare.starts == (0, 40, 97)
 
 
-def test_lost_samples_are_counted_and_their_line_told(read):
+def test_lost_samples_are_counted_and_their_line_reported(read):
     keep = np.delete(np.arange(N), [50, 51, 120])
     rec = read(text(TIME[keep], U[keep], Y[keep]))
     assert rec.starts == (0, 50, 118)
-    assert "3 samples are missing, in 2 places (line 52, 120)" in told(rec)
+    assert "3 samples are missing, in 2 places (line 52, 120)" in reported(rec)
 
 
 def test_a_pause_that_is_no_whole_number_of_samples_breaks_too(read):
     times = TIME + np.where(np.arange(N) >= 60, 7.3 * STEP, 0)
     rec = read(text(times, form="{:.12g}"))
     assert rec.starts == (0, 60)
-    assert "not a whole number of samples" in told(rec)
+    assert "not a whole number of samples" in reported(rec)
 
 
 def test_times_that_start_again_and_labels_begin_runs(read):
     again = np.concatenate([TIME[:120], TIME[:80]])
     rec = read(text(again))
     assert rec.starts == (0, 120)
-    assert "starts again 1 time" in told(rec)
+    assert "starts again 1 time" in reported(rec)
     labels = ["A"] * 70 + ["B"] * 130
     rec = read(text(header="t;u;y;run", more=[labels]))
     assert rec.starts == (0, 70)
@@ -162,7 +162,7 @@ def test_rows_that_stand_twice_are_kept_once(read):
     rec = read(text(TIME[twice], U[twice], Y[twice]))
     assert len(rec) == N
     assert rec.starts == (0,)
-    assert "2 rows are duplicates" in told(rec)
+    assert "2 rows are duplicates" in reported(rec)
 
 
 def test_several_files_are_several_runs(tmp_path):
@@ -211,7 +211,7 @@ def test_uneven_samples_of_a_tone_become_even_ones(read, rate):
     # A line over 12 ms misses a 1 Hz sine by (2 pi 0.012)^2 / 8 = 7e-4 at most (midpoint of a chord).
     assert rec.u[30:-30] == pytest.approx(np.sin(2 * np.pi * at)[30:-30], abs=3e-3)
     assert rec.y[30:-30] == pytest.approx(np.cos(2 * np.pi * at)[30:-30], abs=3e-3)
-    assert "samples are interpolated linearly" in told(rec)
+    assert "samples are interpolated linearly" in reported(rec)
 
 
 def test_no_line_is_drawn_over_a_gap(read):
@@ -219,14 +219,14 @@ def test_no_line_is_drawn_over_a_gap(read):
     times[1000:] += 5.0
     rec = read(text(times, u, y, form="{:.10g}"), resample=100.0)
     assert len(rec.starts) == 2
-    assert "1 gap" in told(rec)
+    assert "1 gap" in reported(rec)
 
 
 def test_even_samples_are_brought_to_another_rate_when_asked(read):
     rec = read(text(), resample=25.0)
     assert rec.rate == pytest.approx(25.0)
     assert len(rec) == N // 2
-    assert "resampled from 50 to 25 Hz" in told(rec)
+    assert "resampled from 50 to 25 Hz" in reported(rec)
 
 
 def test_a_given_rate_stands_in_for_times_that_are_too_coarse(read):
@@ -236,7 +236,7 @@ def test_a_given_rate_stands_in_for_times_that_are_too_coarse(read):
     rec = read(coarse, rate=50)
     assert rec.sample_time == STEP
     assert rec.starts == (0,)
-    assert "is not used, the rate given is" in told(rec)
+    assert "is not used, the rate given is" in reported(rec)
 
 
 def test_a_rate_tells_lost_samples_from_coarse_times(read):
@@ -250,8 +250,8 @@ def test_a_rate_tells_lost_samples_from_coarse_times(read):
 # What is odd about the numbers
 
 
-def test_an_input_that_does_not_move_is_told(read):
-    assert "u is constant at 2 V: without variation" in told(read(text(u=np.full(N, 2.0))))
+def test_an_input_that_does_not_move_is_reported(read):
+    assert "u is constant at 2 V: without variation" in reported(read(text(u=np.full(N, 2.0))))
 
 
 def chirp(n=3000, rate=100.0):
@@ -260,12 +260,12 @@ def chirp(n=3000, rate=100.0):
 
 
 @pytest.mark.parametrize("digits", [2, 4, 12])
-def test_a_clipped_signal_is_told_and_its_crests_are_not(read, digits):
+def test_a_clipped_signal_is_reported_and_its_crests_are_not(read, digits):
     t, u = chirp()
     y = np.roll(u, 5)
-    fair = told(read(text(t, u.round(digits), y.round(digits), form="{:.12g}")))
+    fair = reported(read(text(t, u.round(digits), y.round(digits), form="{:.12g}")))
     assert "clipped" not in fair
-    cut = told(read(text(t, u, np.clip(y, -2.0, 1.9).round(digits), form="{:.12g}")))
+    cut = reported(read(text(t, u, np.clip(y, -2.0, 1.9).round(digits), form="{:.12g}")))
     assert "y looks clipped" in cut
     assert "largest value 1.9 mm" in cut
     assert "smallest value -2 mm" in cut
@@ -280,7 +280,7 @@ def test_a_clipped_signal_is_told_and_its_crests_are_not(read, digits):
     ],
 )
 def test_an_input_that_stands_by_intent_is_not_called_clipped(read, u):
-    assert "clipped" not in told(read(text(u=u)))
+    assert "clipped" not in reported(read(text(u=u)))
 
 
 # What is refused
@@ -355,7 +355,7 @@ def test_dates_count_by_their_change():
         pytest.param(text(u=["x"] * N), "table", id="text beside one signal"),
     ],
 )
-def test_a_record_is_told_from_a_table_of_tests(tmp_path, content, kind):
+def test_a_record_is_distinguished_from_a_table_of_tests(tmp_path, content, kind):
     path = tmp_path / "data.csv"
     path.write_text(content)
     look = looks_like_record(path)
@@ -474,8 +474,8 @@ def test_vectors_of_a_matlab_file_are_columns(tmp_path):
     rec = read_record(path)
     assert (rec.input, rec.output, rec.sample_time) == ("u", "y", STEP)
     assert rec.y == pytest.approx(Y)
-    assert "the sample time 0.02 s is taken from Ts" in told(rec)
-    assert "not read, of another kind or length: gains, name" in told(rec)
+    assert "the sample time 0.02 s is taken from Ts" in reported(rec)
+    assert "not read, of another kind or length: gains, name" in reported(rec)
     savemat(path, {"data": np.column_stack([TIME, U, Y]), "fs": 50})
     assert read_record(path, "data_2", "data_3").u == pytest.approx(U)
 
@@ -500,7 +500,7 @@ def test_the_servo_axis_is_read_by_column_number(measurements, file, rows):
     assert (len(rec), rec.sample_time, rec.starts) == (rows, 0.01, (0,))
     assert (rec.input, rec.output, rec.unit_y) == ("col3", "col4", "mm")
     assert np.array_equal(rec.u, np.loadtxt(path)[:, 2])
-    assert "clipped" not in told(rec)
+    assert "clipped" not in reported(rec)
     with pytest.raises(UsageError, match="5 columns are possible"):
         read_record(path)
     assert looks_like_record(path)
@@ -523,7 +523,7 @@ def test_the_emps_drive_is_read_at_one_kilohertz(measurements, file):
     assert (len(rec), rec.sample_time, rec.starts) == (24841, 0.001, (0,))
     assert (rec.unit_u, rec.unit_y) == ("V", "mm")
     assert rec.y == pytest.approx(1000 * np.loadtxt(path, delimiter=",", skiprows=1)[:, 2])
-    assert "differ from that by 0.00" in told(rec)
+    assert "differ from that by 0.00" in reported(rec)
     slow = rec.decimated(10)
     assert (len(slow), slow.sample_time) == (2485, pytest.approx(0.01))
     assert slow.y == pytest.approx(rec.y[::10], abs=0.01)  # mm: a slide has nothing to say above 40 Hz

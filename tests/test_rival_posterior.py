@@ -64,10 +64,10 @@ def test_a_contribution_of_wear_has_the_density_of_its_formula(error, named, kin
     density = added(law, named, kind)
     phi = density.start + 0.1 * np.random.default_rng(1).normal(size=(2, len(density.start)))
     got = density.by_unit(phi)
-    told = pd.DataFrame(density.parameters(phi), columns=density.parameter_names)
+    reported = pd.DataFrame(density.parameters(phi), columns=density.parameter_names)
     names = law.edge if named else np.arange(law.nobs).astype(str)
     V, f, t, AW = law.X.T
-    for m, of in told.iterrows():
+    for m, of in reported.iterrows():
         mean = np.exp(of["ln c0"]) * V ** of["V"] * f ** of["f"] * t ** of["t"]
         mean = mean + of["k"] * AW if kind == FORMS[1] else mean * (1 + of["k"] * AW)
         r = law.observed - mean if error == "additive" else np.log(law.observed / mean)
@@ -135,7 +135,7 @@ def test_forms_linear_in_logarithms_are_drawn_exactly_as_chains_would():
     assert found.agrees, found.words
 
 
-def test_left_out_edges_are_foretold_as_if_never_seen():
+def test_left_out_edges_are_predicted_as_if_never_seen():
     """Against drawing the form again without each edge in turn, rows of the law fitted anew to the others."""
     law = law_of(seed=6, edges=10)
     rival = posterior_of_form(law, FORMS[0], draws=4000)

@@ -152,9 +152,9 @@ def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
     ],
 )
 def test_versions_that_cannot_be_read(version, words):
-    with pytest.raises(ParameterError, match=words) as told:
+    with pytest.raises(ParameterError, match=words) as raised:
         migrated({"schema_version": version}, "params.json", STEPS, current=8)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(raised.value)
 
 
 def test_a_file_of_version_1_is_read_with_unknown_doubts(data, tmp_path):
@@ -372,7 +372,7 @@ def test_order_and_layout_do_not_count_and_every_value_does(data):
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_floats_are_told_apart_bit_for_bit(x):
+def test_floats_are_distinguished_bit_for_bit(x):
     """A text that reads back to the same bits, whether or not it keeps its point."""
     back = json.loads(canonical_bytes({"x": x}))["x"]
     assert float(back).hex() == x.hex()

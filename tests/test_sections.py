@@ -114,7 +114,7 @@ def test_a_run_that_leaves_all_bounds_is_a_sentence():
         published(a=[1.0, -9.0]).simulate(np.ones(2000))
 
 
-def test_the_file_simulates_without_the_identifying_room(tmp_path):
+def test_the_file_simulates_without_the_identification_package(tmp_path):
     path = write(collect(tool="a", work="b", dynamics=model()), tmp_path / "params.json")
     code = (
         "import sys; from fitmodels import parameters as p; pf = p.read(sys.argv[1]); "

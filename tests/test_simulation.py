@@ -120,7 +120,7 @@ def test_the_design_stays_as_it_was():
         ([WEAR], {"criterion": 0.0}, ["criterion 0"]),
     ],
 )
-def test_what_cannot_be_asked_is_told_in_a_sentence(laws, options, words):
+def test_what_cannot_be_asked_is_reported_in_a_sentence(laws, options, words):
     with pytest.raises(UsageError) as error:
         simulate(PLAN, laws, seed=7, **options)
     assert all(word in str(error.value) for word in words)
@@ -136,7 +136,7 @@ def test_what_cannot_be_asked_is_told_in_a_sentence(laws, options, words):
         (PLAN.assign(t=1.0), ["'t'"]),
     ],
 )
-def test_a_design_that_cannot_be_cut_is_told_in_a_sentence(design, words):
+def test_a_design_that_cannot_be_cut_is_reported_in_a_sentence(design, words):
     with pytest.raises(DataError) as error:
         simulate(design, [WEAR], seed=7)
     assert all(word in str(error.value) for word in words)

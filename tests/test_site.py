@@ -210,7 +210,7 @@ def test_the_list_holds_the_numbers_of_the_cards_and_the_hashes_of_their_files(m
                 assert x["df"] == 20
 
 
-def test_a_rate_is_told_with_its_unit_and_an_exponent_has_none(made):
+def test_a_rate_is_reported_with_its_unit_and_an_exponent_has_none(made):
     listed = json.loads((made / "cards.json").read_text("utf-8"))
     units = {one["form"]: x["unit"] for card in listed["cards"] for one in card["laws"] for x in one["exponents"]}
     assert units == {"power": "", "exponential": "1/(m/min)"}
@@ -351,12 +351,12 @@ def test_an_interrupt_leaves_the_old_site_and_nothing_beside_it(tmp_path, when):
         add(pairs, f"more{k}", law(0.1 * k), tool="CNMG")
     before = content(out)
 
-    def told(words):
+    def reported(words):
         if words.startswith(f"{when} of"):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        publishing.publish(pairs, out, force=True, progress=told)
+        publishing.publish(pairs, out, force=True, progress=reported)
     assert content(out) == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pairs", "site"]
 
@@ -463,7 +463,7 @@ def test_what_none_of_many_tells_is_asked_for_once_above_them(tmp_path):
     assert machines == {"a lathe", "another lathe"}
 
 
-def test_a_fault_in_the_card_toml_above_is_told_of_every_pair(tmp_path):
+def test_a_fault_in_the_card_toml_above_is_reported_of_every_pair(tmp_path):
     pairs = tmp_path / "pairs"
     add(pairs, "a", law())
     (pairs / "card.toml").write_text("licence = 'x'", encoding="utf-8")

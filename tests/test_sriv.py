@@ -132,8 +132,8 @@ def test_standard_errors_are_those_of_a_monte_carlo(colour, limit):
     u = np.sign(lfilter([1.0], [1.0, -0.8], np.random.default_rng(9).standard_normal(600)))
     models = [sriv(record(truth, u, 20, seed, colour), 2, 2) for seed in range(200)]
     spread = np.std([m.theta for m in models], axis=0)
-    told = np.sqrt(np.mean([np.diag(m.cov_params) for m in models], axis=0))
-    np.testing.assert_allclose(told / spread, 1, atol=limit)
+    reported = np.sqrt(np.mean([np.diag(m.cov_params) for m in models], axis=0))
+    np.testing.assert_allclose(reported / spread, 1, atol=limit)
 
 
 def test_first_order_variance_is_the_textbooks():
@@ -170,15 +170,15 @@ def test_stability_is_what_the_roots_say(coefficients):
     assert len(reflected(p)) == len(p)
 
 
-def test_bias_is_told_in_words():
+def test_bias_is_reported_in_words():
     rec = record(snr=30, unit_u="V", unit_y="A")
-    told = warn_of_bias(arx(rec, 3, 3), sriv(rec, 3, 3), (0.1, 2.0))
-    assert "ARX gives" in told
-    assert "A/V" in told
-    assert "Use the instrumental variables model" in told
+    reported = warn_of_bias(arx(rec, 3, 3), sriv(rec, 3, 3), (0.1, 2.0))
+    assert "ARX gives" in reported
+    assert "A/V" in reported
+    assert "Use the instrumental variables model" in reported
 
 
-def test_nothing_is_told_where_arx_is_right():
+def test_nothing_is_reported_where_arx_is_right():
     """Equation noise: ARX is the efficient estimator, the other agrees with it within its errors."""
     warned = 0
     for seed in range(25):

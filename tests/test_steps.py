@@ -127,7 +127,7 @@ def test_noisy_measured_input_is_still_a_step():
     assert fit.shape[0] == pytest.approx(0.13, rel=0.05)
 
 
-def test_wrong_order_is_told():
+def test_wrong_order_is_reported():
     swinging = step_response_fit(wave(num=[1.0], den=[0.005, 0.02, 1.0], n=600), 1)
     assert "fit order 2" in swinging.words
     lag = step_response_fit(wave(delay=0.0, noise=0.05), 2)

@@ -31,7 +31,7 @@ from hypothesis import strategies as st
 from statsmodels.regression.linear_model import OLS
 
 SAME = 1e-10  # relative: what a fit of a stream may differ by
-# The intraclass correlation is where a search stops, 1e-7 from its optimum; so is all that is told with it.
+# The intraclass correlation is where a search stops, 1e-7 from its optimum; so is all that is reported with it.
 SEARCH = 1e-4
 NOTHING = 1e-25  # a sum of squares of rounding alone
 TRUTH = {"c0": 0.0075, "V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}
@@ -344,7 +344,7 @@ def few(edges, per_edge=4, noise=0.05, settings=None):
         ),
     ],
 )
-def test_why_there_is_nothing_by_edge_is_told_as_in_memory(frame):
+def test_why_there_is_nothing_by_edge_is_reported_as_in_memory(frame):
     streamed, memory = both(frame, ["V", "f", "t"])
     assert isinstance(streamed.edges, fit.NotAvailable)
     assert streamed.edges == memory.edges

@@ -110,7 +110,7 @@ def three_rows():
         ),
     ],
 )
-def test_what_cannot_be_told_is_said(make, words):
+def test_what_cannot_be_determined_is_said(make, words):
     assert words in str(error_structure(make()))
 
 

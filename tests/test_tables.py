@@ -176,7 +176,7 @@ def test_missing_marks(tmp_path, mark):
     assert table.column("V").bad_count == 0
 
 
-def test_told_decimal_mark_settles_the_ambiguous(tmp_path):
+def test_reported_decimal_mark_settles_the_ambiguous(tmp_path):
     text = "V;f\n1.234;5\n"
     assert numbers(read(tmp_path, text, decimal="point"))["V"] == [1.234]
     assert numbers(read(tmp_path, text, decimal="comma"))["V"] == [1234.0]

@@ -1,4 +1,4 @@
-"""Posteriors in ArviZ, of whichever line is installed: it tells of them what is told here."""
+"""Posteriors in ArviZ, of whichever line is installed: it tells of them what is reported here."""
 
 import json
 import sys
@@ -69,10 +69,10 @@ def test_arviz_finds_the_same_diagnostics(az, post):
 
 
 def test_its_summary_tells_the_same(az, post):
-    told, table = az.summary(post.to_arviz()), post.table()
-    assert list(told.index) == list(post.names)
-    assert np.abs(told["mean"].astype(float) - table["mean"]).max() <= 0.05 * table["sd"].max()
-    assert told["sd"].astype(float).to_numpy() == pytest.approx(table["sd"].to_numpy(), rel=0.05, abs=6e-4)
+    reported, table = az.summary(post.to_arviz()), post.table()
+    assert list(reported.index) == list(post.names)
+    assert np.abs(reported["mean"].astype(float) - table["mean"]).max() <= 0.05 * table["sd"].max()
+    assert reported["sd"].astype(float).to_numpy() == pytest.approx(table["sd"].to_numpy(), rel=0.05, abs=6e-4)
 
 
 def test_it_leaves_the_same_edges_out(az, post):
@@ -131,7 +131,7 @@ def test_likelihoods_too_many_to_keep_are_left_out(az, post, monkeypatch):
     assert {name.strip("/") for name in groups} - {""} == {"posterior", "observed_data"}
 
 
-def test_without_arviz_the_way_to_get_it_is_told(monkeypatch):
+def test_without_arviz_the_way_to_get_it_is_reported(monkeypatch):
     law = fit.power_law(datasets.read_runs(datasets.bundled("ac2017_table1")), "AW", ["V", "f"])
     monkeypatch.setitem(sys.modules, "arviz", None)
     with pytest.raises(UsageError, match=r"install it by pip install 'fitmodels\[arviz\]'\.$"):

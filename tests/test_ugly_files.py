@@ -424,7 +424,7 @@ def test_a_spanish_export(tmp_path, metric):
 
 
 def test_an_inch_file_gives_the_laws_of_the_metric_one(tmp_path, metric):
-    """Exponents do not know units; c0 is told in metric units, so it comes back equal too."""
+    """Exponents do not know units; c0 is reported in metric units, so it comes back equal too."""
     units = ("sfm", "in/rev", "in", "s", "in", "lbf", "hp")
     written = ("sfm", "ipr", "in", "s", "in", "lbf", "hp")
     columns = np.array([(*row, *forces) for row, forces in zip(NICE, FORCES, strict=True)]).T

@@ -183,8 +183,8 @@ def test_the_same_unit_returns_the_values_themselves(unit):
 
 def test_shape_is_kept_and_the_callers_values_stay():
     values = np.arange(6.0).reshape(2, 3)
-    told = convert(values, "in", "mm")
-    assert told.shape == (2, 3)
+    reported = convert(values, "in", "mm")
+    assert reported.shape == (2, 3)
     np.testing.assert_array_equal(values, np.arange(6.0).reshape(2, 3))
 
 

@@ -177,7 +177,7 @@ def test_its_own_record_proves_little():
     assert "its own estimation record" in validate(output_error(rec, 3, 3), rec).verdict
 
 
-def test_a_perfect_model_is_told_as_one():
+def test_a_perfect_model_is_reported_as_one():
     found = validate(PLANT, recorded(chirp(), 400, 1))
     assert found.fit > 99.999
     assert "are independent of u" in found.verdict

@@ -40,10 +40,10 @@ def test_columns_of_published_files(column, role):
     assert role_of(column, None) == role
 
 
-@pytest.mark.parametrize(("column", "told"), CNC_MILL.items())
-def test_columns_whose_units_hang_on_underscores(column, told):
+@pytest.mark.parametrize(("column", "reported"), CNC_MILL.items())
+def test_columns_whose_units_hang_on_underscores(column, reported):
     header = parse_header(column)
-    assert (header.name, header.unit_text, role_of(header.name, header.unit_text)) == told
+    assert (header.name, header.unit_text, role_of(header.name, header.unit_text)) == reported
 
 
 def test_the_feed_word_of_a_part_program_is_a_feed_rate_by_its_unit():

@@ -292,7 +292,7 @@ def ods_value(cell):
 
 
 @pytest.mark.parametrize("make", [as_xls, as_xlsb])
-def test_hidden_cells_that_cannot_be_told_are_mentioned(tmp_path, make):
+def test_hidden_cells_that_cannot_be_determined_are_mentioned(tmp_path, make):
     make(str(tmp_path / "a.xls"))
     assert (
         "Hidden rows and columns of this format cannot be recognized and are read."
