@@ -28,7 +28,7 @@ def reading_options(parser: Parser) -> None:
         "--unit",
         action="append",
         metavar="t=s",
-        help="unit of a column that has none, a wrong one, or one to confirm (default: from the header)",
+        help="unit of a column where it is missing, wrong or doubted (default: the header)",
     )
     group.add_argument(
         "--range", action="append", metavar="V=50:200", help="values of the coded levels -1 and 1 (default: none)"

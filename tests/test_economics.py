@@ -58,8 +58,9 @@ def of_lives(power: float = 5.0, roughness: float = 3.2) -> parameters.Parameter
 
     def law(response, quantity, unit, c0, exponents):
         ends = {"V": (20.0, 1000.0, "m/min"), "f": (0.05, 1.0, "mm/rev"), "d": (0.5, 5.0, "mm")}
+        equation = f"{response} = {c0:.15g} {' '.join(f'{s}^{p:.15g}' for s, p in exponents.items())}"
         return {
-            "form": "power", "response": response, "quantity": quantity, "unit": unit, "equation": "stated",
+            "form": "power", "response": response, "quantity": quantity, "unit": unit, "equation": equation,
             "error": "multiplicative", "coefficients": {"c0": c0, **exponents}, "n": 0, "df": 0,
             "factors": [
                 {"symbol": s, "quantity": s, "unit": ends[s][2], "low": ends[s][0], "high": ends[s][1]}
