@@ -89,12 +89,17 @@ def part_options(parser: Parser) -> None:
     units.add_argument("--mm", action="store_true", help="lengths and words in mm and m/min (default)")
     group.add_argument("--period", metavar="20ms", help="of the calls of a running plan or region (default: 20 ms)")
     group.add_argument("--tool", type=int, metavar="N", help="tool that is called (default: none is called)")
+    group.add_argument(
+        "--retract",
+        metavar="200:150",
+        help="diameter and Z of the tool while parts and edges are changed (default: 2 mm off the work)",
+    )
 
 
 PART = {
     "diameter": "--diameter", "length": "--length", "passes": "--passes", "pass_": "--pass", "parts": "--parts",
     "max_rpm": "--max-rpm", "from_": "--from", "speed": "--speed", "feed_mode": "--feed-mode", "dialect": "--dialect",
-    "tool": "--tool",
+    "tool": "--tool", "retract": "--retract",
 }  # fmt: skip
 
 
@@ -168,8 +173,18 @@ def _job(args: argparse.Namespace, given: list[str], depth: float) -> "TurningJo
         parts=args.parts,
         start=0.0 if args.from_ in (None, "0") else measured(args.from_, "min", "--from", "4min"),
         speed=args.speed or "G96", feed=args.feed_mode or "G95", dialect=args.dialect or "linuxcnc",
-        inch=args.inch, tool=args.tool,
+        inch=args.inch, tool=args.tool, retract=_retract(args.retract, "in" if args.inch else "mm"),
     )  # fmt: skip
+
+
+def _retract(text: str | None, unit: str) -> tuple[float, float] | None:
+    """Diameter and Z, mm."""
+    if text is None:
+        return None
+    if text.count(":") != 1:
+        raise UsageError(f"--retract {text}: give diameter and Z, such as 200:150.")
+    X, Z = (_length(part, unit, f"--retract {text}", "200:150") for part in text.split(":"))
+    return X, Z
 
 
 def _passes(args: argparse.Namespace, depth: float) -> "tuple[tuple[Stretch, ...], ...]":

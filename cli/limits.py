@@ -130,6 +130,8 @@ def _unit(symbol: str, given: str | None, usual: str) -> str:
 
     if given is None:
         return usual
+    if "," in given:
+        raise UsageError(f"limit {symbol}: give numbers with a decimal point, as {symbol}=3.2{usual}.")
     if not is_unit(given) or not same_dimension(given, usual):
         raise UsageError(f"limit {symbol} in {given}: this is not a unit of {symbol}; give it in {usual}.")
     return given

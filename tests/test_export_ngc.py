@@ -321,6 +321,36 @@ def test_a_program_goes_on_where_the_last_one_ended(turned):
         turned(start=14.0)
 
 
+def test_a_program_begins_with_the_change_of_an_edge_that_no_pass_is_left_for(turned):
+    program = nc_program(turned(parts=1, start=13.9, tool=3))
+    stop = program.index("(fm - edge 1 ends after 13.90 min - change the edge)\nM0\nT3 M6\nG43")
+    assert stop < program.index("G0 X") < program.index("G1 Z")
+    assert "(fm - edge 2, part 1, pass 1, minutes 0.00" in program
+
+
+def test_part_and_edge_are_changed_at_one_stop(turned):
+    program = nc_program(turned(parts=10, tool=None))
+    assert "(fm - part 9 is finished - load the next part)\n(fm - edge 1 ends after 13.79 min" in program
+
+
+@pytest.mark.parametrize(("inch", "place"), [(False, "G0 Z150.000\nG0 X200.000"), (True, "G0 Z5.9055\nG0 X7.8740")])
+def test_the_tool_stands_clear_of_the_work_at_each_stop(turned, inch, place):
+    made = turned(parts=2, inch=inch, retract=(200.0, 150.0))
+    program = nc_program(made)
+    assert program.count(place) == program.count("M5\n") == 2
+    assert "at each M0 and at the end the tool stands at X" in program
+    assert any("too near for hands: --retract" in words for words in turned(parts=2).notes)
+    with pytest.raises(UsageError, match="not clear of the work: give a diameter of at least 84 mm"):
+        turned(retract=(80.0, 150.0))
+
+
+def test_a_limit_that_the_plan_does_not_apply_is_named_first(turned):
+    pf = published("AC-2017")
+    limits = {**pf.limits.model_dump(), "responses": {"T": {"low": 15.0, "high": None, "unit": "min"}}}
+    made = turned(sealed(pf, limits=limits))
+    assert any(words.startswith("NOT CHECKED by the plan: the limit of T") for words in made.origin)
+
+
 def test_the_smaller_of_two_spindle_limits_counts_and_is_rounded_down(turned):
     pf = published("AC-2017")
     limits = {**pf.limits.model_dump(), "spindle_speed": {"low": 50.0, "high": 700.7, "unit": "1/min"}}

@@ -252,6 +252,8 @@ def export_format(kind: str, system: str | None = None) -> ControlFormat | Expor
     >>> export_format("hal").suffix
     '.hal'
     """
+    if kind.lower() in ("fanuc", "linuxcnc"):
+        raise UsageError(f"there is no export {kind!r}: an NC program for it is --to nc --dialect {kind.lower()}.")
     if kind not in FORMATS:
         raise UsageError(f"there is no export {kind!r}. {did_you_mean(kind, FORMATS, names='There are ')}")
     return FORMATS[kind] if system is None or kind in VALUES else SYSTEMS[system].formats[kind]

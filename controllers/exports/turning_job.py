@@ -17,6 +17,7 @@ FOOT: Final = 0.3048  # m
 MOST_PARTS: Final = 1000
 CLOSE: Final = 1e-9  # min, mm: rounding
 NEAR: Final = 0.01  # mm: diameters and lengths are typed
+CLEAR: Final = 2.0  # mm off the work
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,8 @@ class TurningJob:
         Program in inches and ft/min.
     tool : int or None
         None: no tool is called.
+    retract : tuple of float or None
+        Diameter and Z, mm, where the tool stands at each stop and at the end; None: where the last pass leaves it.
 
     Raises
     ------
@@ -69,6 +72,7 @@ class TurningJob:
     dialect: Dialect = "linuxcnc"
     inch: bool = False
     tool: int | None = None
+    retract: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name, value, known in (
@@ -88,6 +92,34 @@ class TurningJob:
             raise UsageError(f"--tool {self.tool}: give 1 to 99.")
         if not self.passes or not all(self.passes):
             raise UsageError("the part has no pass; give --diameter and --length, or --pass.")
+        largest = max(one.diameter for passed in self.passes for one in passed) + 2 * CLEAR
+        if self.retract is not None and not (
+            largest <= self.retract[0] < math.inf and CLEAR <= self.retract[1] < math.inf
+        ):
+            raise UsageError(
+                f"--retract {self.retract[0]:g}:{self.retract[1]:g} (mm) is not clear of the work: give a diameter "
+                f"of at least {largest:g} mm and a Z of at least {CLEAR:g} mm."
+            )
+
+    def coordinate(self, value: float) -> str:
+        """A coordinate in the unit of the program, with its point, which Fanuc needs."""
+        return f"{value:.4f}" if self.inch else f"{value:.3f}"
+
+    @property
+    def place(self) -> str:
+        """Where the tool stands while parts and edges are changed."""
+        k = INCH if self.inch else 1.0
+        if self.retract is not None:
+            return f"at X {self.retract[0] / k:.6g}, Z {self.retract[1] / k:.6g}"
+        far = "8:6" if self.inch else "200:150"
+        return f"{CLEAR / k:.2g} {self.length_unit} off the work, too near for hands: --retract {far} takes it away"
+
+    def away(self) -> list[str]:
+        """Blocks that take the tool to the place of ``retract``, first along Z; none without one."""
+        if self.retract is None:
+            return []
+        X, Z = (self.coordinate(value / (INCH if self.inch else 1.0)) for value in self.retract)
+        return [f"G0 Z{Z}", f"G0 X{X}"]
 
     @property
     def length_unit(self) -> str:
@@ -264,6 +296,11 @@ class TurningPlan:
     def edges(self) -> int:
         """Edges used."""
         return self.moves[-1].edge
+
+    @property
+    def minutes(self) -> float:
+        """Minutes in the cut."""
+        return sum(move.end - move.start for move in self.moves)
 
     @property
     def left(self) -> float:

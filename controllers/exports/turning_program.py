@@ -11,7 +11,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from textwrap import wrap
 from typing import TYPE_CHECKING, Final
@@ -23,7 +23,7 @@ from ...parameters.exports.names import plain, plain_lines, plain_unit
 from ...parameters.exports.view import NO_SAFETY, require_check
 from ...parameters.file_format import content_sha256
 from ..recursion.plan import Plan, PlanOptions, plan_of
-from .turning_job import FOOT, INCH, Move, TurningJob, TurningPlan
+from .turning_job import CLEAR, FOOT, INCH, Move, TurningJob, TurningPlan
 from .turning_plan import SETTLE, part_plan
 
 if TYPE_CHECKING:
@@ -38,7 +38,6 @@ NOT_IN_NC: Final = (
     "the wear itself: the plan follows the minutes in the cut, so inspect the edge",
 )
 NOT_IN_CSV: Final = ("the laws and their uncertainty",)
-CLEAR: Final = 2.0  # mm off the work
 WIDTH: Final = 100
 RISK: Final = 0.05  # of new edges: more that are worn out within the plan are worth a shorter one
 
@@ -86,16 +85,15 @@ class TurningExport:
         count = f"{last.part} part{'s' * (last.part > 1)}, {part.edges} edge{'s' * (part.edges > 1)}"
         of, spent = "" if part.edge.others else f" of {part.edge.end:.4g}", math.ceil(100 * last.end) / 100
         after = f"the last edge has then cut {spent:.2f}{of} min: go on with --from {spent:.2f}min"
-        return (f"{count}, {len(part.moves)} cuts, {_minutes(part):.4g} min in the cut", after)
+        return (
+            f"{count}, {len(part.moves)} cut{'s' * (len(part.moves) > 1)}, {part.minutes:.4g} min in the cut",
+            after,
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Lines for the person who exports it."""
         return (*self.summary, *self.origin[1:-1], *self.remarks)
-
-
-def _minutes(part: TurningPlan) -> float:
-    return sum(move.end - move.start for move in part.moves)
 
 
 def turning_export(
@@ -133,7 +131,7 @@ def turning_export(
     return TurningExport(
         plan=plan,
         part=part,
-        origin=(pair, *([said] if said else []), *verdicts, *outside, checksum),
+        origin=(pair, *([said] if said else []), *verdicts, *_unchecked(pf), *outside, checksum),
         remarks=(
             *NO_SAFETY, "calculated from the laws of the file, not measured: watch the first part and inspect the edge",
             *_chance(plan), *_settings(plan, inch), *([] if part is None else _words_of(part)),
@@ -142,6 +140,13 @@ def turning_export(
         marks=(*([said] if said else []), *(line for line in verdicts if line.startswith("VERDICT ACCEPTED"))),
         inch=inch,
     )  # fmt: skip
+
+
+def _unchecked(pf: "ParameterFile") -> tuple[str, ...]:
+    """The limits that the plan does not apply."""
+    names = ", ".join(() if pf.limits is None else pf.limits.responses)
+    words = f"NOT CHECKED by the plan: the limit of {names}; predict it at the plan's V and f, and narrow their ranges"
+    return (words,) if names else ()
 
 
 def _chance(plan: Plan) -> tuple[str, ...]:
@@ -188,6 +193,7 @@ def _words_of(part: TurningPlan) -> tuple[str, ...]:
         *(["feed per revolution needs a spindle encoder"] if job.feed == "G95" else []),
         f"at a change of speed in the cut the smaller feed holds for {SETTLE:g} s, and the spindle has {SETTLE:g} s "
         "before each pass",
+        f"at each M0 and at the end the tool stands {job.place}",
         *(["speed or feed is lowered below the plan in some cuts, for the limits of spindle and feed speed"]
           if any(move.lowered for move in part.moves) else []),
     )  # fmt: skip
@@ -250,7 +256,7 @@ class _Linuxcnc:
         return self.job.feed
 
     def end(self) -> list[str]:
-        return ["M5", "M2"]
+        return ["M5", *self.job.away(), "M2"]
 
 
 class _Fanuc(_Linuxcnc):
@@ -282,7 +288,7 @@ class _Fanuc(_Linuxcnc):
         return "G99" if self.job.feed == "G95" else "G98"
 
     def end(self) -> list[str]:
-        return ["M5", "M30"]
+        return ["M5", *self.job.away(), "M30"]
 
 
 MARKS: Final = str.maketrans({"(": "[", ")": "]", "'": None, '"': None, ":": " -", ";": ","})
@@ -295,27 +301,27 @@ def _unmarked(words: str) -> str:
 
 def _cuts(part: TurningPlan, writer: _Linuxcnc) -> Iterator[str]:
     """Blocks of all passes, with the changes of edges and parts."""
-    job, before = part.job, part.moves[0]
+    job, before = part.job, replace(part.moves[0], edge=1, part=1, end=part.job.start)
     k = INCH if job.inch else 1.0
     clear = CLEAR / k
     for (edge, of, number), group in groupby(part.moves, key=lambda m: (m.edge, m.part, m.number)):
         moves = list(group)
-        if edge != before.edge:
-            yield from ("M5", writer.comment(f"edge {before.edge} ends after {before.end:.2f} min: change the edge"))
-            yield from ("M0", *writer.tool())
-        elif of != before.part:
-            yield from ("M5", writer.comment(f"part {before.part} is finished: load the next part"), "M0")
+        done = [f"part {before.part} is finished: load the next part"] * (of != before.part)
+        done += [f"edge {before.edge} ends after {before.end:.2f} min: change the edge"] * (edge != before.edge)
+        if done:
+            yield from ("M5", *job.away(), *map(writer.comment, done), "M0")
+            yield from writer.tool() if edge != before.edge else ()
         before = moves[-1]
         first = moves[0]
         yield writer.comment(f"edge {edge}, part {of}, pass {number}, minutes {first.start:.2f} to {before.end:.2f}")
         away = max(one.diameter for one in moves) / k + 2 * clear
-        yield f"G0 X{_number(away, job)} Z{_number(clear, job)}"
+        yield f"G0 X{job.coordinate(away)} Z{job.coordinate(clear)}"
         yield writer.start(_plain(first.S))
-        yield f"G0 X{_number(first.X, job)}"
+        yield f"G0 X{job.coordinate(first.X)}"
         yield writer.wait()
         yield from _pass_blocks(moves, writer)
-        yield f"G0 X{_number(away, job)}"
-        yield f"G0 Z{_number(clear, job)}"
+        yield f"G0 X{job.coordinate(away)}"
+        yield f"G0 Z{job.coordinate(clear)}"
 
 
 def _pass_blocks(moves: list[Move], writer: _Linuxcnc) -> Iterator[str]:
@@ -323,21 +329,16 @@ def _pass_blocks(moves: list[Move], writer: _Linuxcnc) -> Iterator[str]:
     for k, move in enumerate(moves):
         words = [writer.feed_mode()] if k == 0 else []
         if move.X != X:
-            yield " ".join([*words, f"G1 X{_number(move.X, job)} F{_plain(move.F)}"])
+            yield " ".join([*words, f"G1 X{job.coordinate(move.X)} F{_plain(move.F)}"])
             words, X = [], move.X
         words += [f"S{_plain(move.S)}"] if move.S != S else []
         S = move.S
-        yield " ".join([*words, f"G1 Z{_number(move.Z, job)} F{_plain(move.F)}"])
+        yield " ".join([*words, f"G1 Z{job.coordinate(move.Z)} F{_plain(move.F)}"])
 
 
 def _plain(value: float) -> str:
     """A word without exponent."""
     return f"{value:.6f}".rstrip("0").rstrip(".")
-
-
-def _number(value: float, job: TurningJob) -> str:
-    """A coordinate with its point, which Fanuc needs."""
-    return f"{value:.4f}" if job.inch else f"{value:.3f}"
 
 
 def csv_table(made: TurningExport) -> str:

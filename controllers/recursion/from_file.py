@@ -64,7 +64,8 @@ def life_laws(
         raise UsageError(f"d {d!r} mm: give a depth of cut above zero.")
     fixed, notes = {**(at or {}), "d": d}, list[str]()
     if limits.responses:
-        notes.append(f"The recursion does not apply the limits of {', '.join(limits.responses)}.")
+        names = ", ".join(limits.responses)
+        notes.append(f"The recursion does not apply the limits of {names}: narrow the range of feed or speed for them.")
     return LifeLaws(
         wear=_terms(wear, wear, criterion, fixed, by, notes),
         power=_limited(pf, "power", wear, fixed, by, notes),
