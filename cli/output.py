@@ -155,7 +155,8 @@ WHOLE: Final = {  # other advice in terms of Python, and the same in terms of th
     "(rec.centred(trend=True))": "(--trend)",
     "or identify with nk=1": "or identify with --orders NA,NB,1",
     "; fit rec.centred().": "; subtract the means of the record.",
-    "collect it with limits={'wear': 0.3, ...}": "write it into the file: fitmodels limits PARAMS AW=0.3mm",
+    "collect it with limits={'wear': 0.3, ...}": "write it into the file: fitmodels limits PARAMS AW=0.3mm, or "
+    "VB=0.3mm by the name of its wear law",
     "give collect(adaptive_force=...) its estimates and settings": "fitmodels ident RUN --as force-process --params "
     "PARAMS adds one",
     "; add it with collect(roughness=...)": "; the file of a laboratory has none",

@@ -45,6 +45,11 @@ def changed(pf, **fields):
     return sealed(pf, roughness={**pf.roughness.model_dump(), **fields})
 
 
+def with_limits(pf, **limits):
+    held = {} if pf.limits is None else pf.limits.model_dump()
+    return sealed(pf, limits={**held, **limits})
+
+
 def commanded(controller, forces):
     return np.array([controller.step(force, DT) for force in forces])
 
@@ -70,6 +75,27 @@ def test_the_published_file_holds_the_papers_numbers_and_passes_the_check(pf):
 def test_a_file_read_back_makes_the_same_controller(pf, tmp_path):
     again = read(write(pf, tmp_path / "params.json"))
     assert ConstantRoughness.from_parameters(again) == ConstantRoughness.from_parameters(pf)
+
+
+def test_the_limit_of_force_in_the_file_is_the_overload_and_lies_above_the_reference(pf):
+    """A limit of force was not used: the control let twice the reference pass."""
+    free = ConstantRoughness.from_parameters(pf)
+    force = free.references[0][1]
+    assert free.loop.overload_at == pytest.approx(2.1 * force)
+    limited = ConstantRoughness.from_parameters(with_limits(pf, force={"value": 0.7, "unit": "kN", "of": "F"}))
+    assert limited.loop.overload_at == pytest.approx(700.0)
+    other = ConstantRoughness.from_parameters(with_limits(pf, force={"value": 0.7, "unit": "kN", "of": "Fxz"}))
+    assert other.loop == free.loop
+    with pytest.raises(ParameterError, match="F at most 500 N, but the reference force is"):
+        ConstantRoughness.from_parameters(with_limits(pf, force={"value": 500.0, "unit": "N", "of": None}))
+
+
+def test_a_spindle_speed_beyond_the_limits_of_the_file_is_refused(pf):
+    spindle = {"low": 50.0, "high": 600.0, "unit": "rev/min"}
+    pf = changed(pf, spindle_speed=610.0)
+    with pytest.raises(ParameterError, match="Spindle speed 610 1/min: the limits of the file are 50 to 600 1/min"):
+        ConstantRoughness.from_parameters(with_limits(pf, spindle_speed=spindle))
+    assert ConstantRoughness.from_parameters(with_limits(pf, spindle_speed={**spindle, "high": 610.0}))
 
 
 def test_table_1_has_eight_rows_and_no_ninth():

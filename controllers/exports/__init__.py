@@ -196,10 +196,13 @@ def _adaptive_force(pf: "ParameterFile", job: ExportJob) -> GatedControl:
 
 
 def _force_notes(pf: "ParameterFile", control: GatedControl) -> tuple[str, ...]:
-    found = (check_roughness if control.loop.law == "ratio" else check_adaptive_force)(pf)
+    ratio = control.loop.law == "ratio"
+    found = (check_roughness if ratio else check_adaptive_force)(pf)
+    law = pf.roughness.law if ratio and pf.roughness is not None else "adaptive_force"
+    held = (*require_verdicts(pf, accepted=True, only=(law,)), *(f.words for f in found if f.passed is None))
     tried = (f"{f.name}: {f.words}" for f in found if f.passed and f.name in SIMULATED)
     assumed = (f"assumed: {words}" for words in control.view.assumed)
-    return (*control.view.verdicts, *tried, *assumed)
+    return (*held, *tried, *assumed)
 
 
 FORCE: Final = {kind: CONTROLS[kind] for kind in ("st", "c", "comp", "fmu")}

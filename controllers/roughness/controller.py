@@ -13,9 +13,12 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, Literal, Self
 
+import numpy as np
+
 from ...core.display import Displayable
 from ...core.errors import ParameterError, UsageError
-from ...parameters.exports.loop import BACK_OFF, RECOVER, STUCK_AFTER, LoadLoop, monitoring
+from ...datasets.units import convert
+from ...parameters.exports.loop import BACK_OFF, OVERLOAD_SHARE, RECOVER, STUCK_AFTER, LoadLoop, monitoring
 from ..constant_load_milling.controller import ConstantLoad
 from .reference import reference_force, settings_of
 
@@ -28,6 +31,7 @@ WAIT = 0.3  # s above the threshold, where the file has no time
 HYSTERESIS: Final = 0.25  # of the threshold, whole width: above a change of the force by 10 % either way
 DRIFT: Final = 0.1  # of the reference, at least the threshold: a more negative force is no drift of the zero
 HIGHEST: Final = 20.0  # times the reference: a larger force is that of a broken sensor
+NEAR: Final = 1e-9  # of a limit: rounding
 OVERLOAD: Final = 2.0  # times the reference that a tool withstands, where nothing is known of it
 
 
@@ -57,6 +61,8 @@ class ConstantRoughness(Displayable):
     force_low, force_high : float or None
         N: a reading at or beyond these is invalid. None: minus the threshold or a tenth of the reference, and 20 times
         the reference.
+    force_most : float or None
+        N: a mean force above the limit of the file is an overload; at most 2.1 times the reference.
     stuck_after : float
         s; 0 for a simulated force without noise.
     labels : tuple of str
@@ -91,6 +97,7 @@ class ConstantRoughness(Displayable):
     reading: Literal["servo", "command"] = "servo"
     force_low: float | None = None
     force_high: float | None = None
+    force_most: float | None = None
     stuck_after: float = STUCK_AFTER
     labels: tuple[str, str] = ("feed, mm/rev", "force, N")
     control: ConstantLoad = field(init=False, compare=False)
@@ -128,7 +135,7 @@ class ConstantRoughness(Displayable):
         Raises
         ------
         ParameterError
-            The file lacks a setting, or its limits exclude every feed.
+            The file lacks a setting, or its limits exclude every feed, the spindle speed or the reference force.
         UsageError
             The schedule is not in order, or a roughness has no force.
         """
@@ -138,9 +145,10 @@ class ConstantRoughness(Displayable):
         times = [0.0, *(time for time, _ in schedule)]
         if not all(before < after for before, after in pairwise(times)):
             raise UsageError(f"the schedule {list(schedule)}: give increasing times above 0.")
-        changes = ((time, reference_force(pf, Ra)) for time, Ra in schedule)
+        references = ((0.0, reference_force(pf)), *((time, reference_force(pf, Ra)) for time, Ra in schedule))
+        _require_spindle(pf)
         return cls(
-            references=((0.0, reference_force(pf)), *changes),
+            references=references,
             programmed=programmed,
             low=low,
             high=high,
@@ -151,6 +159,7 @@ class ConstantRoughness(Displayable):
             reading=feed,
             force_low=section.force_low,
             force_high=section.force_high,
+            force_most=_force_limit(pf, max(force for _, force in references)),
             stuck_after=stuck_after,
         )
 
@@ -167,10 +176,15 @@ class ConstantRoughness(Displayable):
             back_off=span / BACK_OFF, recover=span / RECOVER,
             load_low=drift if self.force_low is None else self.force_low,
             load_high=HIGHEST * largest if self.force_high is None else self.force_high,
-            worn_load=OVERLOAD * largest, stuck_after=self.stuck_after, law="ratio",
+            worn_load=self._withstood(largest), stuck_after=self.stuck_after, law="ratio",
             approach=min(max(self.programmed, self.low), self.high) / self.high,
             servo_time=self.servo_time if self.reading == "servo" else 0.0,
         )  # fmt: skip
+
+    def _withstood(self, largest: float) -> float:
+        """Force that a tool withstands, N: an overload is 1.05 times it."""
+        assumed = OVERLOAD * largest
+        return assumed if self.force_most is None else min(assumed, self.force_most / OVERLOAD_SHARE)
 
     @property
     def acting(self) -> bool:
@@ -221,14 +235,44 @@ def assumed_settings(pf: "ParameterFile") -> tuple[str, ...]:
         assumed.append(f"force_low {loop.load_low:.4g} N, minus the threshold or a tenth of the reference")
     if section.force_high is None:
         assumed.append(f"force_high {loop.load_high:.4g} N, {HIGHEST:g} times the reference")
+    limited = loop.worn_load < OVERLOAD * max(force for _, force in control.references)
+    unknown = f"1.05 times {OVERLOAD:g} times the reference: the file holds no force that the tool withstands"
+    why = "the limit of force in the file" if limited else unknown
     return (
         *assumed,
-        f"overload above {loop.overload_at:.4g} N, 1.05 times {OVERLOAD:g} times the reference: the file holds no "
-        "force that the tool withstands",
+        f"override 1 is the upper limit, {control.high:.4g} mm/rev: the program commands that F, or the control reads "
+        "the requested feed",
+        f"overload above {loop.overload_at:.4g} N, {why}",
         f"hysteresis {loop.hysteresis:.4g} N: a cut begins at the threshold and ends that much below it",
         f"feed out of the cut down by {loop.back_off:.4g} and up by {loop.recover:.4g} of the upper limit per s",
         *monitoring(loop),
     )
+
+
+def _force_limit(pf: "ParameterFile", largest: float) -> float | None:
+    """The limit of the controlled force, N, above the largest reference; None without one."""
+    bound, symbol = None if pf.limits is None else pf.limits.force, pf.laws[settings_of(pf).law].factors[0].symbol
+    if bound is None or bound.of not in (None, symbol):
+        return None
+    most = float(convert(np.array([bound.value]), bound.unit, "N")[0])
+    if most <= largest:
+        raise ParameterError(
+            f"limits.force: {symbol} at most {most:.4g} N, but the reference force is {largest:.4g} N; require a finer "
+            "surface, or raise the limit."
+        )
+    return most
+
+
+def _require_spindle(pf: "ParameterFile") -> None:
+    """Refuse a spindle speed beyond the limits of the file."""
+    n, limit = settings_of(pf).spindle_speed, None if pf.limits is None else pf.limits.spindle_speed
+    if n is None or limit is None:
+        return
+    low, high = convert(np.array([limit.low, limit.high]), limit.unit, "1/min")
+    if not low * (1 - NEAR) <= n <= high * (1 + NEAR):
+        raise ParameterError(
+            f"Spindle speed {n:g} 1/min: the limits of the file are {low:g} to {high:g} 1/min; give n within them."
+        )
 
 
 def _threshold(section: "RoughnessSection") -> float:
