@@ -9,6 +9,7 @@ from textwrap import wrap
 from typing import Final
 
 from ...parameters.exports.loop import LoadLoop
+from ...parameters.exports.view import ExportView
 from ..constant_load_milling.states import states_of
 from ..gate import GatedControl
 
@@ -52,8 +53,7 @@ _UNITS: Final = {
 
 def c_file(control: GatedControl) -> str:
     """Content of the C file."""
-    head = "".join(f" * {c_text(line)}\n" for line in c_head(control, NOT_IN_C))
-    return f"/*\n{head} */\n{c_controller(control.loop)}"
+    return c_comment(c_head(control, NOT_IN_C)) + c_controller(control.loop)
 
 
 def c_controller(loop: LoadLoop) -> str:
@@ -94,15 +94,24 @@ def _settings(loop: LoadLoop) -> str:
 def c_head(control: GatedControl, not_carried: tuple[str, ...]) -> tuple[str, ...]:
     """Lines of the head: origin, units, states, limits of use, assumptions and what is not carried."""
     view, loop = control.view, control.loop
-    pair, *origin = view.origin
     words = (
         f"load in {loop.unit_load}, feed in {loop.unit_feed}, override = feed / {loop.feed_programmed:.15g}",
         f"load {loop.reference:.6g}, override {loop.low:.4g} to {loop.high:.4g}, one call each {loop.sample_time:g} s",
         *(f"state {int(row.state)} {row.state.name}: {row.condition}; feed: {row.feed}" for row in states_of(loop.law)),
         *view.remarks(not_carried),
     )
-    title = f"{view.made_by}: {TITLES[loop.law]}, controller in C"
-    return (title, pair, *origin, *(part for line in words for part in wrap(line, WIDTH, subsequent_indent="    ")))
+    return head_lines(view, f"{TITLES[loop.law]}, controller in C", words)
+
+
+def head_lines(view: ExportView, title: str, words: tuple[str, ...]) -> tuple[str, ...]:
+    """Lines of a head: program and title, origin, and the words in lines of ``WIDTH``."""
+    wrapped = (part for line in words for part in wrap(line, WIDTH, subsequent_indent="    "))
+    return (f"{view.made_by}: {title}", *view.origin, *wrapped)
+
+
+def c_comment(lines: tuple[str, ...]) -> str:
+    """A C comment of these lines."""
+    return "/*\n" + "".join(f" * {c_text(line)}\n" for line in lines) + " */\n"
 
 
 def c_text(words: str) -> str:

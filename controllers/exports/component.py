@@ -4,7 +4,6 @@ Unlike the HAL export it reads the requested feed, so that the limits hold in th
 program's F and the operator's override are. Its HAL lines stand in its head, marked ``//|``.
 """
 
-from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -15,7 +14,6 @@ from ...parameters.exports.loop import LoadLoop
 from ..gate import GatedControl
 from .c_source import c_controller, c_head, c_text
 from .fmu import ControlSource, Variable
-from .st import real
 
 COMPONENT: Final = "fm_control"
 SERVO_PERIOD: Final = 0.002  # s: a longer period gets a thread of its own
@@ -147,13 +145,19 @@ def component_file(control: GatedControl) -> str:
     head = (
         *c_head(control, NOT_IN_COMPONENT),
         "The program commands M52 P1 before cuts and M52 P0 before rapids; an F below the upper limit is not raised.",
-        f"Compile with halcompile --install {COMPONENT}.comp; the file has the name of the component.",
-        "Load the HAL lines that follow after the HAL files of the machine, without their first 4 characters.",
+        *_installation(COMPONENT),
     )
     names = {"load": c_text(loop.unit_load), "feed": c_text(loop.unit_feed), "low": loop.low}
     lines = "".join(f"//| {line}\n" for line in hal_lines(loop).splitlines())
     title = "".join(f"// {c_text(line)}\n" for line in head)
     return f"{title}{lines}{_PINS.format(**names)}{c_controller(loop)}{_FUNCTIONS}"
+
+
+def _installation(component: str) -> tuple[str, ...]:
+    return (
+        f"Compile with halcompile --install {component}.comp; the file has the name of the component.",
+        "Load the HAL lines that follow after the HAL files of the machine, without their first 4 characters.",
+    )
 
 
 def hal_lines(loop: LoadLoop) -> str:
@@ -230,25 +234,9 @@ def component_of(
     options = "".join(f"option {name} yes;\n" for name in ("singleton", "extra_setup", "no_convenience_defines"))
     code = _STEP.format(prefix=source.prefix, init=source.init, step=source.step, inputs=inputs, outputs=outputs)
     return (
-        "".join(f"// {c_text(line)}\n" for line in head) + lines + f'component {source.model} "{title}";\n'
+        "".join(f"// {c_text(line)}\n" for line in (*head, *_installation(source.model)))
+        + lines
+        + f'component {source.model} "{title}";\n'
         'description "See the head of the source file for pins, causes and limits.";\n'
         f'{pins}{options}function _ fp;\nlicense "BSD-3-Clause";\n;;\n{source.text}{code}'
     )
-
-
-def st_list(values: Iterable[float]) -> str:
-    """Literals of an array."""
-    return ", ".join(real(value) for value in values)
-
-
-def st_interface(variables: tuple[Variable, ...]) -> str:
-    """Inputs and outputs of a function block."""
-    kinds, out = {"Real": "LREAL", "Boolean": "BOOL", "Integer": "DINT"}, ""
-    for causality, section in (("input", "VAR_INPUT"), ("output", "VAR_OUTPUT")):
-        out += f"{section}\n"
-        for v in variables:
-            if v.causality == causality:
-                unit = f", {v.unit}" if v.unit else ""
-                out += f"  {v.name} : {kinds[v.kind]} := {v.start.upper()}; (* {c_text(v.words + unit)} *)\n"
-        out += "END_VAR\n"
-    return out

@@ -7,7 +7,6 @@ wear are those of `fitmodels.controllers.recursion.plan`, which the replay runs.
 from dataclasses import dataclass, field
 from math import isfinite, pi
 from pathlib import Path
-from textwrap import wrap
 from typing import TYPE_CHECKING, Final
 
 from ...core.errors import GateError, UsageError
@@ -15,10 +14,10 @@ from ...parameters.exports.view import ExportView, require_check, view_of_laws
 from ..recursion.laws import response_at_end
 from ..recursion.plan import Plan, diameter_of, plan_of
 from ..region.log_planes import ratio
-from .c_source import WIDTH, c_text, with_settings
-from .component import component_of, st_interface, st_list
+from .c_source import c_comment, head_lines, with_settings
+from .component import component_of
 from .fmu import ControlSource, Variable, fmu_archive
-from .st import LONGEST_NAME, real
+from .st import function_block, real, st_list
 from .turning_program import TurningRequest
 
 if TYPE_CHECKING:
@@ -261,21 +260,19 @@ def plan_notes(pf: "ParameterFile", control: PlanControl) -> tuple[str, ...]:
 def _head(control: PlanControl, what: str, not_carried: tuple[str, ...], cycle: str) -> tuple[str, ...]:
     view = control.view
     words = (cycle, *control.words, f"causes of a fault: {CAUSES}", *view.remarks(not_carried))
-    title = f"{view.made_by}: plan of speed and feed over the life of an edge, {what}"
-    return (title, *view.origin, *(part for line in words for part in wrap(line, WIDTH, subsequent_indent="    ")))
+    return head_lines(view, f"plan of speed and feed over the life of an edge, {what}", words)
 
 
 def plan_c(control: PlanControl) -> str:
     """The C source with rows and settings as ``plan_settings``."""
     cycle = f"one call each {control.settings['sample_time']:g} s, with the measured period"
-    head = "".join(f" * {c_text(line)}\n" for line in _head(control, "in C", NOT_IN_PLAN, cycle))
-    return f"/*\n{head} */\n{plan_source(control)}"
+    return c_comment(_head(control, "in C", NOT_IN_PLAN, cycle)) + plan_source(control)
 
 
 def plan_source(control: PlanControl) -> str:
     """``plan_table.c`` with rows and settings."""
     rows = "".join(f"    {{{', '.join(f'(PlanReal){v!r}' for v in row)}}},\n" for row in control.rows)
-    values = {**{k: v for k, v in control.settings.items() if k != "rows"}}
+    values = {k: v for k, v in control.settings.items() if k != "rows"}
     lines = [f"    {f'(PlanReal){v!r}' if isinstance(v, float) else v}, /* {name} */\n" for name, v in values.items()]
     table = f"    plan_rows, {control.settings['rows']},\n"
     lines.insert(list(values).index("slowest"), table)
@@ -362,8 +359,6 @@ def plan_component(control: PlanControl) -> str:
     head = (
         *_head(control, "LinuxCNC component", NOT_IN_PLAN, "in a thread of any period up to 1 s"),
         f"the program runs G95 F{control.settings['feed_programmed']:g} and M52 P1, and M52 P0 before rapids",
-        "Compile with halcompile --install fm_plan.comp; the file has the name of the component.",
-        "Load the HAL lines that follow after the HAL files of the machine, without their first 4 characters.",
     )
     title = "Plan of speed and feed over the life of an edge."
     return component_of(_source(control, plan_source(control)), _variables(control), head, _HAL, title)
@@ -371,7 +366,7 @@ def plan_component(control: PlanControl) -> str:
 
 def plan_st(control: PlanControl) -> str:
     """Content of the file with the function block."""
-    s, view = control.settings, control.view
+    s = control.settings
     powers = (
         [wear ** (1 / s["wear_exponent"]) for *_, wear in control.rows]
         if s["wear_state"]
@@ -387,10 +382,6 @@ def plan_st(control: PlanControl) -> str:
     constants += f"  DIAMETER_READ : BOOL := {str(s['diameter_low'] < s['diameter_high']).upper()};\n"
     constants += f"  WEAR_STATE : BOOL := {str(bool(s['wear_state'])).upper()};\n"
     head = _head(control, "structured text", NOT_IN_PLAN_ST, f"call once every {s['sample_time']:g} s")
-    name = f"FB_PLAN_{view.name}"[:LONGEST_NAME].rstrip("_")
     first, wear, rest = Path(__file__).with_name("plan_table.st").read_text("ascii").split("(* expected wear *)\n")
-    return (
-        "".join(f"(* {c_text(line)} *)\n" for line in head) + f"FUNCTION_BLOCK {name}\n"
-        f"{st_interface(_variables(control))}VAR CONSTANT\n{constants}{tables}END_VAR\n"
-        f"{first}{wear}{rest}{wear}END_FUNCTION_BLOCK\n"
-    )
+    statements = first + wear + rest + wear
+    return function_block(f"PLAN_{control.view.name}", head, _variables(control), constants + tables, statements)

@@ -7,7 +7,6 @@ are those of `fitmodels.controllers.visible_region`, with depth, time, wear and 
 from dataclasses import dataclass
 from math import log, pi
 from pathlib import Path
-from textwrap import wrap
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -17,11 +16,11 @@ from ...core.errors import GateError, UsageError
 from ...parameters.exports.view import ExportView, require_check, view_of_laws
 from ..region.limits import box, limited, merged, required_wear_law
 from ..region.log_planes import USUAL, CutSetting, plane, ratio
-from .c_source import WIDTH, c_text, with_settings
-from .component import component_of, st_interface, st_list
+from .c_source import c_comment, c_text, head_lines, with_settings
+from .component import component_of
 from .fmu import ControlSource, Variable, fmu_archive
 from .plan_table import DIAMETER_RATE, ExportJob, machine_range, period_of
-from .st import LONGEST_NAME, real
+from .st import function_block, real, st_list
 
 if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
@@ -254,15 +253,13 @@ def region_notes(pf: "ParameterFile", control: RegionControl) -> tuple[str, ...]
 def _head(control: RegionControl, what: str, not_carried: tuple[str, ...], cycle: str) -> tuple[str, ...]:
     view = control.view
     words = (cycle, *control.listed, *control.words, f"causes of a fault: {CAUSES}", *view.remarks(not_carried))
-    title = f"{view.made_by}: limits on speed and feed, {what}"
-    return (title, *view.origin, *(part for line in words for part in wrap(line, WIDTH, subsequent_indent="    ")))
+    return head_lines(view, f"limits on speed and feed, {what}", words)
 
 
 def region_c(control: RegionControl) -> str:
     """The C source with the limits as ``region_settings``."""
     cycle = f"one call each {control.sample_time:g} s, with the measured period"
-    head = "".join(f" * {c_text(line)}\n" for line in _head(control, "in C", NOT_IN_REGION, cycle))
-    return f"/*\n{head} */\n{region_source(control)}"
+    return c_comment(_head(control, "in C", NOT_IN_REGION, cycle)) + region_source(control)
 
 
 def _limit_c(row: RegionRow) -> str:
@@ -350,8 +347,6 @@ def region_component(control: RegionControl) -> str:
     head = (
         *_head(control, "LinuxCNC component", NOT_IN_REGION, "in a thread of any period up to 1 s"),
         "the program runs M52 P1, and M52 P0 before rapids",
-        "Compile with halcompile --install fm_region.comp; the file has the name of the component.",
-        "Load the HAL lines that follow after the HAL files of the machine, without their first 4 characters.",
     )
     title = "Limits on cutting speed and feed."
     return component_of(_source(control, region_source(control)), _variables(control), head, _HAL, title)
@@ -376,10 +371,5 @@ def region_st(control: RegionControl) -> str:
     lines += [f"  {name} : LREAL := {real(value + 0.0)};\n" for name, value in values.items()]
     lines.append(f"  LIMITS : DINT := {count};\n  DIAMETER_READ : BOOL := {str(control.diameter_read).upper()};\n")
     head = _head(control, "structured text", NOT_IN_REGION_ST, f"call once every {control.sample_time:g} s")
-    name = f"FB_REGION_{control.view.name}"[:LONGEST_NAME].rstrip("_")
-    body = Path(__file__).with_name("region_check.st").read_text("ascii")
-    interface = st_interface(_variables(control))
-    return (
-        "".join(f"(* {c_text(line)} *)\n" for line in head)
-        + f"FUNCTION_BLOCK {name}\n{interface}VAR CONSTANT\n{''.join(lines)}END_VAR\n{body}END_FUNCTION_BLOCK\n"
-    )
+    statements = Path(__file__).with_name("region_check.st").read_text("ascii")
+    return function_block(f"REGION_{control.view.name}", head, _variables(control), "".join(lines), statements)

@@ -5,6 +5,7 @@ The arithmetic is that of `fitmodels.controllers.ConstantLoad`, sample by sample
 """
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from textwrap import indent, wrap
 from typing import Final
@@ -21,7 +22,8 @@ from ..constant_load_milling.controller import (
 )
 from ..constant_load_milling.states import STATES, states_of
 from ..gate import GatedControl
-from .c_source import TITLES
+from .c_source import TITLES, c_text
+from .fmu import Variable
 
 LONGEST_NAME = 30  # significant characters of a name in older controllers
 LONGEST_LINE, LARGEST_COUNT = 116, 2**31 - 1  # characters of a comment; value of a DINT
@@ -63,9 +65,42 @@ def structured_text(control: GatedControl) -> str:
         A time of the loop has more samples than a DINT holds.
     """
     view, loop = control.view, control.loop
-    name = f"FB_{view.name}"[:LONGEST_NAME].rstrip("_")
+    name = _block_name(view.name)
     variables = _variables(loop) + _constants(loop)
     return f"{_head(control)}FUNCTION_BLOCK {name}\n{variables}\n{_law(loop)}END_FUNCTION_BLOCK\n"
+
+
+def _block_name(name: str) -> str:
+    return f"FB_{name}"[:LONGEST_NAME].rstrip("_")
+
+
+def function_block(
+    name: str, head: tuple[str, ...], variables: tuple[Variable, ...], constants: str, statements: str
+) -> str:
+    """Content of a file with one function block: its head as comments, its interface, constants and statements."""
+    comments = "".join(f"(* {c_text(line)} *)\n" for line in head)
+    return (
+        f"{comments}FUNCTION_BLOCK {_block_name(name)}\n{_interface(variables)}"
+        f"VAR CONSTANT\n{constants}END_VAR\n{statements}END_FUNCTION_BLOCK\n"
+    )
+
+
+def st_list(values: Iterable[float]) -> str:
+    """Literals of an array."""
+    return ", ".join(real(value) for value in values)
+
+
+def _interface(variables: tuple[Variable, ...]) -> str:
+    """Inputs and outputs of a function block."""
+    kinds, out = {"Real": "LREAL", "Boolean": "BOOL", "Integer": "DINT"}, ""
+    for causality, section in (("input", "VAR_INPUT"), ("output", "VAR_OUTPUT")):
+        out += f"{section}\n"
+        for v in variables:
+            if v.causality == causality:
+                unit = f", {v.unit}" if v.unit else ""
+                out += f"  {v.name} : {kinds[v.kind]} := {v.start.upper()}; (* {c_text(v.words + unit)} *)\n"
+        out += "END_VAR\n"
+    return out
 
 
 def real(value: float) -> str:
