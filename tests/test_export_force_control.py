@@ -1,4 +1,4 @@
-"""Constant roughness and adaptive force as running controls: each export is the replayed controller in every sample.
+"""Constant load, roughness and adaptive force as running controls: each export is the controller of the replay.
 
 Plain tests evaluate the text of the exports, the consumer tests compile it (cc, FMPy, halcompile).
 """
@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 from fitmodels.controllers.adaptive_force.controller import AdaptiveForceControl
 from fitmodels.controllers.adaptive_force.runs import steady_run
+from fitmodels.controllers.constant_load_milling.control_laws import loop_of
+from fitmodels.controllers.constant_load_milling.plant import MillingCut
+from fitmodels.controllers.constant_load_milling.runs import constant_load_run
 from fitmodels.controllers.exports import rendered
 from fitmodels.controllers.exports.c_source import c_controller, c_settings
 from fitmodels.controllers.exports.st import structured_text
@@ -126,13 +129,18 @@ def test_a_setting_of_the_law_out_of_range_is_refused_by_its_number(name, value)
 
 
 class Exported:
-    """The evaluated C text as a controller of a replay, its command in the unit of the feed."""
+    """The evaluated C text as a controller of a replay; an override of 1 commands ``full``."""
 
-    def __init__(self, loop) -> None:
+    def __init__(self, loop, full) -> None:
+        self.full = full
         self.loop, self.c, self.reference = loop, evaluated(c_controller(loop)), loop.reference
         self.state, self.inputs, self.out = (self.c["new"](name) for name in ("LoadState", "LoadInput", "LoadOutput"))
         assert self.c["load_control_init"](self.c["load_settings"], self.state) == 0
-        self.command, self.k = loop.feed_low, 0
+        self.command, self.k = loop.low * full, 0
+
+    @property
+    def worn(self):
+        return self.out.worn
 
     def step(self, force, dt):
         row = [dt, force, self.loop.feed_programmed, 1, 1, 0, self.k // 3 % 2, 0]
@@ -140,16 +148,35 @@ class Exported:
         for name, value in zip(INPUTS, row, strict=True):
             setattr(self.inputs, name, value)
         self.c["load_control_step"](self.c["load_settings"], self.state, self.inputs, self.out)
-        self.command = self.out.feed_override * self.loop.feed_high
+        self.command = self.out.feed_override * self.full
         return self.command
 
 
-def armed(loop):
+def armed(loop, full=None):
     """The exported controller with its spindle running for arm_after, as the replay begins."""
-    made = Exported(loop)
+    made = Exported(loop, full or loop.feed_high)
     made.state.spindle = made.state.n_arm
     made.state.alive, made.state.begun = made.state.n_beat, 1
     return made
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.003])  # A
+def test_the_closed_loop_of_constant_load_through_the_exported_code_is_the_replay(noise):
+    """A tool from sharp to worn, with the passes of the replay: each command, load and wear, and the tool change."""
+    pf = published("CLM-2023")
+    loop = loop_of(pf)
+    run = constant_load_run(pf, plant=MillingCut.from_parameters(pf, noise=noise))
+    samples, exported = len(run.trace.time), armed(loop, 1.0)
+    found = replay(
+        exported, MillingCut.from_parameters(pf, noise=noise), duration=samples * loop.sample_time,
+        dt=loop.sample_time, seed=1, record=("wear", "worn"),
+    )  # fmt: skip
+    assert run.worn
+    assert len(run.passes) > 10
+    np.testing.assert_allclose(found.command, run.trace.command, rtol=1e-12)
+    np.testing.assert_allclose(found.measurement, run.trace.measurement, rtol=1e-12)
+    np.testing.assert_allclose(found.recorded["wear"], run.trace.recorded["wear"], rtol=1e-12)
+    assert np.flatnonzero(found.recorded["worn"]).tolist() == [samples - 1]
 
 
 def test_the_closed_loop_of_constant_roughness_through_the_exported_code_is_the_replay():
