@@ -205,7 +205,7 @@ def test_c_and_structured_text_agree_on_every_input(consumer, tmp_path, seed):
     assert len(rows) > 1
 
 
-def test_power_on_holds_the_slowest_row_until_the_time_is_told():
+def test_power_on_holds_the_slowest_row_until_the_time_is_set():
     st = plan_in_st()
     out = st.call(diameter=60.0, cutting=True)
     slowest = (200.0, 0.205)
@@ -238,7 +238,7 @@ def test_time_and_worn_stay_through_a_reset_and_only_a_new_edge_clears_them():
     assert (out["worn"], out["feed_inhibit"], out["row"], out["elapsed_min"]) == (0, 0, 1, 0)
 
 
-def test_a_new_edge_told_in_the_cut_is_a_fault_and_keeps_the_time():
+def test_a_new_edge_set_in_the_cut_is_a_fault_and_keeps_the_time():
     st = plan_in_st()
     begun(st)
     st.call(new_edge=False)

@@ -586,7 +586,7 @@ def test_the_time_holds_whole_intervals_and_says_what_is_left(pf):
     assert "Of 5.7 min 5.5 are planned: whole intervals of 0.5 min." in plan.assumed
 
 
-def test_a_sequence_adds_wear_from_the_wear_reached_unless_told_otherwise(pf):
+def test_a_sequence_adds_wear_from_the_wear_reached_by_default(pf):
     """By the time a sequence gains by cutting slowly first, and exceeds the limits on an edge by the wear state."""
     asked = {"objective": "time", "time": 12.0, "grid": (25.0, 0.06)}
     plan, clock = (plan_of(pf, options=PlanOptions(**asked, wear_state=by)) for by in (None, False))

@@ -30,11 +30,11 @@ typedef PLAN_TABLE_REAL PlanReal;
 
 typedef enum {
     PLAN_NO_CAUSE,
-    PLAN_ELAPSED_UNKNOWN, /* since power on neither elapsed nor a new edge was told; a reset does not clear it */
+    PLAN_ELAPSED_UNKNOWN, /* since power on neither elapsed nor a new edge was set; a reset does not clear it */
     PLAN_PERIOD_WRONG,    /* the period is not above 0 and at most 1 s */
     PLAN_DIAMETER_WRONG,  /* outside its range, or it jumped */
     PLAN_WEAR_WRONG,      /* measured wear above ten times the criterion, or it fell below half of the last */
-    PLAN_TOLD_WRONG       /* a new edge or an elapsed time told in the cut, or an elapsed time that is none */
+    PLAN_ELAPSED_WRONG    /* new_edge or set_elapsed rose in the cut, or elapsed is out of range */
 } PlanCause;
 
 typedef struct {
@@ -223,14 +223,14 @@ static PlanReal plan_time_of(const PlanSettings *s, PlanReal wear)
     return plan_power(plan_power(start, h) + share * (plan_power(end, h) - plan_power(start, h)), (PlanReal)1 / h);
 }
 
-/* Step 1: what was told; a new edge clears what belongs to the last one. */
-static PlanCause plan_told(PlanState *x, const PlanInput *in)
+/* Step 1: a new edge, which clears what belongs to the last one, or an elapsed time. */
+static PlanCause plan_set_edge(PlanState *x, const PlanInput *in)
 {
-    const int fresh = in->new_edge && !x->last_new, told = in->set_elapsed && !x->last_set;
+    const int fresh = in->new_edge && !x->last_new, restored = in->set_elapsed && !x->last_set;
     x->last_new = in->new_edge != 0;
     x->last_set = in->set_elapsed != 0;
-    if ((fresh || told) && in->cutting) return PLAN_TOLD_WRONG;
-    if (told && !fresh && !plan_between(0, in->elapsed, (PlanReal)(PLAN_MOST / 60.0))) return PLAN_TOLD_WRONG;
+    if ((fresh || restored) && in->cutting) return PLAN_ELAPSED_WRONG;
+    if (restored && !fresh && !plan_between(0, in->elapsed, (PlanReal)(PLAN_MOST / 60.0))) return PLAN_ELAPSED_WRONG;
     if (fresh) {
         x->seconds = 0;
         x->rest = 0;
@@ -238,9 +238,9 @@ static PlanCause plan_told(PlanState *x, const PlanInput *in)
         x->worn = 0;
         x->last_wear = 0;
         x->overrun = 0;
-    } else if (told)
+    } else if (restored)
         plan_set_time(x, in->elapsed * (PlanReal)60);
-    if (!fresh && !told) return PLAN_NO_CAUSE;
+    if (!fresh && !restored) return PLAN_NO_CAUSE;
     x->known = 1;
     if (x->fault && x->cause == PLAN_ELAPSED_UNKNOWN) x->fault = 0;
     return PLAN_NO_CAUSE;
@@ -355,7 +355,7 @@ void plan_table_step(const PlanSettings *s, PlanState *x, const PlanInput *in, P
     }
     reset = in->reset && !x->last_reset;
     x->last_reset = in->reset != 0;
-    cause = plan_told(x, in);
+    cause = plan_set_edge(x, in);
     step = plan_count(s, x, in, &cause);
     found = plan_measured(s, x, in->wear);
     if (found != PLAN_NO_CAUSE) cause = found;

@@ -33,14 +33,14 @@ DIAMETER_RATE: Final = 1000.0  # mm/s: rapid traverse of 30 m/min in X
 SPIN_UP: Final = 2.0  # s from rest to the highest spindle speed
 NOT_IN_PLAN: Final = (
     "the optimisation: measured wear above the plan moves to a later row, it does not compute new pairs",
-    "the time in the cut through a power cut: keep the output elapsed, and tell it with set_elapsed",
+    "the time in the cut through a power cut: keep the output elapsed_min, and return it with set_elapsed",
     "the wiring: cutting, diameter, spindle and feed belong to the machine",
     "the laws and their covariance, the posterior and the dynamics",
 )
 NOT_IN_PLAN_ST: Final = ("the period of the task: set it to SAMPLE_TIME, all times scale with it", *NOT_IN_PLAN)
 CAUSES: Final = (
     "0 none, 1 elapsed time unknown, 2 period, 3 diameter out of its range or jumped, 4 measured wear, "
-    "5 told in the cut"
+    "5 new edge or elapsed time set in the cut, or no valid elapsed time"
 )
 _LIMIT = 1e-9  # of a limit
 
@@ -238,7 +238,7 @@ def _about(plan: Plan, settings: "Mapping[str, float | int]") -> tuple[str, ...]
         "feed_inhibit",
         f"feed_override is 1 at {settings['feed_programmed']:g} mm/rev: the program runs G95 with that F",
         diameter,
-        "not detected - a cut that is told as none, a diameter in its range that is wrong or stands still",
+        "not detected - a cut that is reported as none, a diameter in its range that is wrong or stands still",
         f"assumed: the spindle accelerates by {settings['spindle_rise']:.6g} 1/min in 1 s; feed_rate waits for it",
         f"assumed: measured wear up to {100 * WEAR_TOLERANCE:g} % above the plan has no effect",
         *(f"assumed: {words}" for words in plan.assumed),

@@ -30,7 +30,7 @@ ANY: Final = (1e-6, 1e6)  # range of a factor that no law has
 FACTORS: Final = ("V", "f", "d", "t", "D")
 NOT_IN_REGION: Final = (
     "the choice of a better pair: it states how far this one must be lowered, and never raises it",
-    "the time in the cut: the machine counts it for this edge, and tells 0 with a new one",
+    "the time in the cut: the machine counts it for this edge, and gives 0 for a new one",
     "the wiring: speed, feed before the override, depth, time and diameter belong to the machine",
     "the uncertainty of the laws: leave a margin to the limits, see the probabilities of fitmodels replay",
 )
