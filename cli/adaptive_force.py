@@ -235,7 +235,7 @@ def _number(text: str, to: str, word: str) -> float:
 
 
 def _choices(pf: "ParameterFile", section: "AdaptiveForceSection", args: argparse.Namespace) -> "ForceChoices":
-    """What the options choose, in the units of the section; earlier given times and readings are kept."""
+    """Choices of the options, in the units of the section; earlier given times and readings are kept."""
     from ..controllers.adaptive_force.derivation import GIVEN, ForceChoices
 
     turning, held = args.spindle or section.spindle_speed, section.sources

@@ -121,7 +121,7 @@ def _need_used(systems: list[str], asked: list[str]) -> None:
 
 
 def _not_replayed(pf: "ParameterFile", asked: str | None, done: list[str], options: "PlanOptions") -> list[str]:
-    """Why the recursion is not replayed of a file with a region and a wear criterion, which it seems to be for."""
+    """Reason why the recursion is not replayed of a file with a region and a wear criterion, where it is expected."""
     from ..cards import replays
 
     if asked is not None or "recursion" in done or "region" not in done or pf.limits is None or pf.limits.wear is None:

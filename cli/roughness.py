@@ -142,7 +142,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     out = Printer(quiet=args.quiet)
     feeds = f"The control commands {effective.low:.4g} to {effective.high:.4g} mm/rev, all limits of the file together."
-    for words in (*verdicts, *sentences(found, law), feeds):
+    for words in (*verdicts, *_sentences(found), feeds):
         out.show(words)
     out.wrote(f"Written: roughness in {args.file}", args.file)
     return 0
@@ -297,7 +297,7 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or not np.isfinite(value) else value
 
 
-def sentences(found: "DerivedSettings", law: "LawSection") -> list[str]:
+def _sentences(found: "DerivedSettings") -> list[str]:
     """Each value with its unit and origin, both readings of the reference force, and the remarks."""
     section = found.section
     lines = [f"{_shown(section, name)} ({section.sources[name]})" for name in LABELS if name in section.sources]

@@ -202,7 +202,7 @@ def _provenance(inputs: Sequence[MergeInput], chosen: Mapping[str, int]) -> dict
 
 
 def _remarks(choice: SectionChoice, chosen: Mapping[str, int]) -> list[str]:
-    """What a reader of the result is to know: marks of simulation, machines, units and seeds that differ."""
+    """Remarks for a reader of the result: marks of simulation, machines, units and seeds that differ."""
     inputs = choice.inputs
     remarks = [*_simulated(inputs), *_other_units(inputs)]
     unnamed = ", ".join(each.name for each in inputs if each.pf.identity.machine is None)

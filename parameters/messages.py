@@ -92,7 +92,7 @@ LIMIT = {"value", "low", "high", "unit", "of"}
 
 
 def difference(one: object, two: object, a: str, b: str) -> str:
-    """Where two contents of a section differ, each beside the name of its file: limits, or the first fields that do.
+    """Difference of two contents of a section, each beside the name of its file: limits, or the first fields that do.
 
     >>> difference({"kp": 1.0, "ki": 2.0}, {"kp": 1.5, "ki": 2.0}, "a.json", "b.json")
     'kp 1 in a.json; kp 1.5 in b.json'
@@ -160,7 +160,7 @@ def limit_words(limit: Mapping[str, Any]) -> str:
 
 
 def tighter(a: Mapping[str, Any], b: Mapping[str, Any], one: str, two: str) -> str:
-    """Which of two limits is the tighter one, where that can be said of all their ends."""
+    """Words on the tighter one of two limits, where that can be said of all their ends."""
     if a.get("of") != b.get("of"):
         return ""
     signs = {sign for key, sign in (("value", 1), ("high", 1), ("low", -1)) for sign in _sign(a, b, key, sign)}

@@ -149,7 +149,7 @@ def _curves(life: ToolLifeSection) -> tuple[str, ...]:
 
 
 def lives_words(law: LawSection) -> str:
-    """How many lives of a law ended, Taylor's constants, and the life at the middle of the tests."""
+    """Number of lives of a law that ended, Taylor's constants, and the life at the middle of the tests."""
     life = law.life
     if life is None:
         return ""
@@ -264,7 +264,7 @@ def plan_part(pf: ParameterFile) -> PlanPart | None:
 
 
 def no_plan(pf: ParameterFile) -> str:
-    """Why the file has no plan of an edge's life."""
+    """Reason why the file has no plan of an edge's life; empty where it has one."""
     from ...controllers.recursion.from_file import shortfall
 
     return f"There is no plan of an edge's life: {why}" if (why := shortfall(pf)) else ""

@@ -301,7 +301,7 @@ def operation_window(pf: ParameterFile) -> WindowPart | None:
 
 def _can(pf: ParameterFile) -> bool:
     limits = pf.limits
-    if limits is None or not (limits.power or limits.force or limits.wear or limits.responses):
+    if limits is None or not limits.on_responses:
         return False
     return any({"V", "f"} <= {f.symbol for f in law.factors} for law in pf.laws.values())
 

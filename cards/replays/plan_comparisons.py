@@ -52,7 +52,7 @@ def greedy_lines(plan: Plan, costs: "CostsSection | None", most: int) -> list[st
 
 
 def _by_state(life: Life) -> str:
-    """What a plan by the time does to an edge that wears by the wear state."""
+    """Outcome of a plan by the time on an edge that wears by the wear state."""
     count = len(life.time)
     held = apply_plan(life, life.laws, Rules(life.rules.times, STATE_RULE, life.rules.interval), count)
     values = {"power": held.P, "force": held.Fxz}
@@ -108,7 +108,7 @@ def best_of(life: Life) -> dict[WearRule, tuple[Life, BestSequence]]:
 
 
 def sequence_lines(life: Life, best: Mapping[WearRule, tuple[Life, BestSequence]]) -> list[str]:
-    """What a best sequence of the same time removes more than the recursion, with the bound of all sequences."""
+    """Gain of a best sequence of the same time over the recursion, with the bound of all sequences."""
     lines = []
     for wear, (greedy, found) in best.items():
         gain = (

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from ...controllers.region.limits import NO_RESPONSE_LIMIT
 from ...controllers.region.log_planes import ratio
 from ...controllers.region.operating_point import OperatingPoint, four, three
 from ...controllers.region.probability import Feasibility, feasibility
@@ -91,8 +92,8 @@ def _middle(pf: "ParameterFile", name: str, usual: float, assumed: list[str]) ->
 def lacks(pf: "ParameterFile", options: "PlanOptions | None" = None) -> str:
     """Reason why a file cannot drive the system; empty where it can."""
     limits = pf.limits
-    if limits is None or not (limits.power or limits.force or limits.wear or limits.responses):
-        return "The file has no limit of a response: add one, e.g. `fitmodels limits params.json P=7kW`."
+    if limits is None or not limits.on_responses:
+        return NO_RESPONSE_LIMIT
     try:
         default_setting(pf, options).region(pf)
     except UsageError as error:

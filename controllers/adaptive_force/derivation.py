@@ -45,7 +45,7 @@ DRAWS, SEED = 1000, 1
 
 @dataclass(frozen=True, slots=True)
 class ForceChoices:
-    """What is chosen for adaptive force control, in the units of the section; None is derived, kept or assumed.
+    """Choices for adaptive force control, in the units of the section; None is derived, kept or assumed.
 
     Attributes
     ----------
@@ -245,7 +245,7 @@ def _limits(
 
 
 def _far_beyond(section: "AdaptiveForceSection", points: list[tuple[float, float]], high: float) -> "Iterator[str]":
-    """What lies more than `BEYOND` times beyond the record, or without it beyond the feed that set points need."""
+    """Commands and forces beyond `BEYOND` times the record, or without one beyond the feed for the set points."""
     tested, unit, F = section.tested, section.unit_u, max(force for _, force in points)
     if tested is None:
         need = max(section.beta * (section.depth or np.nan) / depth * force for depth, force in points)

@@ -84,7 +84,7 @@ class ControlFormat:
 
 @dataclass(frozen=True, slots=True)
 class ControlSystem:
-    """What a running control controls, with the formats in which it is exported.
+    """A system that running controls are exported for, with the formats in which it is exported.
 
     Attributes
     ----------

@@ -140,7 +140,7 @@ def fmu_archive(
 
 
 def _definitions(source: ControlSource, variables: tuple[Variable, ...], guid: str) -> str:
-    """What ``fmi2.c`` needs to know of a controller."""
+    """Definitions of a controller for ``fmi2.c``: its name, calls and variables."""
     values = {"false": "0", "true": "1"}
     places = {"input": "in", "output": "out"}
     starts = " ".join(f"now.{places[v.causality]}.{v.name} = {values.get(v.start, v.start)};" for v in variables)

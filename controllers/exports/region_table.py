@@ -14,7 +14,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.errors import GateError, UsageError
 from ...parameters.exports.view import ExportView, require_check, view_of_laws
-from ..region.limits import box, limited, merged, required_wear_law
+from ..region.limits import NO_RESPONSE_LIMIT, box, limited, merged, required_wear_law
 from ..region.log_planes import USUAL, CutSetting, plane, ratio
 from .c_source import c_comment, c_text, head_lines, with_settings
 from .component import component_of
@@ -92,8 +92,8 @@ class RegionControl:
 def region_lacks(pf: "ParameterFile") -> str:
     """Reason why a file has no region to export; empty where it has one."""
     limits = pf.limits
-    if limits is None or not (limits.power or limits.force or limits.wear or limits.responses):
-        return "The file has no limit of a response: add one, e.g. `fitmodels limits params.json P=7kW`."
+    if limits is None or not limits.on_responses:
+        return NO_RESPONSE_LIMIT
     try:
         _limits(pf, limits, None, {})
     except (UsageError, GateError) as error:
@@ -114,8 +114,8 @@ def region_control(pf: "ParameterFile", job: ExportJob) -> RegionControl:
     require_check(pf)
     limits, options = merged(pf, None), job.turning.options
     at = {name: value for name, value in options.at.items() if name != "D"}
-    if not (limits.power or limits.force or limits.wear or limits.responses):
-        raise GateError(f"not exported: {region_lacks(pf)}")
+    if not limits.on_responses:
+        raise GateError(f"not exported: {NO_RESPONSE_LIMIT}")
     diameter = _diameter(limits, job)
     rows, wear, used = _limits(pf, limits, options.by, at)
     machine = box(pf, limits)

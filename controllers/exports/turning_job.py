@@ -107,7 +107,7 @@ class TurningJob:
 
     @property
     def place(self) -> str:
-        """Where the tool stands while parts and edges are changed."""
+        """Position of the tool while parts and edges are changed."""
         k = INCH if self.inch else 1.0
         if self.retract is not None:
             return f"at X {self.retract[0] / k:.6g}, Z {self.retract[1] / k:.6g}"

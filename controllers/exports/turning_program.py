@@ -53,7 +53,7 @@ class TurningRequest:
 
 @dataclass(frozen=True, slots=True)
 class TurningExport:
-    """What the files are written from.
+    """A plan with its part, origin and remarks, from which the files are written.
 
     Attributes
     ----------

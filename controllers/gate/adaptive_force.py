@@ -132,7 +132,7 @@ def _bench(pf: "ParameterFile", depth: float, plant: DriveAndCut | None = None, 
 
 
 def _run(bench: ForceBench, point: float) -> tuple[str, float]:
-    """What is wrong after settling, and the mean force."""
+    """Fault found after settling, empty where there is none; and the mean force."""
     settings = bench.controller.settings
     settle = max(1.0 + 8 * settings.reference_time + 6 / settings.lam, SETTLES * _settling(bench, point))
     bench.run(min(settle, LONGEST * settings.sample_time))

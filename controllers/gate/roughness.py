@@ -106,7 +106,7 @@ def _every_second() -> Callable[[float], float]:
 
 
 def _answer(middle: ForceBench, fault: Fault) -> str:
-    """What is wrong in the answer to a fault in mid-cut; empty where it is safe."""
+    """Error in the answer to a fault in mid-cut; empty where it is safe."""
     bench = copy.deepcopy(middle)
     control, loop = bench.controller.control, bench.controller.control.loop
     before, allowed = bench.controller.command, fault.detection + 3 * loop.sample_time
@@ -276,7 +276,7 @@ def _simulated(pf: "ParameterFile") -> Iterator[FileFinding]:
 
 
 def wrong_at_rest(bench: ForceBench, commands: Array, forces: Array, reference: float) -> str:
-    """What is wrong where a force control should be at rest in the cut; empty where nothing is.
+    """Error of a force control that should be at rest in the cut; empty where there is none.
 
     A smaller force at the upper limit of the feed is none.
     """

@@ -369,7 +369,7 @@ def _reason(laws: LifeLaws, stops: tuple[str, ...]) -> str:
 
 
 def _assumed(pf: "ParameterFile", laws: LifeLaws, rules: Rules, options: PlanOptions) -> tuple[str, ...]:
-    """What neither the file nor the options give; whole intervals of a time that is none of them."""
+    """Assumptions on what neither the file nor the options give; whole intervals of a time that is none of them."""
     tested = any(factor.symbol == "d" for law in pf.laws.values() for factor in law.factors)
     why = "the papers'" if depth(pf) == 2.5 else "the middle of the tested depths" if tested else "no law has a depth"
     parts = [] if options.depth is not None else [f"Depth of cut {laws.d:g} mm ({why})"]

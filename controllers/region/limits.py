@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
 
 FORCES = ("Fxz", "F", "Fc", "Ff", "Fp", "Fx", "Fy", "Fz")
+NO_RESPONSE_LIMIT = "The file has no limit of a response: add one, e.g. `fitmodels limits params.json P=7kW`."
 RANGES = (("V", "speed", "m/min"), ("f", "feed", "mm/rev"))
 
 

@@ -219,7 +219,7 @@ def _radius(tc: float, ts: float, dt: float, *, integrator: bool) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """What the user states of the cut, in um, mm/rev, 1/min, mm, N and s; None is derived or assumed.
+    """The user's statements on the cut, in um, mm/rev, 1/min, mm, N and s; None is derived or assumed.
 
     Attributes
     ----------

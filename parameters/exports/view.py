@@ -84,7 +84,6 @@ class ExportView:
     assumed: tuple[str, ...]
     verdicts: tuple[str, ...] = ()
     equations: tuple[str, ...] = ()
-    lacking: str = "has no PI gains; find them with `fitmodels tune params.json`."
 
     @property
     def origin(self) -> tuple[str, ...]:
@@ -103,18 +102,6 @@ class ExportView:
     def limits_of_use(self) -> tuple[str, ...]:
         """Lines that every export carries: it is no safety function, and what a loop with these gains cannot detect."""
         return NO_SAFETY if self.gains is None and self.loop is None else (*NO_SAFETY, *NOT_DETECTED)
-
-    def needed_loop(self) -> LoadLoop:
-        """The loop, for a format that needs one.
-
-        Raises
-        ------
-        GateError
-            The file has no PI gains or no settings of the loop; ``lacking`` names it.
-        """
-        if self.loop is None:
-            raise GateError(f"the parameter file of {self.tool} on {self.work} {self.lacking}")
-        return self.loop
 
 
 def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: bool = False) -> ExportView:
@@ -151,7 +138,7 @@ def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: b
         tool=plain(who.tool), work=plain(who.work), machine=plain(who.machine or "not named"), simulated=who.simulated,
         made_by=plain(f"fitmodels {pf.provenance.fitmodels}"),
         checksum=pf.content_sha256 or content_sha256(pf.model_dump()),
-        loop=found.loop, lacking=found.lacking, verdicts=verdicts, gains=_gains(pf), plant=_plant(pf),
+        loop=found.loop, verdicts=verdicts, gains=_gains(pf), plant=_plant(pf),
         equations=tuple(_equation(law) for law in pf.laws.values()),
         quantities=file_quantities(pf, found.loop), assumed=(*doubted, *untried, *found.assumed),
     )  # fmt: skip

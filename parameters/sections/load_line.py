@@ -259,3 +259,8 @@ class LimitsSection(Section):
     feed_rate: Range | None = None
     speed: Range | None = None
     spindle_speed: Range | None = None
+
+    @property
+    def on_responses(self) -> bool:
+        """Whether a response is limited, and not only settings of the machine."""
+        return bool(self.power or self.force or self.wear or self.responses)
