@@ -102,7 +102,7 @@ typedef struct {
     int enable;         /* the operator's switch */
     int spindle_on;     /* spindle at speed */
     int idle;           /* the path does not advance: at rest, in a pause, at an override of 0 */
-    int beat;           /* changes while the source of the load is alive */
+    int beat;           /* 0 or 1, changes while the source of the load is alive; of a counter: counter & 1 */
     int reset;          /* a change from 0 to 1 clears fault, worn and overload unless their cause is present */
 } LoadInput;
 
