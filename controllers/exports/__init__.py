@@ -24,8 +24,9 @@ from ...core.suggestions import did_you_mean
 from ...parameters.checks.report import require_verdicts
 from ...parameters.exports import VALUES, ExportFormat, write_export
 from ...parameters.exports.view import export_view
+from ..adaptive_force.settings import lacking as adaptive_force_lacks
 from ..gate import GatedControl, check_control, gated_control, require_control
-from ..gate.adaptive_force import adaptive_force_lacks, check_adaptive_force, gated_adaptive_force
+from ..gate.adaptive_force import check_adaptive_force, gated_adaptive_force
 from ..gate.roughness import check_roughness, gated_roughness, roughness_lacks
 from ..recursion.from_file import shortfall
 from .c_source import NOT_IN_C, c_file

@@ -26,7 +26,7 @@ from ...parameters.exports.view import ExportView, export_view
 from ...parameters.gather.control import model_of
 from ...parameters.sections.base import Covariance, ModelCovariance
 from .settings import Line, check_line, check_order, dynamics_slope, in_units_of_the_loop, line_of_file
-from .simulation import LONGEST, Bench, Tool, check_losses, drive_of, faults_of, simulate_fault, simulate_tool
+from .simulation import LONGEST, Bench, FileKey, Tool, check_losses, drive_of, faults_of, simulate_fault, simulate_tool
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -73,27 +73,12 @@ def check_control(pf: "ParameterFile") -> CheckReport:
         return CheckReport(
             (FileFinding("control", None, "The control was not simulated, as the file fails its check."),)
         )
-    return CheckReport(_findings(_Same(pf)))
-
-
-class _Same:
-    """A parameter file that equals another where what the gate reads is equal."""
-
-    __slots__ = ("key", "pf")
-
-    def __init__(self, pf: "ParameterFile") -> None:
-        content = pf.model_dump_json(include={"laws", "dynamics", "pi", "load_line", "limits"})
-        self.pf, self.key = pf, (content, *(sensor.model_dump_json() for sensor in pf.identity.sensors))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
+    sensors = (sensor.model_dump_json() for sensor in pf.identity.sensors)
+    return CheckReport(_findings(FileKey(pf, {"laws", "dynamics", "pi", "load_line", "limits"}, *sensors)))
 
 
 @lru_cache(maxsize=64)
-def _findings(same: _Same) -> tuple[FileFinding, ...]:
+def _findings(same: FileKey) -> tuple[FileFinding, ...]:
     pf = same.pf
     found = loop_settings(pf, own_form=True)
     if found.loop is None:

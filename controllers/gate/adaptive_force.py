@@ -16,6 +16,7 @@ from ..adaptive_force.plant import DriveAndCut
 from ..adaptive_force.settings import assumed_settings, force_loop, lacking, machine, settings_for
 from . import GatedControl
 from .roughness import ForceBench, fault_findings, gated, wrong_at_rest
+from .simulation import FileKey
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -42,24 +43,11 @@ def check_adaptive_force(pf: "ParameterFile") -> tuple[FileFinding, ...]:
     """
     if pf.adaptive_force is None or pf.adaptive_force.Kd is None:
         return ()
-    return _findings(_Same(pf))
-
-
-class _Same:
-    """A parameter file that equals another where the force sections are equal."""
-
-    def __init__(self, pf: "ParameterFile") -> None:
-        self.pf, self.key = pf, pf.model_dump_json(include={"adaptive_force"})
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
+    return _findings(FileKey(pf, {"adaptive_force"}))
 
 
 @lru_cache(maxsize=16)
-def _findings(same: _Same) -> tuple[FileFinding, ...]:
+def _findings(same: FileKey) -> tuple[FileFinding, ...]:
     pf = same.pf
     try:
         if why := lacking(pf):
@@ -189,11 +177,6 @@ def _draws(pf: "ParameterFile") -> Iterator[FileFinding]:
     else:
         result = "all are held, or have less force at the upper feed limit."
         yield FileFinding("draws", True, f"{what[:1].upper()}{what[1:]}, {result}")
-
-
-def adaptive_force_lacks(pf: "ParameterFile") -> str:
-    """Reason why a file does not support adaptive force control; empty where it does."""
-    return lacking(pf)
 
 
 def gated_adaptive_force(

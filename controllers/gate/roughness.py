@@ -21,7 +21,7 @@ from ..roughness.plant import TurningForce, loop_theory
 from ..roughness.reference import settings_of
 from . import _MADE_BY_THE_GATE, GatedControl
 from .settings import TIMES, WIDEST
-from .simulation import SAFE_WITHIN, Fault, faults_of
+from .simulation import SAFE_WITHIN, Fault, FileKey, faults_of
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -154,29 +154,12 @@ def check_roughness(pf: "ParameterFile") -> tuple[FileFinding, ...]:
     >>> {finding.name for finding in check_roughness(published("SURF"))} >= {"simulation", "draws", "fault"}
     True
     """
-    return () if pf.roughness is None else _findings(_key(pf), _File(pf))
-
-
-class _File:
-    """A parameter file that is equal to every other: the cache compares the key beside it."""
-
-    def __init__(self, pf: "ParameterFile") -> None:
-        self.pf = pf
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _File)
-
-    def __hash__(self) -> int:
-        return 0
-
-
-def _key(pf: "ParameterFile") -> str:
-    return pf.model_dump_json(include={"roughness", "laws", "limits"})
+    return () if pf.roughness is None else _findings(FileKey(pf, {"roughness", "laws", "limits"}))
 
 
 @lru_cache(maxsize=16)
-def _findings(key: str, file: _File) -> tuple[FileFinding, ...]:
-    pf = file.pf
+def _findings(same: FileKey) -> tuple[FileFinding, ...]:
+    pf = same.pf
     try:
         ConstantRoughness.from_parameters(pf)
         TurningForce.from_parameters(pf)

@@ -20,6 +20,7 @@ from .settings import Line
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ...parameters import ParameterFile
     from ...parameters.exports.loop import LoadLoop
     from ...parameters.sections.dynamics import DynamicsSection
 
@@ -30,6 +31,21 @@ HELD: Final = 0.03  # of the reference: deviation of the mean load at rest
 RIPPLE: Final = 0.25  # of the range of the override: peak to peak at rest; at least three steps of it
 SAFE_WITHIN: Final = 3.0  # s from a fault to the lower feed limit
 SEED: Final = 20
+
+
+class FileKey:
+    """A parameter file for a cache, equal to another where the sections and texts that a gate reads are equal."""
+
+    __slots__ = ("key", "pf")
+
+    def __init__(self, pf: "ParameterFile", sections: set[str], *texts: str) -> None:
+        self.pf, self.key = pf, (pf.model_dump_json(include=sections), *texts)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, FileKey) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
 
 
 class Drive(NamedTuple):
