@@ -62,7 +62,8 @@ def default_setting(pf: "ParameterFile", options: "PlanOptions | None" = None) -
     by = next((law.by for law in laws if law.by is not None), None)
     level = None if options is None else options.by
     if by is not None and level is None:
-        assumed.append(f"The laws are evaluated at {by.column} {by.reference}, their reference level.")
+        level = by.reference
+        assumed.append(f"The laws are evaluated at {by.column} {level}, their reference level.")
     known = {"V", "f", "d", "t", *pf.laws}
     others = {
         f.symbol: float(f"{sqrt(f.low * f.high):.4g}")
@@ -71,7 +72,6 @@ def default_setting(pf: "ParameterFile", options: "PlanOptions | None" = None) -
         if f.symbol not in {*known, *asked} and f.low > 0
     }
     assumed += [f"{name} is fixed at {value:.4g}, the middle of its tested range." for name, value in others.items()]
-    level = by.reference if by is not None and level is None else level
     return DefaultSetting(chosen["d"], chosen["t"], level, {**others, **asked}, tuple(assumed))
 
 

@@ -52,7 +52,7 @@ typedef struct {
 
 typedef struct {
     RegionReal sample_time;   /* s: period of the calls */
-    RegionReal wear_most;     /* largest measured wear taken for one, over ten */
+    RegionReal wear_most;     /* a measured wear above ten times this is a fault */
     RegionReal diameter_rate; /* mm/s: fastest plausible change */
     RegionLimit wear;         /* ln(wear) by V, f, d, t where no wear is measured; by_wear 0 */
     RegionRange tested[REGION_FACTORS];
@@ -230,8 +230,8 @@ static int region_tested(const RegionSettings *s, const RegionReal *value)
     return in;
 }
 
-static void region_judge(const RegionSettings *s, const RegionInput *in, RegionOutput *out, RegionReal diameter,
-                         int known)
+static void region_evaluate(const RegionSettings *s, const RegionInput *in, RegionOutput *out, RegionReal diameter,
+                            int known)
 {
     const int measured = in->wear > 0 && in->wear <= (RegionReal)REGION_MOST_WEAR * s->wear_most;
     const RegionReal ln_wear = measured ? region_ln(in->wear) : 0;
@@ -285,7 +285,7 @@ void region_check_step(const RegionSettings *s, RegionState *x, const RegionInpu
     out->cause = x->cause;
     out->feed_inhibit = x->fault;
     if (!(in->V > 0 && in->f > 0) || cause == REGION_PAIR_WRONG) return;
-    region_judge(s, in, out, diameter, !x->fault);
+    region_evaluate(s, in, out, diameter, !x->fault);
     out->feed_inhibit = !(out->feed_override > 0);
 }
 #endif

@@ -60,7 +60,7 @@ class RegionControl:
     wear : RegionRow
         Logarithm of the wear where none is measured; zero without a law.
     wear_unit, wear_most
-        The largest measured wear that is taken for one is ten times this.
+        A measured wear above ten times this is a fault.
     tested : dict
         Range of each factor: tested, of the diameter that of the work.
     sample_time : float
