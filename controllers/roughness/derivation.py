@@ -368,8 +368,8 @@ class _Draft:
             )
         if cut.wait is not None and cut.wait > LONGEST_WAIT:
             raise UsageError(f"wait={cut.wait:g}s: the cut is not controlled that long; {LONGEST_WAIT:g} s at most.")
-        own = REVOLUTIONS * cut.revolution, f"{REVOLUTIONS:g} revolutions, assumed"
-        self.put("threshold_time", *(own if cut.wait is None else (cut.wait, "given")))
+        turns = REVOLUTIONS * cut.revolution, f"{REVOLUTIONS:g} revolutions, assumed"
+        self.put("threshold_time", *(turns if cut.wait is None else (cut.wait, "given")))
 
     def finished(self) -> DerivedSettings:
         """The section with its sources; remarks on loop and geometry."""
