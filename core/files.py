@@ -88,6 +88,8 @@ def write_together(
     try:
         for place, data in {path: content, **derived}.items():
             if data is not None:
+                if place.exists() and not (place.is_file() or place.is_dir()):
+                    raise OSError("it is a device or a pipe, which a file would replace")
                 if place != path:
                     place.parent.mkdir(exist_ok=True)
                 remove_stale(place.parent)

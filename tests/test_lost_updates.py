@@ -441,3 +441,13 @@ def test_temporary_files_of_ended_processes_are_removed_by_the_next_write(tmp_pa
     os.utime(tmp_path / old, (0, 0))
     write_whole(tmp_path / "a.txt", "1")
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([running, foreign, "a.txt"])
+
+
+@unix
+def test_a_device_or_a_pipe_is_not_replaced_by_a_file(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(UsageError, match="it is a device or a pipe, which a file would replace"):
+        write_whole(pipe, "1")
+    assert pipe.is_fifo()
+    assert [path.name for path in tmp_path.iterdir()] == ["pipe"]

@@ -479,6 +479,19 @@ def test_long_times_that_would_be_usual_in_seconds_are_a_reservation(read):
     assert not read(content, units={"t": "min"}).doubts
 
 
+def test_no_plan_is_exported_whose_wear_law_gives_a_life_that_cannot_be(tmp_path):
+    """Wear in inches under a header in mm fits no other unit of a metric file: the limit of wear has no effect."""
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna()
+    path = tmp_path / "tests.csv"
+    frame.assign(**{"AW [mm]": frame["AW [mm]"] / 25.4}).to_csv(path, index=False)
+    pf = analyse(path, draws=1000).parameters
+    assert pf.laws["AW"].verdict.level == "usable with reservations"
+    with pytest.raises(errors.GateError, match=r"tool_life: do not use for control\. A life of .* cannot be"):
+        require_verdicts(pf, False, only=("AW", "P"))
+    assert "VERDICT ACCEPTED - tool_life - do not use for control" in require_verdicts(pf, True, only=("AW", "P"))
+    assert not [line for line in require_verdicts(pf, False, only=("P",)) if "tool_life" in line]
+
+
 def test_no_file_is_exported_whose_law_has_an_impossible_unit(tmp_path):
     path = tmp_path / "tests.csv"
     path.write_text(mislabelled("thrust in kN")[2], "utf-8")

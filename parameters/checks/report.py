@@ -184,6 +184,11 @@ def require_verdicts(
     """
     laws = {f"laws.{short_name(name)}" for name in only} | set(only)
     parts = [part for part in judged_parts(pf, loop_only=loop_only) if not laws or part.where in laws]
+    life = (
+        pf.tool_life if only else None
+    )  # a life that cannot be is a wear law in another unit: its limit has no effect
+    if life is not None and life.verdict is not None and life.wear in only and life.verdict.concern == DO_NOT_USE:
+        parts.append(Judged("tool_life", life.verdict, "fit the data again"))
     refused = [part for part in parts if part.verdict is None or part.verdict.concern == DO_NOT_USE]
     if refused and not accepted:
         raise GateError(_refusal(*refused))
