@@ -250,9 +250,10 @@ def plan_part(pf: ParameterFile) -> PlanPart | None:
     more = len(plan.rows) - len(rows)
     rest = [f"{count(more).text} more rows: the command writes all of them"] if more > 0 else []
     simulated = ["the data are simulated: do not run a machine by this plan"] if pf.identity.simulated else []
+    scatter = ["new edges scatter about the law: some are worn out before the plan ends"] if rows else []
     sentences = [
         f"calculated from the laws, not measured: {life}, depth of cut {laws.d:g} mm", *simulated, *plan.extrapolated,
-        *rest, *(f"assumed: {words[0].lower()}{words[1:]}" for words in plan.assumed),
+        *scatter, *rest, *(f"assumed: {words[0].lower()}{words[1:]}" for words in plan.assumed),
     ]  # fmt: skip
     return PlanPart(
         title="Plan of the life of an edge, largest removal rate",
