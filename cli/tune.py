@@ -94,11 +94,13 @@ def _controller_options(p: Parser) -> None:
     windup = "of the integral where the command is limited (default: back_calculation)"
     runs.add_argument("--anti-windup", choices=["clamping", "back_calculation", "none"], help=windup)
     scaling = (
-        "units of the command per unit of the model's input: static gain over the slope of the load law (default: 1)"
+        "units of the command per unit of the model's input (default: 1; with --unit, by the load law of the file)"
     )
     runs.add_argument("--scaling", type=float, metavar="U", help=scaling)
     runs.add_argument(
-        "--unit", metavar="UNIT", help="unit of the command, with --scaling: mm/min (default: of the input)"
+        "--unit",
+        metavar="UNIT",
+        help="unit of the command, with --scaling or a load law: mm/min (default: of the input)",
     )
 
 
@@ -117,8 +119,9 @@ def run(args: argparse.Namespace) -> int:
         )
     if pf.pi is not None and not args.force:
         raise UsageError(f"{args.file} has gains; replace them with --force.")
+    derived = _derive_scaling(pf, args)
     if (args.scaling is None) != (args.unit is None):
-        raise UsageError("--scaling and --unit: give both, units of the command per unit of the input and that unit.")
+        raise UsageError("--scaling and --unit: give both; --unit alone needs a load law of the file in that unit.")
     _check_scaling(args)
     _check_limits(pf, args)
     against = _against_load_law(pf, args)
@@ -142,7 +145,7 @@ def run(args: argparse.Namespace) -> int:
         print_json("tune", {**facts, "verdicts": verdicts}, version=3)
         return 0
     simulated = [*_simulated(tuned, _reference_step(pf)), *_beyond_limits(tuned, pf)]
-    lines = [*verdicts, *_sentences(tuned, changed), *simulated, *_scaling_by_load_law(changed, args)]
+    lines = [*verdicts, *derived, *_sentences(tuned, changed), *simulated, *_scaling_by_load_law(changed, args)]
     out = Printer(quiet=args.quiet)
     for line in lines:
         out.show(line)
@@ -259,6 +262,21 @@ def _margins(tuned: "TunedPi") -> list[dict[str, Any]]:
     ]
 
 
+def _derive_scaling(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
+    """Set the scaling where ``--unit`` stands alone: of the two units, or by the load law, which is said."""
+    d, law = pf.dynamics, _slope_of_law(pf, args)
+    if d is None or args.scaling is not None or args.unit is None:
+        return []
+    args.scaling = _factor(d.unit_u, args.unit) if d.unit_u else None
+    if args.scaling is not None or law is None or not d.dc_gain:
+        return []
+    args.scaling = float(f"{abs(d.dc_gain / law[1]):.4g}")  # of two experiments; the sign is checked next
+    return [
+        f"Scaling {args.scaling:g} {law[0]} per {d.unit_u}: the static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u} "
+        f"of the model over the slope {law[1]:.4g} {d.unit_y} per {law[0]} of the load law (derived, not measured)."
+    ]
+
+
 def _slope_of_law(pf: "ParameterFile", args: argparse.Namespace) -> tuple[str, float] | None:
     """Unit of the command and load per unit of it by the load law; None where the dynamics cannot be compared."""
     d, laws = pf.dynamics, [law for law in pf.laws.values() if law.form == "load_line"]
@@ -354,7 +372,7 @@ def _scaling_by_load_law(pf: "ParameterFile", args: argparse.Namespace) -> list[
         f"of the model over the slope {B:.4g} {d.unit_y} per {feed} of the law. "
     )
     if given is None:
-        return [f"{by_law}For gains in feed add --scaling {scaling:.4g} --unit {feed} --force."]
+        return [f"{by_law}For gains in feed add --unit {feed} --force."]
     return [
         f"{by_law}The given scaling is {given:g}, {given / scaling:.2g} times that: check it; a run under other "
         "cutting conditions than the tests has another gain."

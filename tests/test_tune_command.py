@@ -209,7 +209,7 @@ def test_a_file_without_dynamics_says_what_to_do(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("scaling", "words"),
     [
-        ((), "For gains in feed add --scaling 1459 --unit mm/min --force."),
+        ((), "For gains in feed add --unit mm/min --force."),
         (("--scaling", "1459", "--unit", "mm/min"), None),  # the paper's, G(1)/B
         (("--scaling", "1700", "--unit", "mm/min"), None),  # two experiments do not agree to the digit
         (("--scaling", "2500", "--unit", "mm/min"), "The given scaling is 2500, 1.7 times that"),
@@ -224,6 +224,34 @@ def test_a_scaling_is_held_against_the_load_law_of_the_file(tmp_path, monkeypatc
     assert code == 0
     assert ("By the load law 1 V is 1459 mm/min" in out) == (words is not None)
     assert words is None or words in out
+
+
+def test_the_unit_alone_takes_the_scaling_from_the_load_law(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    parameters.write(sealed(published("CLM-2023"), pi=None), tmp_path / "p.json")
+    code, out, _ = tune(capsys, "--rise", "2", "--settle", "4", "--unit", "mm/min")
+    assert code == 0
+    assert "Scaling 1459 mm/min per V: the static gain 0.1812 A/V of the model over the slope" in out
+    derived = parameters.read("p.json").pi
+    assert tune(capsys, "--rise", "2", "--settle", "4", "--scaling", "1459", "--unit", "mm/min", "--force")[0] == 0
+    given = parameters.read("p.json").pi
+    assert (derived.kp, derived.ki, derived.scaling_u) == (given.kp, given.ki, given.scaling_u)
+    code, _, err = tune(capsys, "--rise", "2", "--unit", "rpm", "--force")
+    assert code == 2
+    assert "--unit alone needs a load law of the file in that unit" in err
+
+
+def test_the_unit_alone_converts_a_command_in_another_unit_and_refuses_a_reversed_sensor(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    pf = published("CLM-2023")
+    d = pf.dynamics.model_dump()
+    feed = {**d, "unit_u": "mm/s", "b": [60 * b / 1459 for b in d["b"]]}
+    parameters.write(sealed(pf, pi=None, dynamics=feed), tmp_path / "p.json")
+    assert tune(capsys, "--rise", "2", "--settle", "4", "--unit", "mm/min")[0] == 0
+    assert parameters.read("p.json").pi.scaling_u == 60.0
+    parameters.write(sealed(pf, pi=None, dynamics={**d, "b": [-b for b in d["b"]]}), tmp_path / "r.json")
+    assert main(["tune", "r.json", "--rise", "2", "--unit", "mm/min"]) == 5
+    assert "positive feedback" in capsys.readouterr().err
 
 
 def test_a_reversed_sensor_is_refused(tmp_path, monkeypatch, capsys):

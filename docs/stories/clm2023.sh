@@ -47,7 +47,7 @@ fitmodels wear.csv --criterion 200um --value V=62.8m/min
 fitmodels merge milling-fit/AA238M-0200-D4-ML-10_S45C/params.json wear-fit/AA238M-0200-D4-ML-10_S45C/params.json --take design=wear-fit/AA238M-0200-D4-ML-10_S45C/params.json --out clm.json
 fitmodels settings clm.json --worn 0.28 --window 180:220um --wear-limit 200um --idle 0.1
 fitmodels ident docs/examples/drive.csv --params clm.json
-fitmodels tune clm.json --rise 2 --settle 4 --low 567 --high 1034 --scaling 1533 --unit mm/min
+fitmodels tune clm.json --rise 2 --settle 4 --low 567 --high 1034 --unit mm/min
 fitmodels replay clm.json --system constant-load
 fitmodels check clm.json
 fitmodels export clm.json --to hal --out clm.hal
