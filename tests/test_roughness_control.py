@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels.cards import replays
+from fitmodels.cli import main
+from fitmodels.controllers.gate.roughness import check_roughness
 from fitmodels.controllers.loop import FAULTS, FaultyPlant, replay, saturated
 from fitmodels.controllers.roughness.controller import ConstantRoughness
 from fitmodels.controllers.roughness.plant import TurningForce, loop_theory
@@ -88,6 +90,19 @@ def test_the_limit_of_force_in_the_file_is_the_overload_and_lies_above_the_refer
     assert other.loop == free.loop
     with pytest.raises(ParameterError, match="F at most 500 N, but the reference force is"):
         ConstantRoughness.from_parameters(with_limits(pf, force={"value": 500.0, "unit": "N", "of": None}))
+
+
+def test_a_limit_of_force_below_the_reference_fails_the_check_of_the_file(pf, tmp_path, capsys):
+    """It was a note, and all checks passed."""
+    limited = with_limits(pf, force={"value": 500.0, "unit": "N", "of": "F"})
+    (found,) = check_roughness(limited)
+    assert found.passed is False
+    assert "F at most 500 N, but the reference force is" in found.words
+    write(limited, tmp_path / "params.json")
+    assert main(["check", str(tmp_path / "params.json")]) != 0
+    assert "all checks passed" not in capsys.readouterr().out
+    (open_,) = check_roughness(changed(pf, servo_time=None))  # not complete: no control yet
+    assert open_.passed is None
 
 
 def test_a_spindle_speed_beyond_the_limits_of_the_file_is_refused(pf):

@@ -35,6 +35,7 @@ LIMITED: Final = 0.95  # of the upper limit of the feed: a mean command so near 
 PLAUSIBLE: Final = 1.5  # mm/rev: a larger feed is none of turning, where the nose radius is not known
 SPECIFIC: Final = (100.0, 30000.0)  # N/mm2, specific cutting force
 USUAL: Final = 1.5  # times the programmed feed
+_NEEDED: Final = "feed", "sample_time", "servo_time", "process_time", "force_per_feed"
 BRIDGED: Final = 1.25  # times the feed before: the law on the last valid reading, until a fault is found
 
 
@@ -164,7 +165,9 @@ def _findings(same: FileKey) -> tuple[FileFinding, ...]:
         ConstantRoughness.from_parameters(pf)
         TurningForce.from_parameters(pf)
     except (ParameterError, UsageError) as error:
-        return (FileFinding("control", None, f"The roughness control was not simulated: {error}"),)
+        incomplete = any(getattr(pf.roughness, name) is None for name in _NEEDED)
+        words = f"The roughness control was not simulated: {error}"
+        return (FileFinding("control", None if incomplete else False, words),)
     findings = list(_order(pf))
     if not any(finding.passed is False for finding in findings):
         findings += _simulated(pf)
