@@ -76,20 +76,26 @@ def fmpy():
         pytest.fail(missing) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(missing)
 
 
+def started(fmpy, content, folder):
+    """The compiled model of an FMU without faults, initialised."""
+    (folder / "build").mkdir()
+    (folder / "fm.fmu").write_bytes(content)
+    assert importlib.import_module("fmpy.validation").validate_fmu(str(folder / "fm.fmu")) == []
+    unzipped = fmpy.extract(str(folder / "fm.fmu"), str(folder / "fm"))
+    importlib.import_module("fmpy.build").build_platform_binary(unzipped, folder / "build", all_warnings=True)
+    model = fmpy.instantiate_fmu(unzipped, fmpy.read_model_description(unzipped), fmi_type="CoSimulation")
+    model.setupExperiment()
+    model.enterInitializationMode()
+    model.exitInitializationMode()
+    return model
+
+
 @pytest.mark.consumer
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_fmpy_validates_compiles_and_runs_the_fmu(consumer, fmpy, constant_load_file, tmp_path):
     consumer("cmake", "apt-get install cmake gcc g++")
     loop = loop_settings(constant_load_file()).loop
-    (tmp_path / "build").mkdir()
-    (tmp_path / "fm.fmu").write_bytes(rendered(constant_load_file(), "fmu"))
-    assert importlib.import_module("fmpy.validation").validate_fmu(str(tmp_path / "fm.fmu")) == []
-    unzipped = fmpy.extract(str(tmp_path / "fm.fmu"), str(tmp_path / "fm"))
-    importlib.import_module("fmpy.build").build_platform_binary(unzipped, tmp_path / "build", all_warnings=True)
-    model = fmpy.instantiate_fmu(unzipped, fmpy.read_model_description(unzipped), fmi_type="CoSimulation")
-    model.setupExperiment()
-    model.enterInitializationMode()
-    model.exitInitializationMode()
+    model = started(fmpy, rendered(constant_load_file(), "fmu"), tmp_path)
     inputs = sequence(loop, 6, samples=4000)
     expected, found = reference(loop, inputs), []
     for k, row in enumerate(inputs.tolist()):

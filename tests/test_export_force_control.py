@@ -3,7 +3,6 @@
 Plain tests evaluate the text of the exports, the consumer tests compile it (cc, FMPy, halcompile).
 """
 
-import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -33,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from c_evaluator import evaluated
 from load_control import INPUTS, OUTPUTS, STRICT, compiled, interpreted, reference, sequence
 from st_evaluator import FunctionBlock
-from test_export_control_run import PRINTED, fmpy, machine, step  # noqa: F401  fixtures
+from test_export_control_run import PRINTED, fmpy, machine, started, step  # noqa: F401  fixtures
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -293,15 +292,7 @@ def test_garbage_leaves_every_output_inside_its_limits(consumer, loop, tmp_path,
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_fmpy_runs_the_fmu_as_the_python_controller(consumer, fmpy, pf, system, loop, tmp_path):  # noqa: F811
     consumer("cmake", "apt-get install cmake gcc g++")
-    (tmp_path / "build").mkdir()
-    (tmp_path / "fm.fmu").write_bytes(rendered(pf, "fmu", system=system, accept_verdict=True))
-    assert importlib.import_module("fmpy.validation").validate_fmu(str(tmp_path / "fm.fmu")) == []
-    unzipped = fmpy.extract(str(tmp_path / "fm.fmu"), str(tmp_path / "fm"))
-    importlib.import_module("fmpy.build").build_platform_binary(unzipped, tmp_path / "build", all_warnings=True)
-    model = fmpy.instantiate_fmu(unzipped, fmpy.read_model_description(unzipped), fmi_type="CoSimulation")
-    model.setupExperiment()
-    model.enterInitializationMode()
-    model.exitInitializationMode()
+    model = started(fmpy, rendered(pf, "fmu", system=system, accept_verdict=True), tmp_path)
     rows = inputs_of(loop, 6, 1500)
     found = [step(model, k, row, loop.sample_time) for k, row in enumerate(rows.tolist())]
     assert np.abs(np.array(found, float) - reference(loop, rows)).max() == 0

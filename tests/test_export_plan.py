@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from load_control import STRICT
 from st_evaluator import FunctionBlock
-from test_export_control_run import fmpy, machine  # noqa: F401  fixtures
+from test_export_control_run import fmpy, machine, started  # noqa: F401  fixtures
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -539,15 +539,7 @@ def test_fmpy_validates_compiles_and_runs_the_fmu(consumer, fmpy, tmp_path, syst
     consumer("cmake", "apt-get install cmake gcc g++")
     pf, block, variables_of, control_of = SYSTEMS[system]
     variables = variables_of(control_of(pf, JOB))
-    (tmp_path / "build").mkdir()
-    (tmp_path / "fm.fmu").write_bytes(rendered(pf, "fmu", system=system, job=JOB))
-    assert importlib.import_module("fmpy.validation").validate_fmu(str(tmp_path / "fm.fmu")) == []
-    unzipped = fmpy.extract(str(tmp_path / "fm.fmu"), str(tmp_path / "fm"))
-    importlib.import_module("fmpy.build").build_platform_binary(unzipped, tmp_path / "build", all_warnings=True)
-    model = fmpy.instantiate_fmu(unzipped, fmpy.read_model_description(unzipped), fmi_type="CoSimulation")
-    model.setupExperiment()
-    model.enterInitializationMode()
-    model.exitInitializationMode()
+    model = started(fmpy, rendered(pf, "fmu", system=system, job=JOB), tmp_path)
     st = block()
     for k, row in enumerate(inputs_of(system, 2000, T)):
         for kind, put in (("Real", model.setReal), ("Boolean", model.setBoolean)):
