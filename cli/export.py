@@ -46,7 +46,10 @@ def parser() -> Parser:
         "one that it supports)",
     )
     p.add_argument("--out", metavar="FILE", help="where to write (default: ./<PARAMS> with the suffix of the kind)")
-    accept = "export parts that must not be used for control all the same; the exported file names them and the reasons"
+    accept = (
+        "export parts that must not be used for control, or a plan that does not apply a limit, all the same; the "
+        "exported file names them and the reasons"
+    )
     p.add_argument("--accept-verdict", action="store_true", help=accept)
     p.add_argument("--force", action="store_true", help="replace an existing file")
     output_options(p, "print the path and the notes as JSON (fitmodels.export/1)")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from ...core.errors import GateError, UsageError
 from ...parameters.exports.view import ExportView, require_check, view_of_laws
+from ..recursion.from_file import require_checked
 from ..recursion.laws import response_at_end
 from ..recursion.plan import Plan, diameter_of, plan_of
 from ..region.log_planes import ratio
@@ -94,8 +95,8 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
     Raises
     ------
     GateError
-        The file fails its check, a law of the plan must not be used for control, or a row is not reached within the
-        caps of spindle speed or feed rate without breaking a limit.
+        The file fails its check, a law of the plan must not be used for control, the plan does not apply a limit, or a
+        row is not reached within the caps of spindle speed or feed rate without breaking a limit.
     UsageError
         The file cannot drive the recursion, or the diameter is not known.
     """
@@ -103,7 +104,7 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
     plan = plan_of(pf, job.draws, job.turning.options, job.seed)
     if not plan.rows:
         raise GateError("not exported: no pair of speed and feed keeps the limits on a new edge; see fitmodels replay.")
-    laws = plan.laws
+    laws, unchecked = plan.laws, require_checked(pf, job.accept_verdict)
     view = view_of_laws(pf, (laws.wear.response, *(terms.response for _, terms in laws.limited)), job.accept_verdict)
     low, high = _diameters(pf, job, plan)
     caps, words = _caps(pf, job, plan, low, high)
@@ -126,7 +127,7 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
         "slowest": _slowest(plan),
         "wear_state": int(plan.life.rules.wear == "wear_state"),
     }
-    return PlanControl(view, plan, settings, rows, (*_about(plan, settings), *words))
+    return PlanControl(view, plan, settings, rows, (*unchecked, *_about(plan, settings), *words))
 
 
 def period_of(job: ExportJob) -> float:

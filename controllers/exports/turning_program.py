@@ -22,6 +22,7 @@ from ...parameters.checks.report import require_verdicts
 from ...parameters.exports.names import plain, plain_lines, plain_unit
 from ...parameters.exports.view import NO_SAFETY, require_check
 from ...parameters.file_format import content_sha256
+from ..recursion.from_file import require_checked
 from ..recursion.plan import Plan, PlanOptions, plan_of
 from .turning_job import CLEAR, FOOT, INCH, Move, TurningJob, TurningPlan
 from .turning_plan import SETTLE, part_plan
@@ -109,7 +110,7 @@ def turning_export(
     Raises
     ------
     GateError
-        The file fails its check, or a law of the plan must not be used for control.
+        The file fails its check, a law of the plan must not be used for control, or the plan does not apply a limit.
     UsageError
         No plan keeps the limits, or the part cannot be cut by it.
     """
@@ -117,6 +118,7 @@ def turning_export(
     plan = plan_of(pf, draws, request.options, seed)
     if not plan.rows:
         raise GateError("not exported: no pair of speed and feed keeps the limits on a new edge; see fitmodels replay.")
+    unchecked = require_checked(pf, accept_verdict)
     used = (plan.laws.wear.response, *(terms.response for _, terms in plan.laws.limited))
     verdicts = require_verdicts(pf, accept_verdict, only=used)
     part, outside = (None, plan.extrapolated) if request.job is None else part_plan(pf, plan, request.job)
@@ -131,22 +133,17 @@ def turning_export(
     return TurningExport(
         plan=plan,
         part=part,
-        origin=(pair, *([said] if said else []), *verdicts, *_unchecked(pf), *outside, checksum),
+        origin=(pair, *([said] if said else []), *verdicts, *unchecked, *outside, checksum),
         remarks=(
             *NO_SAFETY, "calculated from the laws of the file, not measured: watch the first part and inspect the edge",
             *_chance(plan), *_settings(plan, inch), *([] if part is None else _words_of(part)),
             *(f"assumed: {words}" for words in assumed),
         ),
-        marks=(*([said] if said else []), *(line for line in verdicts if line.startswith("VERDICT ACCEPTED"))),
+        marks=(
+            *([said] if said else []), *(line for line in verdicts if line.startswith("VERDICT ACCEPTED")), *unchecked
+        ),
         inch=inch,
     )  # fmt: skip
-
-
-def _unchecked(pf: "ParameterFile") -> tuple[str, ...]:
-    """The limits that the plan does not apply."""
-    names = ", ".join(() if pf.limits is None else pf.limits.responses)
-    words = f"NOT CHECKED by the plan: the limit of {names}; predict it at the plan's V and f, and narrow their ranges"
-    return (words,) if names else ()
 
 
 def _chance(plan: Plan) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Array, is_positive
-from ...core.errors import UsageError
+from ...core.errors import GateError, UsageError
 from ...datasets.units import convert, is_unit, same_dimension
 from ..region.log_planes import ratio
 from .laws import LifeLaws, Terms
@@ -303,3 +303,25 @@ def _beyond_words(factor: "Factor", values: Array) -> tuple[str, str]:
     if factor.symbol == "t" or (low != high and low >= factor.low * (1 - NEAR)):
         span = f"up to {high:.4g}"
     return f"{factor.symbol} {span} {factor.unit}", f"{factor.low:.4g} to {factor.high:.4g} {factor.unit}"
+
+
+def require_checked(pf: "ParameterFile", accept: bool) -> tuple[str, ...]:
+    """Raise for limits that the plan does not apply; where they are accepted, the words that name them."""
+    stated = {} if pf.limits is None else pf.limits.responses
+    if not stated:
+        return ()
+    names = ", ".join(stated)
+    words = f"NOT CHECKED by the plan: the limit of {names}; predict it at the plan's V and f, and narrow their ranges"
+    if accept:
+        return (words,)
+    ends = ", ".join(
+        f"{name} {word} {value:g} {bound.unit}"
+        for name, bound in stated.items()
+        for word, value in (("at least", bound.low), ("at most", bound.high))
+        if value is not None
+    )
+    raise GateError(
+        f"not exported: the file limits {ends}, and the plan does not apply the limit of {names}. Use `fitmodels "
+        f"optimum` or the system region, which apply it; or narrow the ranges of V and f until `fitmodels predict` "
+        "keeps it at every row, and export with --accept-verdict, which names the limit in the file as NOT CHECKED."
+    )
