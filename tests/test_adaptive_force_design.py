@@ -15,8 +15,10 @@ from fitmodels.controllers.adaptive_force.derivation import STEP, ForceChoices, 
 from fitmodels.controllers.adaptive_force.design import Timing, design_gains, largest_step, loop_margins
 from fitmodels.controllers.adaptive_force.plant import DriveAndCut
 from fitmodels.controllers.adaptive_force.runs import depth_step_run, steady_run
+from fitmodels.controllers.adaptive_force.settings import force_loop, settings_for
+from fitmodels.controllers.gate.adaptive_force import check_adaptive_force, gated_adaptive_force
 from fitmodels.controllers.loop import replay
-from fitmodels.core.errors import UsageError
+from fitmodels.core.errors import GateError, UsageError
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 from fitmodels.parameters.sections.force_control import AdaptiveForceSection
@@ -305,6 +307,36 @@ def test_the_running_control_is_exported_at_a_depth(file, run, tmp_path, capsys)
     capsys.readouterr()
     assert main([*words, "--depth", "3mm", "--out", str(tmp_path / "y.c")]) != 0
     assert "no set point for a depth of 3 mm" in capsys.readouterr().err
+
+
+def test_the_limit_of_force_in_the_file_is_the_overload_and_lies_above_the_set_points(file, run, capsys):
+    """It was not used: the control let twice the set point pass."""
+    assert run(file, "2mm=200N", "4mm=320N", "--feed", "60:500")[0] == 0
+    free = parameters.read(file)
+    limits = {} if free.limits is None else free.limits.model_dump()
+    limited = {
+        kN: sealed(free, limits={**limits, "force": {"value": kN, "unit": "kN", "of": None}}) for kN in (0.3, 0.35, 9)
+    }
+    for kN, overload in ((0.35, 350.0), (9, 420.0)):
+        assert force_loop(settings_for(limited[kN], 2.0)).overload_at == pytest.approx(overload)
+    assert (
+        "overload above 350 N, the limit of force in the file"
+        in gated_adaptive_force(limited[0.35], accept_verdict=True).view.assumed
+    )
+    words = "at most 300 N, but adaptive_force has a set point of 320 N"
+    with pytest.raises(GateError, match=words):
+        settings_for(limited[0.3], 2.0)
+    (found,) = check_adaptive_force(limited[0.3])
+    assert found.passed is False
+    assert words in found.words
+    parameters.write(limited[0.3], file, replaces=free)
+    assert main(["check", str(file)]) != 0
+    assert words in " ".join(capsys.readouterr().out.split())
+    before = file.read_bytes()
+    code, out, err = run(file, "4mm=320N", "--force")
+    assert (code, out) == (2, "")
+    assert words in " ".join(err.split())
+    assert file.read_bytes() == before
 
 
 def test_a_feed_beyond_the_tests_is_recorded_where_it_is_allowed(file, run):

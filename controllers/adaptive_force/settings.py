@@ -1,5 +1,6 @@
 """ForceSettings of the adaptive force controller from a parameter file, validated on entry."""
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -7,7 +8,8 @@ import numpy as np
 
 from ...core.display import Displayable
 from ...core.errors import GateError
-from ...parameters.exports.loop import BACK_OFF, RECOVER, STUCK_AFTER, LoadLoop, monitoring
+from ...datasets.units import convert, is_unit, same_dimension
+from ...parameters.exports.loop import BACK_OFF, OVERLOAD_SHARE, RECOVER, STUCK_AFTER, LoadLoop, monitoring
 from .signals import ReferenceModel
 
 if TYPE_CHECKING:
@@ -35,6 +37,8 @@ class ForceSettings(Displayable):
         Steps of the law in ``average_time``.
     set_point : float
         Set point of the force at ``depth``.
+    force_most : float
+        Limit of force of the file: a larger mean force is an overload, at most 2.1 times the set point.
     """
 
     m: float
@@ -56,6 +60,7 @@ class ForceSettings(Displayable):
     set_point: float
     depth: float
     labels: tuple[str, str]
+    force_most: float = math.inf
 
 
 def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
@@ -75,6 +80,7 @@ def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
         raise GateError(f"the file fails the check: {failed[0].words}")
     section = _section(pf)
     held = {name: getattr(section, name) for name in ForceSettings.__dataclass_fields__ if hasattr(section, name)}
+    held["force_most"] = _force_limit(pf)
     samples = round((section.average_time or 0.0) / held["sample_time"])
     return ForceSettings(
         **{**held, **_force_range(section), "depth": depth}, samples=samples, set_point=_set_point(section, depth),
@@ -101,7 +107,32 @@ def lacking(pf: "ParameterFile") -> str:
         return "adaptive_force: force_low does not lie below every set point; no reading would be valid."
     if section.force_high is not None and not section.force_high > max(p.force for p in section.set_points):
         return "adaptive_force: force_high does not lie above every set point; no reading would be valid."
-    return ""
+    return beyond_limit(pf)
+
+
+def beyond_limit(pf: "ParameterFile") -> str:
+    """Reason why a set point is not below the limit of force of the file, with the remedy; empty where all are."""
+    section, bound = _section(pf), None if pf.limits is None else pf.limits.force
+    unit = section.unit_force
+    if bound is None:
+        return ""
+    if not (is_unit(bound.unit) and is_unit(unit) and same_dimension(bound.unit, unit)):
+        return f"limits.force is in {bound.unit[:20]} and adaptive_force in {unit[:20]}; write both in N."
+    most, largest = _force_limit(pf), max((point.force for point in section.set_points), default=0.0)
+    if largest < most:
+        return ""
+    return (
+        f"limits.force: at most {most:.4g} {unit}, but adaptive_force has a set point of {largest:.4g} {unit}; lower "
+        "the set point, or raise the limit."
+    )
+
+
+def _force_limit(pf: "ParameterFile") -> float:
+    """The limit of force of the file, of whichever force, in the unit of the section; infinite without one."""
+    bound = None if pf.limits is None else pf.limits.force
+    if bound is None:
+        return math.inf
+    return float(convert(np.array([bound.value]), bound.unit, _section(pf).unit_force)[0])
 
 
 def _force_range(section: "AdaptiveForceSection") -> dict[str, float]:
@@ -125,7 +156,8 @@ def force_loop(settings: ForceSettings, *, stuck_after: float = STUCK_AFTER) -> 
         feed_low=s.low, feed_high=s.high, feed_programmed=s.high, unit_load=unit_load, unit_feed=unit_feed,
         filter_time=0.0, average=s.samples, engage_at=threshold, hysteresis=HYSTERESIS * threshold,
         engage_after=(s.samples + 1) * s.sample_time, back_off=span / BACK_OFF, recover=span / RECOVER,
-        load_low=s.force_low, load_high=s.force_high, worn_load=OVERLOAD * s.set_point, stuck_after=stuck_after,
+        load_low=s.force_low, load_high=s.force_high, stuck_after=stuck_after,
+        worn_load=min(OVERLOAD * s.set_point, s.force_most / OVERLOAD_SHARE),
         law="adaptive", approach=s.low / s.high, m=s.m, alpha=s.alpha, beta=s.beta, g1=s.g1, g2=s.g2, g3=s.g3,
         Kd=s.Kd, lam=s.lam, model_time=s.reference_time, model_damping=s.reference_damping,
         model_a=model[0], model_b=model[1], model_c=model[2], model_d=model[3],
@@ -139,12 +171,14 @@ def assumed_settings(pf: "ParameterFile", settings: ForceSettings) -> tuple[str,
         assumed.append(f"force_low {loop.load_low:.4g} {loop.unit_load}, minus a tenth of the smallest set point")
     if section.force_high is None:
         assumed.append(f"force_high {loop.load_high:.4g} {loop.unit_load}, {HIGHEST:g} times the largest set point")
+    unknown = f"1.05 times {OVERLOAD:g} times the set point: the file holds no force that the tool withstands"
+    limited = loop.worn_load < OVERLOAD * settings.set_point
+    why = "the limit of force in the file" if limited else unknown
     return (
         *assumed,
         f"threshold of a cut {loop.engage_at:.4g} {loop.unit_load}, an eighth of the force at the lower feed limit by "
         f"the estimates, with a hysteresis of {loop.hysteresis:.3g} {loop.unit_load}",
-        f"overload above {loop.overload_at:.4g} {loop.unit_load}, 1.05 times {OVERLOAD:g} times the set point: the "
-        "file holds no force that the tool withstands",
+        f"overload above {loop.overload_at:.4g} {loop.unit_load}, {why}",
         f"feed out of the cut down by {loop.back_off:.4g} and up by {loop.recover:.4g} of the upper limit per s",
         *monitoring(loop),
     )

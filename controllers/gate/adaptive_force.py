@@ -13,7 +13,7 @@ from ...parameters.sections.base import ModelCovariance
 from ..adaptive_force.controller import AdaptiveForceControl
 from ..adaptive_force.design import ForceGains, settling_time
 from ..adaptive_force.plant import DriveAndCut
-from ..adaptive_force.settings import assumed_settings, force_loop, lacking, machine, settings_for
+from ..adaptive_force.settings import assumed_settings, beyond_limit, force_loop, lacking, machine, settings_for
 from . import GatedControl
 from .roughness import ForceBench, fault_findings, gated, wrong_at_rest
 from .simulation import FileKey
@@ -43,13 +43,15 @@ def check_adaptive_force(pf: "ParameterFile") -> tuple[FileFinding, ...]:
     """
     if pf.adaptive_force is None or pf.adaptive_force.Kd is None:
         return ()
-    return _findings(FileKey(pf, {"adaptive_force"}))
+    return _findings(FileKey(pf, {"adaptive_force", "limits"}))
 
 
 @lru_cache(maxsize=16)
 def _findings(same: FileKey) -> tuple[FileFinding, ...]:
     pf = same.pf
     try:
+        if why := beyond_limit(pf):
+            return (_failed("limits", why),)
         if why := lacking(pf):
             raise GateError(why)
         machine(pf)
