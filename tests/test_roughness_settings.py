@@ -167,7 +167,7 @@ def test_the_file_replays_and_the_command_is_recorded(params, capsys):
 
 def test_kc_times_depth_a_given_gain_and_other_units(params):
     assert settings(params, *GIVEN, "d=1mm", "kc=2500N/mm2").force_per_feed == 2500
-    more = ("kca=2781N/(mm/rev)", "sample=5ms", "override=50:120%", "valid=-50:3kN", "--force")
+    more = ("kca=2781N/(mm/rev)", "sample=5ms", "override=50:120%", "valid=-0.05:3kN", "--force")
     section = settings(params, "Ra_ref=63uin", "spindle=610rpm", "feed=122mm/min", "ts=130ms", *more)
     assert section.roughness == pytest.approx(1.6002)
     assert (section.feed, section.servo_time, section.sample_time) == pytest.approx((0.2, 0.13, 0.005))
@@ -262,6 +262,12 @@ def test_a_force_above_the_tests_is_refused_and_one_below_is_stated(params, caps
     assert any("lies below the tests" in note for note in section.notes)
 
 
+def test_a_given_gain_far_from_the_force_law_needs_a_reason(params):
+    section = settings(params, *GIVEN, "kca=800N", "--beyond-tests", "depth of a third")
+    assert section.force_per_feed == 800
+    assert any("2878" in note and "depth of a third" in note for note in section.notes)
+
+
 def test_a_condition_outside_the_tests_of_the_force_law_is_stated(tmp_path):
     rng = np.random.default_rng(2)
     frame = pd.DataFrame([(f, d) for f in (0.1, 0.2, 0.3) for d in (0.5, 1.0, 2.0)], columns=["f", "d"])
@@ -309,6 +315,11 @@ def test_a_sample_time_beyond_the_process_is_refused(params, capsys):
         (("Ra=1.6um", "threshold=700N"), "and below it"),
         (("Ra=1.6um", "threshold=1N"), "above 1 %"),
         (("Ra=1.6um", "valid=0:300N"), "enclose"),
+        (("Ra=1.6um", "valid=-1e9:1e9N"), "at most 20 times the reference 579.5 N"),
+        (("Ra=1.6um", "valid=-1e9:3000N"), "narrow the range"),
+        (("Ra=1.6um", "kca=1e9N"), "kc a 1e+09 N per mm/rev differs by more than 3 times from the 2878"),
+        (("Ra=1.6um", "kca=800N"), "Correct the value or its unit"),
+        (("Ra=1.6um", "kca=1e9N", "--beyond-tests", "trial"), "check kc a"),
         (("Ra=1.6um", "kc=2500N/mm2"), "d=1mm"),
         (("Ra=1.6um", "--step", "missing.csv"), "missing.csv"),
         (("Ra=1.6um", "--law", "F"), "is not Ra = a exp(b F)"),
