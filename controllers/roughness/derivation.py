@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, Final
 from ...core.errors import ParameterError, UsageError
 from ...parameters.sections.force_control import RoughnessSection
 from .controller import FLOOR
-from .plant import Cut, Measured, check_plausible, loop_theory
+from .plant import Cut, Measured, loop_theory
+from .plausible import check_plausible, check_readings, gain_off_law
 from .reference import (
     ForceOfRoughness,
     Reading,
@@ -49,8 +50,6 @@ REVOLUTIONS: Final = 3.0  # above the threshold before the law acts
 OF_LOWEST: Final = 0.5  # of the force at the lower feed limit: the threshold
 OF_REFERENCE: Final = 0.2  # of the reference: the highest threshold that is assumed
 LARGEST_READING: Final = 5.0  # times the largest force expected: a larger reading is invalid
-HIGHEST_READING: Final = 20.0  # times the reference: a valid reading beyond, of either sign, is refused
-OTHER_GAIN: Final = 3.0  # times the kc a of the force law, or a share of it: a kc a beyond needs a reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +201,8 @@ class _Draft:
         self.put("force_per_feed", *self._force_per_feed(self.values["feed"]))
         recorded, used = self.measured.force_per_feed, self.values["force_per_feed"]
         check_plausible(used, cut.depth)
-        self._compare_gain(used)
+        if words := gain_off_law(cut, self.force_law, used, self.values["feed"]):
+            self.beyond(words, "Correct the value or its unit, or leave it out to use the law")
         if recorded is not None and recorded != used:
             words = f"The record gives kc a {recorded:.4g} N per mm/rev, {recorded / used:.3g} times the one used."
             self.remarks.append(words)
@@ -212,22 +212,6 @@ class _Draft:
         if self.force_law is None or self.cut.force_per_feed is not None or self.cut.kc is not None:
             return float(self.values["force_per_feed"]) * feed
         return force_at(self.force_law, feed, self.cut.depth, self.cut.conditions)
-
-    def _compare_gain(self, used: float) -> None:
-        """Refuse a given kc a far from that of the force law, unless a reason is given."""
-        cut, law, feed = self.cut, self.force_law, self.values["feed"]
-        if law is None or (cut.force_per_feed is None and cut.kc is None):
-            return
-        try:
-            own = force_at(law, feed, cut.depth, cut.conditions) / feed
-        except UsageError:  # a factor of the law is not given: nothing to compare with
-            return
-        if not own / OTHER_GAIN <= used <= OTHER_GAIN * own:
-            self.beyond(
-                f"kc a {used:.4g} N per mm/rev differs by more than {OTHER_GAIN:g} times from the {own:.4g} N per "
-                f"mm/rev of the force law {law.equation}.",
-                "Correct the value or its unit, or leave it out to use the law",
-            )
 
     def _feed_of_force(self) -> tuple[float, str]:
         law = self.force_law
@@ -348,19 +332,9 @@ class _Draft:
         margin = max(self.values["threshold"], 0.1 * reference)
         usual = -_down(margin), _down(LARGEST_READING * max(reference, highest))
         low, high = cut.valid or usual
-        if not low < self.values["threshold"] < reference < high:
-            raise UsageError(
-                f"valid={low:g}:{high:g}N: valid readings enclose the threshold {self.values['threshold']:g} N and the "
-                f"reference {reference:.4g} N; widen the range."
-            )
-        if max(-low, high) > HIGHEST_READING * reference:
-            remedy = "narrow the range" if cut.valid is not None else "check kc a and the feed, or give valid=-50:3000N"
-            raise UsageError(
-                f"valid={low:.4g}:{high:.4g}N: a valid reading is at most {HIGHEST_READING:g} times the reference "
-                f"{reference:.4g} N, {HIGHEST_READING * reference:.4g} N, of either sign; {remedy}."
-            )
         assumed = f"{LARGEST_READING:g} times the largest force expected, {max(reference, highest):.4g} N, assumed"
         given = cut.valid is not None
+        check_readings(low, high, self.values["threshold"], reference, given=given)
         self.put("force_low", low, "given" if given else "a drift of the zero below the threshold, assumed")
         self.put("force_high", high, "given" if given else assumed)
 

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
 FORCES = ("N", "kN")
-KC_POSSIBLE = (100.0, 30000.0)  # N/mm2, of turning
-TIMES_POSSIBLE = (1e-3, 10.0)  # s, of servo and process
 DISTURBANCE = 0.1  # SURF: the force undergoes random changes up to 10 %
 
 
@@ -374,26 +372,3 @@ def _per_revolution(gain: float, rec: "Record", cut: Cut) -> float | None:
     if rec.unit_u and same_dimension(rec.unit_u, "mm/min"):
         return newton * cut.spindle_speed / float(convert(np.array([1.0]), rec.unit_u, "mm/min")[0])
     return None
-
-
-def check_plausible(
-    gain: float | None = None, depth: float | None = None, times: "Mapping[str, float] | None" = None
-) -> None:
-    """Refuse a kc a, N per mm/rev, at a depth, mm, or time constants, s, that no cut has.
-
-    Raises
-    ------
-    UsageError
-        The specific force is not 100 to 30000 N/mm2, or a time constant not 1 ms to 10 s.
-    """
-    low, high = KC_POSSIBLE
-    if gain is not None and depth is not None and not low <= gain / depth <= high:
-        raise UsageError(
-            f"kc a {gain:.4g} N per mm/rev at a depth of {depth:g} mm is a specific force of {gain / depth:.3g} N/mm2, "
-            f"not {low:g} to {high:g}; check the values and their units."
-        )
-    low, high = TIMES_POSSIBLE
-    for name, time in (times or {}).items():
-        if not low <= time <= high:
-            words = f"the time constant of the {name}, {time:.4g} s, is not {low:g} to {high:g} s"
-            raise UsageError(f"{words}; check its unit.")
