@@ -264,6 +264,7 @@ def test_the_same_settings_in_other_units_give_the_same_run(file, run):
         (["2mm=200N", "--delay", "5"], "at most 1 s; give it in s or ms"),
         (["2mm=200N", "--reference-time", "1ms"], "the rule gives 0.16 s"),
         (["2mm=200N", "--readings", "0:150N"], "every set point must lie between"),
+        (["2mm=200N", "--readings", "100:260N"], "a range that encloses 0 and 200 N, the largest set point"),
         (["2mm=200mm"], "mm does not convert into N"),
         (["2mm=200"], ""),
         (["200N"], "write it as 2mm=200N"),

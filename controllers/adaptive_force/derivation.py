@@ -146,6 +146,11 @@ def design(section: "AdaptiveForceSection", choices: ForceChoices) -> ForceDesig
     readings = choices.readings or (float(READINGS[0] * force), float(READINGS[1] * force))
     if not (readings[0] < min(F for _, F in points) and readings[1] > force):
         raise UsageError(f"readings {readings[0]:g} to {readings[1]:g}: every set point must lie between them.")
+    if readings[0] > 0:
+        raise UsageError(
+            f"--readings {readings[0]:g}:{readings[1]:g}: readings in air, near 0 {section.unit_force}, would be "
+            f"invalid; give a range that encloses 0 and {force:g} {section.unit_force}, the largest set point."
+        )
     assumed = (
         GIVEN
         if choices.readings
