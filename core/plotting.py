@@ -251,12 +251,14 @@ def edge_styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 
 def mark_simulated(figure: Any, words: str = "not measured") -> None:  # noqa: ANN401  Figure
-    """Mark a figure of simulated data at its top; a layout that is computed keeps a place for the mark."""
-    style: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": SMALL, "color": RED, "weight": "bold"}
-    if figure.get_layout_engine() is None or figure.get_suptitle():
-        figure.text(0.995, 0.998, f"SIMULATED DATA, {words}", **style)
+    """Mark a figure of simulated data at its top, or at its foot below a title; a computed layout keeps its place."""
+    style: dict[str, Any] = {"ha": "right", "fontsize": SMALL, "color": RED, "weight": "bold"}
+    if figure.get_layout_engine() is None:
+        figure.text(0.995, 0.998, f"SIMULATED DATA, {words}", va="top", **style)
+    elif figure.get_suptitle():
+        figure.supxlabel(f"SIMULATED DATA, {words}", x=0.995, **style)
     else:
-        figure.suptitle(f"SIMULATED DATA, {words}", x=0.995, **style)
+        figure.suptitle(f"SIMULATED DATA, {words}", x=0.995, va="top", **style)
 
 
 def titled(ax: Axes, title: str, notes: Iterable[str] = ()) -> None:

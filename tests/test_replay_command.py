@@ -30,6 +30,18 @@ def test_every_paper_is_replayed_from_its_file_alone(paper, tmp_path, capsys):
     assert all(name.endswith(".png") and name in said.replace("\n", " ") for name in pictures)
 
 
+@pytest.mark.parametrize("simulated", [True, False])
+def test_figures_are_marked_where_the_tests_behind_the_laws_were_simulated(simulated):
+    from fitmodels.cards.replays import replayed
+
+    paper = published("AC-2016")
+    identity = paper.identity.model_copy(update={"simulated": simulated})
+    report = replayed("region", paper.model_copy(update={"identity": identity}), {}, 1)
+    for figure in report.figures.values():
+        texts = {figure.get_suptitle(), figure.get_supxlabel()}
+        assert ("SIMULATED DATA, laws not measured" in texts) is simulated
+
+
 def test_the_name_of_a_paper_stands_for_its_file(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["replay", "AC-2017", "--system", "recursion", "--json"]) == 0

@@ -50,7 +50,7 @@ class Replayed:
     facts : dict
         The same numbers for a program: plain JSON, each name with its unit (``life_min``, ``removed_mm3``).
     figures : dict of Figure
-        By file name without extension; each is labelled as simulated.
+        By file name without extension; labelled as simulated or calculated, and marked where the tests were simulated.
     """
 
     system: str
@@ -75,4 +75,9 @@ def replayed(
     module = import_module(f".{SYSTEMS[system]}", __name__)
     more = (options,) if system in PLANNED else ()
     found: Replayed = module.replayed(pf, draws, seed, *more)
+    if pf.identity.simulated:
+        from ...core.plotting import mark_simulated
+
+        for figure in found.figures.values():
+            mark_simulated(figure, "laws not measured")
     return found
