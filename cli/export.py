@@ -51,6 +51,11 @@ def parser() -> Parser:
         "exported file names them and the reasons"
     )
     p.add_argument("--accept-verdict", action="store_true", help=accept)
+    p.add_argument(
+        "--beyond-tests", metavar="REASON", default="",
+        help="accept a plan at a depth 1.5 times or more beyond the tested ones, for this reason, which is written "
+        "into the file (default: refused)",
+    )  # fmt: skip
     p.add_argument("--force", action="store_true", help="replace an existing file")
     output_options(p, "print the path and the notes as JSON (fitmodels.export/1)")
     plan_options(p)
@@ -119,8 +124,9 @@ def turning_request(args: argparse.Namespace, pf: "ParameterFile") -> "TurningRe
     options = plan_options_of(args, pf)
     given = [option for name, option in PART.items() if getattr(args, name) is not None]
     if not given:
-        return TurningRequest(options, inch=args.inch)
-    return TurningRequest(options, _job(args, given, options.depth or _depth(pf)))
+        return TurningRequest(options, inch=args.inch, beyond_tests=args.beyond_tests.strip())
+    job = _job(args, given, options.depth or _depth(pf))
+    return TurningRequest(options, job, beyond_tests=args.beyond_tests.strip())
 
 
 def _job_of(args: argparse.Namespace, pf: "ParameterFile", system: str, draws: "Mapping[str, Draws]") -> "ExportJob":
@@ -134,6 +140,8 @@ def _job_of(args: argparse.Namespace, pf: "ParameterFile", system: str, draws: "
     own = RUNNING if running else ()
     if (others := [option for option in given if option not in own]) and not program:
         raise UsageError(f"{others[0]} belongs to --to nc and --to csv; leave it out of {args.to}.")
+    if args.beyond_tests and not program and system != "recursion":
+        raise UsageError(f"--beyond-tests belongs to a plan; leave it out of {args.to}.")
     if args.period and not running:
         raise UsageError(f"--period belongs to a running plan or region; leave it out of {args.to}.")
     asked = [name for name in plan_asked(args) if system != "region" or name not in ("--by", "--at")]
@@ -150,7 +158,8 @@ def _job_of(args: argparse.Namespace, pf: "ParameterFile", system: str, draws: "
     if len(ends) > 2:
         raise UsageError(f"--diameter {args.diameter}: give one, 60mm, or the smallest and the largest, 40mm:80mm.")
     return ExportJob(
-        args.accept_verdict, draws, turning=TurningRequest(plan_options_of(args, pf)),
+        args.accept_verdict, draws,
+        turning=TurningRequest(plan_options_of(args, pf), beyond_tests=args.beyond_tests.strip()),
         diameter=(ends[0], ends[-1]) if ends else None,
         max_rpm=0.0 if args.max_rpm is None else measured(args.max_rpm, "1/min", "--max-rpm", "2500"),
         sample_time=0.0 if args.period is None else measured(args.period, "s", "--period", "20ms"),

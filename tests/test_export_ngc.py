@@ -432,6 +432,23 @@ def test_what_is_outside_the_tests_is_marked_alike_in_every_format(turned):
     assert "EXTRAPOLATED" not in nc_program(turned(parts=1)) + csv_table(turned(parts=1))
 
 
+@pytest.mark.parametrize("to", ["nc", "csv", "c", "st"])
+def test_a_depth_far_beyond_the_tests_needs_a_reason(to):
+    pf, cut = published("AC-2017"), TurningJob(PASSES[:1], 2500.0, parts=1)
+
+    def made(depth, reason=""):
+        request = TurningRequest(PlanOptions(depth=depth), None if to == "csv" else cut, beyond_tests=reason)
+        return exported(pf, to, system="recursion", job=ExportJob(diameter=(80.0, 80.0), turning=request))
+
+    assert "BEYOND TESTS" not in made(1.1).content  # tested 1.5 to 3 mm
+    with pytest.raises(GateError, match=r"d 1 mm lies 1.5-fold outside the tested 1.5 to 3 mm, .* --beyond-tests"):
+        made(1.0)
+    done = made(1.0, "trial on scrap")
+    assert "BEYOND TESTS" in done.content
+    assert "trial on scrap" in done.content
+    assert any(words.startswith("BEYOND TESTS: d 1 mm") for words in done.notes)
+
+
 def test_a_law_that_must_not_be_used_is_refused_and_simulated_data_are_marked(turned):
     pf = published("AC-2017")
     bad = {"level": "do not use for control", "reasons": ["The edges are not named."]}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from ...core.errors import GateError, UsageError
 from ...parameters.exports.view import ExportView, require_check, view_of_laws
-from ..recursion.from_file import require_checked
+from ..recursion.from_file import require_checked, require_near_tests
 from ..recursion.laws import response_at_end
 from ..recursion.plan import Plan, diameter_of, plan_of
 from ..region.log_planes import ratio
@@ -104,7 +104,8 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
     plan = plan_of(pf, job.draws, job.turning.options, job.seed)
     if not plan.rows:
         raise GateError("not exported: no pair of speed and feed keeps the limits on a new edge; see fitmodels replay.")
-    laws, unchecked = plan.laws, require_checked(pf, job.accept_verdict)
+    laws = plan.laws
+    said = (*require_checked(pf, job.accept_verdict), *require_near_tests(pf, [laws], job.turning.beyond_tests))
     view = view_of_laws(pf, (laws.wear.response, *(terms.response for _, terms in laws.limited)), job.accept_verdict)
     low, high = _diameters(pf, job, plan)
     caps, words = _caps(pf, job, plan, low, high)
@@ -127,7 +128,7 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
         "slowest": _slowest(plan),
         "wear_state": int(plan.life.rules.wear == "wear_state"),
     }
-    return PlanControl(view, plan, settings, rows, (*unchecked, *_about(plan, settings), *words))
+    return PlanControl(view, plan, settings, rows, (*said, *_about(plan, settings), *words))
 
 
 def period_of(job: ExportJob) -> float:

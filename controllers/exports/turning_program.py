@@ -22,7 +22,7 @@ from ...parameters.checks.report import require_verdicts
 from ...parameters.exports.names import plain, plain_lines, plain_unit
 from ...parameters.exports.view import NO_SAFETY, require_check
 from ...parameters.file_format import content_sha256
-from ..recursion.from_file import require_checked
+from ..recursion.from_file import require_checked, require_near_tests
 from ..recursion.plan import Plan, PlanOptions, plan_of
 from .turning_job import CLEAR, FOOT, INCH, Move, TurningJob, TurningPlan
 from .turning_plan import SETTLE, part_plan
@@ -50,6 +50,7 @@ class TurningRequest:
     options: PlanOptions = field(default_factory=PlanOptions)
     job: TurningJob | None = None
     inch: bool = False
+    beyond_tests: str = ""  # reason that accepts a depth far beyond the tests
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,10 +119,11 @@ def turning_export(
     plan = plan_of(pf, draws, request.options, seed)
     if not plan.rows:
         raise GateError("not exported: no pair of speed and feed keeps the limits on a new edge; see fitmodels replay.")
-    unchecked = require_checked(pf, accept_verdict)
     used = (plan.laws.wear.response, *(terms.response for _, terms in plan.laws.limited))
     verdicts = require_verdicts(pf, accept_verdict, only=used)
     part, outside = (None, plan.extrapolated) if request.job is None else part_plan(pf, plan, request.job)
+    depths = (plan.laws, *(() if part is None else part.edge.others))
+    said_first = (*require_checked(pf, accept_verdict), *require_near_tests(pf, depths, request.beyond_tests))
     simulated = {True: "SIMULATED data, not measured", None: "not known whether the data were measured or SIMULATED"}
     said = simulated.get(pf.identity.simulated, "")
     who = pf.identity
@@ -133,14 +135,14 @@ def turning_export(
     return TurningExport(
         plan=plan,
         part=part,
-        origin=(pair, *([said] if said else []), *verdicts, *unchecked, *outside, checksum),
+        origin=(pair, *([said] if said else []), *verdicts, *said_first, *outside, checksum),
         remarks=(
             *NO_SAFETY, "calculated from the laws of the file, not measured: watch the first part and inspect the edge",
             *_chance(plan), *_settings(plan, inch), *([] if part is None else _words_of(part)),
             *(f"assumed: {words}" for words in assumed),
         ),
         marks=(
-            *([said] if said else []), *(line for line in verdicts if line.startswith("VERDICT ACCEPTED")), *unchecked
+            *([said] if said else []), *(line for line in verdicts if line.startswith("VERDICT ACCEPTED")), *said_first
         ),
         inch=inch,
     )  # fmt: skip

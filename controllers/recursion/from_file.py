@@ -1,7 +1,7 @@
 """Laws and limits of an edge's life, taken from a parameter file."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ...parameters.sections.load_line import Bound, LimitsSection, Range
 
 DEPTH = 2.5  # mm, of both papers
+FAR = 1.5  # times the ends of the tested depths: a plan beyond is exported for a stated reason only
 NEAR = 1e-9  # of an end of a tested range: a value on it is inside
 PAPER = "AC-2017"  # provenance.options["paper"] of its own file
 UNITS: Mapping[str, str] = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
@@ -294,6 +295,29 @@ def outside_tests(
             f"region of {', '.join(combined)}."
         )
     return inside[:count], tuple(words)
+
+
+def require_near_tests(pf: "ParameterFile", used: Iterable[LifeLaws], reason: str) -> tuple[str, ...]:
+    """Raise for a depth of these laws far beyond its tests; where a reason accepts it, the words that state both."""
+    far = dict.fromkeys(
+        f"d {laws.d:g} mm lies {max(laws.d / high, low / laws.d):.3g}-fold outside the tested {low:.4g} to {high:.4g} "
+        "mm"
+        for laws in used
+        for name in (laws.wear.response, *(terms.response for _, terms in laws.limited))
+        for factor in pf.laws[name].factors
+        if factor.symbol == "d"
+        for low, high in [(factor.low / ratio("mm", factor.unit), factor.high / ratio("mm", factor.unit))]
+        if not low / FAR * (1 + NEAR) < laws.d < high * FAR * (1 - NEAR)
+    )
+    if not far:
+        return ()
+    words = "; ".join(far)
+    if reason:
+        return (f"BEYOND TESTS: {words}; accepted: {reason}",)
+    raise GateError(
+        f"not exported: {words}, and from {FAR:g}-fold on a plan is refused. Test nearer to it, give a depth nearer to "
+        "the tests with --depth, or accept it with --beyond-tests and a reason, which is written into the file."
+    )
 
 
 def _beyond_words(factor: "Factor", values: Array) -> tuple[str, str]:
