@@ -106,8 +106,8 @@ def parser() -> Parser:
         "--beyond-tests",
         metavar="REASON",
         default="",
-        help="accept feeds beyond 1.5 times the tested ones, or a force above the tested, for this reason, which is "
-        "recorded (default: refused)",
+        help="accept feeds beyond 1.5 times the tested ones, or a force above the tested or whose interval lacks an "
+        "end, for this reason, which is recorded (default: refused)",
     )
     p.add_argument("--force", action="store_true", help="replace the settings in the file")
     output_options(p, "print the section as JSON (fitmodels.roughness/1)")
@@ -317,12 +317,7 @@ def _shown(section: "RoughnessSection", name: str) -> str:
 def _readings(found: "DerivedSettings") -> str:
     """Both readings of the reference force, with the interval of the first."""
     inverse, section = found.inverse, found.section
-    if inverse.low is None or inverse.high is None:
-        interval = f"no interval: {inverse.reason}"
-    else:
-        ends = [f"{end:.4g}" if np.isfinite(end) else "not bounded" for end in (inverse.low, inverse.high)]
-        interval = f"{100 * inverse.level:g} % confidence interval {ends[0]} to {ends[1]} N, Fieller"
-    first = f"By the inverse of the law {inverse.value:.4g} N ({interval})"
+    first = f"By the inverse of the law {inverse.value:.4g} N ({inverse.interval})"
     if found.regression is None or section.regression is None:
         return f"{first}; by a regression of force on ln Ra: {found.no_regression}"
     line = section.regression

@@ -13,10 +13,10 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
+from fitmodels.controllers.roughness.inverse import inverse_force
 from fitmodels.controllers.roughness.plant import loop_theory
 from fitmodels.controllers.roughness.reference import (
     ideal_roughness,
-    inverse_force,
     largest_feed,
     regression_of_law,
 )
@@ -114,6 +114,25 @@ def test_interval_of_the_reference_force_holds_its_level(source):
         found = inverse_force(drawn, 1.6)
         inside += found.low < math.log(1.6 / 0.1725) / 0.003844 < found.high
     assert inside / 1000 == pytest.approx(0.95, abs=0.02)  # three of its standard errors
+
+
+def test_a_force_that_the_tests_do_not_determine_is_refused_without_a_reason(tmp_path, capsys):
+    """A law that may not rise with force at all gave a reference that was accepted."""
+    rng, F = np.random.default_rng(4), np.linspace(450, 750, 8)
+    Ra = 1.2 * np.exp(0.0006 * F + 0.25 * rng.standard_normal(F.size))
+    runs = datasets.runs_from_frame(pd.DataFrame({"F": F, "Ra": Ra}), units={"F": "N", "Ra": "um"})
+    path = tmp_path / "params.json"
+    parameters.write(parameters.collect(laws=[fit.exponential_law(runs, "Ra", "F")]), path)
+    law = parameters.read(path).laws["Ra"]
+    given = (f"Ra={law.coefficients['a'] * math.exp(600 * law.coefficients['b']):.3f}um", *GIVEN[1:], "kca=2800N")
+    err = " ".join(refused(path, capsys, *given).split())
+    assert "end: the tests do not determine the force" in err
+    assert "--beyond-tests" in err
+    assert main(["roughness", str(path), *given, "--beyond-tests", "trial on scrap"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "NOT DETERMINED: The reference force is" in out
+    assert "not bounded" not in out
+    assert any("trial on scrap" in note for note in parameters.read(path).roughness.notes)
 
 
 def test_regression_through_the_covariance_equals_that_of_noisy_tests():

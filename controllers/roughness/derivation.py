@@ -17,17 +17,16 @@ from typing import TYPE_CHECKING, Any, Final
 from ...core.errors import ParameterError, UsageError
 from ...parameters.sections.force_control import RoughnessSection
 from .controller import FLOOR
+from .inverse import ForceOfRoughness, inverse_force
 from .plant import Cut, Measured, loop_theory
 from .plausible import check_plausible, check_readings, gain_off_law
 from .reference import (
-    ForceOfRoughness,
     Reading,
     feed_of_force,
     feed_of_ideal_roughness,
     force_at,
     force_law_of,
     ideal_marks,
-    inverse_force,
     largest_feed,
     outside_tests,
     regression_of_law,
@@ -66,7 +65,7 @@ class Choices:
     level : float
         Of the interval of the reference force.
     beyond_tests : str
-        Reason why feeds or forces beyond the tests are accepted; empty: they are not.
+        Reason why feeds or forces that the tests do not cover are accepted; empty: they are not.
     """
 
     law: str | None = None
@@ -154,11 +153,11 @@ class _Draft:
         self.remarks.append(words)
         self.notes.append(words)
 
-    def beyond(self, words: str, remedy: str) -> None:
-        """Refuse what lies beyond the tests, or record it with the reason that accepts it."""
+    def beyond(self, words: str, remedy: str, kind: str = "EXTRAPOLATED") -> None:
+        """Refuse what the tests do not cover, or record it with the reason that accepts it."""
         if not self.chosen.beyond_tests:
             raise UsageError(f"{words} {remedy}, or accept it with --beyond-tests and a reason.")
-        self.note(f"EXTRAPOLATED: {words} Accepted: {self.chosen.beyond_tests}.")
+        self.note(f"{kind}: {words} Accepted: {self.chosen.beyond_tests}.")
 
     def _regression(self) -> tuple[float | None, str]:
         try:
@@ -190,6 +189,9 @@ class _Draft:
             self.beyond(f"The reference force {force:.4g} N lies above the {tests}.", "Ask for a finer surface")
         elif force < factor.low / NEARLY:
             self.note(f"EXTRAPOLATED: the reference force {force:.4g} N lies below the {tests}.")
+        if self.inverse.open:
+            words = f"The reference force is {force:.4g} N; {self.inverse.interval}."
+            self.beyond(words, f"Fit the law to more tests over a wider range of {factor.symbol}", "NOT DETERMINED")
 
     def cutting(self) -> None:
         """Spindle speed, depth, nose radius, programmed feed, and kc a at it."""

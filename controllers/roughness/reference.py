@@ -10,7 +10,6 @@ Both are reconstructions. They differ by 30 N at Ra 1.0 um: the table prints 448
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -117,61 +116,6 @@ def reference_force(pf: "ParameterFile", roughness: float | None = None, force_f
             f"{section.threshold:g} N; choose a rougher surface, or lower the threshold."
         )
     return F
-
-
-@dataclass(frozen=True, slots=True)
-class ForceOfRoughness:
-    """Force that gives a roughness by the inverse of the law, with its confidence interval.
-
-    Attributes
-    ----------
-    value : float
-        N.
-    low, high : float or None
-        Fieller's interval, N; None where it is not known, with the ``reason``. An end may be infinite.
-    level : float
-    reason : str
-    """
-
-    value: float
-    low: float | None
-    high: float | None
-    level: float
-    reason: str = ""
-
-
-def inverse_force(law: "LawSection", roughness: float, level: float = 0.95) -> ForceOfRoughness:
-    """Inverse of Ra = a exp(b F) at a roughness, um, with Fieller's interval from the covariance of the law.
-
-    Raises
-    ------
-    UsageError
-        The roughness is not above the one at zero force.
-
-    Examples
-    --------
-    >>> from fitmodels.parameters.published import published
-    >>> round(inverse_force(published("SURF").laws["Ra"], 1.6).value, 1)
-    557.9
-    """
-    from scipy.stats import t
-
-    from ...core.intervals import fieller
-
-    a, b = law.coefficients["a"], law.coefficients["b"]
-    if not roughness > a:
-        raise UsageError(
-            f"roughness {roughness:g} um: by {law.equation} it is {a:.4g} um at a force of 0, and no force gives less; "
-            "ask for a rougher surface, or fit a law to tests of finer ones."
-        )
-    value, C = math.log(roughness / a) / b, law.uncertainty
-    if C.kind == "none":
-        return ForceOfRoughness(value, None, None, level, C.reason)
-    i, j = C.of.index("ln a"), C.of.index("b")
-    moments = C.matrix[i][i], C.matrix[i][j], C.matrix[j][j]
-    quantile = float(t.ppf(0.5 + level / 2, C.df))
-    found = fieller(math.log(a) - math.log(roughness), b, moments, quantile)
-    return ForceOfRoughness(value, found.low, found.high, level)
 
 
 def regression_of_law(law: "LawSection") -> tuple[float, float]:
