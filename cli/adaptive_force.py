@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
+from ..core.verdict import DO_NOT_USE
 from .arguments import Parser, pairs, parameter_file, traced
-from .output import Printer, output_options, print_json
+from .output import Printer, complain, output_options, print_json
 from .physical import FORCE, fitted, spindle_speed
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from ..controllers.adaptive_force.derivation import ForceChoices, ForceDesign
+    from ..core.verdict import Verdict
     from ..parameters import ParameterFile
     from ..parameters.sections.force_control import AdaptiveForceSection
 
@@ -41,7 +43,8 @@ def parser() -> Parser:
         "Set up milling at a constant force from the estimates of `fitmodels ident --as force-process` in a file:\n"
         "the force for each depth of cut is given, Kd, lambda and the rates follow from a design rule with its\n"
         "stability margins, the averaging time from the spindle speed. Each value is printed with its source.",
-        main="--spindle --feed --readings --record --depth --delay --units --beyond-tested --force --quiet --json",
+        main="--spindle --feed --readings --record --depth --delay --units --beyond-tested --accept-verdict "
+        "--force --quiet --json",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json with estimates of adaptive force")
     p.add_argument(
@@ -70,6 +73,8 @@ def parser() -> Parser:
     p.add_argument("--units", metavar="FEED,FORCE", help="units of the section, as mm/rev,kN (default: of the record)")
     far = "allow a feed or a force of more than 1.5 times what was tested; the file and the output state it"
     p.add_argument("--beyond-tested", action="store_true", help=far)
+    bad = "with --record: replace estimates of the file even by ones that must not be used for control"
+    p.add_argument("--accept-verdict", action="store_true", help=bad)
     p.add_argument("--force", action="store_true", help="replace settings in the file")
     output_options(p, "print the section and its margins as JSON (fitmodels.adaptive-force/1)")
     p.parse_args = partial(_parsed, p)  # type: ignore[assignment,method-assign]
@@ -135,6 +140,8 @@ def run(args: argparse.Namespace) -> int:
         print_json("adaptive-force", {**facts, "verdicts": verdicts})
         return 0
     out = Printer(quiet=args.quiet)
+    for line in verdicts if args.quiet else ():
+        complain(line)
     for line in (*verdicts, _plant(changed, section)):
         out.show(line)
     out.show(_values(section))
@@ -165,7 +172,23 @@ def _estimates(pf: "ParameterFile", args: argparse.Namespace) -> "AdaptiveForceS
         args.record, input=args.input, output=args.output, units=pairs(args.unit, "--unit", "time=ms")
     )  # fmt: skip
     given = argparse.Namespace(model=FORCE, given=None, depth=args.depth, spindle=args.spindle, drive_pole=None)
-    return AdaptiveForceSection.model_validate(fitted([rec], None, given, pf).section)
+    found = fitted([rec], None, given, pf)
+    if found.verdict.level == DO_NOT_USE and not args.accept_verdict:
+        _keep_better(pf, found.verdict, args)
+    return AdaptiveForceSection.model_validate(found.section)
+
+
+def _keep_better(pf: "ParameterFile", verdict: "Verdict", args: argparse.Namespace) -> None:
+    """Refuse to replace estimates of the file, unless these must not be used for control either."""
+    held = pf.adaptive_force
+    if held is None or (held.verdict is not None and held.verdict.concern == DO_NOT_USE):
+        return
+    of_file = "no verdict" if held.verdict is None else held.verdict.level
+    raise UsageError(
+        f"--record {args.record}: the verdict on its estimates is '{verdict.words}', that on those of {args.file} is "
+        f"'{of_file}', and nothing was replaced. {' '.join(verdict.reasons)} Check the columns and their units, or "
+        "record the cut again; leave --record out, or replace them all the same with --accept-verdict."
+    )
 
 
 def _in_units(section: "AdaptiveForceSection", args: argparse.Namespace) -> "AdaptiveForceSection":

@@ -368,3 +368,26 @@ def test_a_record_gives_estimates_and_a_reversed_one_is_refused(file, run, tmp_p
     assert code == 4
     assert "the force falls when the feed rises" in err
     assert file.read_bytes() == before
+
+
+def test_estimates_are_not_replaced_by_ones_that_must_not_be_used(file, run, tmp_path):
+    rng, plant, t = np.random.default_rng(1), DriveAndCut(depth=2.0, ripple=0.3, noise=2.0), 0.004 * np.arange(2500)
+    u = 250 + 100 * np.sin(2 * np.pi * (0.1 + 0.245 * t) * t)
+    F = np.array([plant.step(float(command), 0.004, rng) for command in u])
+    # the time in ms, with s in its header
+    rows = [f"{a:.3f},{b:.1f},{c:.1f}" for a, b, c in zip(1000 * t, u, F, strict=True)]
+    (tmp_path / "slow.csv").write_text("\n".join(["time [s],feed rate [mm/min],force [N]", *rows]))
+    held = parameters.read(file)
+    good = held.adaptive_force.model_dump() | {"verdict": {"level": "usable inside the tested region"}}
+    parameters.write(sealed(held, adaptive_force=good), file, replaces=held)
+    words = ("2mm=200N", "--depth", "2", "--spindle", "3000", "--record", "slow.csv", "--force", "-q")
+    before = file.read_bytes()
+    code, out, err = run(file, *words)
+    assert (code, out) == (2, "")
+    assert "do not use for control" in err
+    assert "--accept-verdict" in err
+    assert file.read_bytes() == before
+    code, out, err = run(file, *words, "--accept-verdict", "--beyond-tested")
+    assert code == 0, err
+    assert out.split() == [str(file)]
+    assert "Verdict on the force process: do not use for control" in err
