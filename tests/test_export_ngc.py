@@ -449,6 +449,17 @@ def test_a_depth_far_beyond_the_tests_needs_a_reason(to):
     assert any(words.startswith("BEYOND TESTS: d 1 mm") for words in done.notes)
 
 
+@pytest.mark.parametrize("to", ["nc", "c"])
+def test_a_plan_without_a_pair_names_the_limit_that_stops_the_slowest(to):
+    job = ExportJob(diameter=(80.0, 80.0), turning=TurningRequest(PlanOptions(depth=20.0)))
+    says = (
+        r"at the slowest pair, .* d 20 mm, Fxz [\d.]+ N exceeds 1500 N after 1 min\. "
+        r"EXTRAPOLATED: d 20 mm, tested 1.5 to 3 mm"
+    )
+    with pytest.raises(GateError, match=says):
+        exported(published("AC-2017"), to, system="recursion", job=job)
+
+
 def test_a_law_that_must_not_be_used_is_refused_and_simulated_data_are_marked(turned):
     pf = published("AC-2017")
     bad = {"level": "do not use for control", "reasons": ["The edges are not named."]}

@@ -11,7 +11,7 @@ from ...controllers.recursion.distribution import LifeDraws, life_draws, respons
 from ...controllers.recursion.from_file import shortfall
 from ...controllers.recursion.interval_optimum import not_convex
 from ...controllers.recursion.laws import Rules
-from ...controllers.recursion.life import Life, whole_life
+from ...controllers.recursion.life import Life, no_pair, whole_life
 from ...controllers.recursion.plan import ENDS, Plan, PlanOptions, PlanRow, intervals_in, plan_of
 from . import Replayed
 from .plan_comparisons import (
@@ -104,8 +104,7 @@ def _agrees(plan: Plan) -> bool:
 def _life_lines(plan: Plan) -> list[str]:
     life, laws = plan.life, plan.laws
     if not len(life.time):
-        broken = " and ".join(name for name, by in life.surfaces(0).breaks.items() if by.any())
-        return [f"No pair of the grid is within the limits of a new edge ({broken})."]
+        return [f"N{no_pair(life)[1:]}"]
     first = (
         f"{_objective(plan)} after {life.minutes:g} min and {metal(life.removed)}, {metal(life.per_minute)} per min, "
         f"from {life.V[0]:g} m/min and {life.f[0]:g} mm/rev in the first to {life.V[-1]:g} and {life.f[-1]:g} in "

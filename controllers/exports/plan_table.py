@@ -13,6 +13,7 @@ from ...core.errors import GateError, UsageError
 from ...parameters.exports.view import ExportView, require_check, view_of_laws
 from ..recursion.from_file import require_checked, require_near_tests
 from ..recursion.laws import response_at_end
+from ..recursion.life import no_pair
 from ..recursion.plan import Plan, diameter_of, plan_of
 from ..region.log_planes import ratio
 from .c_source import c_comment, head_lines, with_settings
@@ -103,7 +104,7 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
     require_check(pf)
     plan = plan_of(pf, job.draws, job.turning.options, job.seed)
     if not plan.rows:
-        raise GateError("not exported: no pair of speed and feed keeps the limits on a new edge; see fitmodels replay.")
+        raise GateError(f"not exported: {no_pair(plan.life, plan.extrapolated)}")
     laws = plan.laws
     said = (*require_checked(pf, job.accept_verdict), *require_near_tests(pf, [laws], job.turning.beyond_tests))
     view = view_of_laws(pf, (laws.wear.response, *(terms.response for _, terms in laws.limited)), job.accept_verdict)

@@ -23,6 +23,7 @@ from ...parameters.exports.names import plain, plain_lines, plain_unit
 from ...parameters.exports.view import NO_SAFETY, require_check
 from ...parameters.file_format import content_sha256
 from ..recursion.from_file import require_checked, require_near_tests
+from ..recursion.life import no_pair
 from ..recursion.plan import Plan, PlanOptions, plan_of
 from .turning_job import CLEAR, FOOT, INCH, Move, TurningJob, TurningPlan
 from .turning_plan import SETTLE, part_plan
@@ -118,7 +119,7 @@ def turning_export(
     untried = require_check(pf)
     plan = plan_of(pf, draws, request.options, seed)
     if not plan.rows:
-        raise GateError("not exported: no pair of speed and feed keeps the limits on a new edge; see fitmodels replay.")
+        raise GateError(f"not exported: {no_pair(plan.life, plan.extrapolated)}")
     used = (plan.laws.wear.response, *(terms.response for _, terms in plan.laws.limited))
     verdicts = require_verdicts(pf, accept_verdict, only=used)
     part, outside = (None, plan.extrapolated) if request.job is None else part_plan(pf, plan, request.job)

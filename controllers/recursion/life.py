@@ -205,6 +205,29 @@ def life_of(laws: LifeLaws, rules: Rules, grid: Grid, chosen: Sequence[Choice], 
     return Life(laws, rules, grid, time, V, f, AW, P, Fxz, MRR, tuple(one.stops for one in chosen), ended)
 
 
+def no_pair(life: Life, outside: Sequence[str] = ()) -> str:
+    """Why a life has no interval: the limits that the slowest pair exceeds, and sentences on what is outside the tests.
+
+    >>> from fitmodels.parameters.published import published
+    >>> from fitmodels.controllers import life_laws
+    >>> no_pair(whole_life(life_laws(published("AC-2017"), d=20.0))).split(": ")[0]
+    'no pair of speed and feed keeps the limits on a new edge'
+    """
+    laws, rules, end = life.laws, life.rules, life.rules.interval
+    V, f = float(life.grid.V[0]), float(life.grid.f[0])
+    AW = float(wear_after(laws, rules, V, f, 0.0, 0.0, end))
+    found = [(laws.wear, AW), *((one, float(response_at_end(one, rules, V, f, end, AW))) for _, one in laws.limited)]
+    over = [
+        f"{one.response} {value:.4g} {one.unit} exceeds {one.most:g} {one.unit}"
+        for one, value in found
+        if value > one.most
+    ]
+    head = "no pair of speed and feed keeps the limits on a new edge"
+    pair = f"at the slowest pair, {V:g} m/min and {f:g} mm/rev, d {laws.d:g} mm, {' and '.join(over)} after {end:g} min"
+    said = f"{head}: {pair}." if over else f"{head}."
+    return " ".join([said, *outside, "Give a smaller depth, or a lower range of V or f."])
+
+
 EQUAL = 1e-9  # of a limit: a pair on it is within it
 
 
