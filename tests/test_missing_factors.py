@@ -40,6 +40,21 @@ def test_a_missing_factor_is_found_with_its_exponent():
     assert abs(np.mean(sizes) - 0.5) < 0.06
 
 
+@pytest.mark.parametrize(("name", "at"), [("d", "one d"), ("f", "one value of each condition other than f")])
+def test_a_law_on_force_alone_is_fitted_at_one_value_of_what_it_lacks(name, at):
+    """The advice was to add the factor, which roughness control refuses."""
+    rng = np.random.default_rng(8)
+    x = np.tile([0.1, 0.2, 0.3, 0.4], 6)
+    F = rng.uniform(400, 900, x.size)
+    frame = pd.DataFrame({name: x, "F": F, "Ra": np.exp(0.003 * F + 4 * x + 0.05 * rng.standard_normal(x.size))})
+    units = {"F": "N", "Ra": "um", name: "mm" if name == "d" else "mm/rev"}
+    runs = datasets.runs_from_frame(frame, judge=False, units=units)
+    found = unused_columns(fit.exponential_law(runs, "Ra", "F"), runs, 0.0)
+    assert f"{name} (0.1 to 0.4" in found.verdict
+    assert f"Fit the tests at {at} and leave the others out: roughness control needs Ra on F alone." in found.verdict
+    assert "--law" not in found.verdict
+
+
 def test_a_column_without_effect_is_seldom_reported():
     p = np.array([of_columns(wear(seed)).pvalue for seed in range(40)])
     assert (p < 0.05).sum() <= 6

@@ -236,6 +236,9 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
     values = f"{first.span} {unit}".rstrip()
     # a law with fixed exponents has the factors of its form alone
     add = "Keep a form that can have it" if law.formula.fixed else f'Add it (--law "{law.response} ~ + {first.name}")'
+    remedy = f"{add}, or fit the tests at one {first.name}."
+    if law.form == "exponential" and len(law.factors) == 1 and law.units.get(law.factors[0]) == "N":
+        remedy = _at_one(law.response, law.factors[0], first.name)
     size = f"exponent {first.coefficient:.2f}" if law.form == "power" else f"coefficient {first.coefficient:.3g}"
     others = ", ".join(f"{one.name} {format_p(one.p)}" for one in sorted(tests, key=lambda one: one.p))
     kept = f"Columns that are not in the law have no effect that these tests show ({others})."
@@ -255,10 +258,17 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
         concern=concern_of(p),
         verdict=(
             f"{first.name} ({values}) is not in the law of {law.response} and matters: {size} when it is added "
-            f"({format_p(p)}{many}). {add}, or fit the tests at one {first.name}."
+            f"({format_p(p)}{many}). {remedy}"
         ),
         kept=kept,
     )
+
+
+def _at_one(response: str, force: str, name: str) -> str:
+    """Remedy of a law on force alone, which roughness control needs: the control changes the force by the feed."""
+    what = f"value of each condition other than {name}" if name in ("f", "fz", "fm") else name
+    why = f"roughness control needs {response} on {force} alone"
+    return f"Fit the tests at one {what} and leave the others out: {why}."
 
 
 def _varies(runs: Runs, name: str) -> bool:
