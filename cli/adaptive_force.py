@@ -140,7 +140,7 @@ def run(args: argparse.Namespace) -> int:
         print_json("adaptive-force", {**facts, "verdicts": verdicts})
         return 0
     out = Printer(quiet=args.quiet)
-    for line in verdicts if args.quiet else ():
+    for line in verdicts if args.quiet and args.record else ():  # of estimates that are new
         complain(line)
     for line in (*verdicts, _plant(changed, section)):
         out.show(line)
