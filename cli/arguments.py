@@ -18,6 +18,7 @@ from ..core.files import STANDARD_INPUT
 from ..core.suggestions import closest
 from .output import WIDEST, complain
 
+NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins
 WITH_UNIT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")
 MARK = "-"  # standard input as the file of a command
 STEM = "stdin"  # of what is written by default
@@ -90,6 +91,24 @@ class Parser(argparse.ArgumentParser):
         self._positionals.title = "arguments"
         self.add_argument("-h", "--help", action="help", help="explain the arguments and main options")
         self.add_argument("--help-all", action=_HelpAll, nargs=0, help="explain every option, with its default")
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Take a negative value with a unit, or a range, after its option, as in ``--readings -32:1280N``."""
+        return super().parse_known_args(self._joined(sys.argv[1:] if args is None else args), namespace)
+
+    def _joined(self, words: Sequence[str]) -> list[str]:
+        """``--option -1mm`` as ``--option=-1mm`` where the option takes one value; argparse reads -1mm as an option."""
+        takes = {name for one in self._actions if one.nargs is None for name in one.option_strings if name[:2] == "--"}
+        end = list(words).index("--") if "--" in words else len(words)
+        joined: list[str] = []
+        for word in words[:end]:
+            if joined and joined[-1] in takes and NEGATIVE.match(word):
+                joined[-1] += f"={word}"
+            else:
+                joined.append(word)
+        return [*joined, *words[end:]]
 
     def format_help(self) -> str:
         """The example, and the help of arguments and main options; the others are named."""

@@ -340,6 +340,19 @@ def test_the_limit_of_force_in_the_file_is_the_overload_and_lies_above_the_set_p
     assert file.read_bytes() == before
 
 
+def test_a_negative_value_follows_its_option(file, run):
+    assert run(file, "2mm=200N", "--readings", "-32:1280N")[0] == 0
+    assert parameters.read(file).adaptive_force.force_low == -32.0
+    assert run(file, "--force", "--readings", "-.04:1.2kN")[0] == 0
+    assert parameters.read(file).adaptive_force.force_low == -40.0
+    code, _, err = run(file, "--force", "--feed", "-10:500")
+    assert code == 2
+    assert "give 0 < low < high with --feed" in err
+    code, _, err = run(file, "--force", "--readings", "--delay", "5ms")
+    assert code == 2
+    assert "--readings: expected one argument" in err
+
+
 def test_a_feed_beyond_the_tests_is_recorded_where_it_is_allowed(file, run):
     assert run(file, "2mm=200N", "--feed", "100:900", "--beyond-tested")[0] == 0
     a = parameters.read(file).adaptive_force
