@@ -92,7 +92,7 @@ LIMIT = {"value", "low", "high", "unit", "of"}
 
 
 def difference(one: object, two: object, a: str, b: str) -> str:
-    """Difference of two contents of a section, each beside the name of its file: limits, or the first fields that do.
+    """Difference of two contents of a section, each with the name of its file: limits, or the first fields that do.
 
     >>> difference({"kp": 1.0, "ki": 2.0}, {"kp": 1.5, "ki": 2.0}, "a.json", "b.json")
     'kp 1 in a.json; kp 1.5 in b.json'

@@ -16,8 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from fitmodels import batch, datasets, parameters
-from fitmodels.batch import run_batch
-from fitmodels.batch import terminal as telling
+from fitmodels.batch import run_batch, terminal
 from fitmodels.batch.plan import Block, Pair, Plan, Reading
 from fitmodels.cli import main
 from rich.console import Console
@@ -172,7 +171,7 @@ def printed(what):
 def test_files_that_cannot_be_read_are_named_though_their_reasons_do_not(here):
     unreadable = {f"sub/{i}.csv": "no table at all." for i in range(11)} | {"b.csv": "b.csv: x."}
     plan = Plan("lab", "files", (), 0, (), unreadable, (), Reading())
-    said = printed(telling.source_block(plan))
+    said = printed(terminal.source_block(plan))
     assert said.count("no table at all.") == 8
     assert "sub/0.csv: no table at all." in said
     assert "and 4 more: sub/8.csv, sub/9.csv, sub/10.csv, b.csv" in said
@@ -182,17 +181,17 @@ def test_blocks_that_are_held_are_distinguished_from_pairs_that_are_streamed():
     rows = {"a": 9, "b": 8, "c": 5000, "d": 2000}
     blocks = [Block((Pair(tool, "x"),), (), n, streamed=n > 999) for tool, n in rows.items()]
     plan = Plan("lab", "parquet", tuple(blocks), 7017, (), {}, (), Reading())
-    reported = " ".join(printed(telling.source_block(plan)).split())
+    reported = " ".join(printed(terminal.source_block(plan)).split())
     assert "in blocks 2, of at most 9 rows in memory at a time; 2 pairs of up to 5000 rows" in reported
     assert "of up to 5000 rows, streamed chunk by" in reported
-    reported = printed(telling.source_block(replace(plan, blocks=plan.blocks[2:3])))
+    reported = printed(terminal.source_block(replace(plan, blocks=plan.blocks[2:3])))
     assert "1 pair of 5000 rows, streamed chunk by chunk" in reported
 
 
 def test_a_single_pair_is_reported_by_its_values_and_intervals(tmp_path):
     """Quarters of one pair would say nothing; the interval is that of the table."""
     made = batch.run(datasets.bundled("gc435_709m40"), tmp_path / "out", files=False)
-    reported = printed(telling.laws_block(made))
+    reported = printed(terminal.laws_block(made))
     assert "95 % by edge" in reported
     assert "quarter" not in reported
     law = made.results.iloc[0]

@@ -71,7 +71,7 @@ def planned_edge(pf: "ParameterFile", plan: Plan, job: TurningJob) -> PlannedEdg
     depths = [d for d in stated if abs(d - life.laws.d) > 1e-9]
     if depths and options.objective != "removal":
         raise UsageError(
-            f"depths of {', '.join(f'{d:g}' for d in depths)} mm beside {life.laws.d:g} mm: objective "
+            f"depths of {', '.join(f'{d:g}' for d in depths)} mm next to {life.laws.d:g} mm: objective "
             f"{options.objective} plans a whole life at one depth; use --objective removal."
         )
     others = tuple(life_laws(pf, d=d, by=options.by, at=options.at) for d in depths)

@@ -303,7 +303,9 @@ def measured_from(records: "Sequence[Record]", cut: Cut) -> Measured:
         Two records of one kind, a response that falls when the feed rises, one that oscillates, or a poor fit.
     """
     found, kinds = Measured(), set()
-    for rec in sorted(records, key=lambda one: one.unit_y in FORCES):  # the servo first: it tells the lags apart
+    for rec in sorted(
+        records, key=lambda one: one.unit_y in FORCES
+    ):  # the servo first: its lag identifies that of the cut
         of_force = rec.unit_y in FORCES
         if of_force in kinds:
             raise UsageError(f"two records of the {'force' if of_force else 'servo'}: give one of each.")
@@ -352,8 +354,8 @@ def _of_force(found: Measured, seen: _Response, rec: "Record", cut: Cut) -> Meas
     near = cut.revolution if known is None else known
     first, second = sorted(seen.lags, key=lambda lag: abs(math.log(lag / near)))
     servo, process = (second, first) if known is None else (first, second)
-    told = "the one nearer one revolution" if known is None else "the one farther from that of the servo"
-    both = f"{told} of the lags {seen.lags[0]:.3g} and {seen.lags[1]:.3g} s, delay {seen.delay:.3g} s included"
+    chosen = "the one nearer one revolution" if known is None else "the one farther from that of the servo"
+    both = f"{chosen} of the lags {seen.lags[0]:.3g} and {seen.lags[1]:.3g} s, delay {seen.delay:.3g} s included"
     sources = {**found.sources, "process_time": f"{both}; {seen.words}"}
     if known is None:
         sources["servo_time"] = f"the lag farther from one revolution; {seen.words}"
