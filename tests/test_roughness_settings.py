@@ -135,6 +135,21 @@ def test_a_force_that_the_tests_do_not_determine_is_refused_without_a_reason(tmp
     assert any("trial on scrap" in note for note in parameters.read(path).roughness.notes)
 
 
+def test_a_force_whose_interval_includes_zero_is_refused_without_a_reason(source, tmp_path, capsys):
+    """Both ends are finite, but a force of 0 gives the roughness as well as any other."""
+    pf = parameters.read(source)
+    law, C = pf.laws["Ra"], pf.laws["Ra"].uncertainty
+
+    def widened(factor):
+        matrix = tuple(tuple(float(factor * value) for value in row) for row in C.matrix)
+        return law.model_copy(update={"uncertainty": C.model_copy(update={"matrix": matrix})})
+
+    wide = next(w for w in map(widened, np.geomspace(1, 1e5, 400)) if inverse_force(w, 1.6).low <= 0)
+    assert math.isfinite(inverse_force(wide, 1.6).low + inverse_force(wide, 1.6).high)
+    path = parameters.write(pf.model_copy(update={"laws": {**pf.laws, "Ra": wide}}), tmp_path / "wide.json")
+    assert "includes 0 N: the tests do not determine the force" in " ".join(refused(path, capsys, *GIVEN).split())
+
+
 def test_regression_through_the_covariance_equals_that_of_noisy_tests():
     rng, F = np.random.default_rng(3), np.linspace(300, 900, 20)
     Ra = 0.24 * np.exp(0.0034 * F + 0.2 * rng.standard_normal(F.size))

@@ -189,7 +189,7 @@ class _Draft:
             self.beyond(f"The reference force {force:.4g} N lies above the {tests}.", "Ask for a finer surface")
         elif force < factor.low / NEARLY:
             self.note(f"EXTRAPOLATED: the reference force {force:.4g} N lies below the {tests}.")
-        if self.inverse.open:
+        if self.inverse.undetermined:
             words = f"The reference force is {force:.4g} N; {self.inverse.interval}."
             self.beyond(words, f"Fit the law to more tests over a wider range of {factor.symbol}", "NOT DETERMINED")
 

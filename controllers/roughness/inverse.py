@@ -31,9 +31,11 @@ class ForceOfRoughness:
     reason: str = ""
 
     @property
-    def open(self) -> bool:
-        """Whether the interval lacks an end, as the law may not rise with force at all."""
-        return self.low is not None and self.high is not None and not math.isfinite(self.low + self.high)
+    def undetermined(self) -> bool:
+        """Whether the interval lacks an end, as the law may not rise with force at all, or reaches down to no force."""
+        if self.low is None or self.high is None:
+            return False
+        return self.low <= 0.0 or not math.isfinite(self.low + self.high)
 
     @property
     def interval(self) -> str:
@@ -45,12 +47,15 @@ class ForceOfRoughness:
         '95 % interval: at most 1232 N, no lower end: the tests do not determine the force'
         >>> ForceOfRoughness(557.9, 540.0, 575.0, 0.95).interval
         '95 % confidence interval 540 to 575 N, Fieller'
+        >>> ForceOfRoughness(732.9, -31.75, 1443.0, 0.95).interval
+        '95 % confidence interval -31.75 to 1443 N, Fieller, includes 0 N: the tests do not determine the force'
         """
         if self.low is None or self.high is None:
             return f"no interval: {self.reason}"
         name, open_ = f"{100 * self.level:g} % interval", "the tests do not determine the force"
-        if not self.open:
-            return f"{100 * self.level:g} % confidence interval {self.low:.4g} to {self.high:.4g} N, Fieller"
+        if math.isfinite(self.low + self.high):
+            words = f"{100 * self.level:g} % confidence interval {self.low:.4g} to {self.high:.4g} N, Fieller"
+            return f"{words}, includes 0 N: {open_}" if self.undetermined else words
         if math.isfinite(self.high):
             return f"{name}: at most {self.high:.4g} N, no lower end: {open_}"
         if math.isfinite(self.low):
