@@ -179,6 +179,35 @@ def machine(consumer):
     shutil.rmtree(folder, ignore_errors=True)
 
 
+def streamed(machine, component, lines, inputs, requested, operator=1.0):
+    """Outputs of a component, from streamer to sampler: a row a period; inputs as in `INPUTS`, requested per s."""
+    thread = "servo-thread" if "addf fm-control servo-thread" in lines else "fm-thread"
+    motion = [("addf motion-command-handler servo-thread",), ("addf motion-controller servo-thread",)]
+    before, after = motion if thread == "servo-thread" else ((), ())
+    rows = "".join(f"{r[1]!r} {' '.join(str(int(v)) for v in r[3:])}\n" for r in inputs.tolist())
+    (machine.folder / "inputs").write_text(rows)
+    signals = ("fm-load", "fm-enable", "fm-spindle-on", "fm-idle", "fm-heartbeat", "fm-reset")
+    sampled = ("feed", "measured", "state", "fault", "worn", "overload", "inhibit")
+    hal = (
+        "loadrt trivkins", "loadrt tpmod", "loadrt homemod",
+        "loadrt motmod servo_period_nsec=1000000 num_joints=3",
+        "loadrt streamer depth=4000 cfg=fbbbbb", "loadrt sampler depth=4000 cfg=ffsbbbb",
+        lines.replace("# >>> setp ", "setp ").replace(f"addf fm-control {thread}", ""),
+        f"sets fm-operator {operator!r}", "sets fm-velocity 10", f"sets fm-requested {requested!r}",
+        *(f"net {name} streamer.0.pin.{k}" for k, name in enumerate(signals)),
+        "net fm-measured fm-control.measured", "net fm-state fm-control.state",
+        *(f"net fm-{name} sampler.0.pin.{k}" for k, name in enumerate(sampled)),
+        *before, f"addf streamer.0 {thread}", f"addf fm-control {thread}", *after, f"addf sampler.0 {thread}",
+        f"loadusr -w halstreamer {machine.folder}/inputs", "start",
+        f"loadusr -w halsampler -t -n {len(inputs)} {machine.folder}/trace", "",
+    )  # fmt: skip
+    made = machine(component, "\n".join(hal))
+    assert (machine.folder / "trace").exists(), made.stdout + made.stderr
+    trace = (machine.folder / "trace").read_text().splitlines()
+    assert len(trace) == len(inputs), made.stderr
+    return np.array([line.split()[1:] for line in trace], float)
+
+
 @pytest.mark.consumer
 def test_linuxcnc_runs_the_component(machine, constant_load_file):
     """Its head's HAL lines connect it to motmod's pins; streamer gives the inputs, sampler takes the outputs."""
@@ -191,40 +220,8 @@ def test_linuxcnc_runs_the_component(machine, constant_load_file):
     assert "net fm-requested motion.requested-vel => fm-control.requested-vel" in lines
     lines = lines.replace("net fm-requested motion.requested-vel =>", "net fm-requested =>")  # motmod is at rest here
     assert "# >>> setp fm-control.feed-scale 60" in lines
-    lines = lines.replace("# >>> setp ", "setp ").replace("addf fm-control servo-thread", "")
     lines = lines.replace("net fm-velocity motion.current-vel =>", "net fm-velocity =>")
-    rows = "".join(f"{r[1]!r} {' '.join(str(int(v)) for v in r[3:])}\n" for r in inputs.tolist())
-    (machine.folder / "inputs").write_text(rows)
-    signals = ("fm-load", "fm-enable", "fm-spindle-on", "fm-idle", "fm-heartbeat", "fm-reset")
-    sampled = ("feed", "measured", "state", "fault", "worn", "overload", "inhibit")
-    made = machine(text, f"""\
-loadrt trivkins
-loadrt tpmod
-loadrt homemod
-loadrt motmod servo_period_nsec=1000000 num_joints=3
-loadrt streamer depth=4000 cfg=fbbbbb
-loadrt sampler depth=4000 cfg=ffsbbbb
-{lines}
-sets fm-operator 1.25
-sets fm-velocity 10
-sets fm-requested {loop.feed_programmed / 60 / 1.25!r}
-{"".join(f"net {name} streamer.0.pin.{k}{chr(10)}" for k, name in enumerate(signals))}
-net fm-measured fm-control.measured
-net fm-state fm-control.state
-{"".join(f"net fm-{name} sampler.0.pin.{k}{chr(10)}" for k, name in enumerate(sampled))}
-addf motion-command-handler servo-thread
-addf streamer.0 servo-thread
-addf fm-control servo-thread
-addf motion-controller servo-thread
-addf sampler.0 servo-thread
-loadusr -w halstreamer {machine.folder}/inputs
-start
-loadusr -w halsampler -t -n {samples} {machine.folder}/trace
-""")  # fmt: skip
-    assert (machine.folder / "trace").exists(), made.stdout + made.stderr
-    trace = (machine.folder / "trace").read_text().splitlines()
-    assert len(trace) == samples, made.stderr
-    found = np.array([line.split()[1:] for line in trace], float)
+    found = streamed(machine, text, lines, inputs, loop.feed_programmed / 60 / 1.25, operator=1.25)
     expected = reference(loop, inputs)
     assert np.abs(found[:, :2] - expected[:, :2]).max() <= PRINTED
     assert [name for k, name in enumerate(OUTPUTS) if k > 1 and (found[:, k] != expected[:, k]).any()] == []

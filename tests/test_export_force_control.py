@@ -32,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from c_evaluator import evaluated
 from load_control import INPUTS, OUTPUTS, STRICT, compiled, interpreted, reference, sequence
 from st_evaluator import FunctionBlock
-from test_export_control_run import PRINTED, fmpy, machine, started, step  # noqa: F401  fixtures
+from test_export_control_run import PRINTED, fmpy, machine, started, step, streamed  # noqa: F401  fixtures
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -311,38 +311,7 @@ def test_linuxcnc_runs_the_component(machine, pf, system):  # noqa: F811
     lines = "\n".join(line[4:] for line in text.splitlines() if line.startswith("//| "))
     for pin in ("requested motion.requested-vel", "velocity motion.current-vel"):
         lines = lines.replace(f"net fm-{pin} =>", f"net fm-{pin.split()[0]} =>")
-    thread = "servo-thread" if "addf fm-control servo-thread" in lines else "fm-thread"
-    lines = lines.replace("# >>> setp ", "setp ").replace(f"addf fm-control {thread}", "")
-    given = "".join(f"{row[1]!r} {' '.join(str(int(value)) for value in row[3:])}\n" for row in rows.tolist())
-    (machine.folder / "inputs").write_text(given)
-    signals = ("fm-load", "fm-enable", "fm-spindle-on", "fm-idle", "fm-heartbeat", "fm-reset")
-    sampled = ("feed", "measured", "state", "fault", "worn", "overload", "inhibit")
-    made = machine(text, f"""\
-loadrt trivkins
-loadrt tpmod
-loadrt homemod
-loadrt motmod servo_period_nsec=1000000 num_joints=3
-loadrt streamer depth=4000 cfg=fbbbbb
-loadrt sampler depth=4000 cfg=ffsbbbb
-{lines}
-sets fm-operator 1
-sets fm-velocity 10
-sets fm-requested {loop.feed_programmed / 60!r}
-{"".join(f"net {name} streamer.0.pin.{k}{chr(10)}" for k, name in enumerate(signals))}
-net fm-measured fm-control.measured
-net fm-state fm-control.state
-{"".join(f"net fm-{name} sampler.0.pin.{k}{chr(10)}" for k, name in enumerate(sampled))}
-addf streamer.0 {thread}
-addf fm-control {thread}
-addf sampler.0 {thread}
-loadusr -w halstreamer {machine.folder}/inputs
-start
-loadusr -w halsampler -t -n {samples} {machine.folder}/trace
-""")  # fmt: skip
-    assert (machine.folder / "trace").exists(), made.stdout + made.stderr
-    trace = (machine.folder / "trace").read_text().splitlines()
-    assert len(trace) == samples, made.stderr
-    found = np.array([line.split()[1:] for line in trace], float)
+    found = streamed(machine, text, lines, rows, loop.feed_programmed / 60)
     expected = reference(loop, rows)
     assert np.abs(found[:, 0] - expected[:, 0]).max() <= PRINTED
     assert np.abs(found[:, 1] - expected[:, 1]).max() <= 1e-5
