@@ -354,9 +354,9 @@ net tool-prepare iocontrol.0.tool-prepare iocontrol.0.tool-prepared
 net tool-change iocontrol.0.tool-change iocontrol.0.tool-changed
 """
 
-_DRIVER = """\
+_SWITCHED_ON = """\
 #!/usr/bin/python3
-# The user interface: switches the machine on, runs the program and ends when the trace is written.
+# The user interface: switches the machine on, then runs the program and ends with it or with its trace.
 import signal
 import subprocess
 import sys
@@ -364,13 +364,8 @@ import time
 
 import linuxcnc
 
-duration, override = map(float, open("run.txt").read().split())
 command, state = linuxcnc.command(), linuxcnc.stat()
 sampler = subprocess.Popen(["halsampler", "-t", "trace"])
-
-
-def seconds():
-    return float(subprocess.run(["halcmd", "getp", "fmplant.0.seconds"], capture_output=True, text=True).stdout)
 
 
 def do(what, *arguments):
@@ -387,6 +382,18 @@ for _ in range(200):
     if all(state.homed[:3]):
         break
     time.sleep(0.01)
+"""
+
+_DRIVER = (
+    _SWITCHED_ON
+    + """\
+duration, override = map(float, open("run.txt").read().split())
+
+
+def seconds():
+    return float(subprocess.run(["halcmd", "getp", "fmplant.0.seconds"], capture_output=True, text=True).stdout)
+
+
 do(command.feedrate, override)
 do(command.mode, linuxcnc.MODE_AUTO)
 do(command.program_open, "/mnt/program.ngc")
@@ -411,6 +418,7 @@ sampler.send_signal(signal.SIGINT)
 sampler.wait()
 sys.exit(0)
 """
+)
 
 _LATHE = """\
 loadrt [KINS]KINEMATICS
@@ -441,36 +449,11 @@ net tool-prepare iocontrol.0.tool-prepare iocontrol.0.tool-prepared
 net tool-change iocontrol.0.tool-change iocontrol.0.tool-changed
 """
 
-_LATHE_DRIVER = """\
-#!/usr/bin/python3
-# The user interface: switches the machine on, runs the program and ends with it.
-import signal
-import subprocess
-import sys
-import time
-
-import linuxcnc
-
+_LATHE_DRIVER = (
+    _SWITCHED_ON
+    + """\
 limit = float(open("run.txt").read())
-command, state = linuxcnc.command(), linuxcnc.stat()
 errors = linuxcnc.error_channel()
-sampler = subprocess.Popen(["halsampler", "-t", "trace"])
-
-
-def do(what, *arguments):
-    what(*arguments)
-    command.wait_complete(5)
-
-
-do(command.state, linuxcnc.STATE_ESTOP_RESET)
-do(command.state, linuxcnc.STATE_ON)
-do(command.mode, linuxcnc.MODE_MANUAL)
-do(command.home, -1)
-for _ in range(200):
-    state.poll()
-    if all(state.homed[:3]):
-        break
-    time.sleep(0.01)
 do(command.mode, linuxcnc.MODE_AUTO)
 do(command.program_open, "/mnt/program.ngc")
 command.auto(linuxcnc.AUTO_RUN, 0)
@@ -489,3 +472,4 @@ sampler.send_signal(signal.SIGINT)
 sampler.wait()
 sys.exit(0)
 """
+)
