@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
+from ..core.bounded import LIMITS, parse_json, read_bounded
 from ..core.display import Plottable
 from ..core.errors import ParameterError
 from ..core.files import cause, locked_folder, write_together, write_whole
 from ..core.suggestions import near_path
-from .file_format import REMEDY, SCHEMA, content_sha256, migrated, parse_strict_json
+from .file_format import REMEDY, SCHEMA, content_sha256, migrated
 from .messages import schema_message
 from .sections.base import Section, Sha256
 from .sections.costs import CostsSection
@@ -24,7 +25,7 @@ from .sections.load_line import LimitsSection, LoadLineSection
 from .sections.origin import DesignSection, IdentitySection, ProvenanceSection, ReadingSection
 from .sections.posterior import PosteriorSection
 
-LARGEST = 50_000_000  # bytes
+LARGEST = LIMITS["parameters"].size
 
 
 class ParameterFile(Plottable, Section):
@@ -319,12 +320,7 @@ def _bytes(path: Path) -> bytes:
     try:
         if path.is_dir():
             raise ParameterError(f"{path}: is a folder; give the path of the params.json in it.")
-        size = path.stat().st_size
-        if not path.is_file():
-            raise ParameterError(f"{path}: is not a plain file; a parameter file is read from disk.")
-        if size > LARGEST:
-            raise ParameterError(f"{path}: {size} bytes; a parameter file has at most {LARGEST}.")
-        return path.read_bytes()
+        return read_bounded(path, "parameters", ParameterError)
     except FileNotFoundError:
         near = near_path(path)
         remedy = f"did you mean {near}?" if near else "give the path of a params.json written by fitmodels."
@@ -334,7 +330,7 @@ def _bytes(path: Path) -> bytes:
 
 
 def _parse(content: bytes, name: str) -> ParameterFile:
-    data = migrated(parse_strict_json(content, name), name)
+    data = migrated(parse_json(content, name, error=ParameterError, remedy=REMEDY), name)
     try:
         return ParameterFile.model_validate(data)
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""Format of the parameter file: strict JSON, canonical form with its SHA-256, and versions of the schema.
+"""Format of the parameter file: canonical form with its SHA-256, and versions of the schema.
 
 The canonical form is JSON of everything in the file but ``content_sha256`` at its top: keys of every object sorted by
 code point, no blanks, ``,`` and ``:`` between, UTF-8 with only quotes, backslashes and control characters escaped as
@@ -10,113 +10,13 @@ leaves the checksum valid, and one changed bit of one number makes it invalid.
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
-from math import isfinite
-from typing import Any, Final, NoReturn
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 
 from ..core.errors import ParameterError
 from .messages import short
 
-DEEPEST = 50  # levels of lists and objects
-LONGEST = 300  # digits of an integer: it still is a finite float
 REMEDY = "Restore the file or fit again."
-
-
-def parse_strict_json(content: bytes, name: str) -> Any:  # noqa: ANN401
-    """Parse plain JSON and nothing else.
-
-    Parameters
-    ----------
-    content : bytes
-        UTF-8, with or without a byte order mark.
-    name : str
-        Beginning of error messages.
-
-    Raises
-    ------
-    ParameterError
-        Not UTF-8, not JSON (with line and column), NaN or infinity, a key twice in one object, a
-        number too large, an unpaired surrogate, or more than 50 levels of nesting.
-
-    Examples
-    --------
-    >>> parse_strict_json(b'{"low": 0.1}', "params.json")
-    {'low': 0.1}
-    """
-    try:
-        data = json.loads(
-            content.decode("utf-8-sig"),
-            object_pairs_hook=_once,
-            parse_constant=_no_constant,
-            parse_float=_finite,
-            parse_int=_integer,
-        )
-        _check_depth(data)
-    except UnicodeDecodeError as error:
-        raise ParameterError(f"{name}: is not UTF-8 text (byte {error.start}). {REMEDY}") from None
-    except json.JSONDecodeError as error:
-        where = f"line {error.lineno}, column {error.colno}"
-        why = error.msg.lower().removesuffix(" at")
-        raise ParameterError(f"{name}: is not JSON at {where}: {why}. {REMEDY}") from None
-    except RecursionError:
-        raise ParameterError(f"{name}: is nested deeper than {DEEPEST} levels. {REMEDY}") from None
-    except ValueError as error:
-        raise ParameterError(f"{name}: {error}. {REMEDY}") from None
-    return data
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        seen: set[str] = set()
-        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-        raise ValueError(f"the key {short(twice)} occurs twice in one object")
-    return found
-
-
-def _no_constant(literal: str) -> NoReturn:
-    raise ValueError(f"holds {literal}; every number must be finite")
-
-
-def _finite(literal: str) -> float:
-    value = float(literal)
-    if not isfinite(value):
-        raise ValueError(f"holds {literal[:20]}; every number must be finite")
-    return value
-
-
-def _integer(literal: str) -> int:
-    if len(literal) > LONGEST:
-        raise ValueError(f"holds an integer of {len(literal)} digits; the limit is {LONGEST}")
-    return int(literal)
-
-
-def _check_depth(data: object) -> None:
-    layer = [data]
-    for _ in range(DEEPEST + 1):
-        layer = [inner for outer in layer for inner in _inside(outer)]
-        if not layer:
-            return
-    raise RecursionError
-
-
-def _inside(outer: object) -> Iterator[object]:
-    if isinstance(outer, dict):
-        yield from outer
-        yield from outer.values()
-    elif isinstance(outer, list):
-        yield from outer
-    elif isinstance(outer, str):
-        _check_text(outer)
-
-
-def _check_text(text: str) -> None:
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        raise ValueError(f"the text {text[:20]!a} contains an unpaired surrogate") from None
-
-
 WHOLE = 2.0**53  # every whole number below is a float of its own
 
 

@@ -318,7 +318,7 @@ ODD = {
     "out is a file": (["SHOP", "--out", "file"], 2, "file is a file", written("file")),
     "out is another's": (["SHOP", "--out", "out"], 2, "which batch did not write", written("out/thesis.docx")),
     "out cannot be made": (["SHOP", "--out", "file/out"], 2, "cannot be made", written("file")),
-    "no TOML": (["SHOP", "--priors", "p.toml"], 3, "p.toml is no TOML file", written("p.toml", b"not [ toml")),
+    "no TOML": (["SHOP", "--priors", "p.toml"], 3, "p.toml: is not TOML", written("p.toml", b"not [ toml")),
     "no card": (["SHOP", "--card", "c.toml"], 3, "c.toml: is not TOML", written("c.toml", b"not [ toml")),
     "card without files": (["SHOP", "--card", "c", "--table-only"], 2, "--card has no effect", None),
     "few draws": (["SHOP", "--draws", "3"], 2, "draws 3: give a whole number from 1000", None),

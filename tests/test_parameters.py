@@ -597,7 +597,7 @@ def test_reading_what_is_not_a_file(tmp_path):
         read("nul\0l")
     if hasattr(os, "mkfifo"):
         os.mkfifo(tmp_path / "pipe")
-        with pytest.raises(ParameterError, match="not a plain file"):
+        with pytest.raises(ParameterError, match="is a pipe, not a regular file"):
             read(tmp_path / "pipe")
 
 

@@ -138,7 +138,7 @@ def test_files_that_are_no_priors(tmp_path):
         read_priors(tmp_path / "none.toml")
     broken = tmp_path / "broken.toml"
     broken.write_text("[AW\n", encoding="utf-8")
-    with pytest.raises(DataError, match="no TOML file"):
+    with pytest.raises(DataError, match="is not TOML"):
         read_priors(broken)
 
 

@@ -2,7 +2,6 @@
 
 import os
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ...core.bounded import parse_toml, read_bounded
 from ...core.errors import DataError
 from ...core.files import cause
 from ...core.suggestions import closest
@@ -21,7 +21,6 @@ from ..content.parts import PublicationPart
 
 SENSOR_KEYS = ("symbol", "unit", "model", "sample_rate", "sd")
 NO_SENSORS = "none"  # symbol of the entry that holds why there was no sensor
-LARGEST = 1_000_000  # bytes
 TEXTS = ("license", "contact", "doi", "title", "machine", "iso513", "setup", "no_sensors")
 LISTS = ("authors", "keywords")
 KEYS = (*TEXTS, *LISTS, "sensors", "tool_properties")
@@ -158,18 +157,12 @@ def read_toml(path: str | os.PathLike[str], above: str | os.PathLike[str] | None
 
 def _parsed(path: Path, name: str) -> dict[str, Any]:
     try:
-        if path.stat().st_size > LARGEST:
-            raise DataError(f"{name}: {path.stat().st_size} bytes; a card.toml has at most {LARGEST}.")
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise DataError(f"{name}: is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        why = str(error)[:1].lower() + str(error)[1:]
-        raise DataError(f"{name}: is not TOML: {why}; write texts in double quotes, lists in brackets.") from None
-    except (OSError, ValueError) as error:
+        content = read_bounded(path, "card")
+    except OSError as error:
         raise DataError(
             f"{name}: cannot be read: {cause(error)}; fitmodels publish FOLDER --check writes a template."
         ) from None
+    return parse_toml(content, name, remedy="Save it as UTF-8; write texts in double quotes, lists in brackets.")
 
 
 def _laid_over(above: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:

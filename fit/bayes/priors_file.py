@@ -10,13 +10,13 @@
 ``level`` is the response at the middle of the tests, in its unit; ``factor`` is one standard deviation either way.
 """
 
-import tomllib
 from collections.abc import Mapping
 from math import isfinite, log
 from pathlib import Path
 
 import numpy as np
 
+from ...core.bounded import parse_toml, read_bounded
 from ...core.errors import DataError, UsageError
 from ...core.suggestions import did_you_mean
 from ...datasets.units import convert
@@ -32,20 +32,15 @@ NUMBERS: Mapping[str, tuple[str, ...]] = {
 }
 FREE = ("mean",)
 IMPROPER = ("flat", "uniform", "improper", "jeffreys", "1/sigma")
-LARGEST = 1 << 20  # bytes: a file of priors is a page
 
 
 def read_priors(path: str | Path) -> dict[str, object]:
     """The tables of a priors file, by law; DataError names what cannot be read."""
     file = Path(path)
     try:
-        if file.stat().st_size > LARGEST:
-            raise DataError(f"{file.name} has {file.stat().st_size} bytes; a file of priors has at most {LARGEST}.")
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return parse_toml(read_bounded(file, "priors"), file.name)
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror or error}. Give the path of a TOML file.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"{file.name} is no TOML file: {error}.") from None
 
 
 def replaced(priors: Priors, law: LawFit, tables: Mapping[str, object], name: str) -> Priors:
