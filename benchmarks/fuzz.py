@@ -1,32 +1,52 @@
-"""Awkward files through the command: none may end with an internal error (exit 70).
+"""Random files of every kind that a user may receive, each read, fitted and judged: the one fuzzer.
 
-    python benchmarks/fuzz.py [--files 300] [--seed 1]
-    python benchmarks/fuzz.py --only odd:1017 [--write FOLDER]
+    python benchmarks/fuzz.py --kind table --files 10000 --seed 1 --jobs 2 --log table.jsonl
+    python benchmarks/fuzz.py --only table:1000017 [--write FOLDER]
 
-Three sources: the laboratory files of ``tests``, mutations of good files (``mutations.py``), and odd tables drawn at
-random: few rows, constant or exactly dependent columns, exact laws, copies, zeros, signs, magnitudes from 1e-300 to
-1e300, one edge, edges of one row, levels of a category, with random options of the command. Each file runs through
-``fitmodels FILE --json --out FOLDER``, which reads, fits, checks, draws, and writes all files of a card; then the
-commands look, next, check, card, predict and export read the file or the first parameter file.
+Without ``--kind`` every kind is tried. A file is drawn from its number (1 000 000 times the seed, plus 0, 1, ...), so
+that ``--only KIND:NUMBER`` repeats it alone; with ``--log`` a run that was stopped goes on where it stopped.
 
-Printed are runs that end with exit 70, with the place of the error; optional parts that failed and cost only themselves
-("the computation failed"), which are defects as well; and warnings of the numerical libraries.
+table
+    A good file of tests (``mutations.py``) written in an *equal* form (other delimiter, units, language, workbook ...),
+    with one *cell* corrupted, with another *mutation*, or with a *long* cell; one file in forty runs through the
+    whole command with its figures. Equal files have equal exponents; a changed exponent has a message.
+record
+    A recorded run for ``fitmodels ident`` (``fuzz_records.py``), equal or corrupted.
+odd
+    A table drawn at random (few rows, constant or exactly dependent columns, copies, zeros, signs, magnitudes from
+    1e-300 to 1e300) through ``fitmodels FILE --json --out FOLDER``, then look, next, check, card, predict and export.
+laboratory
+    The laboratory files of ``tests`` through the same commands.
+
+A file is at fault where an exponent or model changes without a message, where a command ends with exit 70, where a part
+of the checks fails with an internal error, where a numerical library warns, or where CPU or memory exceed their limits,
+which are linear in the size of the file. Faults are printed with their numbers, then counts, CPU and memory.
 """
 
 import argparse
 import contextlib
+import faulthandler
 import io
+import json
 import re
+import resource
 import shlex
+import signal
 import sys
 import tempfile
+import time
 import traceback
 import warnings
 from collections import Counter
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from copy import deepcopy
+from dataclasses import asdict, dataclass
+from itertools import islice
 from pathlib import Path
 from unittest import mock
 
+import fuzz_records
 import mutations
 import numpy as np
 import pandas as pd
@@ -38,14 +58,15 @@ from laboratory_files import CASES
 
 DONE = (0, 2, 3, 4, 5)  # exit codes that the command documents
 FAILED = re.compile(r"the computation failed \([^\"\n)]*\)")
+WHOLE = 40  # one of so many tables runs through the whole command
+CPU, CPU_PER_MB = 20.0, 20.0  # s for a file, and for each MB of it; the median is below 0.1 s
+MEMORY, MEMORY_PER_MB = 400.0, 100.0  # MB by which a file may enlarge the process
+ADDRESSES = 6 << 30  # bytes of address space of a process
+HANGS = 300  # s of time after which a process that does not react is ended
+LEAST_BYTES = 1000
+SHORT = {"table": 100, "record": 12, "odd": 2, "laboratory": 1}  # files of the short run in the tests
 UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min", "AW": "mm", "VB": "mm", "Fc": "N", "P": "kW", "Ra": "um",
          "Fx": "N", "F": "N", "I": "A", "fm": "mm/min", "n": "1/min", "fz": "mm"}  # fmt: skip
-
-
-def laboratory(number, folder):
-    """A laboratory file, and its options."""
-    case = list(CASES.values())[number]
-    return case.write(folder), shlex.split(case.options), case.name
 
 
 def mutated(seed, folder):
@@ -62,7 +83,7 @@ def mutated(seed, folder):
     return path, _options(rng), f"{name}: {'; '.join(filter(None, done))}"
 
 
-def odd(seed, folder):
+def odd_table(seed, folder):
     """A table drawn at random, with one to three peculiarities."""
     rng = np.random.default_rng(seed)
     table, what = _table(rng), []
@@ -231,7 +252,38 @@ def _any(rng, choices):
     return choices[int(rng.integers(len(choices)))]
 
 
-SOURCES = {"laboratory": laboratory, "mutated": mutated, "odd": odd}
+def laboratory(number, folder):
+    """A laboratory file through the command."""
+    case = list(CASES.values())[number % len(CASES)]
+    return through_command(case.write(folder), shlex.split(case.options), folder, case.name)
+
+
+def table(number, folder):
+    """A mutated table of tests: read, fitted and judged, or through the command."""
+    if number % WHOLE:
+        return mutations.trial(number, folder)
+    path, options, what = mutated(number, folder)
+    return through_command(path, options, folder, what)
+
+
+def odd(number, folder):
+    """A table drawn at random, through the command."""
+    path, options, what = odd_table(number, folder)
+    return through_command(path, options, folder, what)
+
+
+KINDS = {"table": table, "record": fuzz_records.trial, "odd": odd, "laboratory": laboratory}
+
+
+def through_command(path, options, folder, what):
+    """Verdict, fault, description and size of a file that runs through the command."""
+    size = path.stat().st_size if path.is_file() else 0
+    code, trace, failed, _ = run(path, options, folder)
+    fault = "; ".join(failed)
+    if code not in DONE:
+        last = " <- ".join(reversed(re.findall(r"fitmodels/([\w/]+\.py\", line \d+)", trace)[-3:]))
+        fault = f"exit {code}: {trace.strip().splitlines()[-1]}  {last}"
+    return f"exit {code}", fault, f"{what} {' '.join(options)}", size
 
 
 def run(path, options, folder):
@@ -245,11 +297,23 @@ def run(path, options, folder):
                 if not trace:
                     after, trace = command(*words)
                     code = after if trace else code
+    for one in warned:
+        warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
     texts = [out.getvalue(), *(file.read_text("utf-8") for file in sorted(out_folder.rglob("*.md")))]
     failed = sorted({found for text in texts for found in FAILED.findall(text)})
     trace = trace or (said.getvalue() if failed else "")
-    places = sorted({f"{Path(one.filename).name}:{one.lineno} {one.message}" for one in warned})
-    return code, trace, failed, places
+    return code, trace, failed, places(warned)
+
+
+def places(warned):
+    """Places and texts of warnings that neither this program nor a test helper raised."""
+    return sorted(
+        {
+            f"{Path(one.filename).name}:{one.lineno} {one.category.__name__}: {one.message}"
+            for one in warned
+            if Path(one.filename).parent.name not in ("benchmarks", "tests")
+        }
+    )
 
 
 def command(*words):
@@ -272,52 +336,183 @@ def later(path, folder):
         yield "export", str(params), "--to", "mat", "--out", str(folder / "law.mat")
 
 
-def tried(source, number):
+class TooSlow(BaseException):
+    """CPU beyond the limit of a file."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a file: verdict, fault ("" where there is none), description, bytes, CPU in s, memory in MB."""
+
+    kind: str
+    number: int
+    verdict: str
+    fault: str
+    what: str
+    size: int
+    cpu: float
+    memory: float
+
+
+def tried(kind, number, folder=None):
     """The result of one file."""
     with tempfile.TemporaryDirectory() as scratch:
-        path, options, what = SOURCES[source](number, Path(scratch))
-        return what, options, *run(path, options, Path(scratch))
+        began, before = time.process_time(), _memory()
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            verdict, fault, what, size = _limited(kind, number, Path(folder or scratch))
+        cpu, memory = time.process_time() - began, _memory() - before
+    mb = max(size, LEAST_BYTES) / 1e6
+    faults = [fault, *(f"warning: {one}" for one in places(warned))]
+    if cpu > CPU + CPU_PER_MB * mb and "CPU" not in fault:
+        faults.append(f"{cpu:.1f} s of CPU for {size} bytes")
+    if memory > MEMORY + MEMORY_PER_MB * mb:
+        faults.append(f"{memory:.0f} MB more memory for {size} bytes")
+    return Result(kind, number, verdict, "; ".join(filter(None, faults)), what, size, round(cpu, 3), round(memory, 1))
 
 
-def numbers(source, files, seed):
-    """Numbers of the files of a source."""
-    if source == "laboratory":
-        return list(range(len(CASES)))[:files]
-    return [1000 * seed + k for k in range(files)]
+def _limited(kind, number, folder):
+    """What a trial returns, within the limit of CPU."""
+
+    def stop(*_):
+        raise TooSlow
+
+    former = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, 3 * (CPU + CPU_PER_MB))
+    try:
+        return KINDS[kind](number, folder)
+    except TooSlow:
+        place = [one for one in traceback.extract_tb(sys.exc_info()[2]) if "fitmodels" in one.filename][-1:]
+        where = "".join(f"{Path(one.filename).name}:{one.lineno}" for one in place)
+        return "stopped", f"more than {3 * (CPU + CPU_PER_MB):.0f} s of CPU in {where}", "see --only", 0
+    except Exception as error:
+        trace = traceback.format_exc()
+        last = " <- ".join(reversed(re.findall(r"/([\w]+\.py\", line \d+)", trace)[-3:]))
+        return "error", f"{type(error).__name__}: {error} at {last}"[:500], "see --only", 0
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, former)
+
+
+def _memory():
+    """Largest memory of the process up to now, MB."""
+    size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return size / (1e6 if sys.platform == "darwin" else 1e3)
+
+
+def _prepared():
+    """Limits of a process of the pool, with the libraries loaded before the first file is timed."""
+    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+    fit.NotAvailable("")
+    for kind in ("table", "record"):
+        tried(kind, 1)
+
+
+def _watched(kind, number):
+    """The result of one file in a process that is ended where it does not react."""
+    faulthandler.dump_traceback_later(HANGS, exit=True)
+    try:
+        return tried(kind, number)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+def results(wanted, jobs):
+    """Results of files (kind and number) in any order; where a process ends, its files are tried again alone."""
+    if jobs == 1:
+        yield from (tried(*one) for one in wanted)
+        return
+    wanted = iter(wanted)
+    while True:
+        left = []
+        with ProcessPoolExecutor(jobs, initializer=_prepared) as pool:
+            running = {}
+            try:
+                while True:
+                    for one in islice(wanted, 4 * jobs - len(running)):
+                        running[pool.submit(_watched, *one)] = one
+                    if not running:
+                        return
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        yield future.result()
+                        running.pop(future)
+            except BrokenProcessPool:
+                left = list(running.values())
+        for one in left:
+            yield _alone(*one)
+
+
+def _alone(kind, number):
+    """The result of one file in a process of its own."""
+    with ProcessPoolExecutor(1, initializer=_prepared) as pool:
+        try:
+            return pool.submit(_watched, kind, number).result()
+        except BrokenProcessPool:
+            return Result(kind, number, "ended", f"the process ended, or hung for {HANGS} s", "", 0, np.nan, np.nan)
+
+
+def numbers(kind, files, seed):
+    """Numbers of the files of a kind."""
+    if kind == "laboratory":
+        return range(min(files, len(CASES)))
+    return range(1_000_000 * seed, 1_000_000 * seed + files)
+
+
+def summary(done):
+    """Counts by verdict, and CPU and memory, of each kind."""
+    lines = []
+    for kind in dict.fromkeys(one.kind for one in done):
+        those = [one for one in done if one.kind == kind]
+        cpu = np.array([one.cpu for one in those])
+        most, last, longest = np.nanmedian(cpu), np.nanquantile(cpu, 0.99), np.nanmax(cpu)
+        bad = sum(bool(one.fault) for one in those)
+        lines.append(f"{kind}: {len(those)} files, {bad} at fault; CPU median {most:.2f}, 99 % {last:.2f}, "
+                     f"largest {longest:.2f} s, sum {np.nansum(cpu):.0f} s; largest growth of memory "
+                     f"{np.nanmax([one.memory for one in those]):.0f} MB")  # fmt: skip
+        counts = Counter(one.verdict for one in those)
+        lines += [f"  {count:7}  {verdict}" for verdict, count in sorted(counts.items())]
+    return lines
+
+
+def show_one(text, write):
+    """Print the result of one file; with a folder, its file stays there."""
+    kind, number = text.split(":")
+    if write:
+        Path(write).mkdir(parents=True, exist_ok=True)
+    result = tried(kind, int(number), write)
+    print(*asdict(result).items(), sep="\n")
+    return int(bool(result.fault))
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--files", type=int, default=300, help="of each source")
+    parser.add_argument("--kind", choices=KINDS, action="append", help="of files; may be repeated (default: all)")
+    parser.add_argument("--files", type=int, default=300, help="of each kind")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--source", choices=SOURCES, action="append")
-    parser.add_argument("--only", metavar="SOURCE:NUMBER")
-    parser.add_argument("--write", metavar="FOLDER")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--log", type=Path, metavar="FILE", help="results by line; files in it are not tried again")
+    parser.add_argument("--only", metavar="KIND:NUMBER")
+    parser.add_argument("--write", metavar="FOLDER", help="with --only, keep the files there")
     args = parser.parse_args()
     if args.only:
-        source, number = args.only.split(":")
-        if args.write:
-            print(*SOURCES[source](int(number), Path(args.write)))
-            return 0
-        print(*tried(source, int(number)), sep="\n")
-        return 0
-    bad, codes, parts, warned = 0, Counter(), Counter(), Counter()
-    for source in args.source or SOURCES:
-        for number in numbers(source, args.files, args.seed):
-            what, options, code, trace, failed, places = tried(source, number)
-            codes[code] += 1
-            parts.update(failed)
-            warned.update(places)
-            bad += code not in DONE
-            if code not in DONE or failed:
-                last = " <- ".join(reversed(re.findall(r"fitmodels/([\w/]+\.py\", line \d+)", trace)[-3:]))
-                print(f"{code}  {source}:{number}  {what}  {' '.join(options)}", flush=True)
-                print(f"      {'; '.join(failed) or trace.strip().splitlines()[-1]}  {last}", flush=True)
-    print("\nexit codes:", dict(sorted(codes.items())))
-    for title, found in (("parts that failed", parts), ("warnings", warned)):
-        print(f"{title}: {sum(found.values())}")
-        print(*(f"  {n} x {words[:200]}" for words, n in found.most_common(40)), sep="\n")
-    return int(bad > 0)
+        return show_one(args.only, args.write)
+    done = []
+    if args.log and args.log.exists():
+        done = [Result(**json.loads(line)) for line in args.log.read_text("utf-8").splitlines()]
+    known = {(one.kind, one.number) for one in done}
+    kinds = args.kind or list(KINDS)
+    wanted = [(kind, number) for kind in kinds for number in numbers(kind, args.files, args.seed)]
+    with contextlib.ExitStack() as open_files:
+        log = open_files.enter_context(args.log.open("a", encoding="utf-8")) if args.log else None
+        for result in results([one for one in wanted if one not in known], args.jobs):
+            done.append(result)
+            if result.fault:
+                print(f"{result.kind}:{result.number}  {result.what}\n      {result.fault}", flush=True)
+            if log:
+                print(json.dumps(asdict(result)), file=log, flush=True)
+    done = [one for one in done if (one.kind, one.number) in set(wanted)]
+    print(*summary(done), sep="\n")
+    return int(any(one.fault for one in done))
 
 
 if __name__ == "__main__":

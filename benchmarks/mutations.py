@@ -1,39 +1,42 @@
-"""Random mutations of good files: none may change an exponent without a message.
+"""Files of tests in equal forms, and files with one mutation: none may change an exponent without a message.
 
-    python benchmarks/mutations.py [--files 2000] [--seed 1]
-    python benchmarks/mutations.py --only 1000017 [--write FOLDER]
+``trial`` draws a file from its number, for ``benchmarks/fuzz.py``: one of the good files of ``BASES`` (a central
+composite design of 24 edges, L9 x 2, 12 edges, no edge column, German CSV, workbook, inches, a units row, no units at
+all, tool lives, forces and roughness of single tests, milling), which becomes
 
-Each file is one of nine laboratory files (a central composite design of 24 edges, L9 x 2, 12 edges, no edge column,
-German CSV, workbook, inches, a units row, no units at all) with one mutation: of the header, of units, of the
-delimiter, of the place of cells, of the decimal mark, or of one cell. Cells are drawn until the mutation moves an
-exponent by one standard error or more.
-
-A mutation is *silent* when an exponent changed (by more than one standard error for a cell, by more than 1e-9 of
-itself or a missing factor or law for all others) and the command prints neither a refusal nor a message (a doubt,
-warning or assumption; rows left out of each law that changed, unless a column was shifted) that it does not print for
-the good file. Where values were changed in some
-rows, a check of the fit that the good file passes counts as well, in a column of its own. Silent ones are printed with
-their seed; ``--only SEED`` shows one of them. A changed constant or number of edges is counted apart: the constant
-of a column in another plausible unit cannot be seen.
+equal
+    one to four changes of form: delimiter, decimal mark, encoding, ends of lines, quotes, blank lines, comments, kind
+    of workbook, units, order of columns and rows, names in four languages, notation of numbers, further columns.
+    Exponents, standard errors and edges must be the same.
+cell
+    one corrupted cell. With ``any cell`` it is drawn once, otherwise until an exponent of a fit of all rows moves by a
+    standard error or more. It must be refused, or named by its line or edge, or a message or check must be new.
+header, unit, delimiter, shift, decimal mark
+    a mutation of many cells, that must not be *silent*: an exponent changed (by more than 1e-9 of itself, or a missing
+    factor or law) and the command prints neither a refusal nor a message (a doubt, warning or assumption; rows left out
+    of each law that changed, unless a column was shifted) that it does not print for the good file. Where values were
+    changed in some rows, a check of the fit that the good file passes counts as well. The constant of a column in
+    another plausible unit cannot be seen, and is not compared.
+long
+    a cell, name or comment of up to a million characters, which must cost time in proportion to its length.
 """
 
-import argparse
 import csv
 import re
 import sys
-import tempfile
-from collections import Counter
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from fitmodels import datasets, fit
+from fitmodels.datasets.vocabulary import ROLES, role_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-from laboratory_truth import headed, reads, show, wear_test
-from laboratory_workbooks import xlsx
+from laboratory_truth import UNITS, headed, reads, show, wear_test
+from laboratory_workbooks import ods, xls, xlsx
 
 EXACT = 1e-9  # relative: the same exponent
 GERMAN = {
@@ -62,23 +65,34 @@ class Sheet:
     above: list[str] = field(default_factory=list)
     mark: str = ","
     decimal: str = "."
-    book: bool = False
+    book: str = ""  # kind of workbook
     marks: dict[int, str] = field(default_factory=dict)  # delimiter of single rows
     as_written: set[tuple[int, int]] = field(default_factory=set)  # cells that keep their point
+    encoding: str = "utf-8"
+    end: str = "\n"
+    quotes: bool = False  # around every cell
+    closed: bool = False  # a delimiter ends each line
+    between: dict[int, str] = field(default_factory=dict)  # lines before single rows
 
     def name(self):
-        return "data.xlsx" if self.book else "data.csv"
+        return f"data.{self.book or 'csv'}"
 
     def content(self):
         """Bytes of the file."""
         head = [self.header, *([self.units] if self.units else [])]
         if self.book:
-            return xlsx({"Data": [*head, *([_number(cell) for cell in row] for row in self.rows)]})
-        lines = [*self.above, *(self.mark.join(self._quoted(cell, self.mark) for cell in row) for row in head)]
+            rows = [*head, *([_number(cell) for cell in row] for row in self.rows)]
+            return xlsx({"Data": rows}) if self.book == "xlsx" else {"xls": xls, "ods": ods}[self.book](rows)
+        lines = [*self.above, *(self._line(row, self.mark) for row in head)]
         for i, row in enumerate(self.rows):
-            mark = self.marks.get(i, self.mark)
-            lines.append(mark.join(self._quoted(self._marked(i, j, cell), mark) for j, cell in enumerate(row)))
-        return ("\n".join(lines) + "\n").encode()
+            lines += [self.between[i]] if i in self.between else []
+            lines.append(self._line([self._marked(i, j, cell) for j, cell in enumerate(row)], self.marks.get(i)))
+        return (self.end.join(lines) + self.end).encode(self.encoding)
+
+    def _line(self, cells, mark):
+        mark = mark or self.mark
+        quoted = [f'"{cell}"' if self.quotes else self._quoted(cell, mark) for cell in cells]
+        return mark.join(quoted) + (mark if self.closed else "")
 
     def _marked(self, i, j, cell):
         if self.decimal == "," and (i, j) not in self.as_written and re.fullmatch(r"-?\d*\.\d+", cell):
@@ -134,7 +148,7 @@ def base(number, seed):
     if number == 4:
         return "German CSV", _sheet(w, names, header=[GERMAN[n] for n in names], mark=";", decimal=",")
     if number == 5:
-        return "workbook", _sheet(w, names, book=True)
+        return "workbook", _sheet(w, names, book="xlsx")
     if number == 6:
         for role, (_, factor) in INCH.items():
             w[role] = (w[role] * factor).round(6)
@@ -143,10 +157,55 @@ def base(number, seed):
     if number == 7:
         units = ["", "m/min", "mm/rev", "mm", "min", "mm", "N"]
         return "units row", _sheet(w, names, header=names, units=units)
-    return "no units", _sheet(wear_test(f"mutations {seed}", levels=False), names, header=names)
+    if number == 8:
+        return "no units", _sheet(wear_test(f"mutations {seed}", levels=False), names, header=names)
+    return SINGLE[number - 9](np.random.default_rng((seed, number)))
 
 
-BASES = 9
+def lives(rng):
+    """Tool lives of 18 single tests, by Taylor's extended law."""
+    V, f, d = _grid(rng, (100, 150, 200, 260), (0.1, 0.16, 0.25), (1, 2))[:, :18]
+    T = 4.0 * (V / 200) ** -3.2 * (f / 0.16) ** -0.9 * (d / 1.5) ** -0.4 * 3 * np.exp(0.12 * rng.normal(size=18))
+    return "tool lives", _sheet(pd.DataFrame({"V": V, "f": f, "d": d, "T": T.round(1)}), ["V", "f", "d", "T"])
+
+
+def forces(rng):
+    """Forces of 27 single tests."""
+    V, f, d = _grid(rng, (80, 120, 180), (0.1, 0.2, 0.35), (1, 1.5, 2.5))
+    scatter = np.exp(0.04 * rng.normal(size=(2, 27)))
+    Fc, Ff = 1700 * f**0.74 * d**0.96 * V**-0.08 * scatter[0], 700 * f**0.5 * d**0.9 * V**-0.15 * scatter[1]
+    frame = pd.DataFrame({"V": V, "f": f, "d": d, "Fc": Fc.round(), "Ff": Ff.round()})
+    return "forces", _sheet(frame, list(frame), header=[f"{n} [{OTHERS.get(n, UNITS.get(n))}]" for n in frame])
+
+
+def roughness(rng):
+    """Roughness of 16 single tests."""
+    V, f, d = _grid(rng, (90, 140, 200, 280), (0.08, 0.12, 0.2, 0.3), (0.5,))
+    Ra = 40 * f**1.5 * V**-0.1 * np.exp(0.08 * rng.normal(size=16))
+    frame = pd.DataFrame({"V": V, "f": f, "d": d * np.where(rng.random(16) < 0.5, 1, 2), "Ra": Ra.round(2)})
+    return "roughness", _sheet(frame, list(frame), header=[f"{n} [{OTHERS.get(n, UNITS.get(n))}]" for n in frame])
+
+
+def milling(rng):
+    """Flank wear of 12 mills by speed, feed per tooth and time."""
+    n, fz = _grid(rng, (2000, 3000, 4200, 6000), (0.05, 0.08, 0.12))
+    n, fz, t = np.repeat(n, 5), np.repeat(fz, 5), np.tile((3.0, 6, 10, 15, 20), 12)
+    VB = 0.03 * (n / 3000) ** 0.9 * (fz / 0.08) ** 0.4 * t**0.6
+    VB = VB * np.exp(np.repeat(0.06 * rng.normal(size=12), 5) + 0.06 * rng.normal(size=60))
+    edge = np.repeat([f"T{k}" for k in range(1, 13)], 5)
+    frame = pd.DataFrame({"edge": edge, "n": n, "fz": fz, "t": t, "VB": VB.round(3)})
+    return "milling", _sheet(frame, list(frame), header=["tool no", "n [1/min]", "fz [mm]", "t [min]", "VB [mm]"])
+
+
+def _grid(rng, *levels):
+    """Conditions of a full factorial plan in random order, one row for each factor."""
+    grid = np.array(np.meshgrid(*levels)).reshape(len(levels), -1)
+    return grid[:, rng.permutation(grid.shape[1])]
+
+
+OTHERS = {"Ff": "N", "Ra": "um"}
+SINGLE = (lives, forces, roughness, milling)
+BASES = 9 + len(SINGLE)
 
 
 # Each mutation takes a sheet and a generator, changes the sheet, and returns what it did, or "" where it cannot.
@@ -328,8 +387,13 @@ CELLS = {
 CELL_TRIES = 400
 
 
-def one_cell(s, rng, laws):
-    """A mutation of a cell that moves an exponent by a standard error or more; "" where none was found."""
+def any_cell(s, rng, laws):
+    """A mutation of a cell, whether or not it moves an exponent."""
+    return one_cell(s, rng, laws, 0.0)
+
+
+def one_cell(s, rng, laws, least=1.0):
+    """A mutation of a cell that moves an exponent by so many standard errors; "" where none was found."""
     laws = {key: law for key, law in laws.items() if {*law.factors, law.response} <= set(s.roles)}  # none derived
     roles = sorted({role for law in laws.values() for role in (*law.factors, law.response)})
     scale = {role: s.numbers(role) for role in roles}
@@ -346,7 +410,7 @@ def one_cell(s, rng, laws):
             continue
         changed = {**scale, role: scale[role].copy()}
         changed[role][i] = value
-        if _moves(scale, changed, laws) >= 1:
+        if _moves(scale, changed, laws) >= least:
             text = f"row {i + 1}, {role}: {s.rows[i][j]} becomes {new!r} ({kind})"
             s.rows[i][j] = new
             return text
@@ -389,6 +453,32 @@ def _edges(s):
     return [range(a, b) for a, b in zip(starts, [*starts[1:], len(key)], strict=True)]
 
 
+LONG = ("{pad} {x}", "{x}{pad}", "{digits}", "1.{digits}", "{brackets}{x}", "{x} {brackets}", "{x}{pad}[mm]", "{words}",
+        "{x} ({pad}", "1{commas}", "-{pad}1", "{x}[{digits}")  # fmt: skip
+
+
+def long_cell(s, rng):
+    """A cell, a name or a comment becomes long."""
+    n = int(10 ** rng.uniform(2.5, 5))
+    form = _any(rng, LONG)
+    text = form.format(
+        x=_any(rng, ["x", "V", "0.2", "mm"]),
+        pad=_any(rng, [" ", "\t", "\u00a0"]) * n,
+        digits="1" * n,
+        brackets="[(" * (n // 2),
+        words="ab " * (n // 3),
+        commas=".000" * (n // 4),
+    )
+    place = _any(rng, ["cell", "cell", "header", "comment"])
+    if place == "comment" and not s.book:
+        s.above.append(f"# {text}")
+    elif place == "header":
+        s.header[int(rng.integers(len(s.header)))] = text[:32_000]
+    else:
+        s.rows[int(rng.integers(len(s.rows)))][int(rng.integers(len(s.header)))] = text[:32_000]
+    return f"{place} of {len(text)} characters, {form}"
+
+
 KINDS = {
     "header": (renamed, swapped, unit_dropped, unit_exchanged, header_extra, header_missing),
     "unit": (column_scaled, some_scaled, some_scaled),
@@ -396,25 +486,193 @@ KINDS = {
     "shift": (row_shifted, column_shifted),
     "decimal mark": (decimal_cells, decimal_column, decimal_file),
     "cell": (one_cell,),
+    "any cell": (any_cell,),
+    "long": (long_cell,),
 }
+SHARES = {"equal": 0.3, "cell": 0.35, "any cell": 0.1, "long": 0.05}  # of the files; the others in equal parts
 
 
-VERDICTS = ("unchanged", "refused", "message", "check", "SILENT")
-OF_VALUES = ("cell", "unit")  # mutations that leave the table as it is: the checks of the fit judge them too
+# Each change of form leaves the numbers of a sheet as they are, and returns what it did, or "" where it cannot.
 
 
-@dataclass(frozen=True)
-class Result:
-    """One mutated file: what was done, whether an exponent, a constant or the edges changed, and the first message."""
+def other_delimiter(s, rng):
+    if s.book or (s.mark == ";" and s.decimal == ","):
+        return ""
+    s.mark = _any(rng, [m for m in (",", ";", "\t", "|") if m != s.mark])
+    return f"delimiter {s.mark!r}"
 
-    seed: int
-    base: str
-    kind: str
-    done: str
-    verdict: str  # of VERDICTS
-    change: str = ""
-    message: str = ""
-    apart: str = ""  # constant or edges changed without a message
+
+def decimal_comma(s, rng):
+    if s.book or s.decimal == ",":
+        return ""
+    s.decimal, s.mark = ",", _any(rng, [";", "\t"])
+    return f"decimal comma, delimiter {s.mark!r}"
+
+
+def other_encoding(s, rng):
+    if s.book:
+        return ""
+    s.encoding = _any(rng, ["utf-8-sig", "utf-16", "cp1252", "latin-1", "utf-16-le"])
+    if s.encoding == "utf-16-le":
+        s.encoding = "utf-16"
+        s.end = "\r\n"
+    return f"encoding {s.encoding}"
+
+
+def line_ends(s, rng):
+    s.end = "" if s.book else _any(rng, ["\r\n", "\r"])
+    return f"ends of lines {s.end!r}" if s.end else ""
+
+
+def quoted(s, rng):
+    s.quotes = not s.book
+    return "quotes" if s.quotes else ""
+
+
+def closed(s, rng):
+    s.closed = not s.book
+    return "a delimiter ends each line" if s.closed else ""
+
+
+def blank_lines(s, rng):
+    if s.book:
+        return ""
+    s.between |= dict.fromkeys(map(int, rng.integers(len(s.rows), size=3)), _any(rng, ["", " ", s.mark * 3]))
+    return "blank lines"
+
+
+def comments(s, rng):
+    if s.book:
+        return ""
+    s.above.append(_any(rng, ["# measured by hand", "# lathe 7; 3.4.2019", "% campaign B, 12 of 14", "# a, b: c"]))
+    return f"comment {s.above[-1]!r}"
+
+
+def workbook(s, rng):
+    if s.above:
+        return ""
+    s.book, s.decimal = _any(rng, ["xlsx", "xls", "ods"]), "."
+    return s.book
+
+
+def other_units(s, rng):
+    """Columns whose header names the usual unit are converted."""
+    done = []
+    for j, role in enumerate(s.roles):
+        usual = f" [{UNITS.get(role, OTHERS.get(role))}]"
+        if s.units or role not in SAME_UNITS or usual not in s.header[j] or rng.random() < 0.5:
+            continue
+        unit, factor = _any(rng, SAME_UNITS[role])
+        s.header[j] = s.header[j].replace(usual, f" [{unit}]")
+        for row in s.rows:
+            row[j] = f"{float(row[j]) * factor:.17g}" if row[j] else ""
+        done.append(f"{role} in {unit}")
+    return ", ".join(done)
+
+
+def other_brackets(s, rng):
+    if s.units or not any("[" in cell for cell in s.header):
+        return ""
+    how = _any(rng, ["({})", "in {}", "/ {}", ", {}"])
+    if how == ", {}" and s.mark == ",":
+        return ""
+    s.header = [re.sub(r"\[(.*)\]", lambda m: how.format(m[1]), cell) for cell in s.header]
+    return f"units as {how}"
+
+
+def units_below(s, rng):
+    if s.units or not any("[" in cell for cell in s.header):
+        return ""
+    found = [re.fullmatch(r"(.*?) ?(?:\[(.*)\])?", cell) for cell in s.header]
+    s.header, s.units = [one[1] for one in found], [one[2] or "" for one in found]
+    return "units in a row of their own"
+
+
+def column_order(s, rng):
+    order = rng.permutation(len(s.roles))
+    s.roles, s.header = [s.roles[j] for j in order], [s.header[j] for j in order]
+    s.units = s.units and [s.units[j] for j in order]
+    s.rows = [[row[j] for j in order] for row in s.rows]
+    return f"columns {', '.join(s.roles)}"
+
+
+def edge_order(s, rng):
+    """Edges in another order, their rows as they were; all rows where each is a test of its own."""
+    if "t" in s.roles and "edge" not in s.roles:
+        return ""
+    groups = _edges(s) if "edge" in s.roles else [[i] for i in range(len(s.rows))]
+    s.rows = [s.rows[i] for k in rng.permutation(len(groups)) for i in groups[k]]
+    return "edges in another order"
+
+
+def row_order(s, rng):
+    """Rows of named edges by time, as where all edges are measured at a time."""
+    if not {"t", "edge"} <= set(s.roles):
+        return ""
+    j = s.column("t")
+    s.rows.sort(key=lambda row: float(row[j] or "nan"))
+    return "rows by time"
+
+
+def other_names(s, rng):
+    """Names of the vocabulary in one of its languages, where the name alone or with its unit is that quantity."""
+    done = []
+    for j, role in enumerate(s.roles):
+        if role not in ROLES or rng.random() < 0.4 or (" [" not in s.header[j] and role != "edge"):
+            continue
+        names = [
+            name for name in ROLES[role].names if len(name) > 2 and role_of(name, None) == role and s.mark not in name
+        ]
+        if names:
+            name = _any(rng, names)
+            s.header[j] = name if role == "edge" else f"{name} {s.header[j][s.header[j].index('[') :]}"
+            done.append(name)
+    return ", ".join(done)
+
+
+def notation(s, rng):
+    how = _any(rng, ["{:.10e}", "{:+.12g}", " {:.12g} ", "{:.12f}"])
+    for row in () if s.decimal == "," else s.rows:
+        row[:] = [how.format(_number(cell)) if _is_number(cell, j, s) else cell for j, cell in enumerate(row)]
+    return "" if s.decimal == "," else f"numbers as {how!r}"
+
+
+def _is_number(cell, j, s):
+    return s.roles[j] != "edge" and isinstance(_number(cell), float)
+
+
+def further_column(s, rng):
+    name, cells = _any(rng, [("remark", ["ok", "", "chatter"]), ("operator", ["A. Meier", "B. Roux"]), ("", [""]),
+                             ("Datum", ["2019-03-04", "2019-03-05"])])  # fmt: skip
+    s.roles, s.header = [*s.roles, "none"], [*s.header, name]
+    s.units = s.units and [*s.units, ""]
+    s.rows = [[*row, _any(rng, cells)] for row in s.rows]
+    return f"further column {name!r}"
+
+
+def edge_names(s, rng):
+    if "edge" not in s.roles:
+        return ""
+    j, how = s.column("edge"), _any(rng, ["{}", "Versuch {}", "T-{:03d}", "edge {}", "{}.A"])
+    known = {name: how.format(k + 1) for k, name in enumerate(dict.fromkeys(row[j] for row in s.rows))}
+    for row in s.rows:
+        row[j] = known[row[j]]
+    return f"edges named {how!r}"
+
+
+EQUAL = (other_delimiter, decimal_comma, other_encoding, line_ends, quoted, closed, blank_lines, comments, workbook,
+         other_units, other_brackets, units_below, column_order, edge_order, row_order, other_names, notation,
+         further_column, edge_names)  # fmt: skip
+SAME_UNITS = {
+    "V": (("m/s", 1 / 60), ("mm/min", 1000.0)), "f": (("um/rev", 1000.0), ("in/rev", 1 / 25.4)),
+    "d": (("um", 1000.0), ("cm", 0.1), ("in", 1 / 25.4)), "t": (("s", 60.0), ("h", 1 / 60)), "T": (("s", 60.0),),
+    "AW": (("um", 1000.0), ("in", 1 / 25.4)), "VB": (("um", 1000.0),), "Fc": (("kN", 1e-3),), "Ff": (("kN", 1e-3),),
+    "P": (("W", 1000.0),), "Fxz": (("kN", 1e-3),), "Ra": (("nm", 1000.0),), "n": (("1/s", 1 / 60),),
+}  # fmt: skip
+
+
+OF_VALUES = ("unit",)  # mutations that leave the table as it is: the checks of the fit judge them too
+EQUAL_SE = 1e-7  # relative, of standard errors
 
 
 def sentences(outcome):
@@ -444,9 +702,9 @@ def failed_checks(outcome):
     return found
 
 
-def changes(good, bad, kind):
-    """Change of exponents of each law, by response; and of a constant or the edges, as a text."""
-    exponents, apart = {}, ""
+def changes(good, bad, cell):
+    """Change of exponents of each law, by response."""
+    exponents = {}
     for (number, response), right in good.items():
         law = bad.get((number, response))
         if law is None or set(law.theta_names) != set(right.theta_names):
@@ -455,106 +713,121 @@ def changes(good, bad, kind):
         order = [law.theta_names.index(name) for name in right.theta_names]
         difference = np.abs(law.theta[order] - right.theta)
         se = np.sqrt(np.diag(right.cov_theta))
-        limit = se if kind == "cell" else EXACT * np.abs(right.theta)
+        limit = se if cell else EXACT * np.abs(right.theta)
         if (difference[1:] > limit[1:]).any():
             k = 1 + int(np.argmax((difference / se)[1:]))
             exponents[response] = f"{right.theta_names[k]} by {difference[k] / se[k]:.3g} SE"
-        elif difference[0] > 1e-6:
-            apart = apart or f"{response}: constant"
-        elif law.n_edges != right.n_edges:
-            apart = apart or f"{response}: {law.n_edges} edges instead of {right.n_edges}"
-    return exponents, apart
+    return exponents
 
 
-def mutate(seed, folder):
-    """The result of one file, None where the mutation does not apply."""
+def same_laws(good, bad):
+    """What differs between laws of equal files; "" where nothing does."""
+    if good.keys() != bad.keys():
+        return f"laws {[k[1] for k in bad]} instead of {[k[1] for k in good]}"
+    for (_, response), right in good.items():
+        law = bad[_, response]
+        if law.theta_names != right.theta_names:
+            return f"{response}: factors {', '.join(law.factors)} instead of {', '.join(right.factors)}"
+        if law.n_edges != right.n_edges:
+            return f"{response}: {law.n_edges} edges instead of {right.n_edges}"
+        se, other = (np.sqrt(np.diag(one.cov_theta)) for one in (right, law))
+        off = np.abs(law.theta - right.theta) / np.maximum(np.abs(right.theta), se)
+        if not np.allclose(se, other, rtol=EQUAL_SE) or (off > EXACT).any():
+            return f"{response}: exponents differ by up to {off.max():.2g}, standard errors by {np.max(other / se):.9g}"
+    return ""
+
+
+def named(changed, good, bad, row, sheet):
+    """How a corrupted cell is seen: by its line or edge, by another message or check, or not."""
+    line = _line_of(sheet, row)
+    edge = sheet.rows[row][sheet.column("edge")] if "edge" in sheet.roles else f"E{1:02d}"
+    checks = {(key, name): check for key, law in bad.laws.items() for name, check in fit.judge(law).checks.items()}
+    said = sentences(bad) - sentences(good)
+    said |= {check.verdict for check in checks.values() if getattr(check, "concern", 0)}
+    dropped = {i for law in bad.laws.values() for one in law.dropped for i in one.lines}
+    mark = re.compile(rf"\b(?:{line}|{re.escape(edge)})\b")
+    if line in dropped or any(mark.search(text) for text in said):
+        return "named"
+    before, after = left_out(good), left_out(bad)
+    if said - {
+        c.verdict for law in good.laws.values() for c in fit.judge(law).checks.values() if hasattr(c, "verdict")
+    }:
+        return "doubted"
+    return "doubted" if any(after.get(key, set()) - before[key] for key in changed) else ""
+
+
+def _line_of(sheet, row):
+    """Line of a row in the file."""
+    return len(sheet.above) + 1 + bool(sheet.units) + row + 1
+
+
+def trial(seed, folder):
+    """Verdict, fault, description and size of one file."""
     rng = np.random.default_rng(seed)
-    name, sheet = base(int(rng.integers(BASES)), seed)
-    kind = _any(rng, KINDS)
-    good = reads(_written(sheet, folder))
-    if good.refusal:
-        raise RuntimeError(f"the good file is refused: {name}, seed {seed}: {good.refusal}")
-    copy = deepcopy(sheet)
-    how = _any(rng, KINDS[kind])
-    done = how(copy, rng, good.laws) if kind == "cell" else how(copy, rng)
-    if not done or copy.content() == sheet.content():
-        return None
-    path = _written(copy, folder)
+    while True:
+        name, sheet = base(int(rng.integers(BASES)), int(rng.integers(2**31)))
+        good = reads(_written(sheet, folder))
+        if good.refusal:
+            raise RuntimeError(f"the good file is refused: {name}: {good.refusal}")
+        kind = _kind(rng)
+        if kind == "equal":
+            return equal(name, sheet, good, rng, folder)
+        copy, how = deepcopy(sheet), _any(rng, KINDS[kind])
+        done = how(copy, rng, good.laws) if "cell" in kind else how(copy, rng)
+        if done and copy.content() != sheet.content():
+            path = _written(copy, folder)
+            verdict, fault = judged(kind, how, good, reads(path), copy, sheet)
+            return f"{kind}: {verdict}", fault, f"{name}; {done}"[:300], path.stat().st_size
+
+
+def _kind(rng):
+    others = [kind for kind in KINDS if kind not in SHARES]
+    at = np.searchsorted(np.cumsum(list(SHARES.values())), rng.random())
+    return list(SHARES)[at] if at < len(SHARES) else _any(rng, others)
+
+
+def equal(name, sheet, good, rng, folder):
+    """The same numbers in another form."""
+    done = [EQUAL[k](sheet, rng) for k in rng.permutation(len(EQUAL))[: int(rng.integers(1, 5))]]
     try:
-        bad = reads(path)
-    except Exception as error:  # a defect of the reading is a failure too
-        return Result(seed, name, kind, done, "SILENT", f"error {type(error).__name__}: {error}")
+        path = _written(sheet, folder)
+    except UnicodeEncodeError:
+        sheet.encoding = "utf-8"
+        path = _written(sheet, folder)
+    bad = reads(path)
+    what = f"{name}; {'; '.join(filter(None, done))}"[:400]
+    fault = f"an equal file is refused: {bad.refusal}"[:400] if bad.refusal else same_laws(good.laws, bad.laws)
+    doubted = set(bad.doubts) - set(good.doubts)
+    verdict = "DIFFERENT" if fault else "the same, doubted" if doubted else "the same"
+    return f"equal: {verdict}", fault and f"{fault} {' '.join(bad.messages)}"[:600], what, path.stat().st_size
+
+
+def judged(kind, how, good, bad, copy, sheet):
+    """Verdict on a mutated file, and its fault."""
     if bad.refusal:
-        return Result(seed, name, kind, done, "refused", message=bad.refusal)
-    changed, apart = changes(good.laws, bad.laws, kind)
+        return "refused", ""
+    changed = changes(good.laws, bad.laws, "cell" in kind or kind == "long")
+    if kind == "long":  # a response whose name is lost has no law, and its column is listed as not used
+        changed = {response: text for response, text in changed.items() if text != "no law"}
     change = "; ".join(f"{response}: {text}" for response, text in changed.items())
-    if not changed and not apart:
-        return Result(seed, name, kind, done, "unchanged")
-    if added := sentences(bad) - sentences(good):
-        return Result(seed, name, kind, done, "message", change, min(added))
+    if not changed:
+        return "below 1 SE" if "cell" in kind else "unchanged", ""
+    if "cell" in kind:
+        row = next(i for i, (a, b) in enumerate(zip(copy.rows, sheet.rows, strict=True)) if a != b)
+        seen = named(changed, good, bad, row, copy)
+        return (seen, "") if seen else ("MISSED", f"not named: {change}")
+    if sentences(bad) - sentences(good):
+        return "message", ""
     before, after = left_out(good), left_out(bad)
     added = {response: after.get(response, set()) - before[response] for response in changed}
-    if changed and all(added.values()) and how is not column_shifted:  # there, the row left out is not the fault
-        return Result(seed, name, kind, done, "message", change, str(added))
-    if changed and kind in OF_VALUES and (added := failed_checks(bad) - failed_checks(good)):
-        return Result(seed, name, kind, done, "check", change, ", ".join(sorted(added)))
-    return Result(seed, name, kind, done, "SILENT" if changed else "unchanged", change, apart=apart)
+    if all(added.values()) and how is not column_shifted:  # there, the row left out is not the fault
+        return "message", ""
+    if (kind in OF_VALUES or how is column_shifted) and failed_checks(bad) - failed_checks(good):
+        return "check", ""
+    return "SILENT", change
 
 
 def _written(sheet, folder):
     path = Path(folder) / sheet.name()
     path.write_bytes(sheet.content())
     return path
-
-
-def run(files, seed, report=lambda result: None):
-    """Results of this many mutated files."""
-    results, number = [], 0
-    with tempfile.TemporaryDirectory() as folder:
-        while len(results) < files:
-            result = mutate(1_000_000 * seed + number, folder)
-            number += 1
-            if result is not None:
-                results.append(result)
-                report(result)
-    return results
-
-
-def show_one(seed, folder):
-    with tempfile.TemporaryDirectory() as scratch:
-        place = Path(folder or scratch)
-        place.mkdir(exist_ok=True)
-        result = mutate(seed, place)
-        print(*vars(result).items(), sep="\n") if result else print("this mutation does not apply")
-        if folder:
-            print(next(place.iterdir()))
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--files", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", type=int, metavar="SEED")
-    parser.add_argument("--write", metavar="FOLDER")
-    args = parser.parse_args()
-    if args.only is not None:
-        show_one(args.only, args.write)
-        return 0
-
-    def report(result):
-        if result.verdict == "SILENT":
-            print(f"SILENT {result.seed}  {result.base}; {result.done}  ->  {result.change}", flush=True)
-
-    results = run(args.files, args.seed, report)
-    print(f"\n{'':14}{'files':>8}" + "".join(f"{v:>11}" for v in VERDICTS) + f"{'apart':>8}")
-    for kind in (*KINDS, "all"):
-        of_kind = [r for r in results if kind in (r.kind, "all")]
-        count = Counter(r.verdict for r in of_kind)
-        apart = sum(bool(r.apart) for r in of_kind)
-        print(f"{kind:14}{len(of_kind):8}" + "".join(f"{count[v]:11}" for v in VERDICTS) + f"{apart:8}")
-    print("apart: only a constant or the number of edges changed, without a message")
-    return int(any(r.verdict == "SILENT" for r in results))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
