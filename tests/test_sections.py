@@ -8,16 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels import cards, datasets, fit, parameters
+from fitmodels.cards.content.card import compose
 from fitmodels.core.errors import GateError, ParameterError
 from fitmodels.fit.fitted_rows import LawSource
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.tuning import tune_pi
 from fitmodels.parameters import collect, read, write
+from fitmodels.parameters.published import published
 from fitmodels.parameters.sections.dynamics import DynamicsSection, PiSection
 from fitmodels.parameters.sections.force_control import AdaptiveForceSection, RoughnessSection
+from fitmodels.parameters.sections.law_parts import Region
 from fitmodels.parameters.sections.load_line import Bound, Engagement, LimitsSection, Range
 from fitmodels.parameters.sections.origin import IdentitySection, ProvenanceSection, Sensor
+from fitmodels.parameters.sections.posterior import Prior
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -356,3 +360,38 @@ def test_laws_of_different_data_are_refused():
 def test_without_laws_tool_and_work_are_needed():
     with pytest.raises(ParameterError, match="give tool= and work="):
         parameters.collect(tool="a")
+
+
+# Regions and priors that no design and no prior has
+
+
+SPACE = {"of": "rows", "columns": [0, 1], "matrix": [[0.5, 0.0], [0.0, 0.5]], "largest": [1.0]}
+REGION = {"logs": True, "centre": [4.0], "half_range": [0.5], "largest_radius": 1.0, "spaces": [SPACE]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"half_range": [0.5, 0.5]}, "has 1 centres"),
+        ({"half_range": [0.0]}, "greater than 0"),
+        ({"spaces": [{**SPACE, "columns": [0, 7]}]}, "needs columns below 2"),
+        ({"spaces": [{**SPACE, "largest": []}]}, "needs columns below 2, 1 limits"),
+        ({"spaces": [{**SPACE, "matrix": [[0.5], [0.0, 0.5]]}]}, "must be 2 x 2"),
+    ],
+)
+def test_a_region_that_no_design_has(changes, words):
+    Region.model_validate(REGION)
+    with pytest.raises(ValidationError, match=words):
+        Region.model_validate({**REGION, **changes})
+
+
+def test_a_prior_lacks_a_number():
+    with pytest.raises(ValidationError, match="the normal prior has no sd"):
+        Prior(distribution="normal", numbers={"mean": 0.0})
+
+
+@pytest.mark.parametrize("paper", ["CLM-2023", "LYAP", "SURF"])
+def test_every_published_file_has_a_card(paper):
+    """The law of VB in CLM-2023 begins at a time of 0, where its logarithm is infinite."""
+    card = compose(published(paper))
+    assert card.laws is not None

@@ -264,7 +264,7 @@ def _cautions(law: LawSection) -> list[str]:
         out.append(f"The checks used {law.checked_rows} of the {law.n} rows, evenly spaced.")
     out += [f"{item.factor} is left out: {item.reason}." for item in law.left_out]
     out += [_dropped_words(rows) for rows in law.dropped_rows]
-    out += [f"{note[0].upper()}{note[1:]}." if not note.endswith(".") else note for note in law.notes]
+    out += [f"{note[0].upper()}{note[1:]}." if not note.endswith(".") else note for note in law.notes if note]
     return out
 
 

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from ...datasets.region import ROUNDING, SLACK
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
@@ -91,33 +93,38 @@ def profile(law: ProfiledLawPart, at: Mapping[str, float]) -> Value:
     >>> round(value, 4), low
     (0.1005, None)
     """
-    z = _columns(law, at)
+    with np.errstate(all="ignore"):  # as in the script of the page, what overflows is infinite
+        value, low, high = _with_band(law, _columns(law, at))
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return float(value), None, None
+    return float(value), float(low), float(high)
+
+
+def _with_band(law: ProfiledLawPart, z: list[float]) -> tuple[float, float, float]:
+    """Value and ends of the band, NaN where there is none."""
     last = z.pop() if law.added else 0.0
     eta = sum(b * x for b, x in zip(law.theta, z, strict=not law.added))
-    product = math.exp(eta) if law.logarithmic else 1.0
+    product = np.exp(eta) if law.logarithmic else 1.0
     value = (product if law.logarithmic else eta) + (law.theta[-1] * last if law.added else 0.0)
-    if not law.covariance or law.scatter is None or law.t is None:
-        return value, None, None
+    if not law.covariance or law.scatter is None or law.t is None or (law.multiplies and value <= 0):
+        return value, math.nan, math.nan
     g = [product * x for x in z] + ([last] if law.added else [])
-    variance = max(
+    variance = np.maximum(
         sum(a * c * b for a, row in zip(g, law.covariance, strict=True) for b, c in zip(g, row, strict=True)), 0
     )
-    if not law.multiplies:
-        half = law.t * math.sqrt(variance + law.scatter**2)
-        return value, value - half, value + half
-    if value <= 0:
-        return value, None, None
-    half = law.t * math.sqrt(variance / value**2 + law.scatter**2)
-    return value, value * math.exp(-half), value * math.exp(half)
+    half = law.t * np.sqrt(variance / (value * value if law.multiplies else 1.0) + np.square(law.scatter))
+    if law.multiplies:
+        return value, value * np.exp(-half), value * np.exp(half)
+    return value, value - half, value + half
 
 
 def _columns(law: ProfiledLawPart, at: Mapping[str, float]) -> list[float]:
     """1, then the product of powers of the centred factors of each term."""
     u = [
-        math.log(at[name] / g) if log else at[name] - g
+        np.log(np.divide(at[name], g)) if log else at[name] - g
         for name, log, g in zip(law.factors, law.logs, law.centres, strict=True)
     ]
-    return [1.0, *(math.prod(x**d for x, d in zip(u, degrees, strict=True)) for degrees in law.terms)]
+    return [1.0, *(math.prod(np.power(x, d) for x, d in zip(u, degrees, strict=True)) for degrees in law.terms)]
 
 
 def inside(law: ProfiledLawPart, at: Mapping[str, float]) -> bool:

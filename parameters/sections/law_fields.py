@@ -96,6 +96,9 @@ class LawFields(Section):
         if isinstance(self.uncertainty, Covariance) and set(self.uncertainty.of) != set(names):
             found = _listed(self.uncertainty.of)
             raise ValueError(f"the covariance of {self.response} is of {found}; it must be of {_listed(names)}")
+        if self.region is not None and len(self.region.centre) != len(self.factors):
+            found = f"{len(self.region.centre)} factors, the law {len(self.factors)}"
+            raise ValueError(f"the region of {self.response} has {found}")
         other = self.alternative
         if other and (other.response != self.response or other.error == self.error or other.alternative):
             raise ValueError(f"the alternative must be one law of {self.response} with the other error structure")

@@ -351,6 +351,13 @@ class LeverageSpace(Section):
     matrix: tuple[tuple[Number, ...], ...]
     largest: tuple[Number, ...]
 
+    @model_validator(mode="after")
+    def _square(self) -> Self:
+        size = len(self.columns)
+        if len(self.matrix) != size or any(len(row) != size for row in self.matrix):
+            raise ValueError(f"the matrix of the leverage of {short(self.of)} must be {size} x {size}, as its columns")
+        return self
+
 
 class Region(Section):
     """Tested region of a design (operating window), by range, radius and leverage.
@@ -360,10 +367,20 @@ class Region(Section):
 
     logs: bool | tuple[bool, ...]
     centre: tuple[Number, ...]
-    half_range: tuple[Number, ...]
+    half_range: tuple[Positive, ...]
     largest_radius: NotNegative
     levels: tuple[str, ...] = ()
     spaces: tuple[LeverageSpace, ...] = ()
+
+    @model_validator(mode="after")
+    def _of_one_design(self) -> Self:
+        size, levels = len(self.centre), max(1, len(self.levels))
+        if len(self.half_range) != size or (not isinstance(self.logs, bool) and len(self.logs) != size):
+            raise ValueError(f"the region has {size} centres, and another number of half ranges or scales")
+        for space in self.spaces:
+            if max(space.columns, default=0) >= size + levels or len(space.largest) != levels:
+                raise ValueError(f"a leverage of the region needs columns below {size + levels}, {levels} limits")
+        return self
 
 
 class CompositeLaw(Section):

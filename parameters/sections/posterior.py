@@ -1,10 +1,18 @@
 """The posterior section: priors, summaries of the draws, and the file that holds the draws."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .base import Count, NotNegative, Number, Section, Text
+
+NUMBERS = {
+    "normal": ("mean", "sd"),
+    "half-t": ("df", "scale"),
+    "beta": ("a", "b"),
+    "gamma": ("shape", "rate"),
+    "flat": (),
+}
 
 
 class Prior(Section):
@@ -20,6 +28,12 @@ class Prior(Section):
     numbers: dict[str, Number] = Field(default_factory=dict)
     unit: str = ""
     source: str = ""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if missing := [name for name in NUMBERS[self.distribution] if name not in self.numbers]:
+            raise ValueError(f"the {self.distribution} prior has no {missing[0]}")
+        return self
 
 
 class PosteriorSummary(Section):
