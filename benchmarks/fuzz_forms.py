@@ -34,6 +34,7 @@ from concurrent.futures import ProcessPoolExecutor
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache, partial
+from itertools import product
 from pathlib import Path
 from unittest import mock
 
@@ -53,15 +54,20 @@ CHANGED = re.compile(r"changed after it was written|has no content_sha256|SHA-25
 # --- changes of bytes, tokens and structure
 
 DEEP = 100_000
-NUMBERS = ("9" * 5000, "-" + "9" * 5000, "1e400", "-1e400", "1e-400", "NaN", "Infinity", "-Infinity", "nan", "inf", "0",
-           "-0.0", "1e308", "5e-324", "0x10", "1_000", "1,5", "1.5.2", "--1", "true", "null", '"1.5"', "9007199254740993",
-           "2020-13-45", "-1", "1e-300", "1e15", "0.1e")  # fmt: skip
-TEXTS = ('""', '"\\ud800"', '"\\u0000"', '"\\u202e\\u001b[31m"', f'"{"x" * 100_000}"', '"µ é 工具"', '"../../x"',
-         '"<script>alert(1)</script>"', '"=1+1"', '"javascript:alert(1)"', '"/dev/zero"', "'", '"', '"""', "\\", "#",
-         '"  "', '"nan"', '"1e400"')  # fmt: skip
-NESTED = ("[" * DEEP, "[" * DEEP + "]" * DEEP, '{"a":' * DEEP, '{"a":' * DEEP + "1" + "}" * DEEP, "{a=" * DEEP,
-          "[" * 60 + "]" * 60, "[" + "0," * 200_000 + "0]", "{}", "[]", "[[]]", '{"a": 1, "a": 2}',
-          "a." * 20_000 + "a")  # fmt: skip
+ODD_NUMBERS = """
+1e400 -1e400 1e-400 NaN Infinity -Infinity nan inf 0 -0.0 1e308 5e-324 0x10 1_000 1,5 1.5.2 --1 true null
+9007199254740993 2020-13-45 -1 1e-300 1e15 0.1e "1.5"
+"""
+NUMBERS = ("9" * 5000, "-" + "9" * 5000, *ODD_NUMBERS.split())
+TEXTS = (
+    *('""', '"\\ud800"', '"\\u0000"', '"\\u202e\\u001b[31m"', f'"{"x" * 100_000}"', '"µ é 工具"', '"../../x"', '"  "'),
+    *('"<script>alert(1)</script>"', '"=1+1"', '"javascript:alert(1)"', '"/dev/zero"', '"nan"', '"1e400"'),
+    *("'", '"', '"""', "\\", "#"),
+)
+NESTED = (
+    *("[" * DEEP, "[" * DEEP + "]" * DEEP, '{"a":' * DEEP, '{"a":' * DEEP + "1" + "}" * DEEP, "{a=" * DEEP),
+    *("[" * 60 + "]" * 60, "[" + "0," * 200_000 + "0]", "{}", "[]", "[[]]", '{"a": 1, "a": 2}', "a." * 20_000 + "a"),
+)
 TOKEN = re.compile(r'"(?:[^"\\\n]|\\.)*"|-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?|[A-Za-z_][\w-]*')
 
 
@@ -173,8 +179,11 @@ def of_structure(data, rng):
     return data, f"{kind} {'.'.join(map(str, path))} {str(value)[:30] if kind == 'exchange' else ''}"
 
 
-VALUES = (None, 0, 0.0, -1, -1.5, 1, 2, 1e300, -1e300, 1e-300, 1e15, 10**200, True, "", "x", "NaN", "1", [], {}, [0.0],
-          [None], {"x": 1}, {"reason": "unknown"}, "µm", "m/min", "a" * 5000, [1.0] * 5000, -0.0, 2**53 + 1)  # fmt: skip
+VALUES = (
+    *(None, 0, 0.0, -1, -1.5, 1, 2, 1e300, -1e300, 1e-300, 1e15, 10**200, True, -0.0, 2**53 + 1),
+    *("", "x", "NaN", "1", "µm", "m/min", "a" * 5000, [], {}, [0.0], [None], {"x": 1}, {"reason": "unknown"}),
+    [1.0] * 5000,
+)
 
 
 def _number(value, rng):
@@ -203,12 +212,11 @@ def home():
     return Path(folder.name)
 
 
-def tests_table(path, edges=6, seed=1):
+def write_table(path, edges=6, seed=1):
     rng, rows = np.random.default_rng(seed), ["edge,V [m/min],f [mm/rev],t [min],AW [mm]"]
-    for k in range(edges):
+    for k, t in product(range(edges), (2, 4, 6)):
         V, f = (80, 120, 180)[k % 3], (0.1, 0.2)[k % 2]
-        for t in (2, 4, 6):
-            rows.append(f"E{k},{V},{f},{t},{0.0076 * V**0.577 * f**0.168 * t**0.245 * np.exp(0.1 * rng.normal()):.4f}")
+        rows += [f"E{k},{V},{f},{t},{0.0076 * V**0.577 * f**0.168 * t**0.245 * np.exp(0.1 * rng.normal()):.4f}"]
     path.write_text("\n".join(rows) + "\n")
 
 
@@ -229,7 +237,7 @@ def good(name):
     """Folder with a good params.json, and the draws of the fitted one."""
     folder = home() / name
     if name == "fitted":
-        tests_table(home() / "data.csv")
+        write_table(home() / "data.csv")
         said("data.csv", "--out", "fitted-out", "--draws", "1000", "--criterion", "0.1", "--tool", "A", "--work", "B",
              at=home())  # fmt: skip
         made = next((home() / "fitted-out").rglob("params.json")).parent
@@ -248,29 +256,72 @@ def good(name):
 
 
 P = "params.json"
-EXPORTS = ("csv", "ngc", "mat", "ssv", "h", "ini")
-CONTROLLERS = ("hal", "st", "c", "comp", "fmu")
-OF_PARAMS = (
-    (6, f"card {P} --json"), (1, f"card {P} --force"), (2, "publish . --check"), (0.6, "publish . --site s --draft --jobs 1"),
-    (2, f"merge {P} other.json --out merged.json"), (2, f"merge other.json {P} --out merged.json"),
-    (3, f"costs {P} machine=70/h edge=8 change=1.5min currency=EUR --force"), (1, f"excite --like {P} --noise 0.01 --amplitude 1 --rate 50"),
-    *((1, f"export {P} --to {kind} --out out.{kind} --force") for kind in EXPORTS),
-    *((0.4, f"export {P} --to {kind} --out out.{kind} --force") for kind in CONTROLLERS),
-    (1, f"export {P} --to nc --out out.nc --diameter 100 --length 300 --max-rpm 3000"),
-)  # fmt: skip
-OF_LAWS = ((3, f"simulate {P}"), (3, f"limits {P} AW=0.2mm --force"), (3, f"predict {P} V=120 f=0.2 d=2 t=5 AW=0.1"),
-           (3, f"predict {P} V=120 f=0.2 t=5"), (1, f"predict {P} V=120 f=0.2 t=5 --budget"), (3, f"optimum {P}"))  # fmt: skip
+
+
+def weighted(lines):
+    """Weights and commands, one a line; @ is the parameter file."""
+    parts = [line.split(" ", 1) for line in lines.strip().splitlines()]
+    return tuple((float(weight), words.replace("@", P)) for weight, words in parts)
+
+
+OF_PARAMS = """
+6 card @ --json
+1 card @ --force
+2 publish . --check
+0.6 publish . --site s --draft --jobs 1
+2 merge @ other.json --out merged.json
+2 merge other.json @ --out merged.json
+3 costs @ machine=70/h edge=8 change=1.5min currency=EUR --force
+1 excite --like @ --noise 0.01 --amplitude 1 --rate 50
+1 export @ --to csv --out out.csv --force
+1 export @ --to ngc --out out.ngc --force
+1 export @ --to mat --out out.mat --force
+1 export @ --to ssv --out out.ssv --force
+1 export @ --to h --out out.h --force
+1 export @ --to ini --out out.ini --force
+1 export @ --to nc --out out.nc --diameter 100 --length 300 --max-rpm 3000
+0.4 export @ --to hal --out out.hal --force
+0.4 export @ --to st --out out.st --force
+0.4 export @ --to c --out out.c --force
+0.4 export @ --to comp --out out.comp --force
+0.4 export @ --to fmu --out out.fmu --force
+"""
+OF_LAWS = """
+3 simulate @
+3 limits @ AW=0.2mm --force
+3 predict @ V=120 f=0.2 d=2 t=5 AW=0.1
+3 predict @ V=120 f=0.2 t=5
+1 predict @ V=120 f=0.2 t=5 --budget
+3 optimum @
+"""
+OF_TURNING = """
+0.4 export @ --to st --system recursion --out out.st --force
+0.4 export @ --to c --system region --out out.c --force
+0.4 export @ --to fmu --system region --out out.fmu --force
+0.2 replay @ --system region --json
+"""
+OF_LOAD = """
+3 settings @ --worn 0.28 --force
+3 predict @ fm=700 VB=100 t=1 d=0.2 ae=1.4
+0.2 tune @ --rise 2 --settle 4 --force
+0.4 replay @ --system constant-load --json
+"""
+OF_ROUGHNESS = """
+3 roughness @ Ra=1.6um n=610rpm f=0.2mm/rev d=1mm r=0.8mm kc=2500N/mm2 servo=0.1s --force
+3 predict @ F=500
+0.2 replay @ --json
+"""
+OF_FORCE = """
+4 adaptive-force @ 1mm=150N 2mm=200N --feed 60:500mm/min --force
+0.1 replay @ --json
+"""
 BASES = {
-    "fitted": (*OF_PARAMS, *OF_LAWS),
-    "turning": (*OF_PARAMS, *OF_LAWS, *((0.4, f"export {P} --to {kind} --system {system} --out out.{kind} --force")
-                                       for kind in CONTROLLERS for system in ("recursion", "region")), (0.2, f"replay {P} --system region --json")),
-    "load": (*OF_PARAMS, (3, f"settings {P} --worn 0.28 --force"), (3, f"predict {P} fm=700 VB=100 t=1 d=0.2 ae=1.4"),
-             (0.2, f"tune {P} --rise 2 --settle 4 --force"), (0.4, f"replay {P} --system constant-load --json")),
-    "roughness": (*OF_PARAMS, (3, f"roughness {P} Ra=1.6um n=610rpm f=0.2mm/rev d=1mm r=0.8mm kc=2500N/mm2 servo=0.1s --force"),
-                  (3, f"predict {P} F=500"), (0.2, f"replay {P} --json")),
-    "force": (*OF_PARAMS, (4, f"adaptive-force {P} 1mm=150N 2mm=200N --feed 60:500mm/min --force"),
-              (0.1, f"replay {P} --json")),
-}  # fmt: skip
+    "fitted": weighted(OF_PARAMS + OF_LAWS.lstrip()),
+    "turning": weighted(OF_PARAMS + OF_LAWS.lstrip() + OF_TURNING.lstrip()),
+    "load": weighted(OF_PARAMS + OF_LOAD.lstrip()),
+    "roughness": weighted(OF_PARAMS + OF_ROUGHNESS.lstrip()),
+    "force": weighted(OF_PARAMS + OF_FORCE.lstrip()),
+}
 
 
 # --- kinds
@@ -450,7 +501,7 @@ def _text(content, rng, folder, name):
 
 
 def priors(rng, folder):
-    tests_table(folder / "data.csv", 4)
+    write_table(folder / "data.csv", 4)
     what = _text(PRIORS, rng, folder, "priors.toml")
     return Case("priors.toml", ["data.csv --json --draws 1000 --priors priors.toml"], what, "table")
 
@@ -469,7 +520,7 @@ def batched(files):
     folder = home() / f"batch-{files}"
     for k in range(2):
         (folder / "src").mkdir(parents=True, exist_ok=True)
-        tests_table(folder / "src" / f"G{k}_S.csv", 4, seed=k)
+        write_table(folder / "src" / f"G{k}_S.csv", 4, seed=k)
     said(*OF_BATCH[files].split(), at=folder)
     return folder
 
@@ -534,12 +585,12 @@ def site(rng, folder):
 @cache
 def reduced():
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
-    from force_records import cut_signal, write_table
+    import force_records
 
     folder = home() / "reduced"
     (folder / "records").mkdir(parents=True)
-    t, load, *_ = cut_signal([520.0, 640.0], 100, np.random.default_rng(1), seconds=4.0)
-    write_table(folder / "records" / "E1.csv", t, {"Fc [N]": load})
+    t, load, *_ = force_records.cut_signal([520.0, 640.0], 100, np.random.default_rng(1), seconds=4.0)
+    force_records.write_table(folder / "records" / "E1.csv", t, {"Fc [N]": load})
     (folder / "tests.csv").write_text("edge,V [m/min],f [mm/rev],t [min]\nE1,120,0.2,2\nE1,120,0.2,4\n")
     said(*OF_REDUCE.split(), at=folder)
     return folder
@@ -555,15 +606,17 @@ def reduce(rng, folder):
     return Case(path.relative_to(folder).as_posix(), [OF_REDUCE], _json(path, rng), "state")
 
 
-WORDS = ("1e400", "-1e400", "nan", "inf", "9" * 5000, "0", "-1", "1,5", "µ", "", " ", "=", "V=", "=1", "V=1e-320mm", "x" * 5000,
-         "\ud800", "\x1b[31m", "0x10", "1:2:3:4", ":", "1:", "--", "-x", "1e308", "1" * 400, "工具", "V=120", "(" * 1000,
-         "[" * 3000, "a/b*c**d", "mm**999999999", "m^9999", "1/0", "{}", "%s", "../x", "0.1.2", "1_0")  # fmt: skip
+ODD_WORDS = """
+1e400 -1e400 nan inf 0 -1 1,5 µ = V= =1 V=1e-320mm 0x10 1:2:3:4 : 1: -- -x 1e308 工具 V=120 a/b*c**d
+mm**999999999 m^9999 1/0 {} %s ../x 0.1.2 1_0
+"""
+WORDS = ("9" * 5000, "", " ", "x" * 5000, "\ud800", "\x1b[31m", "1" * 400, "(" * 1000, "[" * 3000, *ODD_WORDS.split())
 
 
 def words(rng, folder):
     """Words of the command line that are read as numbers, units, conditions or corrections."""
     base, _ = _base(rng, folder)
-    tests_table(folder / "data.csv", 4)
+    write_table(folder / "data.csv", 4)
     known = drawn(rng, [(w, c) for w, c in (*BASES[base], *OF_DATA) if "=" in c or "--" in c], 3)
     commands = []
     for line in known:
@@ -660,20 +713,20 @@ def place():
 
 @cache
 def without_change(base, command):
-    """Exit code and seconds of a command with good files."""
+    """Exit code, and seconds, of a command with good files."""
     with tempfile.TemporaryDirectory() as scratch:
         at = Path(scratch)
         if base in BASES:
             shutil.copytree(good(base), at, dirs_exist_ok=True)
         if base == "table":
-            tests_table(at / "data.csv", 4)
+            write_table(at / "data.csv", 4)
             (at / "priors.toml").write_text(PRIORS)
         for kind, made in (("batch", lambda: batched(False)), ("state", lambda: _state_of(command))):
             if base == kind:
                 shutil.copytree(made(), at, dirs_exist_ok=True)
                 (at / "pairs.csv").write_text(PAIRS)
         found = said(*command.split(), at=at)
-        return found.code, found.seconds, found.err
+        return found.code, found.seconds
 
 
 def _state_of(command):
@@ -689,7 +742,7 @@ def tried(kind, number):
         codes, faults = [], []
         for command in case.commands:
             words = command.split("\0") if "\0" in command else command.split()
-            then, seconds, said_then = (2, 1.0, "") if kind == "words" else without_change(case.base, command)
+            then, seconds = (2, 1.0) if kind == "words" else without_change(case.base, command)
             before = (folder / case.file).read_bytes() if case.file else b""
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
             found = said(*words, at=folder, limit=4 * (SECONDS + 3 * seconds))
@@ -720,7 +773,7 @@ def _of_words(found, case, then):
     name = Path(case.file).name
     if found.code in (2, 3, 4) and not lines:
         yield "refused without a message"
-    if any(len(line) > LONGEST for line in lines):
+    if case.file and any(len(line) > LONGEST for line in lines):
         yield f"message of {max(map(len, lines))} characters"
     if len(lines) > 8:
         yield f"message of {len(lines)} lines"

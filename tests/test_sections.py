@@ -15,7 +15,7 @@ from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.tuning import tune_pi
 from fitmodels.parameters import collect, read, write
-from fitmodels.parameters.published import published
+from fitmodels.parameters.published import published as published_file
 from fitmodels.parameters.sections.dynamics import DynamicsSection, PiSection
 from fitmodels.parameters.sections.force_control import AdaptiveForceSection, RoughnessSection
 from fitmodels.parameters.sections.law_parts import Region
@@ -393,5 +393,5 @@ def test_a_prior_lacks_a_number():
 @pytest.mark.parametrize("paper", ["CLM-2023", "LYAP", "SURF"])
 def test_every_published_file_has_a_card(paper):
     """The law of VB in CLM-2023 begins at a time of 0, where its logarithm is infinite."""
-    card = compose(published(paper))
+    card = compose(published_file(paper))
     assert card.laws is not None
