@@ -10,6 +10,7 @@ from shutil import rmtree
 from typing import Any
 
 from ..cards.folder import folder_names as _folder_names
+from ..core.bounded import has_content, stored_json
 from ..core.errors import UsageError
 from ..core.files import locked, make_folder, write_whole
 from ..core.version import __version__
@@ -107,8 +108,7 @@ def put(out: Path, name: str, content: bytes) -> bool:
 
 def holds(out: Path, name: str, content: bytes) -> bool:
     """Whether a file exists with exactly this content."""
-    path = out / name
-    return path.is_file() and path.read_bytes() == content
+    return has_content(out / name, content)
 
 
 def claim(out: Path, names: Iterable[str]) -> None:
@@ -238,10 +238,7 @@ def _clear(out: Path) -> None:
 
 
 def _claimed(out: Path) -> list[str]:
-    try:
-        data = json.loads((out / MADE).read_bytes())
-    except (OSError, ValueError):
-        return []
+    data = stored_json(out / MADE)
     names = data if isinstance(data, list) else []
     return [name for name in names if isinstance(name, str) and not {"", ".", ".."} & set(name.split("/"))]
 

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..core.bounded import sha256_of, stored_json
+from ..core.errors import DataError
 from ..core.files import make_folder, write_whole
 from ..core.version import __version__
 from .law_rows import COUNTS, FLAGS, LAW, PAIR, TEXTS, Column, column
@@ -114,8 +116,8 @@ def hash_of(path: Path) -> str | None:
     True
     """
     try:
-        return sha256(path.read_bytes()).hexdigest()
-    except OSError:
+        return sha256_of(path)
+    except (OSError, DataError):
         return None
 
 
@@ -127,10 +129,7 @@ def read_json(path: Path) -> dict[str, Any]:
     >>> read_json(Path("nowhere"))
     {}
     """
-    try:
-        data = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
+    data = stored_json(path)
     return data if isinstance(data, dict) else {}
 
 

@@ -7,6 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from ..cards.publishing import TITLE, PublicationReport, publish
+from ..core.bounded import read_bounded, sha256_of
 from ..core.errors import DataError, UsageError
 from ..core.files import write_whole
 from ..core.progress import Meter
@@ -60,9 +61,9 @@ def site_of(
 
 def _copied(card: Path, to: Path, before: str | None) -> str:
     """Copy ``--card`` into the folder of the pairs, unless another is filled in there; its SHA-256."""
-    content = card.read_bytes()
+    content = read_bounded(card, "card")
     new = sha256(content).hexdigest()
-    if to.is_file() and sha256(to.read_bytes()).hexdigest() not in (new, before) and _is_filled(to):
+    if to.is_file() and sha256_of(to) not in (new, before) and _is_filled(to):
         raise UsageError(f"{to} differs from --card {card}; leave --card out to use it, or remove it.")
     write_whole(to, content, parents=True)
     return new
@@ -83,5 +84,5 @@ def _digest(pairs: Path, title: str, keys: Sequence[str]) -> str:
     made = sha256("\n".join([title, *keys]).encode())
     for path in sorted([pairs / TOML, *pairs.glob(f"*/{TOML}")]):
         if path.is_file():
-            made.update(path.relative_to(pairs).as_posix().encode() + path.read_bytes())
+            made.update(path.relative_to(pairs).as_posix().encode() + read_bounded(path, "card"))
     return made.hexdigest()

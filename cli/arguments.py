@@ -11,10 +11,11 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
 
+from ..core.bounded import LIMITS
 from ..core.errors import DataError, ParameterError, UsageError
-from ..core.files import STANDARD_INPUT
+from ..core.files import STANDARD_INPUT, cause
 from ..core.suggestions import closest
 from .output import WIDEST, complain
 
@@ -364,13 +365,27 @@ def opened(file: str) -> Iterator[Path]:
             "-: standard input is a terminal; pipe a file into it, for instance fitmodels - < data.csv, or give the "
             "path of a file."
         )
-    content = sys.stdin.buffer.read()
-    if not content:
-        raise DataError(f"{STANDARD_INPUT} is empty: the command before the pipe has printed nothing.")
     with TemporaryDirectory(prefix="fitmodels-") as folder:
         path = Path(folder, STANDARD_INPUT)
-        path.write_bytes(content)
+        with path.open("wb") as file:
+            _copy_standard_input(file)
         yield path
+
+
+def _copy_standard_input(file: BinaryIO) -> None:
+    limit, size = LIMITS["measurements"], 0
+    try:
+        while block := sys.stdin.buffer.read(1 << 20):
+            size += len(block)
+            if size > limit.size:
+                raise DataError(
+                    f"{STANDARD_INPUT} gives more than {limit.size} bytes, the limit of {limit.kind}. {limit.remedy}"
+                )
+            file.write(block)
+    except OSError as error:  # a folder, or no room for the copy
+        raise DataError(f"{STANDARD_INPUT} cannot be read: {cause(error)}.") from None
+    if not size:
+        raise DataError(f"{STANDARD_INPUT} is empty: the command before the pipe has printed nothing.")
 
 
 def stem(file: str) -> str:

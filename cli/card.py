@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.bounded import has_content
 from ..core.errors import UsageError
 from ..core.files import write_whole
 from .arguments import Parser
@@ -51,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from ..cards.folder import card_files
 
     made = {**card_files(card, pf), **_cited(card, args)}
-    new = {name: content for name, content in made.items() if _differs(file.parent / name, content)}
+    new = {name: content for name, content in made.items() if not has_content(file.parent / name, content)}
     _write(file.parent, new, force=args.force)
     out = Printer(quiet=args.quiet)
     for path in (file.parent / name for name in new):
@@ -68,10 +69,6 @@ def _cited(card: "Card", args: argparse.Namespace) -> dict[str, bytes]:
 
     asked = {CITATION: args.citation and citation_cff, ZENODO: args.zenodo and zenodo_json}
     return {name: made(card).encode() for name, made in asked.items() if made}
-
-
-def _differs(path: Path, content: bytes) -> bool:
-    return not path.is_file() or path.read_bytes() != content
 
 
 def _write(folder: Path, new: dict[str, bytes], *, force: bool) -> None:

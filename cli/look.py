@@ -156,9 +156,10 @@ def _picture_path(args: argparse.Namespace) -> Path:
 
 
 def _check_replaceable(path: Path) -> None:
+    from ..core.bounded import contains
     from ..core.errors import UsageError
 
-    if path.exists() and MADE_BY.encode() not in path.read_bytes():
+    if path.exists() and not contains(path, MADE_BY.encode()):
         raise UsageError(
             f"{path} exists and was not made by {MADE_BY}; replace it with --force, or choose another file with --out "
             f"{shlex.quote(f'{path.stem}-2{path.suffix}')}."

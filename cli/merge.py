@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.bounded import contains
 from ..core.errors import ParameterError, UsageError
 from ..core.files import locked_folder, refuse_input, write_together
 from ..core.rounding import count
@@ -142,7 +143,7 @@ def _remove_former(folder: Path, stem: str, own: str | None) -> None:
 
 def _used(draws: Path, folder: Path) -> bool:
     """Whether some parameter file of the folder names these draws."""
-    return any(draws.name.encode() in path.read_bytes() for path in folder.glob("*.json") if path.is_file())
+    return any(contains(path, draws.name.encode()) for path in folder.glob("*.json"))
 
 
 def _sections(merged: "Merged") -> list[str]:

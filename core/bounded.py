@@ -4,11 +4,15 @@ Every file that a user may have received is opened here. `LIMITS` holds the larg
 other limits are the constants below it.
 """
 
+import hashlib
+import io
 import json
 import os
 import re
 import stat
 import tomllib
+import zipfile
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,22 +48,26 @@ class Limit:
 
 _WHOLE = "Give the file as fitmodels wrote it."
 LIMITS: Final[Mapping[str, Limit]] = {
-    "table": Limit("a table of measurements", 1000 * MB, "Split it, or fit it with fitmodels batch.", piped=True),
-    "record": Limit("a record", 1000 * MB, "Export a shorter part of the run.", piped=True),
-    "workbook": Limit("a workbook", 200 * MB, "Save the sheet as .csv."),
+    "measurements": Limit(
+        "a file of measurements", 500 * MB, "Split it; fitmodels batch fits tables of any size.", piped=True
+    ),
+    "stream": Limit("a file that is read in parts", 1 << 50, "Split it."),
     "parameters": Limit("a parameter file", 50 * MB, _WHOLE),
     "draws": Limit("a file of draws", 500 * MB, _WHOLE),
     "priors": Limit("a file of priors", 1 * MB, "Keep only the tables of priors in it."),
     "card": Limit("a card.toml", 1 * MB, "Keep only the fields of the template in it."),
-    "site": Limit("the list of a site", 200 * MB, "Publish into another folder."),
     "state": Limit("a stored state", 200 * MB, "Remove it; it is made again."),
-    "settings": Limit("a file of settings", 1 * MB, _WHOLE),
-    "output": Limit("a file written before", 1000 * MB, "Choose another place with --out."),
+    "text": Limit("a licence or scheduler file", 1 * MB, "Give another file."),
+    "figure": Limit("a picture of a card", 50 * MB, "Draw it again with fitmodels card."),
+    "output": Limit("a file written before", 500 * MB, "Choose another place with --out."),
 }
 DEEPEST: Final = 50  # levels of nested lists, objects or tables
 LONGEST: Final = 300  # digits of an integer: it still is a finite float
 MOST_VALUES: Final = 3_000_000  # numbers, texts, lists and objects of a JSON file
+MOST_MEMBERS: Final = 5000  # of a zip archive
+UNREADABLE_ARCHIVE: Final = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError)
 _LARGEST_INTEGER = 10**LONGEST
+_SURROGATE = re.compile("[\ud800-\udfff]")
 
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -77,10 +85,8 @@ def regular_status(path: str | os.PathLike[str], kind: str, error: type[Fitmodel
     Parameters
     ----------
     path : path
-    kind : str
-        Of `LIMITS`.
-    error : type
-        Raised where it is no regular file, or too large.
+    kind, error
+        As in `read_bounded`.
 
     Raises
     ------
@@ -116,7 +122,7 @@ def open_regular(
 
     Examples
     --------
-    >>> with open_regular(__file__, "table") as file:
+    >>> with open_regular(__file__, "text") as file:
     ...     file.read(3)
     b'\"\"\"'
     """
@@ -161,11 +167,53 @@ def read_bounded(path: str | os.PathLike[str], kind: str, error: type[FitmodelsE
     return content
 
 
+def stored_json(path: str | os.PathLike[str], *, finite: bool = True) -> Any:  # noqa: ANN401
+    """Content of a JSON file that an earlier run wrote; None where there is none that can be read.
+
+    Examples
+    --------
+    >>> stored_json("nowhere.json") is None
+    True
+    """
+    try:
+        return parse_json(read_bounded(path, "state"), os.fspath(path), finite=finite)
+    except (OSError, DataError):
+        return None
+
+
+def has_content(path: str | os.PathLike[str], content: bytes) -> bool:
+    """Whether a path is a regular file of exactly this content."""
+    try:
+        return regular_status(path, "stream").st_size == len(content) and read_bounded(path, "stream") == content
+    except (OSError, DataError):
+        return False
+
+
+def contains(path: str | os.PathLike[str], mark: bytes) -> bool:
+    """Whether a path is a regular file that contains some bytes."""
+    try:
+        return mark in read_bounded(path, "output")
+    except (OSError, DataError):
+        return False
+
+
+def sha256_of(path: str | os.PathLike[str]) -> str:
+    """SHA-256 of a regular file of any size.
+
+    Raises
+    ------
+    OSError, DataError
+        There is none that can be read.
+    """
+    with open_regular(path, "stream") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def _check(status: os.stat_result, path: str | os.PathLike[str], limit: Limit, error: type[FitmodelsError]) -> None:
     if not stat.S_ISREG(status.st_mode):
         what = next((words for is_kind, words in _KINDS if is_kind(status.st_mode)), "a special file")
         if what == "a folder":
-            raise error(f"{path}: is a folder; give the path of {limit.kind} in it.")
+            raise error(f"{path} is a folder, not a file: name {limit.kind} in it.")
         other = ", or give - and redirect it to standard input" if limit.piped else ""
         raise error(f"{path}: is {what}, not a regular file. Save its content as a file{other}.")
     if status.st_size > limit.size:
@@ -173,6 +221,37 @@ def _check(status: os.stat_result, path: str | os.PathLike[str], limit: Limit, e
             f"{path}: has {status.st_size} bytes; {limit.kind} has at most {limit.size} ({limit.size / MB:.0f} MB). "
             f"{limit.remedy}"
         )
+
+
+@contextmanager
+def open_archive(
+    content: bytes, name: str, unpacked: int, error: type[FitmodelsError] = DataError
+) -> Iterator[zipfile.ZipFile]:
+    """Open a zip archive whose members and their stated sizes are within limits.
+
+    Python's ``zipfile`` gives at most the stated size of a member, and compares its checksum.
+
+    Parameters
+    ----------
+    content : bytes
+    name : str
+        Beginning of error messages.
+    unpacked : int
+        Bytes that all members may have.
+    error : type
+        Raised where it has more than 5000 members, or they are larger.
+
+    Raises
+    ------
+    UNREADABLE_ARCHIVE
+        It is damaged; reading a member raises them too.
+    """
+    if (members := content.count(b"PK\x01\x02")) > MOST_MEMBERS:  # before a list of a million entries is made of them
+        raise error(f"{name}: has {members} parts; at most {MOST_MEMBERS} are read. Save it again.")
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        if (size := sum(item.file_size for item in archive.infolist())) > unpacked:
+            raise error(f"{name}: unpacks to {size} bytes; at most {unpacked} ({unpacked / MB:.0f} MB) are read.")
+        yield archive
 
 
 def parse_json(
@@ -277,7 +356,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         seen: set[str] = set()
         twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-        raise ValueError(f"the key {_shown(twice)} occurs twice in one object")
+        raise ValueError(f"the key {twice[:40]!r} occurs twice in one object")
     return found
 
 
@@ -314,18 +393,7 @@ def _inside(outer: object) -> Iterable[object]:
         yield from outer.values()
     elif isinstance(outer, list):
         yield from outer
-    elif isinstance(outer, str):
-        _check_text(outer)
+    elif isinstance(outer, str) and _SURROGATE.search(outer):
+        raise ValueError(f"the text {outer[:20]!a} contains an unpaired surrogate")
     elif type(outer) is int and abs(outer) >= _LARGEST_INTEGER:
         raise ValueError(f"holds an integer of more than {LONGEST} digits")
-
-
-def _check_text(text: str) -> None:
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        raise ValueError(f"the text {text[:20]!a} contains an unpaired surrogate") from None
-
-
-def _shown(text: str) -> str:
-    return repr(text if len(text) <= 40 else f"{text[:37]}...")

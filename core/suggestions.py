@@ -43,7 +43,7 @@ def near_path(path: Path) -> Path | None:
         return None
     if (folder / path.name).exists():
         return folder / path.name
-    near = closest(path.name, (entry.name for entry in folder.iterdir()), cutoff=0.6)
+    near = closest(path.name, (entry.name for entry in folder.iterdir() if entry.name != path.name), cutoff=0.6)
     if near is None or closest(path.stem, [Path(near).stem], cutoff=0.6) is None:  # alike in the suffix alone
         return None
     return folder / near

@@ -7,10 +7,10 @@ compiled or converted from published data, so that no address holds its files.
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
 
+from ..core.bounded import sha256_of
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import did_you_mean
 
@@ -244,7 +244,7 @@ def _all_there(place: Path, files: Iterable[PublicFile]) -> bool:
 
 def _checked(place: Path, files: Iterable[PublicFile]) -> Path:
     for file in files:
-        found = sha256((place / file.name).read_bytes()).hexdigest()
+        found = sha256_of(place / file.name)
         if found != file.sha256:
             raise DataError(
                 f"{place / file.name}: SHA-256 {found[:12]}..., not {file.sha256[:12]}...: it is not the file that was "

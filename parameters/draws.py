@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import math
 import os
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.bounded import LIMITS, UNREADABLE_ARCHIVE, open_archive, read_bounded
 from ..core.display import Plottable, as_columns
 from ..core.errors import ParameterError
 from .messages import short
@@ -23,8 +25,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LARGEST = 1_000_000_000  # bytes, unpacked
 REMEDY = "Fit again, or restore the file."
+DAMAGED = (*UNREADABLE_ARCHIVE, KeyError, TypeError, SyntaxError, MemoryError, RecursionError)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -95,7 +97,7 @@ def read_draws(pf: "ParameterFile", folder: str | os.PathLike[str]) -> dict[str,
         return {}
     path = Path(folder) / section.draws_file
     try:
-        content = path.read_bytes()
+        content = read_bounded(path, "draws", ParameterError)
     except OSError as error:
         why = (error.strerror or str(error)).lower()
         raise ParameterError(f"{path}: the draws of {pf.identity.tool} cannot be read: {why}. {REMEDY}") from None
@@ -111,17 +113,25 @@ def read_draws(pf: "ParameterFile", folder: str | os.PathLike[str]) -> dict[str,
 def unpacked(content: bytes, name: str) -> dict[str, Draws]:
     """Draws from the bytes of a file; ParameterError if they are not valid."""
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            size = sum(item.file_size for item in archive.infolist())
-        if size > LARGEST:
-            raise ParameterError(f"{name}: holds {size} bytes of draws; at most {LARGEST} are read.")
+        with open_archive(content, name, LIMITS["draws"].size, ParameterError) as archive:
+            for item in archive.infolist():
+                _check_header(archive, item)
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             responses = [key.removesuffix(".draws") for key in arrays.files if key.endswith(".draws")]
             return {response: _one(arrays, response, name) for response in responses}
-    except (zipfile.BadZipFile, ValueError, KeyError, EOFError, OSError) as error:
-        raise ParameterError(
-            f"{name}: is not a file of draws: {str(error).splitlines()[0].rstrip('.')}. {REMEDY}"
-        ) from None
+    except DAMAGED as error:
+        why = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+        raise ParameterError(f"{name}: is not a file of draws: {why}. {REMEDY}") from None
+
+
+def _check_header(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> None:
+    """Refuse an array whose header promises more than follows it: numpy reserves the memory before it reads."""
+    with archive.open(item) as file:
+        if np.lib.format.read_magic(file) != (1, 0):
+            raise ValueError(f"{item.filename} is of another version of the format")
+        shape, _, dtype = np.lib.format.read_array_header_1_0(file)
+        if math.prod(shape) * dtype.itemsize != item.file_size - file.tell():
+            raise ValueError(f"{item.filename} has {item.file_size} bytes, which its header does not describe")
 
 
 def _one(arrays: Mapping[str, NDArray[np.generic]], response: str, name: str) -> Draws:

@@ -8,6 +8,7 @@ from typing import Any
 
 from .. import cards, parameters
 from ..cards.folder import folder_names
+from ..core.bounded import has_content
 from ..core.errors import ParameterError, UsageError
 from ..core.version import __version__
 from ..datasets import Runs
@@ -150,14 +151,10 @@ def _edited(folder: Path, pf: "parameters.ParameterFile") -> str:
         if name not in ours and not (drawn and name.startswith(drawn) and name.endswith(".png")):
             return f"{name} is not a file of fitmodels"
     texts = card_files(compose(pf, folder=folder), pf)
-    if (folder / "params.json").read_bytes() != as_bytes(pf):
+    if not has_content(folder / "params.json", as_bytes(pf)):
         return "params.json was edited, or written by another version"
-    edited = [name for name, text in texts.items() if not _is(folder / name, text)]
+    edited = [name for name, text in texts.items() if not has_content(folder / name, text)]
     return f"{edited[0]} was edited, or written by another version" if edited else ""
-
-
-def _is(path: Path, content: bytes) -> bool:
-    return path.is_file() and path.read_bytes() == content
 
 
 def _snapshot(folder: Path) -> Snapshot:

@@ -3,12 +3,12 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from hashlib import sha256
 from math import inf
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
+from ..core.bounded import sha256_of
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
 from ..datasets.options import ReadOptions, check_choice
@@ -170,7 +170,7 @@ checks) to 1000000.
         if isinstance(self.form, Mapping) and self.form:
             given["form"] = _equations(self.forms)
         if isinstance(given.get("priors"), str) and given["priors"] not in NAMED_PRIORS:
-            given["priors_sha256"] = sha256(Path(given["priors"]).read_bytes()).hexdigest()
+            given["priors_sha256"] = sha256_of(given["priors"])
         return given
 
 

@@ -1,7 +1,6 @@
 """Address of a Dask scheduler, tested before a client connects, and versions of the programs on a cluster."""
 
 import asyncio
-import json
 import re
 import socket
 from collections.abc import Callable
@@ -10,7 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import UsageError
+from ...core.bounded import parse_json, read_bounded
+from ...core.errors import DataError, UsageError
 
 OfDask = Any  # half of its names have no types
 FORM = re.compile(r"(?:(?P<scheme>tcp|tls)://)?(?P<host>[^\s:/\[\]]+|\[[0-9a-fA-F:.%\w]+\]):(?P<port>\d{1,5})/?")
@@ -75,13 +75,13 @@ def no_answer(given: str, why: str) -> str:
 
 def _in_file(path: Path) -> str:
     try:
-        return str(json.loads(path.read_text("utf-8"))["address"])
+        return str(parse_json(read_bounded(path, "text", UsageError), str(path))["address"])
     except OSError as error:
         raise UsageError(
             f"{path}: the scheduler file cannot be read ({error.strerror}); 'dask scheduler --scheduler-file {path}' "
             "writes it and keeps running."
         ) from None
-    except (ValueError, KeyError, TypeError):
+    except (DataError, KeyError, TypeError):
         raise UsageError(f"{path}: not a scheduler file, which contains the scheduler's address as JSON.") from None
 
 

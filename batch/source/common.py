@@ -20,7 +20,7 @@ MapOver = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 def is_large(path: Path) -> bool:
     """Whether a text file is too large to be read whole."""
-    return path.suffix.lower() not in SUFFIXES and path.stat().st_size > LARGE
+    return path.suffix.lower() not in SUFFIXES and path.is_file() and path.stat().st_size > LARGE
 
 
 def some_names(names: Iterable[str]) -> str:

@@ -7,6 +7,7 @@ from typing import Literal
 
 import pandas as pd
 
+from ...core.bounded import open_regular
 from ...core.errors import DataError
 from ...datasets import read_table
 from ...datasets.columns import ColumnUse, assign
@@ -119,7 +120,7 @@ def _warnings(table: Table) -> tuple[str, ...]:
 
 
 def _whole_lines(path: Path, size: int) -> bytes:
-    with path.open("rb") as file:
+    with open_regular(path, "stream") as file:
         data = file.read(size)
         if not file.read(1):
             return data

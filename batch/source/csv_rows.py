@@ -9,6 +9,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 import pyarrow.compute as pc  # type: ignore[import-untyped]
 from pyarrow import csv
 
+from ...core.bounded import open_regular
 from ...core.errors import DataError
 from ...core.rounding import count
 from ...datasets.tables.dialect import is_comment, split_line
@@ -200,7 +201,7 @@ def _texts(
     names = [column.name for column in head.columns]
     padded = [*names, *(f"\0{k}" for k in range(len(names), head.cells))][: max(head.cells, 1)]
     size, percent = source.stat().st_size, -1
-    with source.open("rb") as file:
+    with open_regular(source, "stream") as file:
         try:
             reader = csv.open_csv(
                 file,

@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from ...core.bounded import regular_status
 from ...core.errors import DataError, UsageError
 from ...core.rounding import count
 from ...datasets.tables.decode import load_bytes
@@ -78,6 +79,8 @@ def open_source(
     path = existing_path(source)
     limits: dict[str, Any] = {"most_rows": most_rows, "most_pairs": most_pairs}
     onward: dict[str, Any] = {**limits, "work": work, "report": report, "reads": reads}
+    if not path.is_dir():
+        regular_status(path, "stream")
     inside = folder_contents(path)
     if inside.parquet:
         from .parquet_blocks import parquet_plan

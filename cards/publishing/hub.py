@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from ...core.bounded import has_content, read_bounded
 from ...core.errors import DataError, FitmodelsError, GateError, UsageError
 from ...core.files import cause, staged, swap_folder
 from ...core.suggestions import closest
@@ -168,7 +169,7 @@ def _license(card: Card, pair: Path) -> bytes:
     """The file LICENSE of the pair, or a notice that names the licence."""
     given = _license_file(pair)
     if given is not None:
-        return given.read_bytes()
+        return read_bounded(given, "text")
     spdx, year = card.publication.license, card.provenance.created[:4]
     holders = "; ".join(card.publication.authors)
     return (
@@ -195,7 +196,7 @@ def _obstacles(card: Card, pair: Path) -> Iterator[str]:
 
 def _data(path: Path, card: Card) -> bytes:
     try:
-        content = path.read_bytes()
+        content = read_bounded(path, "measurements")
     except OSError as error:
         raise DataError(f"--data {path}: cannot be read: {cause(error)}.") from None
     if sha256(content).hexdigest() != card.provenance.data_sha256:
@@ -265,7 +266,7 @@ def write_repository(repository: HubRepository, out: Path) -> bool:
         The folder holds other files, or cannot be written.
     """
     there = _files(out)
-    if there == repository.files:
+    if there == sorted(repository.files) and all(has_content(out / name, repository.files[name]) for name in there):
         return False
     foreign = sorted(path for path in there if not is_ours(path) and path not in repository.files)
     if foreign:
@@ -285,10 +286,10 @@ def write_repository(repository: HubRepository, out: Path) -> bool:
     return True
 
 
-def _files(out: Path) -> dict[str, bytes]:
+def _files(out: Path) -> list[str]:
     if out.exists() and not out.is_dir():
         raise UsageError(f"{out}: is a file; choose a folder with --out.")
-    return {path.relative_to(out).as_posix(): path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
+    return sorted(path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file())
 
 
 def is_ours(path: str) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...core.bounded import read_bounded
 from ...core.errors import DataError, FitmodelsError, UsageError
 from ...parameters import ParameterFile, read
 from ..content.card import Card, compose
@@ -178,11 +179,16 @@ def contents(folder: Path, pf: ParameterFile, card: Card) -> dict[str, bytes]:
     copied = [PARAMETERS, *(f.file for f in card.figures if f.file)]
     if pf.posterior is not None and pf.posterior.draws_file is not None:
         copied.append(pf.posterior.draws_file)  # without them the file that is published fails its own check
-    made = {name: (folder / name).read_bytes() for name in copied}
+    made = {name: _copied(folder / name) for name in copied}
     named = sorted(name for name in (*made, README, PROGRAM) if "/" not in name)
     for name, content in card_files(card, pf, named).items():
         made["index.html" if name == PAGE else name] = content
     return made
+
+
+def _copied(path: Path) -> bytes:
+    kinds = {PARAMETERS: "parameters", ".npz": "draws"}
+    return read_bounded(path, kinds.get(path.name) or kinds.get(path.suffix, "figure"))
 
 
 def _write(task: PairTask, pf: ParameterFile, card: Card, gaps: tuple[str, ...]) -> dict[str, str]:

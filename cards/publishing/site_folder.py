@@ -1,10 +1,10 @@
 """A site in its place: all of it or nothing, and what others keep there stays."""
 
 import filecmp
-import json
 from pathlib import Path
 from typing import Any
 
+from ...core.bounded import stored_json
 from ...core.errors import UsageError
 
 SCHEMA = "fitmodels.site/3"
@@ -42,10 +42,7 @@ def is_draft(site: Path) -> bool:
 
 def _listed(site: Path) -> dict[str, Any]:
     """The list of a site; empty where there is none."""
-    try:
-        listed = json.loads((site / LIST).read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}
+    listed = stored_json(site / LIST)
     return listed if isinstance(listed, dict) else {}
 
 

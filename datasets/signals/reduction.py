@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import is_positive
+from ...core.bounded import sha256_of, stored_json
 from ...core.errors import DataError
 from ...core.files import write_whole
 from ...core.progress import Meter
@@ -282,26 +283,24 @@ def _picture(
 
 def _key(path: Path, how: ReduceOptions, turn: float, key_part: str) -> str:
     """Hash of all that the figures of a file depend on."""
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    key = json.dumps([__version__, digest, asdict(how), turn, key_part], default=dict, sort_keys=True)
+    key = json.dumps([__version__, sha256_of(path), asdict(how), turn, key_part], default=dict, sort_keys=True)
     return hashlib.sha256(key.encode()).hexdigest()
 
 
 def _held(store: Path, key: str) -> list[ReducedRecord] | None:
     """Records of a former run with the same file and options; None where there are none."""
-    try:
-        held: Any = json.loads(store.read_text("utf-8"))
-    except (OSError, ValueError):
-        return None
+    held = stored_json(store, finite=False)
     if not isinstance(held, dict) or held.get("key") != key:
         return None
-    return [
-        ReducedRecord(
-            **{**record, "cuts": tuple(_cut_of(cut) for cut in record["cuts"]), "notes": tuple(record["notes"])}
-        )
-        for record in held["records"]
-    ]
+    try:
+        return [
+            ReducedRecord(
+                **{**record, "cuts": tuple(_cut_of(cut) for cut in record["cuts"]), "notes": tuple(record["notes"])}
+            )
+            for record in held["records"]
+        ]
+    except (KeyError, TypeError, ValueError):
+        return None
 
 
 def _cut_of(held: Mapping[str, Any]) -> ReducedCut:

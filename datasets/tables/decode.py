@@ -5,7 +5,9 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
+from ...core.bounded import read_bounded
 from ...core.errors import DataError
+from ...core.files import cause
 from ...core.suggestions import near_path
 from .worksheet import FORMATS
 
@@ -43,21 +45,20 @@ def load_bytes(path: Path) -> bytes:
     Raises
     ------
     DataError
-        A missing file (with the nearest name in its folder), a folder, an unreadable or an empty file.
+        A missing file (with the nearest name in its folder), anything but a regular file, one that is too large,
+        unreadable or empty.
 
     >>> from pathlib import Path
     >>> load_bytes(Path(__file__))[:3]
     b'\"\"\"'
 
     """
-    if path.is_dir():
-        raise DataError(f"{path} is a folder, not a file: name the data file inside it.")
-    if not path.exists():
-        raise DataError(_absent(path))
     try:
-        data = path.read_bytes()
+        data = read_bounded(path, "measurements")
+    except (FileNotFoundError, NotADirectoryError):
+        raise DataError(_absent(path)) from None
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror}.") from error
+        raise DataError(f"{path} cannot be read: {cause(error)}.") from error
     if not data:
         raise DataError(f"{path.name} is empty (0 bytes): export it again.")
     if not data.strip(_BLANKS):
@@ -126,6 +127,8 @@ def looks_like(data: bytes) -> str:
 
 
 def _absent(path: Path) -> str:
+    if path.is_symlink():
+        return f"{path} is a link to a file that does not exist."
     near = near_path(path)
     if near is not None:
         return f"{path} does not exist. Did you mean {near.name if near.parent == path.parent else near}?"
