@@ -146,6 +146,7 @@ def signal_units(r, rng):
 
 def names(r, rng):
     r.names = _any(rng, [("Zeit", "Spannung", "Spindelstrom"), ("time", "command", "current"), ("temps", "u", "I")])
+    r.order = (0, 1, 2)
     return ", ".join(r.names)
 
 
@@ -160,7 +161,10 @@ def time_digits(r, rng):
 
 
 def column_order(r, rng):
+    """The output comes first only where the names say which it is."""
     r.order = tuple(int(j) for j in rng.permutation(3))
+    if r.names[1] not in ("u", "command") and r.order.index(2) < r.order.index(1):
+        r.order = (1, 0, 2)
     return f"columns {r.order}"
 
 

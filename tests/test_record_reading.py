@@ -171,8 +171,8 @@ def test_several_files_are_several_runs(tmp_path):
     rec = read_record([tmp_path / "a.csv", tmp_path / "b.csv"], "u", "y")
     assert rec.starts == (0, N)
     assert rec.source == "a.csv + b.csv"
-    (tmp_path / "b.csv").write_text(text(header="t [s];y [V];u [mm]"))
-    with pytest.raises(DataError, match=r"b\.csv gives y and u"):
+    (tmp_path / "b.csv").write_text(text(header="t [s];p [V];q [mm]"))
+    with pytest.raises(DataError, match=r"b\.csv gives p and q"):
         read_record([tmp_path / "a.csv", tmp_path / "b.csv"])
 
 
@@ -252,6 +252,32 @@ def test_a_rate_tells_lost_samples_from_coarse_times(read):
 
 def test_an_input_that_does_not_move_is_reported(read):
     assert "u is constant at 2 V: without variation" in reported(read(text(u=np.full(N, 2.0))))
+
+
+@pytest.mark.parametrize("header", ["t [s];y [mm];u [V]", "t [s];measured [mm];drive [V]", "t;Kraft;command"])
+def test_names_of_input_and_output_count_more_than_their_order(read, header):
+    record = read(text(u=Y, y=U, header=header))
+    assert "assumed from their names" in reported(record)
+    np.testing.assert_allclose(record.u, U, atol=1e-5)
+
+
+@pytest.mark.parametrize(("digits", "found"), [(12, True), (3, True), (1, False)])
+def test_an_output_that_stands_while_the_input_moves_is_reported(read, digits, found):
+    """Where readings are coarse, equal neighbours are usual."""
+    t, u = chirp()
+    y = np.roll(u, 5)
+    assert "successive samples" not in reported(read(text(t, u, y.round(digits), form="{:.12g}")))
+    y[1500:1530] = y[1500]
+    said = reported(read(text(t, u, y.round(digits), form="{:.12g}")))
+    assert ("30 successive samples from line 1502 on" in said) == found
+
+
+def test_an_output_that_settles_between_steps_is_not_called_standing(read):
+    u = np.repeat([0.0, 1, 0, 2, 0, 1, 3, 0], 100)
+    y = np.zeros(len(u))
+    for k in range(1, len(u)):
+        y[k] = 0.7 * y[k - 1] + 0.3 * u[k - 1]
+    assert "successive" not in reported(read(text(np.arange(len(u)) / 50, u, y.round(4))))
 
 
 def chirp(n=3000, rate=100.0):

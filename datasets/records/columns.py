@@ -23,6 +23,8 @@ LABELS = frozenset({"stretch", "segment", "record", "section", "abschnitt", "mes
 _TIME = re.compile(
     r"(elapsed|relative|date|datum|fecha)?\W*(time|zeit|uhrzeit|temps|tiempo|heure|hora|x_?values?)\W*(stamp|stempel)?"
 )
+_INPUT = re.compile(r"u|in|input|cmd|command(ed)?|excitation|eingang|commande|entrée|entrada", re.IGNORECASE)
+_OUTPUT = re.compile(r"y|out|output|response|measured|ausgang|antwort|réponse|sortie|respuesta|salida", re.IGNORECASE)
 # What a unit is brought to; a unit of another dimension, or one that is not listed, stays as it is written.
 _KEPT = ("mm", "mm/s", "N", "A", "V", "Nm", "kW", "1/min", "MPa", "Hz", "s")
 
@@ -191,7 +193,7 @@ def choose(
     input: str | int | None,  # noqa: A002
     output: str | int | None,
 ) -> tuple[ColumnHeader, ColumnHeader, tuple[str, ...]]:
-    """Input, output, and the assumption made: of two signals the first is the input.
+    """Input, output, and the assumption made: of two signals the first is the input, unless their names say otherwise.
 
     Raises
     ------
@@ -208,6 +210,8 @@ def choose(
     if u is None and y is None:
         if len(candidates) == 2:
             u, y = candidates
+            if _INPUT.fullmatch(y.name.strip()) or _OUTPUT.fullmatch(u.name.strip()):
+                return y, u, (f"input {y.name} and output {u.name} are assumed from their names",)
             return u, y, (f"input {u.name} and output {y.name} are assumed from their order",)
         raise UsageError(_unnamed(candidates, "--input and --output"))
     chosen, option = (u, "--output") if u is not None else (y, "--input")

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...core.errors import DataError, UsageError
@@ -143,6 +144,7 @@ def _record(table: Table, asked: RecordOptions) -> Record:
             for head, x, unit in zip((u, y), samples.values.T[:2], (unit_u, unit_y), strict=True)
             for note in signal_findings(head.name, x[np.isfinite(x)], unit)
         ),
+        *standing_output(y.name, samples.values.T[1], samples.values.T[0], samples.lines),
     )
     record = replace(
         record,
@@ -211,6 +213,42 @@ def _samples(
     if cuts.size:
         notes.append(f"{cuts.size + 1} runs are distinguished by their labels: each is a separate segment")
     return Samples(time[~again], values[~again], lines[~again], places, cuts), notes
+
+
+STANDS = 6  # equal samples in succession: fewer are not sought
+STANDING_CHANCE = 1e-5  # of such a succession anywhere in the record
+MOVES = 0.02  # of its range by which the input moves meanwhile
+
+
+def standing_output(name: str, y: Array, u: Array, lines: NDArray[np.intp]) -> tuple[str, ...]:
+    """A note on an output, shape (n,), that stood still once while the input moved, as a sensor that was not read.
+
+    Neighbours of a coarse or settled output are often equal, and then a long succession is no finding.
+
+    >>> t = np.arange(200)
+    >>> y = np.where((t > 90) & (t < 101), 0.5, np.sin(t))
+    >>> standing_output("y", y, np.sin(t - 1.0), t + 2)
+    ('y is 0.5 in 10 successive samples from line 93 on while the input moves: these were probably not measured',)
+    """
+    known = np.isfinite(y) & np.isfinite(u)
+    y, u, lines = y[known], u[known], lines[known]
+    equal = np.diff(y) == 0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))
+    begins, ends = edges[::2], edges[1::2] + 1  # of samples begin to end - 1
+    if not begins.size:
+        return ()
+    k = int(np.argmax(ends - begins))
+    first, end, length = int(begins[k]), int(ends[k]), int(ends[k] - begins[k])
+    others = np.delete(ends - begins, k).max(initial=1)
+    share = max((np.count_nonzero(equal) - length + 1) / max(len(y) - length, 1), 1 / len(y))
+    inside = first > 0 and end < len(y)
+    rare = length >= max(STANDS, 2 * others) and len(y) * share ** (length - 1) < STANDING_CHANCE
+    if not (inside and rare and np.ptp(u[first:end]) > MOVES * np.ptp(u)):
+        return ()
+    return (
+        f"{name} is {y[first]:g} in {length} successive samples from line {lines[first]} on while the input moves: "
+        "these were probably not measured",
+    )
 
 
 FLAT = 4  # samples in a row at the extreme: fewer come by chance where readings are coarse
