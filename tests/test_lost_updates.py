@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels import cards, parameters
-from fitmodels.cli import main
+from fitmodels.cli import COMMANDS, main
 from fitmodels.cli.arguments import traced
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
@@ -283,7 +283,7 @@ def test_kill_9_at_any_moment_leaves_file_and_picture_agreeing(file):
 
 TUNER = """
 import os, signal, sys
-from fitmodels.cli import main
+from fitmodels.cli import COMMANDS, main
 calls, real = 0, os.replace
 def hooked(*paths):
     global calls
@@ -451,3 +451,32 @@ def test_a_device_or_a_pipe_is_not_replaced_by_a_file(tmp_path):
         write_whole(pipe, "1")
     assert pipe.is_fifo()
     assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
+
+
+# --- the study of interruptions and races -------------------------------------------------------------
+
+BENCHMARKS = Path(__file__).resolve().parent.parent / "benchmarks"
+
+
+def test_every_command_that_writes_is_in_the_study(monkeypatch):
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    import interruptions
+
+    known, races = interruptions.cases()
+    assert {case.words.split()[0] for case in known.values()} & {*COMMANDS} == {*COMMANDS} - {*interruptions.READING}
+    assert len(races) >= 25
+
+
+@unix
+@pytest.mark.parametrize(
+    ("name", "outcomes"), [("settings", {"kill", "disk"}), ("settings, limits", {"both", "first"})]
+)
+def test_interrupted_or_racing_commands_leave_the_former_files_or_the_new_ones(name, outcomes):
+    """Twelve kills and twelve full disks at random moments, and one race; the benchmark has 200 of each command."""
+    words = ["--one", "--only", name, "--moments", "12", "--races", "1"]
+    study = [sys.executable, str(BENCHMARKS / "interruptions.py"), *words]
+    done = subprocess.run(study, capture_output=True, text=True, timeout=500)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["wrong"] == []
+    assert {count.split()[0] for count in found["counts"]} & outcomes
