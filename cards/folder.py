@@ -2,13 +2,15 @@
 
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from unicodedata import normalize
 
 from ..core.errors import UsageError
-from ..core.files import cause, locked_folder, move_folder, staged, swap_folder
+from ..core.files import cause
+from ..core.folders import FolderState, folder_state, put_folder, staged
+from ..core.journal import recover
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
 from .content.card import Card
@@ -44,6 +46,8 @@ FIT_FIGURES = {  # of physical models, by their names on the command line
 }
 PI_FIGURE = "figures/pi.png"  # of `fitmodels tune`
 FILES = (PARAMETERS, *FORMS, *FIGURES)
+OURS = {*FILES, DRAWS, *DYNAMICS_FIGURES, *LEFT_FIGURES, *FIT_FIGURES.values(), PI_FIGURE}
+POSTERIOR_FIGURE = re.compile(r"figures/posterior_[^/]+\.png")
 LONGEST_NAME = 80  # bytes of tool and of work in a folder's name; most file systems end at 255 for both
 _ODD = re.compile(r"[^\w.-]+")
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])\.", re.IGNORECASE)
@@ -120,13 +124,15 @@ def write(
     publication: PublicationPart | None = None,
     force: bool = False,
     whole: bool = False,
+    former: FolderState | None = None,
 ) -> Path:
     """Write ``params.json``, its card in three forms, figures of ``laws`` and draws of ``posteriors``.
 
     The card is ``README.md`` to read, ``card.html`` to browse and ``card.json`` for programs.
 
-    Everything is written to a hidden folder next to the target first, so that a failure or an interrupt leaves the
-    target as it was. Files of other names in the folder stay.
+    Everything is written to a hidden folder next to the target, which then takes the place of the target: a failure,
+    an interrupt or a killed process leaves the former folder or the new one, never files of both. Files of other names
+    in the folder stay.
 
     Parameters
     ----------
@@ -148,11 +154,14 @@ def write(
         Replace files that exist.
     whole : bool
         Replace the folder as a whole: nothing of its former content stays.
+    former : FolderState, optional
+        Of the folder when it was decided to write there; by default, that of now.
 
     Raises
     ------
     UsageError
-        The folder holds a result and ``force`` is not given, or it cannot be written.
+        The folder holds a result and ``force`` is not given, another process has written there since it had the
+        state ``former``, or it cannot be written.
 
     Examples
     --------
@@ -164,14 +173,13 @@ def write(
     ['README.md', 'card.html', 'card.json', 'params.json']
     """
     folder = Path(folder)
-    if not force and any(
-        (folder / name).exists() for name in (*FILES, DRAWS, *DYNAMICS_FIGURES, *FIT_FIGURES.values())
-    ):
+    recover(folder)
+    if former is None:
+        former = folder_state(folder)
+    if not force and any(is_ours(name) for name in former):
         raise UsageError(f"{folder} holds an earlier result; replace it with --force, or write elsewhere with --out.")
     try:
-        with staged(folder.parent) as stage:
-            made = stage / "made"  # the stage itself is private to its user
-            made.mkdir()
+        with staged(folder) as made:
             write_parameters(pf, made / PARAMETERS)
             if posteriors:
                 (made / DRAWS).write_bytes(draws_of(posteriors))
@@ -179,23 +187,34 @@ def write(
             if physical is not None:
                 _draw_physical(made / "figures", pf, physical)
             _write_forms(pf, made, publication, data_lines)
-            _moved(made, folder, pf, whole=whole)
+            kept = () if whole else _kept(pf, laws, posteriors, identification or physical)
+            put_folder(made, folder, expected=former, ours=lambda name: whole or (is_ours(name) and name not in kept))
     except OSError as error:
         raise UsageError(f"{folder} cannot be written: {cause(error)}; choose another place with --out.") from None
     return folder
 
 
-def _moved(made: Path, folder: Path, pf: ParameterFile, *, whole: bool) -> None:
-    """Move a folder into its place, as the only writer of a former one; a picture of former gains does not stay."""
-    if not folder.exists():
-        move_folder(made, folder)
-        return
-    with locked_folder(
-        folder, f"{folder}: another process has kept it locked for 10 s; nothing was written. Run again."
-    ):
-        if pf.pi is None:
-            (folder / PI_FIGURE).unlink(missing_ok=True)
-        (swap_folder if whole else move_folder)(made, folder)
+def _kept(pf: ParameterFile, laws: object, posteriors: object, dynamics: object) -> Collection[str]:
+    """Pictures and draws of sections whose fits are not given: they stay beside a file that has these sections."""
+    sections = (
+        (pf.laws and not laws, FIGURES),
+        (pf.posterior and not posteriors, (DRAWS,)),
+        (pf.dynamics and not dynamics, DYNAMICS_FIGURES),
+        ((pf.dynamics or pf.drive or pf.adaptive_force) and not dynamics, FIT_FIGURES.values()),
+        (pf.pi, (PI_FIGURE,)),
+    )
+    return {name for there, names in sections if there for name in names}
+
+
+def is_ours(name: str) -> bool:
+    """Whether a file of this name in the folder of a pair is one that fitmodels writes.
+
+    Examples
+    --------
+    >>> is_ours("figures/residuals.png"), is_ours("card.toml")
+    (True, False)
+    """
+    return name in OURS or POSTERIOR_FIGURE.fullmatch(name) is not None
 
 
 def _write_forms(

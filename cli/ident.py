@@ -207,10 +207,10 @@ def _written(
     args: argparse.Namespace,
 ) -> str:
     from .. import cards
-    from ..parameters.file import replace
+    from ..parameters.file import picture_folder, replace
 
     if former is not None:
-        replace(pf, args.params, former, _redrawn(found, pf, Path(args.params).parent))
+        replace(pf, args.params, former, _redrawn(found, pf, picture_folder(args.params)))
         return f"Dynamics added to {args.params}"
     if folder is None:
         return ""
@@ -218,22 +218,22 @@ def _written(
     return f"Written: {folder}/ ({', '.join(cards.files(pf))})"
 
 
-def _redrawn(found: "Identification", pf: "ParameterFile", folder: Path) -> dict[Path, bytes | None]:
+def _redrawn(found: "Identification", pf: "ParameterFile", folder: Path) -> dict[str, bytes | None]:
     """Figures of former dynamics in the folder, drawn again; that of gains tuned on them is removed."""
     from tempfile import TemporaryDirectory
 
     from ..cards.figures import draw_dynamics
     from ..cards.folder import DYNAMICS_FIGURES, LEFT_FIGURES, PI_FIGURE
 
-    derived: dict[Path, bytes | None] = {folder / PI_FIGURE: None}
+    derived: dict[str, bytes | None] = {PI_FIGURE: None}
     former = (*DYNAMICS_FIGURES, *LEFT_FIGURES)
     old = [name for name in former if (folder / name).exists()]
-    derived |= dict.fromkeys((folder / name for name in LEFT_FIGURES if (folder / name).exists()), None)
+    derived |= dict.fromkeys((name for name in LEFT_FIGURES if (folder / name).exists()), None)
     if not old or pf.laws:  # figures of laws have the same names
         return derived
     with TemporaryDirectory() as made:
         draw_dynamics(found, Path(made) / "figures", "not measured" if pf.identity.simulated else "")
-        return derived | {folder / name: (Path(made) / name).read_bytes() for name in DYNAMICS_FIGURES}
+        return derived | {name: (Path(made) / name).read_bytes() for name in DYNAMICS_FIGURES}
 
 
 def _facts(found: "Identification") -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """``fitmodels merge``: parameter files of one tool and work material joined into one, conflicts named."""
 
 import argparse
+import glob
 import os
 import re
 from collections.abc import Sequence
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from ..core.bounded import contains
 from ..core.errors import ParameterError, UsageError
-from ..core.files import locked_folder, refuse_input, write_together
+from ..core.files import refuse_input
+from ..core.journal import only_writer, write_together
 from ..core.rounding import count
 from .arguments import Parser, inputs_of, pairs, parameter_file, traced
 from .output import Printer, output_options, print_json
@@ -117,33 +119,32 @@ def _number(file: str, files: Sequence[str], option: str) -> int:
 
 
 def _write(target: Path, stem: str, pf: "ParameterFile", merged: "Merged") -> None:
-    """Write draws and file, and remove the draws of a former file of this name, in this order.
-
-    The name of the draws has their checksum: a process that is killed at any moment leaves the former file with its
-    draws, or the new one with its own.
-    """
+    """Write draws and file together, and remove the draws of a former file of this name."""
     from ..parameters.file import as_bytes
 
     folder = Path(os.path.realpath(target)).parent
     own = None if merged.draws is None or pf.posterior is None else pf.posterior.draws_file
-    with locked_folder(folder, f"{target}: another process has kept its folder locked for 10 s; nothing was written."):
-        if own is not None and merged.draws is not None:
-            write_together(folder / own, merged.draws, error=ParameterError)
-        write_together(Path(os.path.realpath(target)), as_bytes(pf, str(target)), error=ParameterError)
-        _remove_former(folder, stem, own)
+    real = folder / Path(os.path.realpath(target)).name
+    with only_writer(folder, f"{target}: another process has kept its folder locked for 10 s; nothing was written."):
+        derived: dict[Path, bytes | None] = dict.fromkeys(_former_draws(real, stem), None)
+        if own is not None:
+            derived[folder / own] = merged.draws
+        write_together(real, as_bytes(pf, str(target)), derived, error=ParameterError)
 
 
-def _remove_former(folder: Path, stem: str, own: str | None) -> None:
-    """Remove draws of former files of this name, which no parameter file of the folder names."""
-    for path in sorted(folder.glob(f"{stem}-draws-*.npz")):
-        left = re.fullmatch(rf"{re.escape(stem)}-draws-[0-9a-f]{{12}}\.npz", path.name)
-        if left and path.name != own and not _used(path, folder):
-            path.unlink(missing_ok=True)
+def _former_draws(target: Path, stem: str) -> list[Path]:
+    """Draws of former files of this name, which no other parameter file of the folder names."""
+    name = re.compile(rf"{re.escape(stem)}-draws-[0-9a-f]{{12}}\.npz")
+    return [
+        path
+        for path in sorted(target.parent.glob(f"{glob.escape(stem)}-draws-*.npz"))
+        if name.fullmatch(path.name) and not _used(path, target)
+    ]
 
 
-def _used(draws: Path, folder: Path) -> bool:
-    """Whether some parameter file of the folder names these draws."""
-    return any(contains(path, draws.name.encode()) for path in folder.glob("*.json"))
+def _used(draws: Path, target: Path) -> bool:
+    """Whether a parameter file of the folder other than the target names these draws."""
+    return any(contains(path, draws.name.encode()) for path in target.parent.glob("*.json") if path != target)
 
 
 def _sections(merged: "Merged") -> list[str]:

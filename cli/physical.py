@@ -248,16 +248,15 @@ def _written(
 ) -> str:
     from .. import cards
     from ..cards.folder import DYNAMICS_FIGURES, FIT_FIGURES, FORMS, PARAMETERS, PI_FIGURE
-    from ..parameters.file import replace
+    from ..parameters.file import picture_folder, replace
 
     figure = FIT_FIGURES[args.model]
     if former is not None:
-        place = Path(args.params).parent
-        drawn: dict[Path, bytes | None] = {place / figure: _picture(found, pf)}
+        drawn: dict[str, bytes | None] = {figure: _picture(found, pf)}
         if args.model == STEP and not pf.laws:  # figures of laws have the same names
-            drawn |= {place / name: None for name in (*DYNAMICS_FIGURES, PI_FIGURE)}
+            drawn |= dict.fromkeys((*DYNAMICS_FIGURES, PI_FIGURE))
         replace(pf, args.params, former, drawn)
-        return f"Written: {SECTION[args.model]} in {args.params}, {place / figure}"
+        return f"Written: {SECTION[args.model]} in {args.params}, {picture_folder(args.params) / figure}"
     if folder is None:
         return ""
     cards.write(pf, folder, physical=found.fit, data_lines=records[0].notes, force=args.force)

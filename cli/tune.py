@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
     from ..cards.folder import PI_FIGURE
     from ..core.progress import progress_bar
     from ..parameters.checks.report import cautions
-    from ..parameters.file import replace, sealed
+    from ..parameters.file import picture_folder, replace, sealed
     from ..parameters.gather.control import pi_section
 
     pf = parameter_file(args.file, writes=True)
@@ -136,9 +136,9 @@ def run(args: argparse.Namespace) -> int:
     forced = "kept by --force" if tuned.misses else None
     section = pi_section(tuned, scaling_u=args.scaling or 1.0, forced=forced)
     changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
-    figure = Path(args.file).parent / PI_FIGURE
+    figure = picture_folder(args.file) / PI_FIGURE
     picture = _picture(tuned, _reference_step(pf), simulated=bool(pf.identity.simulated))
-    replace(changed, args.file, pf, {figure: picture})
+    replace(changed, args.file, pf, {PI_FIGURE: picture})
     verdicts = cautions(pf, "dynamics")
     if args.json:
         facts = {"file": Path(args.file).name, "pi": section, "words": tuned.words, "margins": _margins(tuned)}

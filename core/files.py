@@ -4,10 +4,9 @@ import os
 import platform
 import re
 import secrets
-import tempfile
 import time
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -46,6 +45,7 @@ def write_whole(
 
     Examples
     --------
+    >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp())
     >>> write_whole(folder / "a.txt", "1")
     >>> (folder / "a.txt").read_text()
@@ -54,63 +54,26 @@ def write_whole(
     path = Path(path)
     if parents:
         make_folder(path.parent)
-    write_together(path, content.encode() if isinstance(content, str) else content, error=error)
-
-
-def write_together(
-    path: Path, content: bytes, derived: Mapping[Path, bytes | None] | None = None, *, error: type[FitmodelsError]
-) -> None:
-    """Write a file, and files made from it, so that none of these ever stands beside a content it was not made from.
-
-    All contents are on disk before the first change: then the former derived files are removed, the file is renamed
-    into its place, and after it the derived files; a process that is killed leaves some of these missing at most, and
-    temporary files that the next write into the folder removes.
-
-    Parameters
-    ----------
-    path, content
-        The file.
-    derived : mapping of path to bytes or None
-        Contents of the derived files, whose folders are made; None: the file is only removed.
-    error : type
-        Raised where a file cannot be written.
-
-    Examples
-    --------
-    >>> folder = Path(tempfile.mkdtemp())
-    >>> write_together(folder / "a.json", b"{}", {folder / "figures" / "a.png": b"PNG"}, error=UsageError)
-    >>> (folder / "figures" / "a.png").read_bytes()
-    b'PNG'
-    """
-    derived = derived or {}
-    temporary: dict[Path, Path] = {}
-    place, written = path, False
+    made = path.parent / temporary_name()
     try:
-        for place, data in {path: content, **derived}.items():
-            if data is not None:
-                if place.exists() and not (place.is_file() or place.is_dir()):
-                    raise OSError("it is a device or a pipe, which a file would replace")
-                if place != path:
-                    place.parent.mkdir(exist_ok=True)
-                remove_stale(place.parent)
-                temporary[place] = place.parent / temporary_name()
-                _synchronised(temporary[place], data)
-        for place in derived:
-            place.unlink(missing_ok=True)
-        for place, made in temporary.items():
-            os.replace(made, place)  # noqa: PTH105 - stands beside fsync, and both are made to fail in tests
-            written = True
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise OSError("it is a device or a pipe, which a file would replace")
+        remove_stale(path.parent)
+        synchronised(made, content.encode() if isinstance(content, str) else content)
+        os.replace(made, path)  # noqa: PTH105 - stands beside fsync, and both are made to fail in tests
     except (OSError, ValueError) as failure:  # ValueError: a path with a null character
-        but = f" {path} was written." if written else ""
-        raise error(f"{place}: cannot be written: {cause(failure)}; choose another place.{but}") from None
+        raise error(f"{path}: cannot be written: {cause(failure)}; choose another place.") from None
     finally:
-        for made in temporary.values():
-            with suppress(OSError, ValueError):
-                made.unlink(missing_ok=True)
+        with suppress(OSError, ValueError):
+            made.unlink(missing_ok=True)
+    synchronised_folder(path.parent)
 
 
-STALE = 3600.0  # s: no write takes as long
+STALE = 86_400.0  # s: no write takes as long
 TEMPORARY = re.compile(r"\.fitmodels-(?:(?P<host>[0-9a-f]{8})-(?P<pid>\d+)-)?[0-9a-f]{16}\.tmp")
+LOCK = ".fitmodels.lock"
+SHARE = 10.0  # of the time that a search for temporary files takes, before the next one in the same folder
+_SEARCHED: dict[str, float] = {}  # folder: time of the next search
 
 
 def temporary_name() -> str:
@@ -118,11 +81,28 @@ def temporary_name() -> str:
     return f".fitmodels-{_host()}-{os.getpid()}-{secrets.token_hex(8)}.tmp"
 
 
-def remove_stale(folder: Path) -> None:
-    """Remove temporary files in a folder that were left by killed processes: of no process now, or older than an hour.
+def is_abandoned(path: Path) -> bool:
+    """Whether a temporary file or folder is one of an ended process of this machine, or older than a day.
 
     Examples
     --------
+    >>> is_abandoned(Path(temporary_name()))
+    False
+    """
+    found = TEMPORARY.fullmatch(path.name)
+    if found and found["pid"] and found["host"] == _host() and not _runs(int(found["pid"])):
+        return True
+    with suppress(OSError):
+        return found is not None and time.time() - path.lstat().st_mtime > STALE
+    return False
+
+
+def remove_stale(folder: Path) -> None:
+    """Remove temporary files in a folder that were left by killed processes: of no process now, or older than a day.
+
+    Examples
+    --------
+    >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp())
     >>> left = folder / temporary_name().replace(f"-{os.getpid()}-", "-4194399-")  # beyond the largest number of Linux
     >>> left.touch()
@@ -130,17 +110,25 @@ def remove_stale(folder: Path) -> None:
     >>> left.exists()
     False
     """
+    begun = time.monotonic()
+    if _SEARCHED.get(str(folder), begun) > begun:
+        return
     with suppress(OSError):
         for path in folder.glob(".fitmodels-*.tmp"):
-            if found := TEMPORARY.fullmatch(path.name):
+            if is_abandoned(path) and not path.is_dir():
                 with suppress(OSError):
-                    ended = found["host"] == _host() and not _runs(int(found["pid"]))
-                    if ended or time.time() - path.stat().st_mtime > STALE:
-                        path.unlink()
+                    path.unlink()
+    end = time.monotonic()
+    _SEARCHED[str(folder)] = end + SHARE * (end - begun)
 
 
 def _host() -> str:
-    return f"{zlib.crc32(platform.node().encode()):08x}"
+    """The machine, and the container on it: numbers of processes mean something within it alone."""
+    try:
+        within = Path("/proc/self/ns/pid").readlink().name
+    except OSError:
+        within = ""
+    return f"{zlib.crc32((platform.node() + within).encode()):08x}"
 
 
 def _runs(pid: int) -> bool:
@@ -176,11 +164,22 @@ def refuse_input(path: str | os.PathLike[str], *inputs: str | os.PathLike[str]) 
                 )
 
 
-def _synchronised(path: Path, data: bytes) -> None:
+def synchronised(path: Path, data: bytes) -> None:
+    """Write a new file, and wait until it is on the disk."""
     with path.open("xb") as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())
+
+
+def synchronised_folder(folder: Path) -> None:
+    """Wait until the names in a folder are on the disk, where the system can do that."""
+    with suppress(OSError):
+        found = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(found)
+        finally:
+            os.close(found)
 
 
 def make_folder(folder: Path) -> None:
@@ -195,58 +194,6 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as failure:
         raise UsageError(f"{folder}: cannot be made: {cause(failure)}; choose another place with --out.") from None
-
-
-@contextmanager
-def staged(parent: Path) -> Iterator[Path]:
-    """A hidden folder in ``parent``, removed afterwards with those parents made for it that stayed empty."""
-    missing = [place for place in (parent, *parent.parents) if not place.exists()]
-    parent.mkdir(parents=True, exist_ok=True)
-    try:
-        with tempfile.TemporaryDirectory(prefix=".fitmodels-", dir=parent, ignore_cleanup_errors=True) as name:
-            yield Path(name)
-    finally:
-        for place in missing:
-            with suppress(OSError):  # not empty: it holds the result
-                place.rmdir()
-
-
-def move_folder(made: Path, folder: Path) -> None:
-    """Rename a new folder into its place; into one that exists, file by file.
-
-    Raises
-    ------
-    UsageError
-        A folder has the name of a file of ours, or the reverse.
-    """
-    if not folder.exists():
-        made.rename(folder)
-        return
-    moves = [(path, folder / path.relative_to(made)) for path in sorted(made.rglob("*")) if path.is_file()]
-    for _, target in moves:
-        if target.is_dir() or (target.parent.exists() and not target.parent.is_dir()):
-            obstacle = target if target.is_dir() else target.parent
-            raise UsageError(
-                f"{obstacle} has the name of something that fitmodels writes; "
-                "rename it, or choose another place with --out."
-            )
-    for path, target in moves:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        path.replace(target)
-
-
-def swap_folder(made: Path, folder: Path) -> None:
-    """Rename a new folder into the place of a former one, which moves beside the new one's place and is lost with it.
-
-    A failure leaves the former folder in its place.
-    """
-    former = made.with_name(f"{made.name}-former")
-    folder.rename(former)
-    try:
-        made.rename(folder)
-    except BaseException:
-        former.rename(folder)
-        raise
 
 
 @contextmanager
@@ -299,6 +246,7 @@ def locked_folder(folder: Path, message: str, wait: float = 10.0) -> Iterator[No
 
     Examples
     --------
+    >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp())
     >>> with locked_folder(folder, "in use"):
     ...     list(folder.iterdir())
@@ -310,7 +258,7 @@ def locked_folder(folder: Path, message: str, wait: float = 10.0) -> Iterator[No
     except TimeoutError:
         raise UsageError(message) from None
     if held is None:
-        with locked(folder / ".fitmodels.lock", message, wait):
+        with locked(folder / LOCK, message, wait):
             yield
         return
     try:

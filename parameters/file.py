@@ -11,7 +11,8 @@ from pydantic import Field, ValidationError
 from ..core.bounded import LIMITS, parse_json, read_bounded
 from ..core.display import Plottable
 from ..core.errors import ParameterError
-from ..core.files import cause, locked_folder, write_together, write_whole
+from ..core.files import cause, write_whole
+from ..core.journal import only_writer, recover, write_together
 from ..core.suggestions import near_path
 from .file_format import REMEDY, SCHEMA, content_sha256, migrated
 from .messages import schema_message
@@ -130,6 +131,7 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
     ...     read(write(pf, f"{folder}/params.json")) == pf
     True
     """
+    recover(path)
     return _parse(_bytes(Path(path)), str(path))
 
 
@@ -183,7 +185,7 @@ def replace(
     pf: ParameterFile,
     path: str | os.PathLike[str],
     former: ParameterFile,
-    derived: Mapping[Path, bytes | None] | None = None,
+    derived: Mapping[str, bytes | None] | None = None,
 ) -> Path:
     """Replace a parameter file that still has the content of ``former``, and with it the files derived from it.
 
@@ -194,8 +196,9 @@ def replace(
     ----------
     pf, path, former
         What is written, where, and what was read there.
-    derived : mapping of path to bytes or None
-        Pictures of the file's sections, None to remove them; see `fitmodels.core.files.write_together`.
+    derived : mapping of str to bytes or None
+        Pictures of the file's sections by their names in its folder, such as ``figures/pi.png``, None to remove them;
+        see `fitmodels.core.journal.write_together`.
 
     Raises
     ------
@@ -206,13 +209,25 @@ def replace(
     """
     target = Path(os.path.realpath(path))
     content = as_bytes(pf, str(path))
+    recover(target)
     busy = f"{path}: another process has kept its folder locked for 10 s; nothing was written. Run the command again."
     if not target.parent.is_dir():
         raise ParameterError(f"{path}: its folder was removed since it was read; nothing was written.")
-    with locked_folder(target.parent, busy):
+    pictures = {target.parent / name: data for name, data in (derived or {}).items()}
+    with only_writer(target.parent, busy):
         _check_unchanged(target, former, str(path))
-        write_together(target, content, derived, error=ParameterError)
+        write_together(target, content, pictures, error=ParameterError)
     return Path(path)
+
+
+def picture_folder(path: str | os.PathLike[str]) -> Path:
+    """Folder of the file that a path or a link leads to, in which `replace` puts its pictures.
+
+    >>> picture_folder("nowhere/params.json").name
+    'nowhere'
+    """
+    path = Path(path)
+    return (Path(os.path.realpath(path)) if path.is_symlink() else path).parent
 
 
 def _check_unchanged(target: Path, former: ParameterFile, name: str) -> None:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +10,13 @@ from .. import cards, parameters
 from ..cards.folder import folder_names
 from ..core.bounded import has_content
 from ..core.errors import ParameterError, UsageError
+from ..core.folders import FolderState, folder_state
+from ..core.journal import recover_below
 from ..core.version import __version__
 from ..datasets import Runs
 from .options import OF_READING, FitOptions
 from .pair import PairAnalysis
 
-Snapshot = tuple[tuple[str, int, int], ...]  # of each file: name, size, time of the last change
 # Sections that the main job does not write: what added them would be lost.
 LATER = ("dynamics", "drive", "pi", "load_line", "limits", "costs", "roughness", "adaptive_force")
 
@@ -29,13 +30,16 @@ class Folder:
     path : Path
     unchanged : bool
         Whether it already contains this result.
-    former : Snapshot
-        Its files where it holds a former reading of the same file, which is replaced; empty otherwise.
+    former : bool
+        Whether it holds a former reading of the same file, which is replaced as a whole.
+    state : FolderState
+        Its files when it was checked.
     """
 
     path: Path
     unchanged: bool
-    former: Snapshot = ()
+    former: bool = False
+    state: FolderState = field(default_factory=dict)
 
     def write(self, pair: PairAnalysis, options: FitOptions, *, force: bool = False) -> Path:
         """Write parameter file, cards, figures and draws, all of them or none.
@@ -43,14 +47,12 @@ class Folder:
         Raises
         ------
         UsageError
-            The folder of a former reading has changed since it was checked.
+            Another process has written to the folder since it was checked.
         """
         if pair.parameters is not None and not self.unchanged:
-            if self.former and _snapshot(self.path) != self.former:
-                raise UsageError(f"{self.path} was changed while the laws were fitted; nothing was written. Run again.")
             cards.write(
-                pair.parameters, self.path, laws=pair.laws, posteriors=pair.posteriors,
-                posterior_figures=options.posterior_figures, force=force or bool(self.former), whole=bool(self.former),
+                pair.parameters, self.path, laws=pair.laws, posteriors=pair.posteriors, former=self.state,
+                posterior_figures=options.posterior_figures, force=force or self.former, whole=self.former,
             )  # fmt: skip
         return self.path
 
@@ -71,20 +73,20 @@ def pair_folders(
     root = Path(root)
     if root.exists() and not root.is_dir():
         raise UsageError(f"{root} is a file; choose a folder with --out.")
+    recover_below(root)
     found = []
     recorded = options.recorded()
     names = folder_names((runs.tool, runs.work) for runs in pairs)
     for runs, path in zip(pairs, (root / name for name in names), strict=True):
+        state = folder_state(path)
         same = not force and _holds(path, runs, recorded)
-        former: Snapshot = ()
-        if not (same or force) and path.is_dir() and any(path.iterdir()):
-            former = _snapshot(path)
-            if why := _not_replaceable(path, runs, recorded):
-                raise UsageError(
-                    f"{path} exists and contains a different result or other files ({why}); replace what fitmodels "
-                    "wrote there with --force, or write elsewhere with --out."
-                )
-        found.append(Folder(path, same, former))
+        former = not (same or force) and path.is_dir() and any(path.iterdir())
+        if former and (why := _not_replaceable(path, runs, recorded)):
+            raise UsageError(
+                f"{path} exists and contains a different result or other files ({why}); replace what fitmodels "
+                "wrote there with --force, or write elsewhere with --out."
+            )
+        found.append(Folder(path, same, former, state))
     return tuple(found)
 
 
@@ -147,7 +149,7 @@ def _edited(folder: Path, pf: "parameters.ParameterFile") -> str:
 
     ours = set(cards.files(pf))
     drawn = "figures/posterior_" if pf.provenance.options.get("posterior_figures") else None
-    for name, _, _ in _snapshot(folder):
+    for name in folder_state(folder):
         if name not in ours and not (drawn and name.startswith(drawn) and name.endswith(".png")):
             return f"{name} is not a file of fitmodels"
     texts = card_files(compose(pf, folder=folder), pf)
@@ -155,8 +157,3 @@ def _edited(folder: Path, pf: "parameters.ParameterFile") -> str:
         return "params.json was edited, or written by another version"
     edited = [name for name, text in texts.items() if not has_content(folder / name, text)]
     return f"{edited[0]} was edited, or written by another version" if edited else ""
-
-
-def _snapshot(folder: Path) -> Snapshot:
-    found = (path for path in sorted(folder.rglob("*")) if not path.is_dir())
-    return tuple((path.relative_to(folder).as_posix(), (s := path.lstat()).st_size, s.st_mtime_ns) for path in found)

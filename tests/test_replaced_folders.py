@@ -1,5 +1,6 @@
 """A corrected reading replaces the folder of the former one, and nothing that somebody else put there."""
 
+import os
 import shutil
 
 import pytest
@@ -120,14 +121,14 @@ def test_an_interrupted_replacement_leaves_the_former_result(fitted, monkeypatch
     assert files(fitted) == before
     monkeypatch.undo()
     monkeypatch.chdir(fitted.parents[1])
-    rename = type(fitted).rename
+    rename = os.rename
 
     def fails(path, target):
         if path.name == "made":
             raise OSError(5, "input/output error")
         return rename(path, target)
 
-    monkeypatch.setattr(type(fitted), "rename", fails)
+    monkeypatch.setattr(os, "rename", fails)
     assert main(["a.csv", *CORRECTED]) == 2
     assert files(fitted) == before
     assert [path.name for path in fitted.parent.iterdir()] == ["T_W"]
@@ -140,7 +141,7 @@ def test_a_file_that_arrives_during_the_fit_is_kept(fitted):
 
     (folder,) = pair_folders([pair.runs for pair in analysis.pairs], "a-fit", analysis.options)
     (fitted / "mine.txt").write_text("mine")
-    with pytest.raises(UsageError, match="was changed while the laws were fitted"):
+    with pytest.raises(UsageError, match=r"T_W: mine.txt was written by another process since this command began"):
         folder.write(analysis.pair, analysis.options)
     assert (fitted / "mine.txt").read_text() == "mine"
 

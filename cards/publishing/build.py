@@ -9,13 +9,15 @@ from shutil import rmtree
 from typing import Any
 
 from ...core.errors import UsageError
-from ...core.files import cause, staged, write_whole
+from ...core.files import cause, write_whole
+from ...core.folders import FolderState, folder_state, put_folder, staged
+from ...core.journal import recover_below
 from .entries import CardEntry, with_slugs
 from .pages import atom_feed, card_list, compare_page, index_page
 from .pair import TOML, PairReview, PairTask, PublicationProblem, pair_folders, review, shared_toml
 from .pool import each
 from .requirements import QUESTIONS, shared_template
-from .site_folder import NAMES, is_draft, put, refuse, same
+from .site_folder import NAMES, is_draft, is_ours, refuse, same
 
 TITLE = "Model cards of tools and work materials"
 Progress = Callable[[str], None]
@@ -82,8 +84,9 @@ def publish(
 ) -> PublicationReport:
     """Write the static site of all pairs in a folder: index, comparison, a folder a card, feed and list.
 
-    Everything is written to a hidden folder next to the site first: a failure or an interrupt leaves the old site as
-    it was. In ``site`` only the files of a site are replaced, its folder ``cards`` as a whole.
+    Everything is written to a hidden folder next to the site, which then takes its place: a failure, an interrupt or a
+    killed process leaves the old site or the new one. In ``site`` only the files of a site are replaced, its folder
+    ``cards`` as a whole.
 
     Parameters
     ----------
@@ -131,19 +134,19 @@ def publish(
     (False, ['card.toml'])
     """
     folder, site = Path(folder), Path(site)
+    recover_below(folder)
     pairs = pair_folders(folder, site)
-    refuse(site, folder)
     try:
-        with staged(site.absolute().parent) as hidden:
-            made = hidden / "made"
-            made.mkdir()
+        with staged(site) as made:
+            refuse(site, folder)
+            former = folder_state(site)
             reviews = _review(folder, pairs, jobs, progress, made / "cards", draft=draft)
             problems = _problems(reviews)
             templates = _templates(folder, reviews)
             if problems and not (draft and any(one.entry for one in reviews)):
                 return PublicationReport(problems=problems, templates=templates, found=len(pairs), draft=draft)
             entries = _fill(made, reviews, title, draft=draft)
-            unchanged = _put(made, site, hidden, force, draft=draft)
+            unchanged = _put(made, site, former, force, draft=draft)
     except OSError as error:
         raise UsageError(
             f"{site}: the site cannot be written: {cause(error)}; choose another place with --site."
@@ -275,14 +278,12 @@ def _check_replaced(site: Path, *, force: bool, draft: bool) -> None:
         raise UsageError(f"{site}: holds another site; replace it with --force, or choose another --site.")
 
 
-def _put(made: Path, site: Path, hidden: Path, force: bool, *, draft: bool) -> bool:
-    """Move the site to its place; True if the same site existed already."""
+def _put(made: Path, site: Path, former: FolderState, force: bool, *, draft: bool) -> bool:
+    """Put the site into its place; True if the same site existed already."""
     held = [name for name in NAMES if (site / name).exists()]
     if held and same(made, site):
         return True
     if held and not is_draft(site):
         _check_replaced(site, force=force, draft=draft)
-    aside = hidden / "aside"
-    aside.mkdir()
-    put(made, site, aside)
+    put_folder(made, site, expected=former, ours=is_ours)
     return False

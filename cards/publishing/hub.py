@@ -11,7 +11,9 @@ from typing import Any
 
 from ...core.bounded import has_content, read_bounded
 from ...core.errors import DataError, FitmodelsError, GateError, UsageError
-from ...core.files import cause, staged, swap_folder
+from ...core.files import cause
+from ...core.folders import folder_state, put_folder, staged
+from ...core.journal import recover
 from ...core.suggestions import closest
 from ...parameters import ParameterFile
 from ..content.card import Card
@@ -265,6 +267,8 @@ def write_repository(repository: HubRepository, out: Path) -> bool:
     UsageError
         The folder holds other files, or cannot be written.
     """
+    recover(out)
+    former = folder_state(out)
     there = _files(out)
     if there == sorted(repository.files) and all(has_content(out / name, repository.files[name]) for name in there):
         return False
@@ -272,15 +276,11 @@ def write_repository(repository: HubRepository, out: Path) -> bool:
     if foreign:
         raise UsageError(f"{out}: holds {foreign[0]}, which is no file of a model repository; choose another --out.")
     try:
-        with staged(out.absolute().parent) as hidden:
-            made = hidden / "made"
+        with staged(out) as made:
             for path, content in repository.files.items():
                 (made / path).parent.mkdir(parents=True, exist_ok=True)
                 (made / path).write_bytes(content)
-            if out.exists():
-                swap_folder(made, out)
-            else:
-                made.rename(out)
+            put_folder(made, out, expected=former, ours=lambda name: True)
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {cause(error)}; choose another --out.") from None
     return True

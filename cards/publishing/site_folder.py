@@ -1,4 +1,4 @@
-"""A site in its place: all of it or nothing, and what others keep there stays."""
+"""The folder of a site: which of its files are ours, what it lists, whether it is a draft."""
 
 import filecmp
 from pathlib import Path
@@ -52,26 +52,15 @@ def same(made: Path, site: Path) -> bool:
     return new == old and all(filecmp.cmp(made / name, site / name, shallow=False) for name in new)
 
 
-def put(made: Path, site: Path, aside: Path) -> None:
-    """Put the site in its place: at one stroke where nothing is, else name by name, and back again on a failure.
+def is_ours(name: str) -> bool:
+    """Whether a path within the folder of a site is one that ``publish`` writes.
 
-    ``aside`` is an empty folder on the same file system, for what was there.
+    Examples
+    --------
+    >>> is_ours("cards/gc435/index.html"), is_ours("CNAME")
+    (True, False)
     """
-    if not site.exists():
-        made.rename(site)
-        return
-    moves = []
-    for name in NAMES:
-        moves += [(site / name, aside / name)] if (site / name).exists() else []
-        moves += [(made / name, site / name)]
-    try:
-        for source, target in moves:
-            source.rename(target)
-    except BaseException:
-        for source, target in reversed(moves):
-            if target.exists() and not source.exists():
-                target.rename(source)
-        raise
+    return name.partition("/")[0] in NAMES
 
 
 def _files(top: Path) -> list[str]:
