@@ -1,12 +1,17 @@
 """A corrected reading replaces the folder of the former one, and nothing that somebody else put there."""
 
+import errno
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 from fitmodels import analyse, datasets, parameters
 from fitmodels.cli import main
 from fitmodels.core.errors import UsageError
+from fitmodels.core.files import synchronised, write_whole
+from fitmodels.core.folders import folder_state, put_folder, staged
+from fitmodels.core.journal import only_writer, recover, write_together
 from fitmodels.parameters.file import sealed
 
 ROWS = [
@@ -164,3 +169,183 @@ def test_a_result_of_another_file_of_this_name_is_not_left(here, capsys):
     assert main(["a.csv", *WORDS]) == 0
     assert main([str(datasets.bundled("ac2017_table1")), "--out", "a-fit", "--draws", "1000"]) == 0
     assert "Left in" not in capsys.readouterr().out
+
+
+# --- every call that changes files fails, and every state that a killed process may leave --------------
+
+
+def tree(folder, *, hidden):
+    """Everything below a folder: contents, targets of links, None for folders; or the names of what is hidden."""
+    each = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*"))}
+    if hidden:
+        return [name for name, path in each.items() if path.name.startswith(".")]
+    shown = {name: path for name, path in each.items() if not any(part[0] == "." for part in Path(name).parts)}
+    return {
+        name: path.readlink() if path.is_symlink() else path.read_bytes() if path.is_file() else None
+        for name, path in shown.items()
+    }
+
+
+def pictures(number):
+    return {"params.json": b"%d" % number, "figures/a.png": b"picture %d" % number, f"only-{number}": b""}
+
+
+def put(folder, number, *, current=False):
+    """Write a folder whole."""
+    if current:
+        os.chdir(folder)
+    former = folder_state(folder)
+    with staged(folder) as made:
+        (made / "figures").mkdir()
+        for name, content in pictures(number).items():
+            synchronised(made / name, content)
+        put_folder(made, folder, expected=former, ours=lambda name: name in {**pictures(1), **pictures(2)})
+
+
+def change(folder, number):
+    """Write a file with its pictures, one of them new, one removed."""
+    derived = {folder / "figures" / "a.png": b"%d" % number, folder / "figures" / f"{3 - number}.png": None}
+    derived[folder / "new" / f"{number}.png"] = b""
+    with only_writer(folder):
+        write_together(folder / "params.json", b"%d" % number, derived, error=UsageError)
+
+
+def first(folder):
+    folder.mkdir()
+    put(folder, 1)
+    (folder / "mine").mkdir()
+    (folder / "mine" / "notes.txt").write_text("mine")
+    (folder / "mine" / "link").symlink_to("notes.txt")
+
+
+WRITES = {
+    "folder": (first, lambda folder: put(folder, 2)),
+    "new folder": (lambda folder: None, lambda folder: put(folder, 2)),
+    "current folder": (first, lambda folder: put(folder, 2, current=True)),
+    "file with pictures": (first, lambda folder: change(folder, 2)),
+    "file": (first, lambda folder: write_whole(folder / "params.json", "2")),
+}
+
+
+class Calls:
+    """Counts the calls that change files; fails at one of them, or copies the folder after each."""
+
+    def __init__(self, monkeypatch, fail_at=-1, code=0, after=lambda: None):
+        self.count, self.fail_at, self.code, self.after = 0, fail_at, code, after
+        self.inside = False
+        for name in ("rename", "replace", "link", "mkdir", "unlink", "rmdir", "chmod", "fsync"):
+            monkeypatch.setattr(os, name, self.hooked(getattr(os, name), skip=name == "fsync"))
+        monkeypatch.setattr("fitmodels.core.files.synchronised", self.synchronised)
+        monkeypatch.setattr("fitmodels.core.journal.synchronised", self.synchronised)
+
+    def hooked(self, real, *, skip=False):
+        def call(*words, **options):
+            if self.inside:
+                return real(*words, **options)
+            self.step()
+            found = None if skip else real(*words, **options)
+            self.done()
+            return found
+
+        return call
+
+    def synchronised(self, path, data):
+        """A new file that is opened, half written, written, synchronised: each a call of its own."""
+        self.step()
+        path.touch(exist_ok=False)
+        self.done()
+        for part in (data[: len(data) // 2], data):
+            self.step()
+            path.write_bytes(part)
+            self.done()
+
+    def step(self):
+        self.count += 1
+        if self.count == self.fail_at:
+            raise OSError(self.code, os.strerror(self.code))
+
+    def done(self):
+        self.inside = True
+        self.after()
+        self.inside = False
+
+
+def end_process(folder):
+    """Give what this process left hidden in a folder the number of a process that has ended."""
+    ours, ended = f"-{os.getpid()}-", "-4194399-"  # beyond the largest number of Linux
+    for path in sorted(folder.rglob(".*"), reverse=True):
+        path.rename(path.with_name(path.name.replace(ours, ended)))
+    if (journal := folder / "T_W" / ".fitmodels.journal").exists():
+        journal.write_text(journal.read_text().replace(ours, ended))
+
+
+def completed(folder, write, old, new):
+    """The next reader finds the old state or the new one; the next writer leaves the new one and nothing else."""
+    end_process(folder.parent)
+    recover(folder / "params.json")
+    assert tree(folder.parent, hidden=False) in (old, new)
+    write(folder)
+    assert tree(folder.parent, hidden=False) == new
+    assert tree(folder.parent, hidden=True) == []
+
+
+@pytest.fixture(params=WRITES)
+def writing(request, tmp_path, monkeypatch):
+    """A write, its folder in the old state, and both states; the folder is made again by ``again``."""
+    make, write = WRITES[request.param]
+    folder = tmp_path / "work" / "T_W"
+    home = tmp_path / "old"
+
+    def again():
+        monkeypatch.chdir(tmp_path)
+        shutil.rmtree(folder.parent, ignore_errors=True)
+        shutil.copytree(home, folder.parent, symlinks=True)
+
+    home.mkdir()
+    make(home / "T_W")
+    again()
+    old = tree(folder.parent, hidden=False)
+    write(folder)
+    new = tree(folder.parent, hidden=False)
+    assert old != new
+    again()
+    return folder, write, old, new, again
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EACCES])
+def test_a_write_of_which_any_call_fails_leaves_the_old_state_or_the_new_one(writing, code, monkeypatch):
+    folder, write, old, new, again = writing
+    at = 0
+    while True:
+        at += 1
+        with monkeypatch.context() as patch:
+            calls = Calls(patch, at, code)
+            failed = False
+            try:
+                write(folder)
+            except (OSError, UsageError):
+                failed = True
+        found = tree(folder.parent, hidden=False)
+        assert found in (old, new) or (folder / ".fitmodels.journal").exists(), at
+        assert failed or found == new, at
+        completed(folder, write, old, new)
+        if calls.count < at:
+            break
+        again()
+    assert at > 5
+
+
+def test_a_process_killed_after_any_call_leaves_what_the_next_command_restores(writing, tmp_path, monkeypatch):
+    folder, write, old, new, _ = writing
+    copies = []
+
+    def copy():
+        copies.append(tmp_path / f"{len(copies)}" / "T_W")
+        shutil.copytree(folder.parent, copies[-1].parent, symlinks=True)
+
+    with monkeypatch.context() as patch:
+        Calls(patch, after=copy)
+        write(folder)
+    assert len(copies) > 4
+    for each in copies:
+        completed(each, write, old, new)

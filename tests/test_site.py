@@ -3,16 +3,18 @@
 import base64
 import hashlib
 import json
+import os
 import re
 from datetime import datetime
 from html.parser import HTMLParser
+from pathlib import Path
 from urllib.parse import unquote, urlsplit
 from xml.etree import ElementTree as ET
 
 import pytest
 from fitmodels import parameters
 from fitmodels.cards import publishing
-from fitmodels.cards.publishing import pool, site_folder
+from fitmodels.cards.publishing import pool
 from fitmodels.cards.publishing.entries import CardEntry, with_slugs
 from fitmodels.cards.publishing.pages import updated
 from fitmodels.core.errors import DataError, UsageError
@@ -361,20 +363,27 @@ def test_an_interrupt_leaves_the_old_site_and_nothing_beside_it(tmp_path, when):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pairs", "site"]
 
 
-@pytest.mark.parametrize("lacking", site_folder.NAMES)
-def test_a_failure_while_the_site_is_put_in_its_place_puts_the_old_one_back(tmp_path, lacking):
-    for name in ("made", "site"):
-        for one in site_folder.NAMES:
-            path = tmp_path / name / one
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(name)
-    (tmp_path / "made" / lacking).unlink()
-    (tmp_path / "aside").mkdir()
-    before = content(tmp_path / "site")
-    with pytest.raises(FileNotFoundError):
-        site_folder.put(tmp_path / "made", tmp_path / "site", tmp_path / "aside")
-    assert content(tmp_path / "site") == before
-    assert list((tmp_path / "aside").iterdir()) == []
+def test_a_failure_while_the_site_is_put_in_its_place_puts_the_old_one_back(pairs, tmp_path, monkeypatch):
+    """The new site cannot be renamed; then it can, and what others keep in the folder stays there."""
+    out, real = tmp_path / "site", os.rename
+    publishing.publish(pairs, out)
+    (out / "CNAME").write_text("example.org")
+    before = content(out)
+
+    def fails(source, target):
+        if Path(target) == out and Path(source).name == "made":
+            raise OSError(5, "input/output error")
+        real(source, target)
+
+    monkeypatch.setattr(os, "rename", fails)
+    with pytest.raises(UsageError, match="the site cannot be written: input/output error"):
+        publishing.publish(pairs, out, title="Other", force=True)
+    assert content(out) == before
+    assert [path.name for path in tmp_path.iterdir()] == ["site"]
+    monkeypatch.undo()
+    publishing.publish(pairs, out, title="Other", force=True)
+    assert content(out)["CNAME"] == before["CNAME"]
+    assert content(out)["index.html"] != before["index.html"]
 
 
 def test_a_folder_of_somebody_else_is_not_replaced_even_by_force(tmp_path):
