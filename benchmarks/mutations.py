@@ -10,7 +10,9 @@ equal
     Exponents, standard errors and edges must be the same.
 cell
     one corrupted cell. With ``any cell`` it is drawn once, otherwise until an exponent of a fit of all rows moves by a
-    standard error or more. It must be refused, or named by its line or edge, or a message or check must be new.
+    standard error or more. It must be refused, or named by its line or edge, or a message or check must be new; cells
+    that only a passed check names, as the largest influence or deviation, and those in whose rows nothing deviates by
+    more than three standard deviations of the scatter, are counted apart.
 header, unit, delimiter, shift, decimal mark
     a mutation of many cells, that must not be *silent*: an exponent changed (by more than 1e-9 of itself, or a missing
     factor or law) and the command prints neither a refusal nor a message (a doubt, warning or assumption; rows left out
@@ -672,6 +674,7 @@ SAME_UNITS = {
 
 
 OF_VALUES = ("unit",)  # mutations that leave the table as it is: the checks of the fit judge them too
+SCATTER = 3.0  # standard deviations within which good rows lie too: nothing shows such a cell
 EQUAL_SE = 1e-7  # relative, of standard errors
 
 
@@ -738,22 +741,40 @@ def same_laws(good, bad):
 
 
 def named(changed, good, bad, row, sheet):
-    """How a corrupted cell is seen: by its line or edge, by another message or check, or not."""
+    """How a corrupted cell is seen: by its line or edge, by another message or check, in a check passed, or not."""
     line = _line_of(sheet, row)
-    edge = sheet.rows[row][sheet.column("edge")] if "edge" in sheet.roles else f"E{1:02d}"
-    checks = {(key, name): check for key, law in bad.laws.items() for name, check in fit.judge(law).checks.items()}
+    mark = re.compile(rf"\b(?:{line}|{re.escape(_edge_of(sheet, row))})\b")
+    checks = [check for law in bad.laws.values() for check in fit.judge(law).checks.values()]
     said = sentences(bad) - sentences(good)
-    said |= {check.verdict for check in checks.values() if getattr(check, "concern", 0)}
+    said |= {check.verdict for check in checks if getattr(check, "concern", 0)}
     dropped = {i for law in bad.laws.values() for one in law.dropped for i in one.lines}
-    mark = re.compile(rf"\b(?:{line}|{re.escape(edge)})\b")
     if line in dropped or any(mark.search(text) for text in said):
         return "named"
-    before, after = left_out(good), left_out(bad)
-    if said - {
-        c.verdict for law in good.laws.values() for c in fit.judge(law).checks.values() if hasattr(c, "verdict")
-    }:
+    if (sentences(bad) - sentences(good)) or failed_checks(bad) - failed_checks(good):
         return "doubted"
-    return "doubted" if any(after.get(key, set()) - before[key] for key in changed) else ""
+    before, after = left_out(good), left_out(bad)
+    if any(after.get(key, set()) - before[key] for key in changed):
+        return "doubted"
+    passed = any(mark.search(getattr(check, "verdict", "")) for check in checks)
+    return "named in a check that is passed" if passed else ""
+
+
+def _edge_of(sheet, row):
+    """Name of the edge of a row, as the program names it where the file has none."""
+    if "edge" in sheet.roles:
+        return sheet.rows[row][sheet.column("edge")]
+    at = next((k for k, rows in enumerate(_edges(sheet)) if row in rows), 0) if "t" in sheet.roles else None
+    return "no edge" if at is None else f"E{at + 1:02d}"
+
+
+def _deviation(good, bad, response, line):
+    """Deviation of a row with its corrupted cell from the law of the good file, in standard deviations of its rows."""
+    right, law = (next((one for key, one in seen.laws.items() if key[1] == response), None) for seen in (good, bad))
+    if law is None or law.factors != right.factors or line not in law.lines or not right.formula.log_factors:
+        return np.inf
+    at = int(np.flatnonzero(law.lines == line)[0])
+    eta = right.theta @ [1.0, *np.log(law.X[at])]
+    return abs(np.log(law.observed[at]) - eta) / np.sqrt(right.rss / right.df_resid)
 
 
 def _line_of(sheet, row):
@@ -815,6 +836,8 @@ def judged(kind, how, good, bad, copy, sheet):
     if "cell" in kind:
         row = next(i for i, (a, b) in enumerate(zip(copy.rows, sheet.rows, strict=True)) if a != b)
         seen = named(changed, good, bad, row, copy)
+        if not seen and all(_deviation(good, bad, key, _line_of(copy, row)) < SCATTER for key in changed):
+            return "not visible: within 3 standard deviations of the scatter", ""
         return (seen, "") if seen else ("MISSED", f"not named: {change}")
     if sentences(bad) - sentences(good):
         return "message", ""

@@ -26,6 +26,7 @@ SPECIFIC_USUAL, SPECIFIC_POSSIBLE = (100, 6000), (10, 30000)  # N/mm2, of any fo
 FORCE_POSSIBLE = (0.1, 10)  # of a resultant to that of its components; beyond, a unit is wrong and no axis is missing
 DEVIATION = 8.0  # of a row from the median of the ratio
 FEWEST = 5
+MOST_ABOVE = 0.9  # share of rows with Ff above Fc
 NEAR = 0.02  # by which an engagement may exceed the tool
 
 Array = NDArray[np.float64]
@@ -70,8 +71,20 @@ def check_columns(draft: Draft, options: ReadOptions) -> None:
         _compare_specific_force(draft, values, area, options)
     if {"Rz", "Ra"} <= measured:
         _compare(draft, _ROUGHNESSES, _over(values["Rz"], values["Ra"]), options)
+    if turning and {"Fc", "Ff"} <= measured:
+        _compare_feed_force(draft, values)
     _compare_force(draft, values, options)
     _compare_engagement(draft, options)
+
+
+def _compare_feed_force(draft: Draft, values: dict[str, Array]) -> None:
+    """Doubt a feed force above the cutting force in nearly all rows: exchanged names."""
+    both = np.isfinite(values["Fc"]) & np.isfinite(values["Ff"])
+    above = np.count_nonzero(values["Ff"][both] > values["Fc"][both])
+    if np.count_nonzero(both) >= FEWEST and above > MOST_ABOVE * np.count_nonzero(both):
+        number = {use.role: use.number for use in draft.uses if use.role}
+        sentence = f"Ff exceeds Fc in {above} of {np.count_nonzero(both)} rows: the two columns may be exchanged"
+        draft.doubts.append(Doubt(("Fc", "Ff"), sentence, f'--map "Fc=col{number["Ff"]}" --map "Ff=col{number["Fc"]}"'))
 
 
 def _compare_specific_force(draft: Draft, values: dict[str, Array], area: Array, options: ReadOptions) -> None:

@@ -39,6 +39,7 @@ FAR = 3.0  # ratio to the next value beyond which a single cell is doubted
 FAR_ALONE = 4.0  # the same for conditions, roughness, and loads that are not divided by the section of the chip
 FEWEST = 8  # rows below which no cell is judged by the others
 MOST_LEVELS = 7
+SEVERAL = 3  # rows of every other level beside which a value of one row is doubted
 SAMPLE = 20000
 LISTED = 4
 MOST_EDGES = 8  # in a sentence
@@ -247,9 +248,16 @@ def _early(draft: Draft, rows: NDArray[np.bool_]) -> bool:
 
 
 def _doubt_single(draft: Draft, role: str, values: Array, levels: Array, counts: NDArray[np.intp]) -> None:
-    """Doubt a value that occurs once in a column of few levels, each of which occurs four times and more."""
+    """Doubt a value that occurs once in a column of few levels, each of which occurs three times and more.
+
+    Twice is enough where the levels of a plan are even once the value is taken for that which lacks one.
+    """
     once, several = levels[counts == 1], levels[counts > 1]
-    if len(once) != 1 or not 2 <= len(several) <= MOST_LEVELS or counts[counts > 1].min() < 4:
+    if len(once) != 1 or not 2 <= len(several) <= MOST_LEVELS:
+        return
+    often = np.sort(counts[counts > 1])
+    even = len(often) > 2 and often[0] + 1 == often[1] == often[-1]
+    if often[0] < SEVERAL and not even:
         return
     rows = np.flatnonzero(values == once[0])
     sentence = (

@@ -169,9 +169,9 @@ def _measured_like(
     """Wear where a length in mm or um rises within the edges and the file has none; a load by its unit alone."""
     text = _unit_text(column)
     unit = canonical(text) if text else None
-    if unit in ("mm", "um", None) and _free(draft, "AW", options) and edges and edges.rising(values):
+    if (unit is None or same_dimension(unit, "mm")) and _free(draft, "AW", options) and edges and edges.rising(values):
         ranges = plausible("AW", None)
-        known = values[values > 0] * (0.001 if unit == "um" else 1)
+        known = values[values > 0] * (unit_factor(unit, "AW") if unit else 1)
         if ranges and known.size and (unit or ranges.unusual[0] <= np.median(known)) and known.max() <= ranges.hard[1]:
             return "AW"
     for role, units in (

@@ -92,8 +92,8 @@ def outlying_rows(law: LawFit) -> Check | NotAvailable:
     rows = np.sort(np.argsort(-size, kind="stable")[:count])
     pvalue = gap_pvalue(_about_edges(law, whole, rows), rows, FLOOR)
     kept = (
-        f"No row stands apart from the others: the largest deviation is {size.max() / scale:.1f} standard deviations "
-        f"({format_p(pvalue)})."
+        f"No row stands apart from the others: the largest deviation is {size.max() / scale:.1f} standard deviations, "
+        f"that of line {law.lines[int(np.argmax(size))]} ({format_p(pvalue)})."
     )
     suspects: tuple[Suspect, ...] = ()
     words = kept
