@@ -367,8 +367,8 @@ def opened(file: str) -> Iterator[Path]:
         )
     with TemporaryDirectory(prefix="fitmodels-") as folder:
         path = Path(folder, STANDARD_INPUT)
-        with path.open("wb") as file:
-            _copy_standard_input(file)
+        with path.open("wb") as copy:
+            _copy_standard_input(copy)
         yield path
 
 

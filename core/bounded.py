@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, BinaryIO, Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from .errors import DataError, FitmodelsError
 
@@ -51,6 +51,7 @@ LIMITS: Final[Mapping[str, Limit]] = {
     "measurements": Limit(
         "a file of measurements", 500 * MB, "Split it; fitmodels batch fits tables of any size.", piped=True
     ),
+    "workbook": Limit("a workbook", 200 * MB, "Save the sheet with the table as .csv."),
     "stream": Limit("a file that is read in parts", 1 << 50, "Split it."),
     "parameters": Limit("a parameter file", 50 * MB, _WHOLE),
     "draws": Limit("a file of draws", 500 * MB, _WHOLE),
@@ -104,7 +105,7 @@ def regular_status(path: str | os.PathLike[str], kind: str, error: type[Fitmodel
 @contextmanager
 def open_regular(
     path: str | os.PathLike[str], kind: str, error: type[FitmodelsError] = DataError
-) -> Iterator[BinaryIO]:
+) -> Iterator[io.BufferedReader]:
     """Open a regular file for reading, in binary; pipes, devices, sockets and folders are refused without a wait.
 
     Parameters

@@ -208,7 +208,7 @@ def _mat(path: Path, data: bytes, sheet: str | None) -> Found:
         from scipy.io import loadmat
 
         try:
-            held = loadmat(io.BytesIO(data))
+            held = loadmat(io.BytesIO(data))  # type: ignore[arg-type]  # a file object is read too
         except Exception as error:  # as above
             raise DataError(f"{path.name} is a damaged MATLAB file ({error}). Save it again with -v7.") from error
     arrays = {k: np.asarray(v) for k, v in held.items() if not k.startswith("__")}

@@ -2,19 +2,24 @@
 
 import io
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import openpyxl
 from openpyxl.styles.numbers import BUILTIN_FORMATS
 from openpyxl.utils.cell import range_boundaries
-from openpyxl.worksheet._reader import FORMULA_TAG, VALUE_TAG, WorkSheetParser
+from openpyxl.worksheet._reader import COL_TAG, DATA_TAG, FORMULA_TAG, ROW_TAG, VALUE_TAG, WorkSheetParser
+from openpyxl.xml.functions import iterparse
 
 from ...core.errors import DataError
 from .numerals import Cell
+from .workbook import MOST_CELLS
 from .worksheet import Place, Row, WorkbookSheet, cell_of, damaged, is_length_of_time, shown_time, without_hidden
 
 _TRUE = ("1", "true")
+ROWS, COLUMNS = 1_048_576, 16_384  # of a sheet
+_MERGED_TAG = VALUE_TAG[: -len("v")] + "mergeCell"
+_PARTS = {VALUE_TAG[: -len("v")] + name for name in ("c", "v", "f", "is", "t", "r", "rPr", "phoneticPr", "rPh")}
 _TEXT_TAG = VALUE_TAG[: -len("v")] + "t"
 _Cells = list[tuple[int, Cell]]
 
@@ -34,6 +39,33 @@ class _Parser(WorkSheetParser):
         self.book = book
         self.places: dict[str, int] = {}
         self.formulas: list[Place] = []
+        self.merged: list[str] = []
+
+    def parse(self) -> Iterator[tuple[int, _Cells]]:
+        """Rows of the sheet; nothing is kept but the cells, and which rows and columns are hidden or merged."""
+        rows: Any = None
+        for event, element in iterparse(self.source, ("start", "end")):
+            tag = element.tag
+            if event == "start":
+                rows = element if tag == DATA_TAG else rows
+            elif tag == ROW_TAG:
+                yield self.parse_row(element)
+                rows.clear()
+            elif tag == COL_TAG:
+                self.parse_column_dimensions(element)
+            elif tag == _MERGED_TAG:
+                self.merged.append(element.get("ref", ""))
+            elif tag not in _PARTS:
+                element.clear()
+
+    def parse_row(self, row: Any) -> tuple[int, _Cells]:  # noqa: ANN401
+        """Number and cells of a row."""
+        number, cells = super().parse_row(row)
+        if row.get("hidden") not in _TRUE:
+            self.row_dimensions.pop(str(number), None)
+        if not 1 <= number <= ROWS or (cells and cells[-1][0] > COLUMNS):
+            raise ValueError(f"a cell of row {number}, column {cells[-1][0]} lies outside of a sheet")
+        return number, cells
 
     def parse_cell(self, element: Any) -> tuple[int, Cell]:  # type: ignore[override]  # noqa: ANN401
         """Column and value of a cell: plain numbers and shared texts here, all else as openpyxl reads it."""
@@ -120,18 +152,24 @@ class XlsxBook:
         with page._get_source() as source:
             parser = _Parser(source, page, self._book)
             rows: list[Row] = []
-            filled = 0
+            filled = size = 0
             for number, cells in parser.parse():
                 row = _row(cells)
                 if not row or number <= len(rows):
                     continue
+                size += len(row)
+                if size > MOST_CELLS:
+                    raise DataError(
+                        f"{self._name}, sheet {title!r}: has more than {MOST_CELLS} cells with the empty ones between "
+                        f"them; at most {MOST_CELLS} are read. Save the sheet as .csv."
+                    )
                 rows.extend(() for _ in range(number - 1 - len(rows)))
                 rows.append(row)
                 filled += 1
                 if most is not None and filled >= most:
                     break
         sheet = WorkbookSheet(
-            self._name, title, tuple(rows), merged=dict(_merged(parser.merged_cells)), formulas=tuple(parser.formulas)
+            self._name, title, tuple(rows), merged=dict(_merged(parser.merged)), formulas=tuple(parser.formulas)
         )
         return sheet if hidden else without_hidden(sheet, *_hidden(parser))
 
@@ -154,12 +192,16 @@ def _hidden(parser: _Parser) -> tuple[set[int], set[int]]:
     """Numbers of the rows and of the columns that a sheet hides."""
     rows = {int(number) for number, row in parser.row_dimensions.items() if row.get("hidden") in _TRUE}
     columns = [column for column in parser.column_dimensions.values() if column.get("hidden") in _TRUE]
-    return rows, {i for column in columns for i in range(int(column["min"]), int(column["max"]) + 1)}
+    return rows, {i for column in columns for i in range(int(column["min"]), min(int(column["max"]), COLUMNS) + 1)}
 
 
-def _merged(ranges: Any) -> Iterator[tuple[Place, Place]]:  # noqa: ANN401
-    for one in getattr(ranges, "mergeCell", None) or ():
-        left, top, right, bottom = (bound or 0 for bound in range_boundaries(one.ref))
+def _merged(ranges: Sequence[str]) -> Iterator[tuple[Place, Place]]:
+    rows = 0
+    for one in ranges:
+        left, top, right, bottom = (bound or 0 for bound in range_boundaries(one))
+        rows += max(bottom - top, 0)
+        if rows > 4 * ROWS:  # they would overlap, which no program writes
+            raise ValueError(f"merged cells of more than {4 * ROWS} rows")
         yield (top, left), (bottom, right)
 
 
