@@ -41,24 +41,24 @@ def is_package(name):
     return name not in OUTSIDE and not name.startswith(".")
 
 
-def docstring_lines(tree):
+def docstring_lines(nodes):
     """Numbers of the lines that docstrings fill."""
     lines = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, (ast.Module, ast.ClassDef, Function)) and ast.get_docstring(node, clean=False) is not None:
             lines.update(range(node.body[0].lineno, node.body[0].end_lineno + 1))
     return lines
 
 
-def code_lines(text, tree):
+def code_lines(text, nodes):
     """Lines that are neither blank nor part of a docstring."""
-    skipped = docstring_lines(tree)
+    skipped = docstring_lines(nodes)
     return sum(1 for number, line in enumerate(text.splitlines(), 1) if line.strip() and number not in skipped)
 
 
-def functions(tree) -> Iterator[tuple[str, int, int]]:
+def functions(nodes) -> Iterator[tuple[str, int, int]]:
     """Name, length without docstring and complexity of each function."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, Function):
             lines = node.end_lineno - node.lineno + 1
             if ast.get_docstring(node, clean=False) is not None:
@@ -79,10 +79,10 @@ def complexity(function):
     return found
 
 
-def imported(name, tree, modules):
+def imported(name, nodes, modules):
     """Modules of the package that a module imports anywhere."""
     package = name.split("/")[:-1]
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.ImportFrom) and node.level:
             base = package[: len(package) - node.level + 1] + (node.module.split(".") if node.module else [])
             for alias in node.names:
@@ -92,10 +92,10 @@ def imported(name, tree, modules):
                     yield modules[target]
 
 
-def circles(trees):
-    """Strongly connected components of more than one module, largest first (Tarjan)."""
-    modules = {name.removesuffix(".py").removesuffix("/__init__"): name for name in trees}
-    graph = {name: set(imported(name, tree, modules)) for name, tree in trees.items()}
+def circles(nodes):
+    """Strongly connected components of more than one module, largest first (Tarjan), by the nodes of each module."""
+    modules = {name.removesuffix(".py").removesuffix("/__init__"): name for name in nodes}
+    graph = {name: set(imported(name, found, modules)) for name, found in nodes.items()}
     index, low, stack, found = {}, {}, [], []
 
     def visit(node):
@@ -152,17 +152,18 @@ def quantile(values, share):
 def measures(texts):
     """All measures by name."""
     trees = {name: ast.parse(text) for name, text in texts.items() if name.endswith(".py")}
+    nodes = {name: list(ast.walk(tree)) for name, tree in trees.items()}
     lengths = {name: len(texts[name].splitlines()) for name in trees}
-    each = [(f"{name}:{f}", lines, worth) for name, tree in trees.items() for f, lines, worth in functions(tree)]
+    each = [(f"{name}:{f}", lines, worth) for name, found in nodes.items() for f, lines, worth in functions(found)]
     worth = [item[2] for item in each]
-    rings = circles(trees)
+    rings = circles(nodes)
     same = [
         name for name, tree in trees.items()
         if any(isinstance(node, Function) and node.name == Path(name).stem for node in tree.body)
     ]  # fmt: skip
     return {
         "Python files": len(trees),
-        "code lines": sum(code_lines(texts[name], tree) for name, tree in trees.items()),
+        "code lines": sum(code_lines(texts[name], found) for name, found in nodes.items()),
         "lines of the longest file": max(lengths.values()),
         f"files above {LONG_FILE} lines": sum(length > LONG_FILE for length in lengths.values()),
         "median file, lines": quantile(lengths.values(), 0.5),

@@ -12,7 +12,7 @@ from fitmodels.ident.estimators.prediction_error import armax
 from scipy.signal import lfilter
 from statsmodels.tsa.statespace.sarimax import SARIMAX
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 0.2, 0.1], [1.0, 0.6, 0.3]
 

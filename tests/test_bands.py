@@ -14,7 +14,7 @@ from fitmodels.ident.model import Model
 from fitmodels.ident.responses.confidence_bands import response_band, response_slope, step_and_slope, step_band
 from scipy.stats import norm
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 F = np.array([0.1, 0.5, 1.0, 2.0, 20.0])

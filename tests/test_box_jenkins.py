@@ -9,7 +9,7 @@ from fitmodels.ident.estimators.filters import burg
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 # Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18 and 17
 PUBLISHED = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)

@@ -10,7 +10,7 @@ from fitmodels.core.errors import FitError
 from fitmodels.fit.bayes.diagnostics import diagnose, ess_mean
 from fitmodels.fit.bayes.ensemble_sampler import HalfByHalf, along_differences, chains, towards_others
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 SURE = 4.5  # Monte Carlo errors that a mean may be off: one in 150 000
 CORRELATED = np.array([[4.0, 1.8, 0.0], [1.8, 1.0, 0.02], [0.0, 0.02, 0.01]])

@@ -9,7 +9,7 @@ from fitmodels.core.errors import UsageError
 from fitmodels.fit.confirmation import confirm, quadratic
 from statsmodels.regression.linear_model import OLS
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 EXACT = 1e-8
 FACTORS = ["V", "f", "d", "t"]

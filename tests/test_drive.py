@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 mpl.use("agg")
 # Janot, Gautier & Brunot 2019, Data set and reference models of EMPS (nonlinearbenchmark.org): inverse model, least

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 mpl.use("agg")
 M, D, C, K = 2.0, 60.0, 8.0, 400.0  # no published values: a drive of 30 rad/s and a process of 8 rad/s

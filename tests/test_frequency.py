@@ -10,7 +10,7 @@ from fitmodels.ident.responses.frequency import frequency_response
 from fitmodels.ident.responses.spectra import excited_band
 from scipy.signal import csd, lfilter, welch
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 F = np.array([0.1, 0.5, 1.0, 1.5, 2.0])

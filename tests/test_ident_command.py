@@ -10,7 +10,7 @@ from fitmodels.cli import main
 from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.ident import Model
 
-pytestmark = pytest.mark.slow  # of its kind: left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 G = Model(b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 

@@ -11,7 +11,7 @@ from fitmodels.datasets.records.record import join_records
 from fitmodels.ident import Model, identify
 from scipy.signal import lfilter
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 # Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 17 and 18
 G = Model(b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)

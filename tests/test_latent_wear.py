@@ -18,7 +18,7 @@ from fitmodels.fit.bayes.priors import Normal, reference, weak
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal, multivariate_t
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 TRUE = 0.35
 

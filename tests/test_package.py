@@ -87,13 +87,16 @@ def test_the_structure_stays_within_its_limits():
     assert remarks == []
 
 
-def test_the_gate_names_files_that_exist():
+def test_the_gate_names_tests_and_studies_that_exist():
     gate = (ROOT / ".ci/run").read_text("utf-8")
-    tests = re.search(r"some=\(\n(.*?)\)", gate, flags=re.S)[1].split()
+    listed = re.search(r"^(sample=\(\n.*?^\))", gate, flags=re.S | re.M)[1]
+    shell = f'{listed}\nprintf "%s\\n" "${{sample[@]}}"'
+    tests = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, check=True).stdout.split()
     studies = re.findall(r'"(\w+\.py)', re.search(r"studies=\(\n(.*?)\)", gate, flags=re.S)[1])
     assert tests
     assert studies
-    assert [name for name in tests if not (ROOT / f"tests/test_{name}.py").is_file()] == []
+    for file, _, name in (test.partition("::") for test in tests):
+        assert f"\ndef {name}" in (ROOT / file).read_text("utf-8"), f"{file} has no {name}"
     assert [name for name in studies if not (ROOT / "benchmarks" / name).is_file()] == []
 
 

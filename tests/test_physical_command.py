@@ -14,7 +14,7 @@ from fitmodels.ident.physical_models.step_response import step_response_fit
 from fitmodels.parameters.file_format import STEPS, migrated
 from fitmodels.parameters.published import published
 
-pytestmark = pytest.mark.slow  # of its kind: left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 LAG = ContinuousModel(np.array([0.18]), np.array([0.2, 1.0]), 0.034)
 DRIVE = {"M": 95.0, "Fv": 200.0, "Fc": 20.0, "offset": -3.0}

@@ -15,7 +15,7 @@ from fitmodels.ident.pi.specification import Specification
 from fitmodels.ident.pi.tuning import tune_pi
 from scipy.stats import binomtest
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 # y(t) = 0.9 y(t-1) + b u(t-1) at 0.1 s under an integral alone; b with a standard error of 5 %
 FIRST = Model(b=[0.0, 0.1], a=[1.0, -0.9], nk=1, sample_time=0.1, cov_params=np.diag([0.0, 0.005**2]))

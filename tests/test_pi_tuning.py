@@ -16,7 +16,7 @@ from fitmodels.ident.pi.tuning import tune_pi
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 # eq. 18 of Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587
 PUBLISHED = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)

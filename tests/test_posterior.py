@@ -9,7 +9,7 @@ from fitmodels.core.errors import UsageError
 from fitmodels.fit.bayes.convergence import compare_draws
 from fitmodels.fit.bayes.priors import Beta, HalfT, Normal, Priors
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 CONDITIONS = ["V", "f", "d", "t"]
 

@@ -18,7 +18,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from scipy import stats
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 KINDS = ("marginals", "pairs", "predictive", "curves")
 CONDITIONS = ["V", "f", "d", "t"]

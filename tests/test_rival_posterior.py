@@ -15,7 +15,7 @@ from fitmodels.fit.bayes.exact_draws import exact
 from fitmodels.fit.checks.competing_forms import alternative_forms, rows_of
 from scipy.stats import multivariate_normal
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 FORMS = [
     "exponential in wear",

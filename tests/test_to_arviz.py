@@ -10,7 +10,7 @@ from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
 from fitmodels.core.version import __version__
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 SAME = 1e-10
 DRAWS = 2500  # a whole tail, 3 sqrt(2500), so that both lines of ArviZ smooth as many weights

@@ -28,7 +28,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from scipy.signal import cont2discrete, lfilter
 
-pytestmark = pytest.mark.slow  # left out where other versions of Python are tried
+pytestmark = pytest.mark.slow
 
 PLANT = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 
