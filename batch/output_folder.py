@@ -1,6 +1,7 @@
 """The output folder: its owner, the files that batch wrote, and the removal of those that are out of date."""
 
 import json
+import os
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
@@ -165,7 +166,13 @@ def _free_or_ours(out: Path, source: str, force: bool) -> None:
     if not out.exists():
         return
     manifest = _manifest(out)
-    if manifest is None:
+    if manifest is None and os.path.lexists(out / MANIFEST):
+        if not force:
+            raise UsageError(
+                f"{out / MANIFEST}: is damaged, or of another version of fitmodels, so it is not known which batch "
+                f"{out} holds. Replace what batch wrote there with --force, or choose another folder with --out."
+            )
+    elif manifest is None:
         foreign = sorted(name for name in _names(out) if name != MANIFEST.parent.name)
         if foreign:
             raise UsageError(
@@ -240,7 +247,11 @@ def _clear(out: Path) -> None:
 def _claimed(out: Path) -> list[str]:
     data = stored_json(out / MADE)
     names = data if isinstance(data, list) else []
-    return [name for name in names if isinstance(name, str) and not {"", ".", ".."} & set(name.split("/"))]
+    return [name for name in names if isinstance(name, str) and _leads_inside(name)]
+
+
+def _leads_inside(name: str) -> bool:
+    return "\\" not in name and not {"", ".", ".."} & set(name.split("/"))
 
 
 def _write_claimed(out: Path, names: Collection[str]) -> None:

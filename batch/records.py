@@ -20,7 +20,7 @@ from .law_rows import COUNTS, FLAGS, LAW, PAIR, TEXTS, Column, column
 from .outcomes import BlockOutcome, Cell, Concern, PairOutcome
 from .plan import BatchOptions, Block, Pair, Plan
 
-SCHEMA = "fitmodels.batch-block/2"
+SCHEMA = "fitmodels.batch-block/3"
 RECORDS = Path(".batch", "blocks")
 PAIRS = "pairs"
 WRITERS = 4  # a file waits for the disk longer than for the processor: four together take a sixth of the time
@@ -75,17 +75,17 @@ def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, st
     path = out / RECORDS / f"{key}.json"
     head = {"schema": SCHEMA, "files": {name: sha256(content).hexdigest() for name, content in contents.items()}}
     if contents:
-        write_whole(path, _bytes(head | {"outcome": None}), parents=True)
+        write_whole(path, _sealed(head | {"outcome": None}), parents=True)
         with ThreadPoolExecutor(WRITERS) as pool:
             list(pool.map(lambda name: write_whole(out / name, contents[name], parents=True), contents))
-    write_whole(path, _bytes(head | {"outcome": _plain(outcome)}), parents=True)
+    write_whole(path, _sealed(head | {"outcome": _plain(outcome)}), parents=True)
 
 
 def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome | None:
     """The outcome of a block that was finished before, without the bytes of its files.
 
-    None where it has to be fitted: its record is missing, torn or of another schema; a file is missing or is not as
-    it was written (its SHA-256 is compared), or belongs in another folder now.
+    None where it has to be fitted: its record is missing, changed or of another schema; a file is missing or is not as
+    it was written (their SHA-256 are compared), or belongs in another folder now.
     """
     data = _read(out / RECORDS / f"{key}.json")
     if data is None or data["outcome"] is None:
@@ -137,10 +137,19 @@ def _bytes(data: Mapping[str, Any]) -> bytes:
     return (json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n").encode()
 
 
+def _sealed(data: dict[str, Any]) -> bytes:
+    """A record with the SHA-256 of its other content as its last key."""
+    return _bytes(data | {"sha256": sha256(_bytes(data)).hexdigest()})
+
+
 def _read(path: Path) -> dict[str, Any] | None:
-    """A record, None where this version cannot read it or a name leads out of the folder."""
+    """A record, None where this version cannot read it, it was changed, or a name leads out of the folder."""
     data = read_json(path)
-    if data.get("schema") != SCHEMA or "outcome" not in data:
+    seal = data.pop("sha256", None)
+    try:
+        if data.get("schema") != SCHEMA or "outcome" not in data or seal != sha256(_bytes(data)).hexdigest():
+            return None
+    except ValueError:  # a number that is not finite
         return None
     files = data.get("files")
     return data if isinstance(files, dict) and all(map(_inside, files)) else None

@@ -446,6 +446,15 @@ def test_a_copy_is_used_again_until_the_source_changes(tmp_path):
     reported.clear()
     assert converted(path, Reading(), tmp_path / "work", reported.append, 20_000, 1 << 14) == first
     assert not reported
+    facts = first.path.with_name("copy.json")
+    for damaged in (
+        b"",
+        b"[" * 100_000,
+        facts.read_bytes()[:20],
+        b'{"tool": 1, "work": null, "assumed": [], "notes": []}',
+    ):
+        facts.write_bytes(damaged)
+        assert converted(path, Reading(), tmp_path / "work", reported.append, 20_000, 1 << 14) == first
     path.write_text(long(3000))
     second = converted(path, Reading(), tmp_path / "work", reported.append, 20_000, 1 << 14)
     assert second.path != first.path

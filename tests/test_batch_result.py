@@ -383,6 +383,31 @@ def test_a_folder_of_somebody_else_is_refused_and_stays_as_it_is(tmp_path, force
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.docx"]
 
 
+@pytest.mark.parametrize("content", [b'{"schema": "fitmodels.batch/1", "sou', b"", b"[" * 100_000, b"9" * 5000])
+def test_a_damaged_manifest_is_named_and_replaced_by_force(out, content):
+    """A folder whose manifest was cut short is not said to hold foreign files."""
+    record(out, KEY, outcome(A), folder_names([A]))
+    (out / place.MANIFEST).write_bytes(content)
+    with pytest.raises(UsageError, match=r"manifest\.json: is damaged"), prepare(out, "lab", Options()):
+        pass
+    assert (out / "pairs").exists()
+    with prepare(out, "lab", Options(), force=True):
+        assert not (out / "pairs").exists()
+
+
+def test_a_record_that_was_changed_is_not_taken(out):
+    """Every number of the table of laws is in it, so that one changed digit would be a result."""
+    folders = folder_names([A])
+    record(out, KEY, outcome(A), folders)
+    path = out / place.RECORDS / f"{KEY}.json"
+    content = path.read_text()
+    for changed in (content.replace('"nobs":144', '"nobs":145'), content.replace('"nobs":144', '"nobs":NaN')):
+        path.write_text(changed)
+        assert recorded(out, KEY, folders) is None
+    path.write_text(content)
+    assert recorded(out, KEY, folders) is not None
+
+
 def test_a_batch_of_another_source_is_refused_without_force(out):
     record(out, KEY, outcome(A), folder_names([A]))
     with (

@@ -423,6 +423,12 @@ def test_an_existing_file_is_kept_and_records_are_not_reduced_twice(lab, capsys)
     assert "2 files were reduced by an earlier run" in capsys.readouterr().out
     assert lab.out.read_bytes() == first
     assert stamps == {path: path.stat().st_mtime_ns for path in lab.kept.iterdir()}
+    store = lab.kept / "E1.csv.json"
+    held = store.read_text()
+    for changed in (held.replace('"mean": ', '"mean": 1'), held[:200], "[" * 100_000, held.replace('"remarks"', '"x"')):
+        store.write_text(changed)  # figures that are not those of the record are not taken
+        lab.run("--force")
+        assert lab.out.read_bytes() == first
     lab.record("E2.csv", means=[300.0, 450.0])
     assert lab.run("--force").values("Fc")[-1] == pytest.approx(450, rel=WITHIN)
 

@@ -386,6 +386,17 @@ def test_a_failure_while_the_site_is_put_in_its_place_puts_the_old_one_back(pair
     assert content(out)["index.html"] != before["index.html"]
 
 
+def test_a_damaged_list_of_a_site_is_named(tmp_path):
+    add(tmp_path / "pairs", "one", law())
+    out = tmp_path / "site"
+    publishing.publish(tmp_path / "pairs", out)
+    content = (out / "cards.json").read_bytes()
+    for damaged in (content[:50], b"", b"[" * 100_000, b"9" * 5000):
+        (out / "cards.json").write_bytes(damaged)
+        with pytest.raises(UsageError, match=r"cards\.json: is damaged"):
+            publishing.publish(tmp_path / "pairs", out)
+
+
 def test_a_folder_of_somebody_else_is_not_replaced_even_by_force(tmp_path):
     add(tmp_path / "pairs", "one", law())
     out = tmp_path / "site"

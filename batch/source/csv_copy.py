@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.errors import DataError, UsageError
 from ..engine.base import no_report
 from ..plan import Plan, Reading
+from ..records import read_json
 
 if TYPE_CHECKING:
     from .csv_head import Head
@@ -87,7 +88,7 @@ def converted(
     facts = [str(source), status.st_size, status.st_mtime_ns, asdict(reading)]
     key = sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:16]
     folder = work / "parquet" / f"{source.stem}-{key}"
-    if not (folder / FACTS).is_file():
+    if (kept := _facts(folder)) is None:
         part = folder.with_name(f"{folder.name}.part")
         _cleared(source.stem, folder.parent)
         part.mkdir(parents=True)
@@ -103,9 +104,16 @@ def converted(
             ) from error
         finally:
             shutil.rmtree(part, ignore_errors=True)
-    kept = json.loads((folder / FACTS).read_text("utf-8"))
+        kept = _facts(folder) or {}
     reading = replace(reading, tool=kept["tool"], work=kept["work"], decimal=None, delimiter=None, sheet=None)
     return Converted(folder / f"{source.stem}.parquet", reading, tuple(kept["assumed"]), tuple(kept["notes"]))
+
+
+def _facts(folder: Path) -> dict[str, Any] | None:
+    """Facts of a copy; None where there is none, or they are damaged."""
+    found = read_json(folder / FACTS)
+    names = all(isinstance(found.get(name, 0), str | None) for name in ("tool", "work"))
+    return found if names and all(isinstance(found.get(name), list) for name in ("assumed", "notes")) else None
 
 
 def _pyarrow(source: Path) -> None:

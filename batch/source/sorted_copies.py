@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
-from json import dumps, loads
+from json import dumps
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...datasets.columns import ColumnUse
 from ..plan import Block, Piece, Reading
+from ..records import read_json
 from .parquet_arrow import UNREADABLE, Array, Ints, Labels, numbered, pa, pq, why
 from .parquet_index import Held, Index, of_rows, parts
 from .parquet_schema import SourceColumns, needed_columns
@@ -42,11 +43,22 @@ def sorted_copy(
     uses = needed_columns(known.columns, reading)
     name = _digest(LAYOUT, limits, asdict(reading), [*map(asdict, uses)], _stamps(held.piece for held in index.held))
     home = folder.resolve() / name
-    if not (home / FACTS).is_file():
+    if (facts := _facts(home, len(blocks))) is None:
+        shutil.rmtree(home, ignore_errors=True)
         _write_whole(home, _Copy(index, ranges, uses, reading, report))
-    facts = loads((home / FACTS).read_text(encoding="utf-8"))
+        facts = _facts(home, len(blocks)) or {}
     found = tuple(_moved(block, i, home, facts["rows"][i]) for i, block in enumerate(blocks))
     return found, facts["unreadable"]
+
+
+def _facts(home: Path, blocks: int) -> dict[str, Any] | None:
+    """Facts of a copy; None where there is none, or they are damaged."""
+    found = read_json(home / FACTS)
+    if not isinstance(found.get("unreadable"), dict):
+        return None
+    rows = found.get("rows")
+    whole = isinstance(rows, list) and len(rows) >= blocks and all(type(one) is int and one >= 0 for one in rows)
+    return found if whole else None
 
 
 def _digest(*facts: object) -> str:

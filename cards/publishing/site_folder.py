@@ -25,6 +25,11 @@ def refuse(site: Path, folder: Path) -> None:
         raise UsageError(f"{site}: the site would be inside the folder of its pairs; choose another --site.")
     held = [name for name in NAMES if (site / name).exists()]
     if held and not is_site(site):
+        if LIST in held:
+            raise UsageError(
+                f"{site / LIST}: is damaged, or is not of fitmodels publish, so {site} is not replaced. Remove the "
+                "folder if it is a site of fitmodels, or choose another one with --site."
+            )
         raise UsageError(
             f"{site}: holds {held[0]} that fitmodels publish did not write; choose another folder with --site."
         )

@@ -268,7 +268,8 @@ def _reduced(
         _picture(recording, found, figures, kept)
         records.append(record)
         count += len(record.cuts)
-    write_whole(store, json.dumps({"key": key, "records": [asdict(r) for r in records]}, indent=1), parents=True)
+    plain = [asdict(record) for record in records]
+    write_whole(store, json.dumps({"key": key, "sha256": _digest(plain), "records": plain}, indent=1), parents=True)
     return records, False
 
 
@@ -290,8 +291,8 @@ def _key(path: Path, how: ReduceOptions, turn: float, key_part: str) -> str:
 def _held(store: Path, key: str) -> list[ReducedRecord] | None:
     """Records of a former run with the same file and options; None where there are none."""
     held = stored_json(store, finite=False)
-    if not isinstance(held, dict) or held.get("key") != key:
-        return None
+    if not isinstance(held, dict) or held.get("key") != key or held.get("sha256") != _digest(held.get("records")):
+        return None  # of another file, or changed since it was written
     try:
         return [
             ReducedRecord(
@@ -301,6 +302,11 @@ def _held(store: Path, key: str) -> list[ReducedRecord] | None:
         ]
     except (KeyError, TypeError, ValueError):
         return None
+
+
+def _digest(records: object) -> str:
+    """SHA-256 of records as JSON has them."""
+    return hashlib.sha256(json.dumps(records).encode()).hexdigest()
 
 
 def _cut_of(held: Mapping[str, Any]) -> ReducedCut:
