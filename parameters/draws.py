@@ -140,6 +140,8 @@ def _one(arrays: Mapping[str, NDArray[np.generic]], response: str, name: str) ->
         raise ParameterError(
             f"{name}: the draws of {short(response)} are not a table of numbers with named columns. {REMEDY}"
         )
+    if not len(values):
+        raise ParameterError(f"{name}: has no draw of {short(response)}. {REMEDY}")
     if not np.isfinite(values).all():
         raise ParameterError(f"{name}: a draw of {short(response)} is not finite. {REMEDY}")
     return Draws(tuple(str(n) for n in names), np.asarray(values, dtype=np.float64))

@@ -68,10 +68,11 @@ def test_a_pickle_is_not_opened(tmp_path, capsys):
         {"AW.draws": np.ones(3), "AW.names": np.array(["V"])},
         {"AW.draws": np.ones((3, 2)), "AW.names": np.array(["V"])},
         {"AW.draws": np.full((3, 1), np.nan), "AW.names": np.array(["V"])},
+        {"AW.draws": np.ones((0, 1)), "AW.names": np.array(["V"])},
         {"AW.draws": np.ones((3, 1))},
         {"AW.draws": np.ones((3, 1), dtype=int), "AW.names": np.array(["V"])},
     ],
-    ids=["one row", "a name missing", "not a number", "no names", "integers"],
+    ids=["one row", "a name missing", "not a number", "no rows", "no names", "integers"],
 )
 def test_what_is_no_table_of_draws_is_refused(tmp_path, arrays):
     np.savez(tmp_path / "x.npz", **arrays)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.arrays import Array
+from ...core.errors import DataError
 from ..recursion.from_file import depth
 from ..recursion.laws import Times
 from ..region.curved import Limit, grid, minimum, worst
@@ -183,6 +184,8 @@ def draw_parts(
         fixed = Sides(*(np.repeat(each, count, axis=0) for each in _of_estimates(problem)))
         own = least(cost, fixed) if search.straight else best["cost"]
     usable &= np.isfinite(best["cost"]).all(axis=-1) & np.isfinite(best["rate"]).all(axis=-1)
+    if not usable.any():
+        raise DataError(f"In none of {count} draws of the laws is there a life within the limits. Fit the data again.")
     lost = count - int(usable.sum())
     notes = [] if not lost else [f"In {lost} of {count} draws there is no life, or the limits exclude each other."]
     if not search.straight:

@@ -32,6 +32,7 @@ NUMBERS: Mapping[str, tuple[str, ...]] = {
 }
 FREE = ("mean",)
 IMPROPER = ("flat", "uniform", "improper", "jeffreys", "1/sigma")
+LONGEST_SHOWN = 60  # characters of a value in a message
 
 
 def read_priors(path: str | Path) -> dict[str, object]:
@@ -65,17 +66,17 @@ def replaced(priors: Priors, law: LawFit, tables: Mapping[str, object], name: st
     alone = [key for key, given in tables.items() if not isinstance(given, Mapping) or "distribution" in given]
     if alone:
         example = f"{{{law.response!r}: {{'V': {{'distribution': 'normal', 'mean': 0.5, 'sd': 0.2}}}}}}"
-        raise UsageError(f"{name}: {alone[0]!r} is no table of a law; priors are by response: {example}.")
+        raise UsageError(f"{name}: {_shown(alone[0])} is no table of a law; priors are by response: {example}.")
     if table is None:
         return priors
     if not isinstance(table, dict):
-        raise UsageError(f"{name}: {law.response} must be a table of priors, not {table!r}.")
+        raise UsageError(f"{name}: {law.response} must be a table of priors, not {_shown(table)}.")
     of, sources = dict(priors.of), dict(priors.sources)
     stated = {key: given for key, given in table.items() if key != "source"}
     for key, given in stated.items():
         if key not in of:
             hint = did_you_mean(key, priors.of, names="Its parameters are ")
-            raise UsageError(f"{name}: the law of {law.response} has no parameter {key!r}. {hint}")
+            raise UsageError(f"{name}: the law of {law.response} has no parameter {_shown(key)}. {hint}")
         of[key] = _prior(f"{name}: {law.response}.{key}", key, given, priors.units[key], law)
         sources[key] = str(table.get("source", name))
     return Priors(of, name, priors.units, sources)
@@ -83,15 +84,15 @@ def replaced(priors: Priors, law: LawFit, tables: Mapping[str, object], name: st
 
 def _prior(where: str, key: str, given: object, unit: str, law: LawFit) -> Prior:
     if not isinstance(given, dict) or "distribution" not in given:
-        raise UsageError(f'{where} = {given!r}: write it as {{ distribution = "normal", mean = 0, sd = 1 }}.')
+        raise UsageError(f'{where} = {_shown(given)}: write it as {{ distribution = "normal", mean = 0, sd = 1 }}.')
     kind = given["distribution"]
     if kind in IMPROPER:
         raise UsageError(
             f"{where}: a {kind} prior is improper, and a posterior from it may not exist; give a wide proper one "
             '(normal with a large sd), or take the whole set called "reference".'
         )
-    if kind not in NUMBERS:
-        raise UsageError(f"{where}: no distribution {kind!r}; there are {', '.join(NUMBERS)}.")
+    if not isinstance(kind, str) or kind not in NUMBERS:
+        raise UsageError(f"{where}: no distribution {_shown(kind)}; there are {', '.join(NUMBERS)}.")
     values = _numbers(where, kind, given)
     _fits_the_parameter(where, key, kind, law)
     values = _in_unit(where, kind, values, given.get("unit"), unit)
@@ -102,13 +103,19 @@ def _prior(where: str, key: str, given: object, unit: str, law: LawFit) -> Prior
     return HalfT(values["df"], values["scale"]) if kind == "half-t" else Beta(values["a"], values["b"])
 
 
+def _shown(value: object) -> str:
+    """A value of the file in a message, cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
 def _numbers(where: str, kind: str, given: Mapping[str, object]) -> dict[str, float]:
     values: dict[str, float] = {}
     for name in NUMBERS[kind]:
         value = given.get(name)
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
             raise UsageError(
-                f"{where}: {name} is {value!r}; a {kind} prior needs {' and '.join(NUMBERS[kind])}, numbers."
+                f"{where}: {name} is {_shown(value)}; a {kind} prior needs {' and '.join(NUMBERS[kind])}, numbers."
             )
         least = 1.0 if name == "factor" else 0.0
         if name not in FREE and value <= least:
@@ -116,7 +123,7 @@ def _numbers(where: str, kind: str, given: Mapping[str, object]) -> dict[str, fl
         values[name] = float(value)
     strange = sorted(set(given) - {*NUMBERS[kind], "distribution", "unit"})
     if strange:
-        raise UsageError(f"{where}: a {kind} prior has no {strange[0]!r}; it has {', '.join(NUMBERS[kind])} and unit.")
+        raise UsageError(f"{where}: a {kind} prior has no {_shown(strange[0])}; it has {', '.join(NUMBERS[kind])} and unit.")
     return values
 
 
