@@ -1,7 +1,4 @@
-"""Mutated files of every kind but tables and records, through every command that reads them.
-
-    python benchmarks/fuzz_forms.py [--kind params] [--files 300] [--seed 1] [--jobs 2]
-    python benchmarks/fuzz_forms.py --only params:1017 [--write FOLDER]
+"""Changed files of every kind but tables and records, through every command that reads them; see ``fuzz.py``.
 
 Kinds: parameter files as received (``params``) and with a checksum that agrees (``sealed``), draws, priors, card.toml,
 tables of pairs, the state of a batch, a published site, figures of reduced records, words of the command line.
@@ -13,7 +10,6 @@ file where this cannot be read; a changed content with a checksum is refused or 
 it was; and processor time and memory are bounded.
 """
 
-import argparse
 import contextlib
 import hashlib
 import io
@@ -28,9 +24,7 @@ import tempfile
 import traceback
 import warnings
 import zipfile
-from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache, partial
@@ -39,7 +33,7 @@ from pathlib import Path
 from unittest import mock
 
 import numpy as np
-from fitmodels import cli, fit, parameters
+from fitmodels import cli, parameters
 from fitmodels.core.errors import FitmodelsError
 from fitmodels.parameters.file import as_bytes, seal_fault, sealed
 from fitmodels.parameters.file_format import content_sha256
@@ -47,7 +41,6 @@ from fitmodels.parameters.published import published
 
 DONE = (0, 2, 3, 4, 5)  # exit codes that the command documents
 SECONDS = 5.0  # of processor time beyond three times that of the good file
-MEMORY = 400 << 20  # bytes beyond the peak before
 LONGEST = 3000  # characters of a message
 FAILED = re.compile(r"the computation failed \([^\"\n)]*\)?")
 CHANGED = re.compile(r"changed after it was written|has no content_sha256|SHA-256")
@@ -644,22 +637,13 @@ OF_DATA = (
     (1, "confirm data.csv --data data.csv --level 0.9 --law AW~V,f,t"),
 )
 
-KINDS: dict[str, Callable[..., Case]] = {
+MADE: dict[str, Callable[..., Case]] = {
     "params": params, "sealed": resealed, "draws": draws, "priors": priors, "card": card, "pairs": pairs,
     "batch": batch, "site": site, "reduce": reduce, "words": words,
 }  # fmt: skip
 
 
 # --- running
-
-
-@dataclass(frozen=True)
-class Result:
-    """Exit codes of the commands of a file, and faults of any of them."""
-
-    what: str
-    codes: tuple[int, ...]
-    faults: tuple[str, ...]
 
 
 class TooLong(BaseException):
@@ -735,25 +719,26 @@ def _state_of(command):
         command.startswith(OF_BATCH[True]))  # fmt: skip
 
 
-def tried(kind, number):
-    """The result of one file, through all of its commands."""
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-        case = KINDS[kind](np.random.default_rng([number, list(KINDS).index(kind)]), folder)
-        codes, faults = [], []
-        for command in case.commands:
-            words = command.split("\0") if "\0" in command else command.split()
-            then, seconds = (2, 1.0) if kind == "words" else without_change(case.base, command)
-            before = (folder / case.file).read_bytes() if case.file else b""
-            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-            found = said(*words, at=folder, limit=4 * (SECONDS + 3 * seconds))
-            codes.append(found.code)
-            grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak)
-            wrong = [*_of_code(found), *_of_limits(found, seconds, grown), *_of_words(found, case, then)]
-            if found.code not in (0, 5) and case.file and (folder / case.file).read_bytes() != before:
-                wrong.append(f"refused, and {case.file} was changed")
-            faults += [f"{command[:80]}: {words}" for words in wrong]
-        return Result(case.what, tuple(codes), tuple(faults))
+def trial(kind, number, folder):
+    """Verdict, fault, description and size of a changed file, through all of its commands; see ``fuzz.py``."""
+    case = MADE[kind](np.random.default_rng([number, list(MADE).index(kind)]), folder)
+    size = (folder / case.file).stat().st_size if case.file else 0
+    codes, faults = [], []
+    for command in case.commands:
+        words = command.split("\0") if "\0" in command else command.split()
+        then, seconds = (2, 1.0) if kind == "words" else without_change(case.base, command)
+        before = (folder / case.file).read_bytes() if case.file else b""
+        found = said(*words, at=folder, limit=4 * (SECONDS + 3 * seconds))
+        codes.append(found.code)
+        wrong = [*_of_code(found), *_of_limits(found, seconds), *_of_words(found, case, then)]
+        if found.code not in (0, 5) and case.file and (folder / case.file).read_bytes() != before:
+            wrong.append(f"refused, and {case.file} was changed")
+        faults += [f"{command[:80]}: {words}" for words in wrong]
+    verdict = "read" if 0 in codes else "refused" if set(codes) <= {2, 3, 4} else "checked"
+    return verdict, "; ".join(faults), f"{case.file} {case.what}"[:300], size
+
+
+KINDS = {kind: partial(trial, kind) for kind in MADE}
 
 
 def _of_code(found):
@@ -763,11 +748,9 @@ def _of_code(found):
     yield from (f"warning {words}" for words in dict.fromkeys(found.warned))
 
 
-def _of_limits(found, seconds, grown):
+def _of_limits(found, seconds):
     if found.seconds > SECONDS + 3 * seconds:
         yield f"{found.seconds:.1f} s, {seconds:.1f} s with the good file"
-    if grown > MEMORY:
-        yield f"{grown >> 20} MB more"
 
 
 def _of_words(found, case, then):
@@ -785,54 +768,3 @@ def _of_words(found, case, then):
         yield "a changed content is not seen"
     if then == 0 and found.code in (2, 3) and case.base in ("table", "batch", "state") and name not in found.err:
         yield f"exit {found.code} does not name {name}: {' '.join(lines)[:200]}"
-
-
-# --- command
-
-
-def _limited():
-    resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--kind", choices=KINDS, action="append")
-    parser.add_argument("--files", type=int, default=300, help="of each kind")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--only", metavar="KIND:NUMBER")
-    parser.add_argument("--write", metavar="FOLDER")
-    args = parser.parse_args()
-    if args.only:
-        kind, number = args.only.split(":")
-        if args.write:
-            Path(args.write).mkdir(parents=True, exist_ok=True)
-            rng = np.random.default_rng([int(number), list(KINDS).index(kind)])
-            print(KINDS[kind](rng, Path(args.write).resolve()))
-            return 0
-        found = tried(kind, int(number))
-        print(found.what, found.codes, *found.faults, sep="\n")
-        return int(bool(found.faults))
-    bad = 0
-    with ProcessPoolExecutor(args.jobs, initializer=_limited) as pool:
-        for kind in args.kind or KINDS:
-            numbers = [1000 * args.seed + k for k in range(args.files)]
-            codes, faults, wrong = Counter(), Counter(), 0
-            for number, found in zip(numbers, pool.map(partial(tried, kind), numbers, chunksize=5), strict=True):
-                codes.update(found.codes)
-                wrong += bool(found.faults)
-                for words in found.faults:
-                    faults[words.partition(": ")[2]] += 1
-                    if faults[words.partition(": ")[2]] == 1:
-                        print(f"{kind}:{number}  {found.what[:160]}\n      {words[:400]}", flush=True)
-            bad += wrong
-            print(
-                f"{kind}: {len(numbers)} files, {wrong} not clean; exit codes {dict(sorted(codes.items()))}", flush=True
-            )
-            print(*(f"  {n} x {words[:200]}" for words, n in faults.most_common(30)), sep="\n")
-    return int(bad > 0)
-
-
-if __name__ == "__main__":
-    fit.NotAvailable("")  # loads the lazy package before warnings are recorded
-    sys.exit(main())

@@ -123,7 +123,9 @@ def _numbers(where: str, kind: str, given: Mapping[str, object]) -> dict[str, fl
         values[name] = float(value)
     strange = sorted(set(given) - {*NUMBERS[kind], "distribution", "unit"})
     if strange:
-        raise UsageError(f"{where}: a {kind} prior has no {_shown(strange[0])}; it has {', '.join(NUMBERS[kind])} and unit.")
+        raise UsageError(
+            f"{where}: a {kind} prior has no {_shown(strange[0])}; it has {', '.join(NUMBERS[kind])} and unit."
+        )
     return values
 
 
