@@ -14,7 +14,7 @@ from ..core.arrays import Array
 from ..core.display import plot
 from ..core.errors import UsageError
 from ..core.figure_style import BLUE, DPI, GREY, LINE, ORANGE, RED, SMALL, TEXT, THICK, THIN, TITLE
-from ..core.plotting import NotebookFigure, whiskers
+from ..core.plotting import NotebookFigure, save_figure, whiskers
 from ..fit.many.pooling import WHOLE
 from .comparison import Comparison, largest_families
 from .result import Batch
@@ -48,7 +48,7 @@ def write_figures(comparison: Comparison, folder: Path, banner: str = "") -> lis
         path = folder / _free(f"exponents_{_plain(response)}_{_plain(factor)}", {path.stem.casefold() for path in made})
         figure = _figure(families, pairs, f"{response}", f"{factor}", comparison.level)
         figure.text(0.988, 1 - 0.1 / figure.get_figheight(), banner, fontsize=TITLE, color=RED, ha="right", va="top")
-        figure.savefig(path, dpi=DPI, metadata={"Software": None})
+        save_figure(figure, path, dpi=DPI, metadata={"Software": None})
         made.append(path)
     return made
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic_core import to_json
 
 from ..core.progress import grouped
+from ..core.text import spreadsheet_cell
 from ..core.verdict import NOT_JUDGED
 from ..datasets.vocabulary import ROLES
 from .attention import Attention, attention_frame, attention_summary, with_families
@@ -36,7 +37,6 @@ from .output_folder import claim, claimed, holds, put, retire
 from .pair_table import unknown_pairs, with_groups
 from .plan import Plan
 
-_FORMULA = re.compile(r"'*[=+\-@\t\r].", re.DOTALL)  # what a spreadsheet would compute
 _QUOTED = re.compile(r'[,"\n\r]')
 
 
@@ -152,7 +152,7 @@ def _number(value: object) -> str:
 
 
 def _text(value: str) -> str:
-    safe = f"'{value}" if _FORMULA.match(value) else value
+    safe = spreadsheet_cell(value)
     return f'"{safe.replace(chr(34), chr(34) * 2)}"' if _QUOTED.search(safe) else safe
 
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..core.display import draw_figure
 from ..core.figure_style import DPI, SMALL
-from ..core.plotting import Limit, NotebookFigure, Styles, edge_legend, mark_simulated
+from ..core.plotting import Limit, NotebookFigure, Styles, edge_legend, mark_simulated, save_figure
 from ..fit import LawFit, NotAvailable
 from ..fit.available import computed
 from ..fit.bayes.posterior import Posterior
@@ -152,7 +152,7 @@ def _note(ax: Axes, words: str) -> None:
 
 def _save(figure: Figure, path: Path) -> None:
     """Write a figure; where it cannot be rendered, a figure with the reason."""
-    found = computed(partial(figure.savefig, path, dpi=DPI, metadata={"Software": None}))
+    found = computed(partial(save_figure, figure, path, dpi=DPI, metadata={"Software": None}))
     if isinstance(found, NotAvailable):
         _save_note(f"{path.stem}: not drawn, as {found}", path)
 
@@ -161,7 +161,7 @@ def _save_note(words: str, path: Path) -> None:
     instead = NotebookFigure(figsize=(5.0, 2.0))
     FigureCanvasAgg(instead)
     _note(instead.add_subplot(), words)
-    instead.savefig(path, dpi=DPI, metadata={"Software": None})
+    save_figure(instead, path, dpi=DPI, metadata={"Software": None})
 
 
 def draw_dynamics(found: "Identification", folder: Path, caption: str = "") -> None:

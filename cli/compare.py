@@ -267,7 +267,8 @@ def _draw(comparisons: "list[FormComparison]", path: Path) -> None:
 
     from ..cards.figures import form_panels
     from ..core.files import write_whole
+    from ..core.plotting import save_figure
 
     held = BytesIO()
-    form_panels(comparisons).savefig(held, format=path.suffix.lower()[1:], dpi=110)
+    save_figure(form_panels(comparisons), held, format=path.suffix.lower()[1:], dpi=110)
     write_whole(path, held.getvalue())

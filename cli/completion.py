@@ -79,6 +79,7 @@ def _completer(action: argparse.Action, commands: tuple[str, ...]) -> Callable[.
 def _factors(args: argparse.Namespace) -> list[str]:
     """``V=`` and so on, of the laws of the parameter file on the line; all known symbols where it has none."""
     from ..core.errors import FitmodelsError
+    from ..core.text import printable
     from ..datasets.vocabulary import ROLES
 
     try:
@@ -87,7 +88,8 @@ def _factors(args: argparse.Namespace) -> list[str]:
         laws = read(args.file).laws
     except (AttributeError, TypeError, FitmodelsError):
         return [f"{name}=" for name in ROLES]
-    return [*(f"{name}=" for name in dict.fromkeys(f.symbol for law in laws.values() for f in law.factors)), *laws]
+    symbols = dict.fromkeys(f.symbol for law in laws.values() for f in law.factors)
+    return [name for name in (*(f"{name}=" for name in symbols), *laws) if printable(name) == name]
 
 
 def _roles(_: argparse.Namespace) -> list[str]:

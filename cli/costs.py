@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
+from ..core.text import printable
 from .arguments import Parser, pairs, parameter_file, traced
 from .output import output_options, print_json, print_lines
 
@@ -64,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json("costs", {"file": Path(args.file).name, "costs": section.model_dump()})
     elif args.quiet:
-        print(args.file)  # noqa: T201
+        print(printable(args.file))  # noqa: T201
     else:
         print_lines([*_sentences(section), f"Written: costs in {args.file}"])
     return 0

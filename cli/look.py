@@ -170,9 +170,10 @@ def _draw(runs: "Runs", path: Path) -> None:
     from io import BytesIO
 
     from ..core.files import write_whole
+    from ..core.plotting import save_figure
     from ..datasets.overview import overview_figure
 
     held, kind = BytesIO(), path.suffix.lower()[1:]
     named = {"png": "Software", "pdf": "Creator", "svg": "Creator"}[kind]
-    overview_figure(runs).savefig(held, format=kind, dpi=110, metadata={named: MADE_BY})
+    save_figure(overview_figure(runs), held, format=kind, dpi=110, metadata={named: MADE_BY})
     write_whole(path, held.getvalue())

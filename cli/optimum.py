@@ -110,9 +110,10 @@ def _draw(found: "EconomicSettings", path: Path) -> None:
     from io import BytesIO
 
     from ..core.files import write_whole
+    from ..core.plotting import save_figure
 
     held = BytesIO()
-    found.plot().figure.savefig(held, format=path.suffix[1:].lower(), dpi=160)
+    save_figure(found.plot().figure, held, format=path.suffix[1:].lower(), dpi=160)
     write_whole(path, held.getvalue())
 
 

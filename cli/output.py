@@ -1,6 +1,5 @@
 """Results to standard output, as text through rich or as JSON; messages to standard error."""
 
-import json
 import os
 import re
 import sys
@@ -10,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from ..core.text import cut_words, json_text, printable, printable_message
 from ..core.verdict import MARKS
 
 if TYPE_CHECKING:
@@ -78,11 +78,17 @@ class Printer:
             self._print(block)
             return
         for path in paths:
-            _write(f"{path}\n")
+            _write(f"{printable(str(path))}\n")
 
     def _print(self, block: "RenderableType") -> None:
+        """Print a block; its escape sequences are those of rich, for text of a file has none."""
+        from rich.segment import Segment, Segments
+
+        shown = (
+            Segment(cut_words(printable(text)), style, control) for text, style, control in self._console.render(block)
+        )
         with self._console.capture() as captured:
-            self._console.print(block, crop=False)  # commands may be longer than a line
+            self._console.print(Segments(shown), crop=False)  # commands may be longer than a line
         text = "\n".join(line.rstrip() for line in captured.get().split("\n"))
         _write(text.translate(IN_ASCII) if self.ascii else text)
 
@@ -114,13 +120,13 @@ def print_lines(lines: Iterable[str], *, quiet: bool = False) -> None:
 def print_json(schema: str, facts: Mapping[str, Any], version: int = 1) -> None:
     """Print facts as JSON, with the schema ``fitmodels.<schema>/<version>`` first."""
     report = {"schema": f"fitmodels.{schema}/{version}", **facts}
-    print(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))  # noqa: T201
+    print(json_text(report, indent=2))  # noqa: T201
 
 
 def complain(sentence: str) -> None:
     """Print on standard error what went wrong, with options of the command in place of Python arguments."""
     named = NAMED.sub(lambda found: f"{_option(found[1])} ", FUNCTION.sub("", sentence))
-    sys.stderr.write(f"fitmodels: {as_options(named)}\n")
+    sys.stderr.write(f"fitmodels: {printable_message(as_options(named))}\n")
 
 
 OPTIONS: Final = {  # names of arguments in Python, and of options where these differ by more than hyphens

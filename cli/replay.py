@@ -153,12 +153,14 @@ def _drawn(results: "list[Replayed]", folder: Path) -> list[Path]:
     """Figures as files, each written whole over the last of its name."""
     import io
 
+    from ..core.plotting import save_figure
+
     names = []
     for one in results:
         for name, figure in one.figures.items():
             folder.mkdir(parents=True, exist_ok=True)
             with io.BytesIO() as content:
-                figure.savefig(content, format="png", dpi=110, metadata={"Software": None})
+                save_figure(figure, content, format="png", dpi=110, metadata={"Software": None})
                 write_whole(folder / f"{name}.png", content.getvalue())
             names.append(folder / f"{name}.png")
     return names

@@ -388,11 +388,11 @@ def _picture(tuned: "TunedPi", step: float, *, simulated: bool = False) -> bytes
     from io import BytesIO
 
     from ..core.figure_style import DPI
-    from ..core.plotting import mark_simulated
+    from ..core.plotting import mark_simulated, save_figure
     from ..ident.pi.figures import tuning_figure
 
     out, figure = BytesIO(), tuning_figure(tuned, step)
     if simulated:
         mark_simulated(figure)
-    figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None})
+    save_figure(figure, out, format="png", dpi=DPI, metadata={"Software": None})
     return out.getvalue()

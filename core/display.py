@@ -167,10 +167,11 @@ def draw_figure(result: object, kind: str | None = None, ax: Any = None, **optio
     UsageError
         No such kind or option, or ``ax`` is no Axes.
     """
-    from .plotting import checked_axes
+    from .plotting import checked_axes, with_plain_texts
 
     _load("figures", type(result).__module__)
-    return drawing_of(result, kind, options)(result, checked_axes(ax), **options)
+    drawn = drawing_of(result, kind, options)(result, checked_axes(ax), **options)
+    return drawn if ax is not None else with_plain_texts(drawn)
 
 
 class HasRepr:

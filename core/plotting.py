@@ -7,6 +7,7 @@ own figures have none until pyplot gives them one, and its axes never do.
 
 import sys
 import threading
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from io import BytesIO
@@ -19,11 +20,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator
+from matplotlib.text import Text
+from matplotlib.ticker import LogFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from .errors import UsageError
 from .figure_style import BLUE, DOT, GREY, LIGHT, LINE, MARKERS, RED, SERIES, SMALL, TEXT, THIN, TITLE
+from .text import printable
 
 SHARP = 2  # pixels drawn for each that is laid out: screens of notebooks are fine
 CONSTANT = 1e-9  # relative spread of a surface below which there are no contours
@@ -42,9 +45,40 @@ MOST = 60  # estimates in one picture
 def png(figure: Any) -> tuple[bytes, dict[str, int]]:  # noqa: ANN401  Figure or SubFigure
     """A figure as a PNG and the size it is shown at, as notebooks take it."""
     held, whole = BytesIO(), figure.figure
-    whole.savefig(held, format="png", dpi=SHARP * whole.dpi)
+    save_figure(whole, held, format="png", dpi=SHARP * whole.dpi)
     width, height = (round(side * whole.dpi) for side in whole.get_size_inches())
     return held.getvalue(), {"width": width, "height": height}
+
+
+def save_figure(figure: Figure, file: Any, **options: Any) -> None:  # noqa: ANN401  path or stream
+    """Write a figure by `Figure.savefig`; names in it are drawn as `plain_texts` does."""
+    plain_texts(figure)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)  # drawn as an empty box
+        figure.savefig(file, **options)
+
+
+def plain_texts(figure: Any) -> None:  # noqa: ANN401  Figure or SubFigure
+    """Have the names in a figure drawn as they are: ``$`` begins no mathematics, and what is not shown gets a mark."""
+    powers = {
+        label
+        for ax in figure.axes
+        for axis in (ax.xaxis, ax.yaxis)
+        if isinstance(axis.get_major_formatter(), LogFormatter)
+        for label in axis.get_ticklabels(which="both")
+    }
+    for text in figure.findobj(Text):
+        words = text.get_text()
+        if text not in powers and "$" in words:
+            text.set_parse_math(False)
+        if (shown := printable(words)) != words:
+            text.set_text(shown)
+
+
+def with_plain_texts(drawn: Any) -> Any:  # noqa: ANN401  Axes, or an array of them
+    """The same axes, the names in their figure drawn as they are."""
+    plain_texts((drawn.ravel()[0] if isinstance(drawn, np.ndarray) else drawn).figure)
+    return drawn
 
 
 HALO: Any = [withStroke(linewidth=2.0, foreground="white", alpha=0.8)]

@@ -12,6 +12,8 @@ from threading import Event, Thread
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
+from .text import one_line
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -175,7 +177,7 @@ def _lines(meter: Meter, ended: Event) -> None:
     while not ended.wait(pause):
         line = meter.line()
         if line:
-            sys.stderr.write(f"{line}\n")
+            sys.stderr.write(f"{one_line(line)}\n")
             sys.stderr.flush()
         pause = BETWEEN_LINES
 
@@ -187,7 +189,7 @@ def _bar(meter: Meter, ended: Event) -> None:
         task = bar.add_task("", total=None, counted="", pace="")
         while not ended.wait(0.1):
             bar.update(
-                task, description=meter.words, total=meter.total or None, completed=meter.done,
+                task, description=one_line(meter.words), total=meter.total or None, completed=meter.done,
                 counted=meter.counted(), pace=meter.pace(),
             )  # fmt: skip
 
@@ -207,7 +209,7 @@ def status_line() -> Callable[[str], None]:
 
 def _terminal_line(text: str) -> None:
     if sys.stderr.isatty():
-        sys.stderr.write(f"\x1b[2K{text}\r")  # the cursor goes back: what is written next stands in its place
+        sys.stderr.write(f"\x1b[2K{one_line(text)}\r")  # the cursor goes back: what is written next stands in its place
         sys.stderr.flush()
 
 

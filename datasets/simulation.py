@@ -13,7 +13,9 @@ from ..core.arrays import is_positive
 from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
 from ..core.files import write_whole
+from ..core.text import printable, spreadsheet_cell
 from .design import round_significant
+from .tables.numerals import parse_number
 
 MOST_ROWS = 10_000_000
 USUAL_UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
@@ -272,14 +274,27 @@ def write_csv(
 
     """
     known = frame.attrs.get("units", {}) if units is None else units
-    header = [f"{c} [{known[c]}]" if c in known else str(c) for c in frame.columns]
-    lines = [f"# {line}".rstrip() for note in notes for line in note.splitlines()]
-    body = frame.to_csv(index=False, header=header, lineterminator="\n", float_format=_shortest)
+    header = [spreadsheet_cell(f"{c} [{known[c]}]" if c in known else str(c)) for c in frame.columns]
+    lines = [f"# {printable(line)}".rstrip() for note in notes for line in note.splitlines()]
+    body = _without_formulas(frame).to_csv(index=False, header=header, lineterminator="\n", float_format=_shortest)
     text = "".join(f"{line}\n" for line in lines) + body
     if not isinstance(path_or_buffer, str | Path):
         path_or_buffer.write(text)
         return
     write_whole(path_or_buffer, text)
+
+
+def _without_formulas(frame: pd.DataFrame) -> pd.DataFrame:
+    """The frame with its texts as a spreadsheet may open them; a text that is a number stays as it is."""
+    safe = frame.copy()
+    for place, kind in enumerate(frame.dtypes):
+        if not pd.api.types.is_numeric_dtype(kind):
+            safe.isetitem(place, frame.iloc[:, place].map(_text_cell))
+    return safe
+
+
+def _text_cell(value: object) -> object:
+    return spreadsheet_cell(value) if isinstance(value, str) and parse_number(value, "point") is None else value
 
 
 def _shortest(value: object) -> str:

@@ -1,6 +1,5 @@
 """The parameter file: its class, and reading and writing it; an incomplete file is never left behind."""
 
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ from ..core.errors import ParameterError
 from ..core.files import cause, write_whole
 from ..core.journal import only_writer, recover, write_together
 from ..core.suggestions import near_path
+from ..core.text import json_text
 from .file_format import REMEDY, SCHEMA, content_sha256, migrated
 from .messages import schema_message
 from .sections.base import Section, Sha256
@@ -323,7 +323,7 @@ def _content(data: dict[str, Any], name: str) -> tuple[bytes, ParameterFile]:
     try:
         renewed = {**data, "content_sha256": None}
         renewed["content_sha256"] = content_sha256(renewed)
-        content = (json.dumps(renewed, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+        content = (json_text(renewed, indent=2) + "\n").encode()
     except (TypeError, ValueError, RecursionError) as error:
         raise ParameterError(f"{name}: a section has a value that JSON cannot represent: {error}.") from None
     if len(content) > LARGEST:

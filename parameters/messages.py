@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..core.text import shortened
+
 if TYPE_CHECKING:
     from pydantic import ValidationError
     from pydantic_core import ErrorDetails
@@ -59,7 +61,7 @@ def json_path(location: Sequence[str | int], data: object) -> str:
             continue
         if known:
             here = here[step]  # type: ignore[index]
-        path += f"[{step}]" if isinstance(step, int) else f".{short_name(step)}"
+        path += f"[{step}]" if isinstance(step, int) else f".{shortened(step)}"
     return path.removeprefix(".")
 
 
@@ -69,21 +71,15 @@ def _holds(here: object, step: str | int) -> bool:
     return isinstance(here, list | tuple) and step < len(here)
 
 
-def short_name(text: str, limit: int = 40) -> str:
-    """A name shortened for a message, on one line."""
-    text = "".join(c if c.isprintable() else "?" for c in text[: limit + 1])
-    return text if len(text) <= limit else text[: limit - 3] + "..."
-
-
 def short(value: object, limit: int = 40) -> str:
     """A value shortened for a message: text in quotes, anything else as in JSON."""
     if isinstance(value, str):
-        return f"'{short_name(value, limit)}'"
+        return f"'{shortened(value, limit)}'"
     if isinstance(value, list | tuple | Mapping):
         return "an object" if isinstance(value, Mapping) else "a list"
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
-    return short_name(repr(value), limit)
+    return shortened(repr(value), limit)
 
 
 SHOWN = 4  # fields of a difference that are named; the others are counted

@@ -7,6 +7,7 @@ import json
 import sys
 from typing import Any, Final
 
+from ...core.text import escaped
 from ...parameters.json_schema import DIALECT
 from ..content.card import Card
 
@@ -21,7 +22,7 @@ def as_json(card: Card) -> str:
     >>> as_json(compose(parameters.collect(tool="GC435", work="709M40"))).splitlines()[1]
     ' "schema": "fitmodels.card/7",'
     """
-    return card.model_dump_json(by_alias=True, indent=1) + "\n"
+    return escaped(card.model_dump_json(by_alias=True, indent=1)) + "\n"
 
 
 def json_schema() -> dict[str, Any]:

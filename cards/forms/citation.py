@@ -1,12 +1,12 @@
 """Citation of a card: CITATION.cff (version 1.2.0) and .zenodo.json."""
 
 import html
-import json
 import re
 from dataclasses import dataclass
 from typing import Any
 
 from ...core.errors import UsageError
+from ...core.text import json_text
 from ..content.card import Card
 from .front_matter import KINDS, yaml_text
 
@@ -102,7 +102,7 @@ def zenodo_json(card: Card) -> str:
         "doi": p.doi,
     }
     given = {name: value for name, value in said.items() if value}
-    return json.dumps(given, ensure_ascii=False, indent=1) + "\n"
+    return json_text(given, indent=1) + "\n"
 
 
 def _authors(card: Card) -> list[Author]:

@@ -1,10 +1,10 @@
 """The card as linked data: a schema.org Dataset of the measurements, and a CreativeWork of the model made from it."""
 
-import json
 import re
 from collections.abc import Iterator
 from typing import Any
 
+from ...core.text import json_text
 from ..content.card import Card
 from ..content.parts import FactorRangePart
 from .citation import author
@@ -23,7 +23,7 @@ def json_ld(card: Card) -> str:
     False
     """
     said = [*_dataset(card), _model(card)]
-    text = json.dumps({"@context": CONTEXT, "@graph": said}, ensure_ascii=False, indent=1, allow_nan=False)
+    text = json_text({"@context": CONTEXT, "@graph": said}, indent=1)
     for letter in RAW_IN_A_SCRIPT:
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     return text + "\n"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from ...core.display import TextTable
+from ...core.text import one_line, printable
 from ...core.verdict import DO_NOT_USE, MARKS, RESERVATIONS
 from ..content.card import Card
 from ..content.numbers import ends_words, fact_line, fact_text, quantity
@@ -43,7 +44,6 @@ TAG = re.compile(r"<(?![\d ])")  # <0.001 is no tag
 LEAD = re.compile(r"^(?:(\d+)(?=[.)](?:\s|$))|(?=[-+](?:[\s-]|$)|=+$))")
 NO_PREDICTION = "No prediction: this law must not be used."
 OUTSIDE = f"{MARKS[RESERVATIONS].icon} outside the tested region: extrapolated"
-UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")  # control and bidirectional characters
 
 
 def card_markdown(card: Card) -> str:
@@ -67,16 +67,7 @@ def card_markdown(card: Card) -> str:
     True
     """
     head = yaml_text(hub_metadata(card))
-    return _template().render(card=card, head=head, example=_example(card), fitted_to=_fitted_to(card))
-
-
-def one_line(value: object) -> str:
-    r"""Text on one line, without invisible characters.
-
-    >>> one_line("a\n\n b\x1b")
-    'a b�'
-    """
-    return UNSEEN.sub("\N{REPLACEMENT CHARACTER}", " ".join(str(value).split()))
+    return printable(_template().render(card=card, head=head, example=_example(card), fitted_to=_fitted_to(card)))
 
 
 def text(value: object) -> str:

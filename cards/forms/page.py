@@ -14,6 +14,7 @@ from ...core.display import Display, Displayable, TextTable
 from ...core.errors import UsageError
 from ...core.rounding import format_plain, format_rounded, with_unit
 from ...core.suggestions import did_you_mean
+from ...core.text import printable
 from ...fit import LawFit
 from ...parameters import ParameterFile, collect, read
 from ..content.card import Card, compose
@@ -93,7 +94,7 @@ def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "",
     figures = vector_figures(card, pf)
     style = asset("page.css") + _running_title(card.title)
     script = asset("profiler.js")
-    return _template().render(
+    page = _template().render(
         **profiler_context(card),
         figures=figures,
         contents=_contents(card),
@@ -104,6 +105,7 @@ def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "",
         json_ld=data_block(json_ld),
         neighbours=neighbours,
     )
+    return printable(page)
 
 
 def profiler_context(card: Card) -> dict[str, object]:
@@ -163,13 +165,14 @@ class Profiler(Displayable):
     def page(self) -> str:
         """The page in the frame: one HTML file that makes no requests."""
         style, script = asset("page.css") + WIDGET_STYLE, asset("profiler.js")
-        return _template("widget.html").render(
+        page = _template("widget.html").render(
             **profiler_context(self.card),
             style=Markup(style),  # noqa: S704  our own
             script=Markup(script),  # noqa: S704  our own
             style_hash=checksum(style),
             script_hash=checksum(script),
         )
+        return printable(page)
 
     def write(self, path: str | os.PathLike[str]) -> Path:
         """Write the page to a file and return its path."""

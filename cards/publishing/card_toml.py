@@ -13,8 +13,9 @@ from ...core.bounded import parse_toml, read_bounded
 from ...core.errors import DataError
 from ...core.files import cause
 from ...core.suggestions import closest
+from ...core.text import shortened
 from ...parameters import ParameterFile
-from ...parameters.messages import schema_message, short, short_name
+from ...parameters.messages import schema_message, short
 from ...parameters.sections.origin import IdentitySection, Sensor
 from ..content.identity import checksum
 from ..content.parts import PublicationPart
@@ -25,6 +26,9 @@ TEXTS = ("license", "contact", "doi", "title", "machine", "iso513", "setup", "no
 LISTS = ("authors", "keywords")
 KEYS = (*TEXTS, *LISTS, "sensors", "tool_properties")
 SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*(?: (?:AND|OR|WITH) [A-Za-z0-9][A-Za-z0-9.+-]*)*")
+SCHEMES = ("https", "http", "mailto", "orcid", "doi")  # of addresses
+LABELS = ("email", "e-mail", "mail", "tel", "tel.", "phone", "fax", "fax.", "web")  # as in Tel.:+49 711 1234
+SCHEME = re.compile(r"(?<![\w.+-])(?:([A-Za-z][A-Za-z0-9.+-]{0,60}):(?=\S)|((?:java|vb)script)\s*:)", re.I)
 DOI = re.compile(r"(?:https?://(?:dx\.)?doi\.org/|doi:)?\s*(10\.\d{4,9}/\S+)")
 
 
@@ -84,7 +88,7 @@ class PublicationMetadata:
             return False
         if there != here:
             raise DataError(
-                f"{self.name}: {short_name(name)} is {short(here)}, but the parameter file has {short(there)}; remove "
+                f"{self.name}: {shortened(name)} is {short(here)}, but the parameter file has {short(there)}; remove "
                 "it here, or fit again with the correct value."
             )
         return True
@@ -141,8 +145,8 @@ def read_toml(path: str | os.PathLike[str], above: str | os.PathLike[str] | None
     return PublicationMetadata(
         publication=PublicationPart(
             license=_matched(texts["license"], SPDX, "license", "an SPDX identifier such as CC-BY-4.0", name),
-            authors=_texts(data, "authors", name),
-            contact=texts["contact"],
+            authors=tuple(_addressed(each, "authors", name) for each in _texts(data, "authors", name)),
+            contact=_addressed(texts["contact"], "contact", name),
             doi=_matched(texts["doi"], DOI, "doi", "a DOI such as 10.5281/zenodo.1234567", name),
             title=texts["title"],
             keywords=_texts(data, "keywords", name),
@@ -204,6 +208,18 @@ def _matched(value: str, form: re.Pattern[str], key: str, what: str, name: str) 
     if value and found is None:
         raise DataError(f"{name}: {key} {short(value)} is not {what}.")
     return "" if found is None else found[found.lastindex or 0]
+
+
+def _addressed(value: str, key: str, name: str) -> str:
+    """A text whose addresses, if any, are of the web or of mail; DataError for another scheme, such as javascript."""
+    for found in SCHEME.finditer(value):
+        scheme = found[1] or found[2]
+        if scheme.lower() not in (*SCHEMES, *LABELS):
+            raise DataError(
+                f"{name}: {key} {short(value)} has an address that begins with {short(scheme + ':')}; give an e-mail "
+                f"address, or one that begins with {', '.join(SCHEMES)}."
+            )
+    return value
 
 
 def _of_identity(data: Mapping[str, Any], texts: Mapping[str, str], name: str) -> dict[str, Any]:

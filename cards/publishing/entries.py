@@ -10,14 +10,17 @@ p values (Holm 1979, Scand. J. Statist. 6, 65) keep the chance of a single wrong
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
+from ...core.text import printable
 from ...parameters import ParameterFile
 from ..content.card import Card
 from ..content.laws import degrees
 from ..content.parts import LawPart, NumberPart, Part
+
+Shown = Annotated[str, AfterValidator(printable)]  # alike on the pages, in their data and in the list
 
 
 class ExponentEntry(Part):
@@ -26,8 +29,8 @@ class ExponentEntry(Part):
     ``se`` and ``df`` are None where the law has no interval; ``unit`` is empty of an exponent.
     """
 
-    factor: str
-    unit: str = ""
+    factor: Shown
+    unit: Shown = ""
     estimate: NumberPart
     low: NumberPart
     high: NumberPart
@@ -38,12 +41,12 @@ class ExponentEntry(Part):
 class LawEntry(Part):
     """A law of a card; ``verdict`` states how far it can be used."""
 
-    response: str
+    response: Shown
     verdict: str = ""
-    quantity: str
-    unit: str
-    form: str
-    equation: str
+    quantity: Shown
+    unit: Shown
+    form: Shown
+    equation: Shown
     exponents: tuple[ExponentEntry, ...] = ()
 
 
@@ -55,23 +58,23 @@ class CardEntry(Part):
     """
 
     slug: str
-    title: str
+    title: Shown
     verdict: str = ""  # the worst of its results
-    summary: str
-    tool: str
-    work: str
-    iso513: str = ""
-    machine: str = ""
+    summary: Shown
+    tool: Shown
+    work: Shown
+    iso513: Shown = ""
+    machine: Shown = ""
     simulated: bool
-    created: str = ""
+    created: Shown = ""
     rows: int | None = None
-    license: str = ""
+    license: Shown = ""
     laws: tuple[LawEntry, ...] = ()
     dynamics: bool = False
     content_sha256: str
     data_sha256: str = ""
     files: dict[str, str] = Field(default_factory=dict)
-    gaps: tuple[str, ...] = ()
+    gaps: tuple[Shown, ...] = ()
 
     @property
     def href(self) -> str:

@@ -3,7 +3,6 @@
 For programs, the Atom feed of the site (RFC 4287) and its list of cards.
 """
 
-import json
 import re
 import uuid
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from xml.etree import ElementTree as ET
 
 from markupsafe import Markup, escape
 
+from ...core.text import json_text, printable
 from ...core.verdict import MARKS
 from ...core.version import __version__
 from ..forms.markdown import text
@@ -72,7 +72,7 @@ def compare_page(entries: Sequence[CardEntry], title: str, *, draft: bool = Fals
     >>> "Compare exponents" in compare_page([], "Cards")
     True
     """
-    data = json.dumps(exponents_data(entries), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    data = json_text(exponents_data(entries), separators=(",", ":"))
     more = {"choices": _choices(entries), "tables": tables(entries), "data": data_block(data)}
     return _page("site_compare", title, entries, draft=draft, **more)
 
@@ -116,22 +116,20 @@ def _capital(sentence: str) -> str:
 def _page(name: str, title: str, entries: Sequence[CardEntry], **more: object) -> str:
     style = asset("page.css") + asset("site.css")
     script = asset(f"{name}.js")
-    return (
-        _environment()
-        .get_template(f"{name}.html")
-        .render(
-            title=title,
-            entries=entries,
-            marks={mark.words: mark for mark in MARKS.values()},
-            simulated=sum(e.simulated for e in entries),
-            gaps=sum(bool(e.gaps) for e in entries),
-            style=Markup(style),  # noqa: S704  our own
-            script=Markup(script),  # noqa: S704  our own
-            style_hash=checksum(style),
-            script_hash=checksum(script),
-            **more,
-        )
+    template = _environment().get_template(f"{name}.html")
+    page = template.render(
+        title=title,
+        entries=entries,
+        marks={mark.words: mark for mark in MARKS.values()},
+        simulated=sum(e.simulated for e in entries),
+        gaps=sum(bool(e.gaps) for e in entries),
+        style=Markup(style),  # noqa: S704  our own
+        script=Markup(script),  # noqa: S704  our own
+        style_hash=checksum(style),
+        script_hash=checksum(script),
+        **more,
     )
+    return printable(page)
 
 
 def _choices(entries: Sequence[CardEntry]) -> dict[str, list[tuple[str, str]]]:
@@ -180,7 +178,7 @@ def atom_feed(entries: Sequence[CardEntry], title: str, *, draft: bool = False) 
     _add(top, "title", f"{'Draft: ' if draft else ''}{title}")
     _add(top, "subtitle", f"Model cards, newest first. Cards without a date are dated {UNDATED[:10]}.")
     _add(top, "updated", max((date for date, _ in dated), default=UNDATED))
-    ET.SubElement(_add(top, "author"), "name").text = _clean(title)
+    ET.SubElement(_add(top, "author"), "name").text = printable(title)
     _add(top, "generator", "fitmodels")
     _add(top, "link", rel="self", href="atom.xml", type="application/atom+xml")
     _add(top, "link", rel="alternate", href="index.html", type="text/html")
@@ -213,18 +211,13 @@ def _entry(top: ET.Element, e: CardEntry, date: str, mark: str) -> None:
     _add(item, "link", rel="alternate", href=e.href, type="text/html")
     _add(item, "summary", e.summary)
     for term in (e.tool, e.work, *([f"ISO 513 {e.group}"] if e.group else [])):
-        _add(item, "category", term=_clean(term))
+        _add(item, "category", term=printable(term))
 
 
 def _add(parent: ET.Element, name: str, text: str | None = None, **attributes: str) -> ET.Element:
     element = ET.SubElement(parent, name, attributes)
-    element.text = None if text is None else _clean(text)
+    element.text = None if text is None else printable(text)
     return element
-
-
-def _clean(text: str) -> str:
-    """Text without the characters that XML 1.0 excludes."""
-    return "".join(c if (c >= " " and c not in "\ufffe\uffff") or c in "\t\n\r" else "\ufffd" for c in text)
 
 
 def card_list(entries: Sequence[CardEntry], title: str, *, draft: bool = False) -> bytes:
@@ -232,9 +225,10 @@ def card_list(entries: Sequence[CardEntry], title: str, *, draft: bool = False) 
 
     Examples
     --------
+    >>> import json
     >>> json.loads(card_list([], "Cards"))["cards"]
     []
     """
     cards = [{"href": e.href, **e.model_dump(mode="json")} for e in entries]
     facts = {"schema": SCHEMA, "title": title, "fitmodels": __version__, "draft": draft, "cards": cards}
-    return (json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    return (json_text(facts, indent=1) + "\n").encode()

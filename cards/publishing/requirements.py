@@ -4,11 +4,11 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from ...core.text import one_line
 from ...datasets.vocabulary import UNNAMED
 from ...parameters import ParameterFile
 from ...parameters.checks import check
 from ..content.card import Card
-from ..forms.markdown import one_line
 
 SENSOR_EXAMPLE = (
     "[[sensors]]",

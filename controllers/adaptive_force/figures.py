@@ -29,7 +29,7 @@ def depths_figure(runs: Sequence["ForceRun"], others: Sequence["ForceRun"] = (),
         force, error, feed = grid[:, column]
         point, depth = run.settings.set_point, run.depths[0][1]
         force.plot(run.trace.time, run.trace.measurement, color="0.82", lw=THIN, label="reading")
-        force.plot(run.trace.time, run.trace.reference, color=GREY, lw=THIN, ls="--", label="$F_d$")
+        force.plot(run.trace.time, run.trace.reference, color=GREY, lw=THIN, ls="--", label="F_d")
         for one in (run, *others[column : column + 1]):
             _line(force, one, one.force)
             _line(error, one, 100 * (one.force - point) / point)
@@ -80,14 +80,13 @@ def lyapunov_figure(run: "ForceRun") -> Figure:
     upper.legend(loc="lower right")
     recorded, plant = run.trace.recorded, run.plant
     true = {"m": plant.m, "alpha": plant.m * plant.c + plant.d, "beta": plant.d * plant.c}
-    for (name, value), colour in zip(true.items(), (GREEN, ORANGE, BLUE), strict=True):
-        word = name if name == "m" else f"\\{name}"
-        lower.plot(time, recorded[name] * recorded["k"] / value, color=colour, lw=LINE, label=f"${word}$")
+    for (name, value), colour, word in zip(true.items(), (GREEN, ORANGE, BLUE), "mαβ", strict=True):
+        lower.plot(time, recorded[name] * recorded["k"] / value, color=colour, lw=LINE, label=word)
     lower.axhline(1.0, color=GREY, lw=THIN, ls="--")
     lower.set(xlabel="time [s]", ylabel="estimate over its true value")
     lower.legend(ncols=3, loc="upper right")
     figure.suptitle(
-        "Simulated: V and the estimates; a step of depth changes the true values, a constant $F_d$ excites beta only",
+        "Simulated: V and the estimates; a step of depth changes the true values, a constant F_d excites beta only",
     )
     return figure
 

@@ -9,6 +9,7 @@ from textwrap import wrap
 from typing import Final
 
 from ...parameters.exports.loop import LoadLoop
+from ...parameters.exports.names import c_text
 from ...parameters.exports.view import ExportView
 from ..constant_load_milling.states import states_of
 from ..gate import GatedControl
@@ -112,11 +113,6 @@ def head_lines(view: ExportView, title: str, words: tuple[str, ...]) -> tuple[st
 def c_comment(lines: tuple[str, ...]) -> str:
     """A C comment of these lines."""
     return "/*\n" + "".join(f" * {c_text(line)}\n" for line in lines) + " */\n"
-
-
-def c_text(words: str) -> str:
-    """Text that neither ends a C comment nor begins another, continues a line or spells a trigraph."""
-    return "".join(c if c.isascii() and (c.isalnum() or c in " ._+-/,:;=^()%") else "_" for c in words)
 
 
 def with_settings(name: str, declared: str, before: str, defined: str) -> str:

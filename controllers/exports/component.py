@@ -11,8 +11,9 @@ import numpy as np
 from ...core.errors import GateError
 from ...datasets.units import canonical, convert, is_unit, same_dimension
 from ...parameters.exports.loop import LoadLoop
+from ...parameters.exports.names import c_text
 from ..gate import GatedControl
-from .c_source import c_controller, c_head, c_text
+from .c_source import c_controller, c_head
 from .fmu import ControlSource, Variable
 
 COMPONENT: Final = "fm_control"

@@ -5,7 +5,6 @@ brings the header files of the standard, as it demands.
 """
 
 from dataclasses import dataclass
-from html import escape
 from io import BytesIO
 from pathlib import Path
 from typing import Final
@@ -13,7 +12,7 @@ from uuid import NAMESPACE_URL, uuid5
 from zipfile import ZipFile, ZipInfo
 
 from ...parameters.exports.loop import LoadLoop
-from ...parameters.exports.ssv import si_unit
+from ...parameters.exports.ssv import si_unit, xml_text
 from ...parameters.exports.view import ExportView
 from ..gate import GatedControl
 from .c_source import c_controller, c_file, c_head
@@ -170,8 +169,8 @@ def _description(
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         f'<fmiModelDescription fmiVersion="2.0" modelName="{source.model}" guid="{guid}" version="{view.checksum}"\n'
-        f'    generationTool="{_text(view.made_by)}" variableNamingConvention="flat"\n'
-        f'    description="{_text(about)}">\n'
+        f'    generationTool="{xml_text(view.made_by)}" variableNamingConvention="flat"\n'
+        f'    description="{xml_text(about)}">\n'
         f'  <CoSimulation modelIdentifier="{source.model}" canHandleVariableCommunicationStepSize="false"\n'
         '      canGetAndSetFMUstate="true" canSerializeFMUstate="true" canNotUseMemoryManagementFunctions="true">\n'
         '    <SourceFiles><File name="fmi2.c"/></SourceFiles>\n  </CoSimulation>\n'
@@ -190,7 +189,7 @@ def _units(variables: tuple[Variable, ...]) -> str:
         found = si_unit(name)
         if found is not None:
             powers = "".join(f' {base}="{power}"' for base, power in found.powers)
-            lines += f'    <Unit name="{_text(name)}"><BaseUnit{powers} factor="{found.factor!r}"/></Unit>\n'
+            lines += f'    <Unit name="{xml_text(name)}"><BaseUnit{powers} factor="{found.factor!r}"/></Unit>\n'
     return f"  <UnitDefinitions>\n{lines}  </UnitDefinitions>\n" if lines else ""
 
 
@@ -198,14 +197,9 @@ def _variable(variable: Variable) -> str:
     v, known = variable, si_unit(variable.unit) is not None if variable.unit else False
     initial = ' initial="exact"' if v.causality == "output" else ""
     discrete = "" if v.kind == "Real" and v.causality == "input" else ' variability="discrete"'
-    unit = f' unit="{_text(v.unit)}"' if known else ""
+    unit = f' unit="{xml_text(v.unit)}"' if known else ""
     words = f"{v.words}, in {v.unit}" if v.unit and not known else v.words
     return (
         f'    <ScalarVariable name="{v.name}" valueReference="{v.reference}" causality="{v.causality}"'
-        f'{discrete}{initial} description="{_text(words)}"><{v.kind} start="{v.start}"{unit}/></ScalarVariable>\n'
+        f'{discrete}{initial} description="{xml_text(words)}"><{v.kind} start="{v.start}"{unit}/></ScalarVariable>\n'
     )
-
-
-def _text(text: str) -> str:
-    """A value between double quotes."""
-    return escape("".join(c if c.isprintable() else "_" for c in text), quote=True)

@@ -12,6 +12,7 @@ from typing import Final
 
 from ...core.errors import GateError
 from ...parameters.exports.loop import LoadLoop
+from ...parameters.exports.names import c_text
 from ..constant_load_milling.controller import (
     OVERLOAD_MEAN,
     REST_SHARE,
@@ -22,7 +23,7 @@ from ..constant_load_milling.controller import (
 )
 from ..constant_load_milling.states import STATES, states_of
 from ..gate import GatedControl
-from .c_source import TITLES, c_text
+from .c_source import TITLES
 from .fmu import Variable
 
 LONGEST_NAME = 30  # significant characters of a name in older controllers

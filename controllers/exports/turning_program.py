@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 from ...core.errors import GateError, UsageError
 from ...core.version import __version__
 from ...parameters.checks.report import require_verdicts
-from ...parameters.exports.names import plain, plain_lines, plain_unit
+from ...parameters.exports.names import gcode_text, plain, plain_lines, plain_unit
 from ...parameters.exports.view import NO_SAFETY, require_check
 from ...parameters.file_format import content_sha256
 from ..recursion.from_file import require_checked, require_near_tests
@@ -236,8 +236,7 @@ class _Linuxcnc:
         return []
 
     def comment(self, words: str) -> str:
-        kept = "".join(c if c.isascii() and (c.isalnum() or c in " ._+-/,=^%[]") else "_" for c in _unmarked(words))
-        return f"(fm - {kept.replace('%', 'percent')})"
+        return f"(fm - {gcode_text(_unmarked(words).replace('%', 'percent'))})"
 
     def modes(self) -> list[str]:
         return [f"{'G20' if self.job.inch else 'G21'} G18 G7 G40 G80 G90", *self.tool()]

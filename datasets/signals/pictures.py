@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from ...core.arrays import Array
 from ...core.figure_style import BLUE, GREEN, GREY, LINE, ORANGE, SMALL, THIN
-from ...core.plotting import NotebookFigure
+from ...core.plotting import NotebookFigure, save_figure
 from ...core.rounding import count
 from ..vocabulary import ROLES
 from .cuts import CutsFound
@@ -44,7 +44,7 @@ def record_picture(
     figure.subplots_adjust(left=0.08, right=0.99, bottom=min(0.25, 0.5 / figure.get_figheight()), hspace=0.12,
                            top=1 - 0.3 / figure.get_figheight())  # fmt: skip
     held = BytesIO()
-    figure.savefig(held, format="png", dpi=100)
+    save_figure(figure, held, format="png", dpi=100)
     return held.getvalue()
 
 

@@ -5,14 +5,10 @@ import unicodedata
 from collections import Counter
 from collections.abc import Iterator
 
+from ...core.text import INVISIBLE
 from .numerals import Cell
 
-# Zero-width space and joiners, direction marks, word joiner and invisible operators, soft hyphen, byte order mark,
-# Arabic and Mongolian marks, variation selectors, DEL and the C1 controls.
-_INVISIBLE = re.compile(
-    "[\u00ad\u034f\u061c\u115f\u1160\u17b4\u17b5\u180b-\u180f\u200b-\u200f\u202a-\u202e\u2060-\u206f\u3164"
-    "\ufe00-\ufe0f\ufeff\uffa0\ufff9-\ufffc\x7f-\x84\x86-\x9f]"
-)
+_INVISIBLE = re.compile(f"[{INVISIBLE}]")
 _SPACES = re.compile("[\u00a0\u1680\u2000-\u200a\u202f\u205f\u3000]")
 _NAMES = {"\ufeff": "byte order mark", "\x7f": "delete"}
 

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ...core.text import shortened
 from ...core.verdict import LEVELS, level_of_probability
 from ...datasets.units import canonical
 from ..file import ParameterFile
-from ..messages import short_name
 from ..sections.dynamics import DynamicsSection, PiSection
 from .loop_figures import closed_loop, figures
 from .report import FileFinding
@@ -103,7 +103,7 @@ def _tried(model: DynamicsSection, pi: PiSection) -> Iterator[FileFinding]:
         else [k for k, v in (pi.specification.model_extra or {}).items() if v is not None]
     )
     if further:
-        names = ", ".join(map(short_name, further))
+        names = ", ".join(map(shortened, further))
         yield FileFinding("specification", None, f"pi: limits unknown to this version were not tested: {names}.")
     yield from _as_stated(pi, found)
 

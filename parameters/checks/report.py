@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ...core.display import Displayable
 from ...core.errors import GateError
+from ...core.text import shortened
 from ...core.verdict import DO_NOT_USE, LEVELS, USABLE
-from ..messages import short_name
 from ..sections.base import VerdictSection
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def judged_parts(pf: "ParameterFile", *, loop_only: bool = False) -> list[Judged
     """Laws, dynamics, drive, gains and force process of a file; of a loop, law of its limits, dynamics and gains."""
     loop = () if pf.load_line is None else (pf.load_line.law,)
     parts = [
-        Judged(f"laws.{short_name(name)}", law.verdict, "fit the data again")
+        Judged(f"laws.{shortened(name)}", law.verdict, "fit the data again")
         for name, law in pf.laws.items()
         if not loop_only or name in loop
     ]
@@ -182,7 +182,7 @@ def require_verdicts(
     GateError
         A part must not be used for control, or its verdict is not known.
     """
-    laws = {f"laws.{short_name(name)}" for name in only} | set(only)
+    laws = {f"laws.{shortened(name)}" for name in only} | set(only)
     parts = [part for part in judged_parts(pf, loop_only=loop_only) if not laws or part.where in laws]
     life = (
         pf.tool_life if only else None

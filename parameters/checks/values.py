@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.text import shortened
 from ...datasets.units import is_unit, same_dimension, suggest
 from ...datasets.vocabulary import ROLES, fits
 from ..file import ParameterFile
-from ..messages import in_unit, short, short_name
+from ..messages import in_unit, short
 from ..sections.base import Covariance, ModelCovariance, covariance_error
 from ..sections.dynamics import DynamicsSection
 from ..sections.force_control import AdaptiveForceSection
@@ -32,14 +33,14 @@ def check_estimates(pf: ParameterFile) -> Iterator[FileFinding]:
     if pf.posterior is not None:
         for name, law in pf.posterior.laws.items():
             if law.reason is None:
-                yield _gate(short_name(name), law)
+                yield _gate(shortened(name), law)
     if pf.dynamics is not None:
         yield from _dynamics(pf.dynamics)
 
 
 def _covariances(pf: ParameterFile) -> Iterator[FileFinding]:
     held = [
-        (f"laws.{short_name(name)}", law.uncertainty.matrix)
+        (f"laws.{shortened(name)}", law.uncertainty.matrix)
         for name, law in pf.laws.items()
         if isinstance(law.uncertainty, Covariance)
     ]
@@ -169,12 +170,12 @@ def check_units(pf: ParameterFile) -> Iterator[FileFinding]:
 
 def _of_laws(pf: ParameterFile) -> Iterator[Stated]:
     for key, law in pf.laws.items():
-        yield from _of_law(law, f"laws.{short_name(key)}")
+        yield from _of_law(law, f"laws.{shortened(key)}")
 
 
 def _of_law(law: LawSection, where: str) -> Iterator[Stated]:
     for symbol, unit in ((law.response, law.unit), *((f.symbol, f.unit) for f in law.factors)):
-        place = f"{where} ({short_name(symbol)})"
+        place = f"{where} ({shortened(symbol)})"
         if symbol in ROLES and ROLES[symbol].unit:
             yield Stated(place, unit, None if is_unit(unit) and fits(symbol, unit) else ROLES[symbol].unit)
         else:
@@ -191,7 +192,7 @@ def _of_sections(pf: ParameterFile) -> Iterator[Stated]:
     if (line := pf.load_line) is not None:
         yield Stated("load_line (load)", line.unit_load, ROLES[line.load].unit if line.load in ROLES else None)
     for sensor in pf.identity.sensors:
-        yield Stated(f"identity.sensors ({short_name(sensor.symbol)})", sensor.unit, None)
+        yield Stated(f"identity.sensors ({shortened(sensor.symbol)})", sensor.unit, None)
 
 
 def _of_limits(pf: ParameterFile) -> Iterator[Stated]:
@@ -202,7 +203,7 @@ def _of_limits(pf: ParameterFile) -> Iterator[Stated]:
             yield Stated(f"limits.{name}", bound.unit, unit)
     for symbol, ends in pf.limits.responses.items():
         known = ROLES[symbol].unit if symbol in ROLES else getattr(pf.laws.get(symbol), "unit", None)
-        yield Stated(f"limits.responses.{short_name(symbol)}", ends.unit, known or None)
+        yield Stated(f"limits.responses.{shortened(symbol)}", ends.unit, known or None)
 
 
 def _problem(item: Stated) -> str:
@@ -224,11 +225,11 @@ def check_texts(pf: ParameterFile) -> Iterator[FileFinding]:
 
     for name, law in pf.laws.items():
         if missing := [symbol for symbol in law.coefficients if not _in_equation(law, symbol)]:
-            words = f"the equation, {short_name(law.equation, 80)!r}, lacks its coefficient"
+            words = f"the equation, {shortened(law.equation, 80)!r}, lacks its coefficient"
             value = f"{missing[0]} = {law.coefficients[missing[0]]:.6g}"
-            yield FileFinding("equation", False, f"laws.{short_name(name)}: {words} {value}; restore the file.")
+            yield FileFinding("equation", False, f"laws.{shortened(name)}: {words} {value}; restore the file.")
     if pf.identity.simulated is False and pf.identity.note and disclaimers([pf.identity.note]):
-        words = f"the note, {short_name(pf.identity.note, 80)!r}, but identity.simulated is false; restore the file."
+        words = f"the note, {shortened(pf.identity.note, 80)!r}, but identity.simulated is false; restore the file."
         yield FileFinding("simulated", False, f"The data were simulated according to {words}")
 
 

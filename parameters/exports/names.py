@@ -4,6 +4,8 @@ import re
 import unicodedata
 from textwrap import wrap
 
+from ...core.text import in_ascii
+
 LONGEST_NAME = 40  # characters; LinuxCNC's HAL ends at 47 with its prefix
 LONGEST_TEXT = 80
 SPELLED = {"µ": "u", "μ": "u", "°": "deg", "·": ".", "⋅": ".", "²": "2", "³": "3", "ß": "ss", "ø": "o", "Ø": "O"}
@@ -68,3 +70,21 @@ def plain_unit(unit: str) -> str:
     """
     shown = re.sub(r"[^A-Za-z0-9 ./()^%+-]", "_", _ascii(unit).replace("*", "."))
     return shown[:LONGEST_NAME].strip() or "1"
+
+
+def c_text(words: str) -> str:
+    """Text that neither ends a comment of C or ST nor begins another, continues a line or spells a trigraph.
+
+    >>> c_text("load in A; 50 % */ int x")
+    'load in A; 50 % _/ int x'
+    """
+    return in_ascii(words, " ._+-/,:;=^()%")
+
+
+def gcode_text(words: str) -> str:
+    """Text of a comment of G-code: no parenthesis, which ends it.
+
+    >>> gcode_text("V 120 m/min) M30 (")
+    'V 120 m/min_ M30 _'
+    """
+    return in_ascii(words, " ._+-/,=^[]")

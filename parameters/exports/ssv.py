@@ -12,6 +12,7 @@ from html import escape
 
 import numpy as np
 
+from ...core.text import printable
 from ...datasets.units import canonical, convert, same_dimension
 from .quantities import Quantity
 from .view import ExportView
@@ -126,12 +127,12 @@ NOT_IN_SSV = (
 def ssv_file(view: ExportView) -> str:
     """Content of the file with the parameter set."""
     units = {q.unit: found for q in view.quantities if (found := si_unit(q.unit)) is not None}
-    head = f'name="{_text(view.name)}" version="1.0" generationTool="{_text(view.made_by)}"'
+    head = f'name="{xml_text(view.name)}" version="1.0" generationTool="{xml_text(view.made_by)}"'
     return "\n".join([
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<ssv:ParameterSet xmlns:ssv="{SSP}ParameterValues" xmlns:ssc="{SSP}Common"',
         f'    {head}',
-        f'    description="{_text("; ".join((*view.origin, *view.remarks(NOT_IN_SSV))))}">',
+        f'    description="{xml_text("; ".join((*view.origin, *view.remarks(NOT_IN_SSV))))}">',
         "  <ssv:Parameters>",
         *(_parameter(q, q.unit in units) for q in view.quantities),
         "  </ssv:Parameters>",
@@ -142,9 +143,9 @@ def ssv_file(view: ExportView) -> str:
 
 
 def _parameter(quantity: Quantity, declared: bool) -> str:
-    unit = f' unit="{_text(quantity.unit)}"' if declared else ""
+    unit = f' unit="{xml_text(quantity.unit)}"' if declared else ""
     return (
-        f'    <ssv:Parameter name="{quantity.name}" description="{_text(f"{quantity.words}, in {quantity.unit}")}">'
+        f'    <ssv:Parameter name="{quantity.name}" description="{xml_text(f"{quantity.words}, in {quantity.unit}")}">'
         f'<ssv:Real value="{quantity.value!r}"{unit}/></ssv:Parameter>'
     )
 
@@ -157,9 +158,9 @@ def _units(units: dict[str, SiUnit]) -> list[str]:
 
 def _unit(name: str, unit: SiUnit) -> str:
     powers = "".join(f' {base}="{power}"' for base, power in unit.powers)
-    return f'    <ssc:Unit name="{_text(name)}"><ssc:BaseUnit{powers} factor="{unit.factor!r}"/></ssc:Unit>'
+    return f'    <ssc:Unit name="{xml_text(name)}"><ssc:BaseUnit{powers} factor="{unit.factor!r}"/></ssc:Unit>'
 
 
-def _text(text: str) -> str:
+def xml_text(text: str) -> str:
     """A value between double quotes."""
-    return escape("".join(c if c.isprintable() else "_" for c in text), quote=True)
+    return escape(printable(text, "_").translate({9: " ", 10: " "}), quote=True)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from decimal import Decimal
 from textwrap import wrap
 
+from .names import c_text, gcode_text
 from .quantities import Quantity
 from .view import ExportView
 
@@ -21,8 +22,8 @@ def c_header(view: ExportView) -> str:
     pair, *origin = view.origin
     head = [f"{view.made_by}: {pair}", *origin, *view.remarks(NOT_IN_C)]
     return "\n".join([
-        *(f"/* {_c_comment(words)} */" for words in head),
-        *(f"/* {line} */" for words in view.equations for line in wrap(_c_comment(words), 110)),
+        *(f"/* {c_text(words)} */" for words in head),
+        *(f"/* {line} */" for words in view.equations for line in wrap(c_text(words), 110)),
         f"#ifndef {guard}", f"#define {guard}", "",
         *(_c_line(q) for q in view.quantities), "",
         f"#endif /* {guard} */", "",
@@ -30,13 +31,8 @@ def c_header(view: ExportView) -> str:
 
 
 def _c_line(quantity: Quantity) -> str:
-    words = _c_comment(f"{quantity.unit}: {quantity.words}")
+    words = c_text(f"{quantity.unit}: {quantity.words}")
     return f"static const double fm_{quantity.name} = {quantity.value!r}; /* {words} */"
-
-
-def _c_comment(words: str) -> str:
-    """Text that neither ends a C comment nor begins another, continues a line or spells a trigraph."""
-    return "".join(c if c.isalnum() or c in " ._+-/,:;=^()%" else "_" for c in words)
 
 
 NOT_IN_INI = (
@@ -148,6 +144,5 @@ def fixed(value: float) -> str:
 
 
 def _gcode_comment(words: str) -> str:
-    """A comment that stays one: no parenthesis, no control character, no word that LinuxCNC acts on."""
-    kept = "".join(c if c.isalnum() or c in " ._+-/,=^[]" else "_" for c in words)
-    return f"(fm - {kept.encode('ascii', 'replace').decode()})"
+    """A comment that stays one, and no word that LinuxCNC acts on."""
+    return f"(fm - {gcode_text(words)})"
