@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
@@ -58,8 +59,8 @@ def run(args: argparse.Namespace) -> int:
     pf = parameter_file(args.file)
     if pf.costs is None:
         raise UsageError(
-            f"{args.file} has no costs; write them with fitmodels costs {args.file} machine=60/h edge=8 change=1.5min "
-            "currency=EUR."
+            f"{args.file} has no costs; write them with fitmodels costs {quote(args.file)} machine=60/h edge=8 "
+            "change=1.5min currency=EUR."
         )
     draws = parameters.read_draws(pf, Path(args.file).parent)
     depth = None if args.depth is None else measured(args.depth, "mm", "--depth", "2.5mm")

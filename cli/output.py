@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterable, Mapping
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 NARROWEST, WIDEST = 60, 120  # columns of a terminal; a sentence needs no more than the second
 IN_ASCII = {**{ord(mark.icon): mark.ascii for mark in MARKS.values()}, ord("…"): "..."}  # signs of other encodings
+PAGE = 25  # lines; nothing that is printed depends on it
 OF_A_PIPE = 100  # columns where the output is no terminal and COLUMNS is not set
 
 
@@ -48,10 +50,10 @@ class Printer:
         from rich.console import Console
 
         self.quiet = quiet
-        self._console = Console(markup=False, highlight=False, emoji=False)
-        if not self._console.is_terminal and "COLUMNS" not in os.environ:
-            self._console.width = OF_A_PIPE
-        self._console.width = min(max(self._console.width, NARROWEST), WIDEST)
+        # size given: rich fails where COLUMNS or LINES is a digit that is no number
+        self._console = Console(markup=False, highlight=False, emoji=False, width=OF_A_PIPE, height=PAGE)
+        if self._console.is_terminal or "COLUMNS" in os.environ:
+            self._console.width = min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
 
     @property
     def ascii(self) -> bool:

@@ -248,7 +248,7 @@ def _identify(args: argparse.Namespace, path: Path) -> int:
         return ident.run(options)
     except (UsageError, DataError) as error:  # the options that it names are those of the other command
         name = STANDARD_INPUT if args.file == MARK else args.file
-        command = "" if args.file == MARK else f", for fitmodels ident {args.file}"
+        command = "" if args.file == MARK else f", for fitmodels ident {shlex.quote(args.file)}"
         error.args = (f"{name} is a record of a run{command}: {error}",)
         raise
 

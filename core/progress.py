@@ -3,6 +3,7 @@
 All of it goes to standard error, or under the running cell of a notebook.
 """
 
+import shutil
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -198,8 +199,10 @@ def _columns() -> "Progress":
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    size = shutil.get_terminal_size()  # rich fails where COLUMNS or LINES is a digit that is no number
+    console = Console(stderr=True, width=size.columns, height=size.lines)
     text = [TextColumn(f"{{task.{name}}}", markup=False) for name in ("description", "fields[counted]", "fields[pace]")]
-    return Progress(text[0], BarColumn(), *text[1:], TimeElapsedColumn(), console=Console(stderr=True), transient=True)
+    return Progress(text[0], BarColumn(), *text[1:], TimeElapsedColumn(), console=console, transient=True)
 
 
 def status_line() -> Callable[[str], None]:

@@ -149,7 +149,7 @@ def _record(path: Path, look: "FileKind") -> DataError:
         return DataError(
             f"{path.name} is a record of {', '.join(look.loads)} ({look.reason}), not a table of tests. "
             "Put the records of the tests into a folder and reduce them to a row a cut: fitmodels reduce FOLDER --plan "
-            f"tests.csv --out data.csv. To identify dynamics from it: fitmodels ident {path.name} --input ... "
+            f"tests.csv --out data.csv. To identify dynamics from it: {_identify(path)} --input ... "
             "--output ..."
         )
     return RecordError(

@@ -203,7 +203,7 @@ def test_the_list_holds_the_numbers_of_the_cards_and_the_hashes_of_their_files(m
         card = json.loads((home / "card.json").read_text("utf-8"))
         assert one["content_sha256"] == card["identity"]["content_sha256"]
         assert one["title"] == printable(card["title"])
-        known = {(k["response"], c["name"]): c for k in card["laws"] for c in k["coefficients"]}
+        known = {(printable(k["response"]), printable(c["name"])): c for k in card["laws"] for c in k["coefficients"]}
         for held in one["laws"]:
             for x in held["exponents"]:
                 c = known[held["response"], "b" if held["form"] == "exponential" else x["factor"]]

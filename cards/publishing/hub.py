@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
+from shlex import quote
 from types import ModuleType
 from typing import Any
 
@@ -114,7 +115,7 @@ def hub_repository(folder: Path, name: str, data: Path | None = None) -> HubRepo
     pair = pairs[0]
     pf, whole, card = read_pair(pair, above=shared_toml(folder, pairs))
     if not check_publication(card, pf, pair).ok:
-        raise GateError(f"{pair}: cannot be published; the reasons: fitmodels publish {folder} --check.")
+        raise GateError(f"{pair}: cannot be published; the reasons: fitmodels publish {quote(str(folder))} --check.")
     metadata = _metadata(card)
     files = {path: content for path, content in contents(pair, whole, card).items() if path != "index.html"}
     files[README] = _readme(files[README], metadata, name)

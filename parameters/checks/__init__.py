@@ -6,6 +6,7 @@ values   units, covariances, posterior, dynamics and settings; gains, loop_figur
 
 import os
 from collections.abc import Iterator
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from ...core.errors import ParameterError
@@ -75,7 +76,7 @@ def _reading(pf: "ParameterFile") -> Iterator[FileFinding]:
     of = pf.provenance.data_file
     if pf.reading is None:
         if pf.laws and of is not None:
-            words = f"It is not known whether {of} was read without doubts; read it with `fitmodels look {of}`."
+            words = f"It is not known whether {of} was read without doubts; read it with `fitmodels look {quote(of)}`."
             yield FileFinding("reading", None, words)
         return
     for doubt in pf.reading.doubts:
