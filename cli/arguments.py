@@ -17,8 +17,7 @@ from ..core.bounded import LIMITS
 from ..core.errors import DataError, ParameterError, UsageError
 from ..core.files import STANDARD_INPUT, cause
 from ..core.suggestions import closest
-from ..core.text import printable_message
-from .output import WIDEST, complain
+from .output import WIDEST, complain, write_error
 
 NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins
 WITH_UNIT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")
@@ -155,8 +154,7 @@ class Parser(argparse.ArgumentParser):
                 break
         if self.more_files and re.match(r"unrecognized arguments: [^-]", message):
             message += f"; {self.more_files}"
-        help_of = f"{self.prog}{' FILE' * (' ' not in self.prog)} -h"
-        sys.stderr.write(f"{printable_message(f'{self.prog}: {message}; see {help_of!r}.')}\n")
+        write_error(f"{self.prog}: {message}; see '{self.prog}{' FILE' * (' ' not in self.prog)} -h'.")
         raise SystemExit(2)
 
 

@@ -128,7 +128,12 @@ def print_json(schema: str, facts: Mapping[str, Any], version: int = 1) -> None:
 def complain(sentence: str) -> None:
     """Print on standard error what went wrong, with options of the command in place of Python arguments."""
     named = NAMED.sub(lambda found: f"{_option(found[1])} ", FUNCTION.sub("", sentence))
-    sys.stderr.write(f"fitmodels: {printable_message(as_options(named))}\n")
+    write_error(f"fitmodels: {as_options(named)}")
+
+
+def write_error(line: str) -> None:
+    """Write a line to standard error, with values of files made printable."""
+    sys.stderr.write(f"{printable_message(line)}\n")
 
 
 OPTIONS: Final = {  # names of arguments in Python, and of options where these differ by more than hyphens
