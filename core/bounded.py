@@ -215,7 +215,7 @@ def _check(status: os.stat_result, path: str | os.PathLike[str], limit: Limit, e
         what = next((words for is_kind, words in _KINDS if is_kind(status.st_mode)), "a special file")
         if what == "a folder":
             raise error(f"{path} is a folder, not a file: name {limit.kind} in it.")
-        other = ", or give - and redirect it to standard input" if limit.piped else ""
+        other = "; fitmodels, look and compare also read standard input, given as -" if limit.piped else ""
         raise error(f"{path}: is {what}, not a regular file. Save its content as a file{other}.")
     if status.st_size > limit.size:
         raise error(

@@ -6,6 +6,7 @@ The packages that read them are extras, imported only when such a file is met. A
 import hashlib
 import io
 import os
+import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 Series = tuple[str, str, Array]  # name, unit, values
 _STEP_NAMES = {"ts": 1, "dt": 1, "sampletime": 1, "sample_time": 1, "fs": -1, "rate": -1, "samplerate": -1}
 HDF5 = b"\x89HDF\r\n\x1a\n"
+LARGEST_UNPACKED = 1_000_000_000  # bytes of the variables of a MATLAB file
 WIDEST = 50  # columns of a matrix that are signals; a wider one is something else
 
 
@@ -144,6 +146,9 @@ def _tdms(path: Path, data: bytes, sheet: str | None) -> Found:
     """Groups of an NI file that hold channels: each a run, or the one that ``sheet`` names."""
     reader = _extra("nptdms", "tdms", path.name)
     try:
+        known = reader.TdmsFile.read_metadata(io.BytesIO(data))
+        if sum(len(channel) for group in known.groups() for channel in group.channels()) > len(data):
+            raise ValueError("it states more values than it has bytes")
         groups = {g.name: list(g.channels()) for g in reader.TdmsFile.read(io.BytesIO(data)).groups()}
     except Exception as error:  # a damaged file raises whatever its reader raises
         raise DataError(f"{path.name} is a damaged TDMS file ({error}). Export it again.") from error
@@ -187,7 +192,10 @@ def _hdf5(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
         ) from error
     try:
         with reader.File(io.BytesIO(data), "r") as file:
-            sets = {name: item for name, item in file.items() if isinstance(item, reader.Dataset)}
+            own = [name for name in file if isinstance(file.get(name, getlink=True), reader.HardLink)]
+            sets = {name: item for name, item in ((name, file[name]) for name in own) if _is_inside(item, reader)}
+            if sum(item.size * item.dtype.itemsize for item in sets.values()) > LARGEST_UNPACKED:
+                raise ValueError(f"it unpacks to more than {LARGEST_UNPACKED} bytes")
             return {
                 name: np.atleast_2d(np.asarray(item[()])).T
                 for name, item in sets.items()
@@ -200,6 +208,28 @@ def _hdf5(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
         raise DataError(f"{path.name} is a damaged MATLAB 7.3 file ({error}). Save it again with -v7.") from error
 
 
+def _is_inside(item: Any, reader: ModuleType) -> bool:  # noqa: ANN401
+    """Whether an item of an HDF5 file is a data set whose values are in this file, not in another one."""
+    return isinstance(item, reader.Dataset) and not item.external and not item.is_virtual
+
+
+def _check_unpacked(data: bytes) -> None:
+    """ValueError where the compressed variables of a MATLAB 5 file unpack to too much."""
+    place, total = 128, 0
+    order: Literal["big", "little"] = "big" if data[126:128] == b"MI" else "little"
+    while place + 8 <= len(data):
+        kind, size = (int.from_bytes(data[at : at + 4], order) for at in (place, place + 4))
+        place += 8
+        if kind == 15:
+            unpack, rest = zlib.decompressobj(), data[place : place + size]
+            while rest and total <= LARGEST_UNPACKED:
+                total += len(unpack.decompress(rest, 1 << 24))
+                rest = unpack.unconsumed_tail
+        if total > LARGEST_UNPACKED:
+            raise ValueError(f"it unpacks to more than {LARGEST_UNPACKED} bytes")
+        place += size
+
+
 def _mat(path: Path, data: bytes, sheet: str | None) -> Found:
     """Vectors and narrow matrices of one length of a MATLAB file, and its sample time where a number names it."""
     if data.startswith(b"MATLAB 7.3") or data[:8] == HDF5:
@@ -208,6 +238,8 @@ def _mat(path: Path, data: bytes, sheet: str | None) -> Found:
         from scipy.io import loadmat
 
         try:
+            if data.startswith(b"MATLAB"):
+                _check_unpacked(data)
             held = loadmat(io.BytesIO(data))  # type: ignore[arg-type]  # a file object is read too
         except Exception as error:  # as above
             raise DataError(f"{path.name} is a damaged MATLAB file ({error}). Save it again with -v7.") from error
