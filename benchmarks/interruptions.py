@@ -131,7 +131,7 @@ class Bench:
 
     def __init__(self, case: Case, top: Path, *, disk: bool) -> None:
         self.case, self.top, self.disk = case, top, disk
-        self.work, self.template = top / "work", top.parent / "template"
+        self.work, self.template = top / "work", top / "template"
         self.log, self.modules = top.parent / "log", top.parent / "modules"
         self.known: dict[frozenset[tuple[str, str]], tuple[str, str]] = {}
         self.work.mkdir()
@@ -185,10 +185,10 @@ class Bench:
         return " ".join(self.log.read_text(errors="replace").split())[-300:]
 
     def restore(self) -> None:
-        """Put the former state back."""
+        """Put the former files back, the same ones: a command remembers them, and writes into none of them."""
         for path in self.work.iterdir():
             shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
-        shutil.copytree(self.template, self.work, symlinks=True, dirs_exist_ok=True)
+        shutil.copytree(self.template, self.work, symlinks=True, dirs_exist_ok=True, copy_function=os.link)
 
     @contextmanager
     def filled(self, free: float) -> Iterator[None]:
@@ -226,6 +226,8 @@ class Bench:
             found, wrong = self.judged(kind, code)
             yield kind, found, wrong and f"{kind} {at:.6g}: {wrong}"
         held.end()
+        if state(self.template) != self.old:
+            yield "call", "mixed", "the former files were written into, not replaced"
 
     def judged(self, kind: str, code: int) -> tuple[str, str]:
         """What the files are after an interruption, and what is wrong with them now or after the command again."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..core.bounded import has_content
 from ..core.errors import UsageError
-from ..core.files import write_whole
+from ..core.journal import write_files
 from .arguments import Parser
 from .output import Printer, complain, output_options
 
@@ -76,5 +76,4 @@ def _write(folder: Path, new: dict[str, bytes], *, force: bool) -> None:
     held = [name for name in new if os.path.lexists(folder / name)]
     if held and not force:
         raise UsageError(f"{folder}: {', '.join(held)} would be changed; replace with --force.")
-    for name, content in new.items():
-        write_whole(folder / name, content)
+    write_files(folder, new)

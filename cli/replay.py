@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ..cards.replays import SYSTEMS
 from ..core.errors import ParameterError, UsageError
-from ..core.files import write_whole
+from ..core.journal import write_files
 from ..core.suggestions import closest, did_you_mean
 from .arguments import Parser, parameter_file, seed
 from .options import plan_asked, plan_options, plan_options_of
@@ -150,17 +150,16 @@ def _marked(line: str) -> str:
 
 
 def _drawn(results: "list[Replayed]", folder: Path) -> list[Path]:
-    """Figures as files, each written whole over the last of its name."""
+    """Figures as files, all of them or none, over those of their names."""
     import io
 
     from ..core.plotting import save_figure
 
-    names = []
+    contents = {}
     for one in results:
         for name, figure in one.figures.items():
-            folder.mkdir(parents=True, exist_ok=True)
             with io.BytesIO() as content:
                 save_figure(figure, content, format="png", dpi=110, metadata={"Software": None})
-                write_whole(folder / f"{name}.png", content.getvalue())
-            names.append(folder / f"{name}.png")
-    return names
+                contents[f"{name}.png"] = content.getvalue()
+    write_files(folder, contents)
+    return [folder / name for name in contents]

@@ -23,6 +23,7 @@ from .files import (
     cause,
     is_abandoned,
     locked_folder,
+    make_folder,
     remove_stale,
     synchronised,
     synchronised_folder,
@@ -80,6 +81,18 @@ def recover(path: str | os.PathLike[str]) -> None:
         folder = place if place.is_dir() else place.parent
         if os.path.lexists(folder / JOURNAL):
             with only_writer(folder):
+                pass
+        for each in (folder, folder.parent):
+            _remove_left(each)
+
+
+def _remove_left(folder: Path) -> None:
+    """Remove what ended processes left in a folder, unless another process writes there now."""
+    with suppress(OSError, FitmodelsError):
+        with os.scandir(folder) as entries:
+            hidden = [Path(entry.path) for entry in entries if entry.name.startswith(".")]
+        if any(FORMER.fullmatch(path.name) or is_abandoned(path) for path in hidden):
+            with only_writer(folder, wait=0.0):
                 pass
 
 
@@ -208,6 +221,34 @@ def write_together(
     finally:
         if not _is_committed(folder):
             remove_tree(stage)
+
+
+def write_files(folder: Path, contents: Mapping[str, bytes], *, error: type[FitmodelsError] = UsageError) -> None:
+    """Write several files of a folder, all of them or none, as its only writer; the folder is made.
+
+    Parameters
+    ----------
+    folder : Path
+    contents : mapping of str to bytes
+        By the name of the file; over what is there.
+    error : type
+        Raised where a file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> write_files(folder, {"a.txt": b"1", "b.txt": b"2"})
+    >>> sorted(path.name for path in folder.iterdir())
+    ['a.txt', 'b.txt']
+    """
+    if not contents:
+        return
+    make_folder(folder)
+    real = Path(os.path.realpath(folder))
+    (first, content), *rest = ((real / name, content) for name, content in contents.items())
+    with only_writer(real):
+        write_together(first, content, dict(rest), error=error)
 
 
 def check_target(place: Path, folder: Path) -> None:

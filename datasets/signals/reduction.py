@@ -12,7 +12,7 @@ import numpy as np
 from ...core.arrays import is_positive
 from ...core.bounded import sha256_of, stored_json
 from ...core.errors import DataError
-from ...core.files import write_whole
+from ...core.journal import recover, write_files
 from ...core.progress import Meter
 from ...core.version import __version__
 from ..vocabulary import ROLES
@@ -134,6 +134,7 @@ def reduce_folder(
     DataError
         A record cannot be read or contains no cut (all of them are named), or cuts and rows do not correspond.
     """
+    recover(kept)
     plan = read_plan(plan_file, how)
     files = record_files(folder, (plan_file, *besides))
     joined = assignment(plan, files, how.join)
@@ -257,29 +258,32 @@ def _reduced(
     if held is not None:
         return held, True
     records: list[ReducedRecord] = []
+    pictures: dict[str, bytes] = {}
     count = 0
     for recording in read_recordings(path, how):
         try:
             found = find_cuts(recording, how, turn)
             record, figures = _record(recording, path.name, found, speed, count)
         except DataError:
-            _picture(recording, None, (), kept)
+            write_files(kept, _picture(recording, None, ()))
             raise
-        _picture(recording, found, figures, kept)
+        pictures |= _picture(recording, found, figures)
         records.append(record)
         count += len(record.cuts)
     plain = [asdict(record) for record in records]
-    write_whole(store, json.dumps({"key": key, "sha256": _digest(plain), "records": plain}, indent=1), parents=True)
+    stored = json.dumps({"key": key, "sha256": _digest(plain), "records": plain}, indent=1)
+    write_files(kept, {store.name: stored.encode(), **pictures})
     return records, False
 
 
 def _picture(
-    recording: Recording, found: CutsFound | None, figures: Sequence[Mapping[str, ChannelFigures]], kept: Path
-) -> None:
+    recording: Recording, found: CutsFound | None, figures: Sequence[Mapping[str, ChannelFigures]]
+) -> dict[str, bytes]:
+    """Name of the file of a record's picture, and its content."""
     from .pictures import record_picture
 
     name = recording.name.replace(", record ", "-")
-    write_whole(kept / f"{name}.png", record_picture(recording, found, figures), parents=True)
+    return {f"{name}.png": record_picture(recording, found, figures)}
 
 
 def _key(path: Path, how: ReduceOptions, turn: float, key_part: str) -> str:
