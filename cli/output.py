@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from ..core.text import cut_words, json_text, printable, printable_message
+from ..core.text import json_text, printable, printable_message, without_long_words
 from ..core.verdict import MARKS
 
 if TYPE_CHECKING:
@@ -86,12 +86,10 @@ class Printer:
         """Print a block; its escape sequences are those of rich, for text of a file has none."""
         from rich.segment import Segment, Segments
 
-        shown = (
-            Segment(cut_words(printable(text)), style, control) for text, style, control in self._console.render(block)
-        )
+        shown = (Segment(printable(text), style, control) for text, style, control in self._console.render(block))
         with self._console.capture() as captured:
             self._console.print(Segments(shown), crop=False)  # commands may be longer than a line
-        text = "\n".join(line.rstrip() for line in captured.get().split("\n"))
+        text = "\n".join(without_long_words(line.rstrip() for line in captured.get().split("\n")))
         _write(text.translate(IN_ASCII) if self.ascii else text)
 
 

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 from .errors import UsageError
 from .rounding import format_plain, format_rounded
 from .suggestions import did_you_mean
+from .text import printable
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -184,14 +185,14 @@ class HasRepr:
         return display_of(self)
 
     def __repr__(self) -> str:
-        return "\n".join(wrap(f"{type(self).__name__}: {self._display().head}", WIDTH, max_lines=LINES) or [""])
+        return printable("\n".join(wrap(f"{type(self).__name__}: {self._display().head}", WIDTH, max_lines=LINES)))
 
     def _repr_html_(self) -> str:
         shown = self._display()
         parts = [f"<p><strong>{escape(_spaced(type(self).__name__))}</strong>: {escape(shown.head)}</p>"]
         parts += [table.html() for table in shown.tables]
         parts += [f"<p>{escape(sentence)}</p>" for sentence in shown.sentences]
-        return f"<div>{''.join(parts)}</div>"
+        return printable(f"<div>{''.join(parts)}</div>")
 
 
 class Displayable(HasRepr):
@@ -211,10 +212,9 @@ class Displayable(HasRepr):
     def summary(self) -> str:
         """The result as plain text."""
         shown = self._display()
-        tables = (table.text() for table in shown.tables)
         lines = (f"{_spaced(type(self).__name__)}: {shown.head}", *shown.sentences)
         head, *sentences = (fill(text, WIDTH) for text in lines)
-        return "\n".join([head, *tables, *sentences])
+        return printable("\n".join([head, *(table.text() for table in shown.tables), *sentences]))
 
 
 class Plottable(Displayable):

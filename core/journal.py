@@ -30,6 +30,7 @@ from .files import (
     temporary_name,
     write_whole,
 )
+from .text import printable_message
 
 JOURNAL = ".fitmodels.journal"
 SCHEMA = "fitmodels.journal/1"
@@ -136,7 +137,7 @@ def _restore_formers(parent: Path) -> None:
 
 def _say(sentence: str) -> None:
     """Log a warning, which Python prints to standard error where nothing else is arranged."""
-    logging.getLogger("fitmodels").warning("fitmodels: %s", sentence)
+    logging.getLogger("fitmodels").warning("fitmodels: %s", printable_message(sentence))
 
 
 def _remove_stages(parent: Path) -> None:

@@ -7,6 +7,7 @@ it is within it.
 
 import json
 import re
+from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
 MARK: Final = "\N{REPLACEMENT CHARACTER}"  # stands for a character that is not shown
@@ -16,14 +17,14 @@ INVISIBLE: Final = (
     "\u00ad\u034f\u061c\u115f\u1160\u17b4\u17b5\u180b-\u180f\u200b-\u200f\u202a-\u202e\u2060-\u206f\u3164"
     "\ufe00-\ufe0f\ufeff\uffa0\ufff9-\ufffc\x7f-\x84\x86-\x9f"
 )
-LONGEST_WORD: Final = 4096  # characters without a blank, those of the longest path
+LONGEST_WORD: Final = 40  # lines without a blank
+WORD_OF_A_LINE: Final = 50  # characters
 LONGEST_MESSAGE: Final = 20_000  # characters
 _OTHERS = (  # C0 but tab and newline, NEL, separators of lines, surrogates, non-characters, tags and shorthand
     "\x00-\x08\x0b-\x1f\x85\u2028\u2029\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff"
     "\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e0fff"
 )
 _UNSAFE = re.compile(f"[{INVISIBLE}{_OTHERS}]")
-_LONG_WORD = re.compile(rf"[^\s]{{{LONGEST_WORD + 1},}}")
 _FORMULA = re.compile(r"'*[=+\-@\t\r].", re.DOTALL)  # what a spreadsheet would compute
 
 
@@ -78,13 +79,20 @@ def printable_message(sentence: str) -> str:
     return printable("\n".join([first, *(line if line.startswith(" ") else f"  {line}" for line in others)])) + more
 
 
-def cut_words(text: str) -> str:
-    """The text with words longer than `LONGEST_WORD` cut, so that a cell of a megabyte does not fill the screen.
+def without_long_words(lines: Iterable[str]) -> Iterator[str]:
+    """Lines of a screen without those between `LONGEST_WORD` ones of a single word: of a cell of a megabyte.
 
-    >>> len(cut_words("x" * 1_000_000))
-    4099
+    >>> len([*without_long_words(["x" * 100] * 10_000)])
+    41
     """
-    return _LONG_WORD.sub(lambda found: f"{found[0][:LONGEST_WORD]}...", text) if len(text) > LONGEST_WORD else text
+    run = 0
+    for line in lines:
+        word = line.strip()
+        run = run + 1 if len(word) >= WORD_OF_A_LINE and " " not in word else 0
+        if run <= LONGEST_WORD:
+            yield line
+        elif run == LONGEST_WORD + 1:
+            yield "..."
 
 
 def in_ascii(text: str, signs: str, mark: str = "_") -> str:
