@@ -14,6 +14,7 @@ from ..core.folders import FolderState, folder_state
 from ..core.journal import recover_below
 from ..core.version import __version__
 from ..datasets import Runs
+from ..parameters.file import seal_fault
 from .options import OF_READING, FitOptions
 from .pair import PairAnalysis
 
@@ -108,12 +109,13 @@ def _source(folder: Path) -> tuple[str | None, str | None]:
 
 
 def _holds(folder: Path, runs: Runs, recorded: Mapping[str, Any]) -> bool:
-    """Whether a folder holds the fit of these data by this version with these options."""
+    """Whether a folder holds the fit of these data by this version with these options, its checksums valid."""
     try:
         pf = parameters.read(folder / "params.json")
+        parameters.read_draws(pf, folder)
     except ParameterError:
         return False
-    if not all((folder / name).is_file() for name in cards.files(pf)):
+    if seal_fault(pf) or not all((folder / name).is_file() for name in cards.files(pf)):
         return False
     p = pf.provenance
     made = (p.data_sha256, p.fitmodels, p.options, p.data_file)
@@ -126,6 +128,8 @@ def _not_replaceable(folder: Path, runs: Runs, recorded: Mapping[str, Any]) -> s
         pf = parameters.read(folder / "params.json")
     except ParameterError:
         return "it has no parameter file that can be read"
+    if fault := _fault(pf, folder):
+        return fault
     p = pf.provenance
     if not runs.source.sha256 or (p.data_sha256, p.data_file) != (runs.source.sha256, runs.source.name):
         return f"it was made from {p.data_file or 'another file'}{_changed_file(p.data_file, runs)}"
@@ -135,6 +139,17 @@ def _not_replaceable(folder: Path, runs: Runs, recorded: Mapping[str, Any]) -> s
     if p.then or pf.model_extra or any(getattr(pf, name) is not None for name in LATER):
         return "sections were added to its parameter file later"
     return _edited(folder, pf)
+
+
+def _fault(pf: "parameters.ParameterFile", folder: Path) -> str:
+    """Which checksum of a result is not valid; empty where all are."""
+    if fault := seal_fault(pf):
+        return f"params.json: {fault}"
+    try:
+        parameters.read_draws(pf, folder)
+    except ParameterError as refused:
+        return str(refused).rstrip(".")
+    return ""
 
 
 def _changed_file(name: str | None, runs: Runs) -> str:

@@ -298,6 +298,22 @@ def test_another_fit_in_its_place_needs_force(wear, tmp_path):
     assert not hidden(out)
 
 
+def test_a_result_that_was_changed_is_not_unchanged(wear, tmp_path):
+    """A coefficient that somebody changed in a parameter file is not taken for the fit of the same data."""
+    out = tmp_path / "out"
+    run(wear, "--out", out)
+    (file,) = out.glob("*/params.json")
+    content = file.read_text("utf-8")
+    file.write_text(content.replace('"n": 12', '"n": 13', 1), "utf-8")
+    result = run(wear, "--out", out)
+    assert result.code == 2
+    assert "params.json: its content was changed after it was written" in result.err
+    file.write_text(content, "utf-8")
+    for draws in file.parent.glob("*.npz"):
+        draws.write_bytes(draws.read_bytes()[:-1])
+        assert "not the draws that the parameter file was written with" in run(wear, "--out", out).err
+
+
 def test_a_folder_that_holds_something_else_needs_force(wear, tmp_path):
     folder = tmp_path / "out" / "unnamed-tool_unnamed-work"
     folder.mkdir(parents=True)
