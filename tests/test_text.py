@@ -246,6 +246,13 @@ def test_an_address_of_mail_or_of_the_web_is_accepted(contact, tmp_path):
     assert read_toml(tmp_path / "card.toml").publication.contact == contact
 
 
+@pytest.mark.parametrize("line", ['title = "%s"', 'keywords = ["a", "%s"]'])
+def test_a_text_of_a_card_toml_has_a_limit(line, tmp_path):
+    (tmp_path / "card.toml").write_text(line % ("9" * 5001))
+    with pytest.raises(DataError, match=r"has 5001 characters; the limit is 5000. Shorten it"):
+        read_toml(tmp_path / "card.toml")
+
+
 @pytest.mark.parametrize("text", [HOSTILE, "javascript:alert(1)", "https://evil.example/", "10.1234/x\"onclick='y'"])
 def test_a_page_links_to_dois_and_itself_alone(text, constant_load_file):
     pf = constant_load_file(identity={"tool": text, "work": text, "machine": text, "note": text})

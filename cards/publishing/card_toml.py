@@ -22,6 +22,7 @@ from ..content.parts import PublicationPart
 
 SENSOR_KEYS = ("symbol", "unit", "model", "sample_rate", "sd")
 NO_SENSORS = "none"  # symbol of the entry that holds why there was no sensor
+LONGEST = 5000  # characters of a text
 TEXTS = ("license", "contact", "doi", "title", "machine", "iso513", "setup", "no_sensors")
 LISTS = ("authors", "keywords")
 KEYS = (*TEXTS, *LISTS, "sensors", "tool_properties")
@@ -192,7 +193,7 @@ def _text(data: Mapping[str, Any], key: str, name: str) -> str:
     value = data.get(key, "")
     if not isinstance(value, str):
         raise DataError(f"{name}: {key} should be text in double quotes, not {short(value)}.")
-    return " ".join(value.split())
+    return _short_enough(value, key, name)
 
 
 def _texts(data: Mapping[str, Any], key: str, name: str) -> tuple[str, ...]:
@@ -200,7 +201,15 @@ def _texts(data: Mapping[str, Any], key: str, name: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         seen = short(value) if not isinstance(value, list) else short(next(x for x in value if not isinstance(x, str)))
         raise DataError(f'{name}: {key} should be a list of texts, {key} = ["..."], not {seen}.')
-    return tuple(said for item in value if (said := " ".join(item.split())))
+    return tuple(said for item in value if (said := _short_enough(item, key, name)))
+
+
+def _short_enough(value: str, key: str, name: str) -> str:
+    """A text on one line; DataError where it is too long for a page."""
+    text = " ".join(value.split())
+    if len(text) > LONGEST:
+        raise DataError(f"{name}: {key} has {len(text)} characters; the limit is {LONGEST}. Shorten it.")
+    return text
 
 
 def _matched(value: str, form: re.Pattern[str], key: str, what: str, name: str) -> str:
