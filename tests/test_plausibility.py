@@ -561,3 +561,44 @@ def test_the_cause_is_doubted_first_and_not_what_follows_from_it():
     off = frame["edge"].isin(["E07", "E11", "E15"])
     (doubt,) = datasets.runs_from_frame(frame.assign(f=frame["f"].where(~off, frame["f"] / 25.4))).doubts
     assert doubt.remedy == '--correct "E07,E11,E15:f*25.4"'
+
+
+def planned(**columns):
+    """A plan of 27 single tests in levels."""
+    V, f, d = (np.ravel(one) for one in np.meshgrid((80, 120, 180), (0.1, 0.2, 0.35), (1, 1.5, 2.5), indexing="ij"))
+    Fc = (1700 * f**0.74 * d * (1 + 0.01 * np.arange(27))).round()
+    made = {"V [m/min]": V.astype(float), "f [mm/rev]": f, "d [mm]": d, "Fc [N]": Fc, "Ff [N]": (0.4 * Fc).round()}
+    return made | columns
+
+
+def test_a_force_in_levels_next_to_a_speed_without_any_is_doubted(read):
+    assert not [doubt for doubt in read(text(planned())).doubts if "exchanged" in doubt.sentence]
+    plan = planned()
+    plan["V [m/min]"], plan["Fc [N]"] = plan["Fc [N]"], plan["V [m/min]"]
+    found = [doubt for doubt in read(text(plan)).doubts if "as if it were set" in doubt.sentence]
+    assert [doubt.remedy for doubt in found] == ['--map "V=col4" --map "Fc=col1"']
+
+
+def test_a_feed_force_above_the_cutting_force_is_doubted(read):
+    plan = planned()
+    plan["Ff [N]"], plan["Fc [N]"] = plan["Fc [N]"], plan["Ff [N]"]
+    found = [doubt for doubt in read(text(plan)).doubts if "Ff exceeds Fc" in doubt.sentence]
+    assert [doubt.remedy for doubt in found] == ['--map "Fc=col5" --map "Ff=col4"']
+    assert found[0].sentence == "Ff exceeds Fc in 27 of 27 rows: the two columns may be exchanged"
+
+
+@pytest.mark.parametrize(("value", "found"), [(0.25, True), (0.2, False)])
+def test_a_level_that_one_row_has_is_doubted_where_the_others_have_three_and_more(read, value, found):
+    V, f = np.repeat([90.0, 140, 200, 280], 4), np.tile([0.08, 0.12, 0.2, 0.3], 4)
+    f[9] = value if found else f[9]
+    said_of = said(read(text({"V": V, "f": f, "Ra": (40 * f**1.5).round(2) + 0.01 * np.arange(16)})))
+    assert any("line 11: f 0.25 mm/rev occurs once" in one for one in said_of) == found
+
+
+def test_a_wear_in_inches_whose_name_is_not_known_is_proposed(read):
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna()
+    frame = frame[["edge", "V [m/min]", "f [mm/rev]", "d [mm]", "t [min]", "P [kW]"]].assign(
+        **{"AWAW [in]": (frame["AW [mm]"] / 25.4).round(5)}
+    )
+    found = [doubt for doubt in read(frame.to_csv(index=False)).doubts if "average wear" in doubt.sentence]
+    assert [doubt.remedy for doubt in found] == ['--map "AW=col7"']

@@ -19,7 +19,8 @@ from .ranges import plausible
 from .stray_values import listed
 
 SAMPLE = 20000  # rows looked at
-FEWEST = 6
+FEWEST, FEWEST_TESTS = 6, 12
+MOST_DISTINCT = 0.8  # share of rows with a value of their own beyond which a condition was not set in levels
 REMARKS, REDUCED = "remarks", "reduced by fitmodels"  # column and first note of a table that fitmodels reduce writes
 SHOWN_REMARKS = 3
 MOST_LEVELS = 7
@@ -85,6 +86,8 @@ def check_uses(draft: Draft, options: ReadOptions) -> None:
         edges = _edges_of(draft)
         if edges is not None:
             _doubt_exchanged(draft, options, edges)
+        elif len(draft.lines) >= FEWEST_TESTS:
+            _doubt_set_result(draft, options)
         if any(use.role is None for use in draft.uses):
             _doubt_unused(draft, options, edges)
 
@@ -235,6 +238,28 @@ def _valued_like(
         if ranges.usual[0] <= levels[0] * factor and levels[-1] * factor <= ranges.usual[1]:
             return role
     return None
+
+
+def _doubt_set_result(draft: Draft, options: ReadOptions) -> None:
+    """Doubt a load or roughness of few repeated levels next to a condition that differs in nearly every test.
+
+    Another condition has few repeated levels too, so that the tests were planned in levels; edges are not known.
+    """
+    uses = {use.role: use.number for use in draft.uses if use.role and use.role not in options.ranges}
+    values = {role: np.asarray(draft.data[role], dtype=float)[:SAMPLE] for role in uses if ROLES[role].unit}
+    counts = {role: np.unique(known[np.isfinite(known)], return_counts=True)[1] for role, known in values.items()}
+    in_levels = {r for r, n in counts.items() if 2 <= len(n) <= MOST_LEVELS and n.min() >= 3}
+    conditions = {role for role in counts if ROLES[role].kind == "condition"}
+    free = [role for role in conditions if len(counts[role]) > MOST_DISTINCT * counts[role].sum()]
+    results = [role for role in in_levels if ROLES[role].kind in ("load", "surface")]
+    if len(free) == len(results) == 1 and conditions & in_levels:
+        (role,), (result,) = free, results
+        sentence = (
+            f"{role} has {len(counts[role])} values in {counts[role].sum()} rows and {result} only "
+            f"{len(counts[result])} levels, as if it were set: the two columns may be exchanged"
+        )
+        remedy = f'--map "{role}=col{uses[result]}" --map "{result}=col{uses[role]}"'
+        draft.doubts.append(Doubt((role, result), sentence, remedy))
 
 
 def _doubt_exchanged(draft: Draft, options: ReadOptions, edges: _Edges) -> None:

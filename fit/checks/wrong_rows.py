@@ -101,6 +101,7 @@ def outlying_rows(law: LawFit) -> Check | NotAvailable:
         power = _power_of_time(law, np.log(law.observed) - whole) if logs else 0.0
         suspects = _suspects(law, rows, r, scale, logs, power)
         words = " ".join(_sentence(law, one, r, logs) for one in suspects)
+        kept = f"{words} Among all tests of the laws together this is not significant ({format_p(pvalue)} alone)."
     if logs and float(size[rows].min()) < SMALL and any(one.factor is None for one in suspects):
         suspects = ()
         words = f"{count} rows deviate together by up to {np.expm1(size.max()):.0%}: the form does not fit them."
