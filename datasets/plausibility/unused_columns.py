@@ -1,6 +1,7 @@
 """Columns that vary between tests and are not used, and columns whose names are exchanged, seen from the edges."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -240,19 +241,33 @@ def _valued_like(
     return None
 
 
+def _uses(draft: Draft, options: ReadOptions) -> dict[str, int]:
+    """Number of the column of each role whose range the user did not give."""
+    return {use.role: use.number for use in draft.uses if use.role and use.role not in options.ranges}
+
+
+def _level_counts(draft: Draft, role: str) -> NDArray[np.intp]:
+    """Number of rows of each value of a column."""
+    values = np.asarray(draft.data[role], dtype=float)[:SAMPLE]
+    return np.unique(values[np.isfinite(values)], return_counts=True)[1]
+
+
+def _of_kinds(roles: Iterable[str], *kinds: str) -> list[str]:
+    return [role for role in roles if ROLES[role].kind in kinds]
+
+
 def _doubt_set_result(draft: Draft, options: ReadOptions) -> None:
     """Doubt a load or roughness of few repeated levels next to a condition that differs in nearly every test.
 
     Another condition has few repeated levels too, so that the tests were planned in levels; edges are not known.
     """
-    uses = {use.role: use.number for use in draft.uses if use.role and use.role not in options.ranges}
-    values = {role: np.asarray(draft.data[role], dtype=float)[:SAMPLE] for role in uses if ROLES[role].unit}
-    counts = {role: np.unique(known[np.isfinite(known)], return_counts=True)[1] for role, known in values.items()}
-    in_levels = {r for r, n in counts.items() if 2 <= len(n) <= MOST_LEVELS and n.min() >= 3}
-    conditions = {role for role in counts if ROLES[role].kind == "condition"}
-    free = [role for role in conditions if len(counts[role]) > MOST_DISTINCT * counts[role].sum()]
-    results = [role for role in in_levels if ROLES[role].kind in ("load", "surface")]
-    if len(free) == len(results) == 1 and conditions & in_levels:
+    uses = _uses(draft, options)
+    counts = {role: _level_counts(draft, role) for role in uses if ROLES[role].unit}
+    in_levels = {role for role, n in counts.items() if 2 <= len(n) <= MOST_LEVELS and n.min() >= 3}
+    distinct = {role for role, n in counts.items() if len(n) > MOST_DISTINCT * n.sum()}
+    free = _of_kinds(distinct, "condition")
+    results = _of_kinds(in_levels, "load", "surface")
+    if len(free) == len(results) == 1 and _of_kinds(in_levels, "condition"):
         (role,), (result,) = free, results
         sentence = (
             f"{role} has {len(counts[role])} values in {counts[role].sum()} rows and {result} only "
@@ -264,7 +279,7 @@ def _doubt_set_result(draft: Draft, options: ReadOptions) -> None:
 
 def _doubt_exchanged(draft: Draft, options: ReadOptions, edges: _Edges) -> None:
     """Doubt a condition that varies within the edges while a result is constant in each: exchanged names."""
-    uses = {use.role: use.number for use in draft.uses if use.role and use.role not in options.ranges}
+    uses = _uses(draft, options)
 
     def share(role: str) -> float:
         return edges.varying(np.asarray(draft.data[role], dtype=float))

@@ -232,23 +232,28 @@ def standing_output(name: str, y: Array, u: Array, lines: NDArray[np.intp]) -> t
     """
     known = np.isfinite(y) & np.isfinite(u)
     y, u, lines = y[known], u[known], lines[known]
-    equal = np.diff(y) == 0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))
-    begins, ends = edges[::2], edges[1::2] + 1  # of samples begin to end - 1
-    if not begins.size:
-        return ()
-    k = int(np.argmax(ends - begins))
-    first, end, length = int(begins[k]), int(ends[k]), int(ends[k] - begins[k])
-    others = np.delete(ends - begins, k).max(initial=1)
-    share = max((np.count_nonzero(equal) - length + 1) / max(len(y) - length, 1), 1 / len(y))
-    inside = first > 0 and end < len(y)
-    rare = length >= max(STANDS, 2 * others) and len(y) * share ** (length - 1) < STANDING_CHANCE
-    if not (inside and rare and np.ptp(u[first:end]) > MOVES * np.ptp(u)):
+    first, length = _standing(y)
+    inside = 0 < first < len(y) - length
+    if not (inside and np.ptp(u[first : first + length]) > MOVES * np.ptp(u)):
         return ()
     return (
         f"{name} is {y[first]:g} in {length} successive samples from line {lines[first]} on while the input moves: "
         "these were probably not measured",
     )
+
+
+def _standing(y: Array) -> tuple[int, int]:
+    """First sample and length of the longest succession of equal samples; 0, 0 where it may come by chance."""
+    equal = np.diff(y) == 0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))
+    begins, lengths = edges[::2], edges[1::2] - edges[::2] + 1
+    if not begins.size:
+        return 0, 0
+    k = int(np.argmax(lengths))
+    first, length = int(begins[k]), int(lengths[k])
+    share = max((np.count_nonzero(equal) - length + 1) / max(len(y) - length, 1), 1 / len(y))
+    rare = length >= max(STANDS, 2 * np.delete(lengths, k).max(initial=1))
+    return (first, length) if rare and len(y) * share ** (length - 1) < STANDING_CHANCE else (0, 0)
 
 
 FLAT = 4  # samples in a row at the extreme: fewer come by chance where readings are coarse
