@@ -1,6 +1,7 @@
 """``fitmodels reduce``: records of forces, power or current -> a table of tests, a row a cut."""
 
 import argparse
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     if not isinstance(out, Path):
         raise UsageError("--out: give the name of a file.")
     folder, kept = Path(args.folder), out.with_name(f"{out.stem}-records")
-    if out.resolve() == Path(args.plan).resolve():
+    if os.path.realpath(out) == os.path.realpath(args.plan):
         raise UsageError("--out is the plan itself: choose another name.")
     try:
         with progress_bar(unit="records", lines=len(record_files(folder)) > SHOWN and not args.quiet) as meter:

@@ -436,3 +436,14 @@ def test_a_matlab_73_file_does_not_lead_to_other_files(tmp_path, monkeypatch):
 
 def test_a_table_of_ordinary_size_is_within_every_limit():
     assert LIMITS["measurements"].size >= 25 * 10 * 1_000_000  # a million rows of 25 columns of ten characters
+
+
+@POSIX
+def test_a_loop_of_links_in_a_folder_of_records_is_reported(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("runs").mkdir()
+    Path("runs/a.csv").symlink_to("b.csv")
+    Path("runs/b.csv").symlink_to("a.csv")
+    Path("plan.csv").write_text(TABLE)
+    assert main(["reduce", "runs", "--plan", "plan.csv", "--out", "r.csv"]) in (2, 3)
+    assert "internal error" not in capsys.readouterr().err

@@ -89,7 +89,7 @@ def pair_folders(folder: Path, site: Path | None = None) -> tuple[Path, ...]:
         raise UsageError(
             f"{folder}: is no folder; give the one with the folders of the pairs, each with its {PARAMETERS}."
         )
-    found = list(_holding_parameters(folder, None if site is None else site.resolve()))
+    found = list(_holding_parameters(folder, None if site is None else Path(os.path.realpath(site))))
     if not found:
         raise DataError(f"{folder}: holds no {PARAMETERS}; fit first: fitmodels data.csv --out {folder}.")
     return tuple(sorted(found, key=lambda path: path.relative_to(folder).parts))
@@ -109,7 +109,7 @@ def shared_toml(folder: Path, pairs: Sequence[Path]) -> Path | None:
 
 
 def _real(place: str, name: str) -> Path:
-    return Path(place, name).resolve()
+    return Path(os.path.realpath(Path(place, name)))
 
 
 def review(task: PairTask) -> PairReview:

@@ -1,6 +1,7 @@
 """The folder of a site: which of its files are ours, what it lists, whether it is a draft."""
 
 import filecmp
+import os
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ def refuse(site: Path, folder: Path) -> None:
     """
     if site.exists() and not site.is_dir():
         raise UsageError(f"{site}: is a file; choose a folder with --site.")
-    here, real = site.resolve(), folder.resolve()
+    here, real = (Path(os.path.realpath(place)) for place in (site, folder))
     if real == here or here / "cards" in (real, *real.parents):
         raise UsageError(f"{site}: the site would be inside the folder of its pairs; choose another --site.")
     held = [name for name in NAMES if (site / name).exists()]

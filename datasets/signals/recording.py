@@ -1,5 +1,6 @@
 """Records of forces, power or current: channels on one even time base, lost samples as NaN."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,11 +62,11 @@ def record_files(folder: Path, besides: Sequence[Path] = ()) -> list[Path]:
         return [folder]
     if not folder.is_dir():
         raise UsageError(f"{folder}: there is no such folder; give the folder of the records.")
-    left_out = {path.resolve() for path in besides}
+    left_out = {os.path.realpath(path) for path in besides}
     files = [
         path
         for path in folder.iterdir()
-        if path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and path.resolve() not in left_out
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and os.path.realpath(path) not in left_out
     ]
     if not files:
         raise UsageError(f"{folder} contains no record: the types read are {', '.join(SUFFIXES)}.")
