@@ -418,6 +418,20 @@ def test_a_matlab_file_of_compressed_blanks_is_refused(tmp_path, monkeypatch):
         record_tables(path)
 
 
+def test_a_tdms_file_that_states_other_lengths_is_refused(tmp_path, capfd):
+    nptdms = pytest.importorskip("nptdms")
+    path, values = tmp_path / "run.tdms", np.arange(100.0)
+    with nptdms.TdmsWriter(str(path)) as file:
+        file.write_segment([nptdms.ChannelObject("g", name, values) for name in ("u", "y")])
+    content = path.read_bytes()
+    assert len(record_tables(path)[0].lines) == 100
+    for stated in (101, 10**9, 2**62):
+        path.write_bytes(content.replace((100).to_bytes(8, "little"), stated.to_bytes(8, "little"), 1))
+        with pytest.raises(DataError, match="damaged TDMS file"):
+            record_tables(path)
+    assert capfd.readouterr().err == ""
+
+
 def test_a_matlab_73_file_does_not_lead_to_other_files(tmp_path, monkeypatch):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "other.mat", "w") as file:

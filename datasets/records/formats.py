@@ -145,13 +145,20 @@ def _plain_unit(unit: str) -> str:
 def _tdms(path: Path, data: bytes, sheet: str | None) -> Found:
     """Groups of an NI file that hold channels: each a run, or the one that ``sheet`` names."""
     reader = _extra("nptdms", "tdms", path.name)
+    console, said = import_module("nptdms.log").log_manager.console_handler, io.StringIO()
+    former, console.stream = console.stream, said  # it logs what does not agree, and reads on
     try:
         known = reader.TdmsFile.read_metadata(io.BytesIO(data))
         if sum(len(channel) for group in known.groups() for channel in group.channels()) > len(data):
             raise ValueError("it states more values than it has bytes")
         groups = {g.name: list(g.channels()) for g in reader.TdmsFile.read(io.BytesIO(data)).groups()}
+        notes = sorted({line.partition("] ")[2] for line in said.getvalue().splitlines()})
+        if broken := [words for words in notes if not words.startswith("Last segment metadata")]:
+            raise ValueError(broken[0])
     except Exception as error:  # a damaged file raises whatever its reader raises
         raise DataError(f"{path.name} is a damaged TDMS file ({error}). Export it again.") from error
+    finally:
+        console.stream = former
     filled = {name: [c for c in channels if len(c) > 1 and c.dtype.kind in "fiu"] for name, channels in groups.items()}
     filled = {name: channels for name, channels in filled.items() if channels}
     if sheet is not None and sheet not in filled:
@@ -163,7 +170,7 @@ def _tdms(path: Path, data: bytes, sheet: str | None) -> Found:
             f"{path.name} has groups of different channels: give --sheet, one of {', '.join(map(repr, filled))}."
         )
     for name, channels in filled.items():
-        yield "tdms", list(_tdms_series(channels, f"{path.name}, group {name!r}")), []
+        yield "tdms", list(_tdms_series(channels, f"{path.name}, group {name!r}")), notes
 
 
 def _tdms_series(channels: list[Any], name: str) -> Iterable[Series]:
