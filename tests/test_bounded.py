@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import socket
 import sys
 import tempfile
@@ -461,3 +462,37 @@ def test_a_loop_of_links_in_a_folder_of_records_is_reported(tmp_path, monkeypatc
     Path("plan.csv").write_text(TABLE)
     assert main(["reduce", "runs", "--plan", "plan.csv", "--out", "r.csv"]) in (2, 3)
     assert "internal error" not in capsys.readouterr().err
+
+
+# The package
+
+
+def test_received_files_are_opened_in_one_place():
+    """Modules that read by themselves read what they wrote, parse numbers of their own, or belong to the package."""
+    package = Path(bounded.__file__).parent.parent
+    own = {
+        "batch/output_folder.py", "batch/engine/base.py", "cards/forms/rendering.py", "cli/physical.py", "cli/ident.py",
+        "cli/plan.py", "core/bounded.py", "datasets/tables/other_books.py", "parameters/draws.py",
+        "parameters/published/roughness.py",
+    }  # fmt: skip
+    reads = re.compile(r"\.read_(?:bytes|text)\(|\bjson\.loads?\(|\btomllib\.|np\.load\(|ZipFile\(io|\.open\(\"rb\"\)")
+    found = set()
+    for folder in (
+        "batch",
+        "cards",
+        "cli",
+        "controllers",
+        "core",
+        "datasets",
+        "fit",
+        "ident",
+        "parameters",
+        "pipeline",
+    ):
+        for path in (package / folder).rglob("*.py"):
+            lines = path.read_text("utf-8").splitlines()
+            if any(
+                reads.search(one) for one in lines if "__file__" not in one and ">>> " not in one and "... " not in one
+            ):
+                found.add(path.relative_to(package).as_posix())
+    assert found == own

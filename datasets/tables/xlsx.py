@@ -2,7 +2,7 @@
 
 import io
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from typing import Any
 
 import openpyxl
@@ -41,7 +41,7 @@ class _Parser(WorkSheetParser):
         self.formulas: list[Place] = []
         self.merged: list[str] = []
 
-    def parse(self) -> Iterator[tuple[int, _Cells]]:
+    def parse(self) -> Generator[Any, None, None]:
         """Rows of the sheet; nothing is kept but the cells, and which rows and columns are hidden or merged."""
         rows: Any = None
         for event, element in iterparse(self.source, ("start", "end")):
@@ -58,8 +58,9 @@ class _Parser(WorkSheetParser):
             elif tag not in _PARTS:
                 element.clear()
 
-    def parse_row(self, row: Any) -> tuple[int, _Cells]:  # noqa: ANN401
+    def parse_row(self, row: Any) -> tuple[int, Any]:  # noqa: ANN401
         """Number and cells of a row."""
+        cells: Any
         number, cells = super().parse_row(row)
         if row.get("hidden") not in _TRUE:
             self.row_dimensions.pop(str(number), None)
