@@ -399,6 +399,15 @@ def test_repeated_cells_of_an_ods_sheet_are_counted():
         open_book(archive({"content.xml": row.format(cell)}), "a.ods")
 
 
+def test_an_entity_of_a_sheet_is_not_followed():
+    entity = '<!DOCTYPE worksheet [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
+    cell = '<row r="1"><c r="A1" t="inlineStr"><is><t>&x;</t></is></c></row>'
+    sheet = f'{entity}<worksheet xmlns="{MAIN}"><sheetData>{cell}</sheetData></worksheet>'
+    with pytest.raises(DataError, match="damaged Excel workbook") as raised:
+        first_sheet(xlsx("", parts={"xl/worksheets/sheet1.xml": sheet.encode()}))
+    assert "\n" not in str(raised.value)
+
+
 def test_an_archive_in_an_archive_is_not_unpacked():
     inner = archive({"bomb": b" " * 10_000_000})
     with pytest.raises(DataError, match="damaged Excel workbook"):

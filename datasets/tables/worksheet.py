@@ -107,8 +107,9 @@ def letters(column: int) -> str:
 
 def damaged(name: str, error: BaseException, kind: str = "xlsx") -> DataError:
     """The refusal of a workbook whose parts cannot be read."""
+    why = " ".join(str(error).split())[:200].rstrip(".")
     return DataError(
-        f"{name} is a damaged {FORMATS[kind]} ({error}). Open it in Excel or LibreOffice and save it again "
+        f"{name} is a damaged {FORMATS[kind]} ({why}). Open it in Excel or LibreOffice and save it again "
         "as .xlsx or .csv."
     )
 
