@@ -385,7 +385,7 @@ def resealed(rng, folder):
         (folder / P).write_text(json.dumps(data, indent=2))
         if (state := _state(folder / P)) is not None:
             break
-    commands = [f"check {P}", *drawn(rng, BASES[base], 3)]
+    commands = [f"check {P}", *drawn(rng, BASES[base], 2)]
     return Case(P, commands, f"{base}: {'; '.join(done)}", base, state is None)
 
 

@@ -84,10 +84,10 @@ def life_decision(law: LawFit, criterion: float = 0.3, at: Mapping[str, float] |
     if law.response == "T":
         _power_without_levels(law)
         z = law.formula.design(np.array([[where[name] for name in law.factors]]))[0]
-        name, value = _named("tool life", law, where), exp(float(z @ law.theta))
+        name, value = _named("tool life", law, where), _exp(float(z @ law.theta), "the tool life")
         return Decision(name, law.units["T"], value, z, _edge_scatter(law), where, " ".join(_outside(law, where)))
     k = _life_exponent(law)
-    value = exp(_log_life(law.theta, law, criterion, where))
+    value = _exp(_log_life(law.theta, law, criterion, where), f"the tool life to {law.response} {criterion:g}")
     gradient = _gradient(lambda theta: _log_life(theta, law, criterion, where), law)
     beyond = [*_of_range(value, law), *_outside(law, where)]
     name = _named(f"tool life to {law.response} {criterion:g} {law.units[law.response]}", law, where)
@@ -148,7 +148,7 @@ def cost_decision(
             f"{law.response}: life falls with V to the power {law.theta[j] / k:.2g}; at 1 or less cost is least at the "
             "highest speed that the machine allows."
         )
-    value = exp(best)
+    value = _exp(best, "the speed of least cost")
     beyond = " ".join(_outside(law, {**where, "V": value}))
     slope = abs(float(law.theta[j])) / k if wear else abs(float(law.theta[j]))
     sd = _edge_scatter(law, value=criterion) / k / slope
@@ -301,3 +301,11 @@ def _conditions(law: LawFit, at: Mapping[str, float] | None, without: tuple[str,
 def _named(what: str, law: LawFit, at: Mapping[str, float]) -> str:
     where = ", ".join(f"{name} {value:.3g} {law.units.get(name, '')}".rstrip() for name, value in at.items())
     return f"{what} at {where}" if where else what.rstrip(",")
+
+
+def _exp(logarithm: float, name: str) -> float:
+    """The number of a logarithm; FitError where it is beyond those that a computer holds."""
+    try:
+        return exp(logarithm)
+    except OverflowError:
+        raise FitError(f"{name} is e^{logarithm:.4g}, too large a number: check the criterion and the law.") from None

@@ -237,3 +237,8 @@ def test_when_to_stop_does_not_contradict_what_is_extrapolated(enough, beyond, s
     words = " ".join(Narrowing(decision, (8, 10), (8.5, 9.5), (7, 11), (8, 10), 4, enough, None, None).words)
     assert says in words
     assert not ("Stop after" in words and beyond)
+
+
+def test_a_life_beyond_every_number_is_refused(wear):
+    with pytest.raises(FitError, match="too large a number: check the criterion"):
+        life_decision(wear, criterion=1e307)

@@ -89,6 +89,7 @@ REFUSED = {
     "offset beyond": (lambda: chirp(offset=9, high=8, limit="scale"), "offset alone"),
     "limit word": (lambda: chirp(high=9, limit="clip"), "'clip': one of"),
     "not finite": (lambda: chirp(amplitude=np.nan), "not finite"),
+    "infinite": (lambda: chirp(amplitude=np.inf), "amplitude inf is not finite"),
     "half a sample": (lambda: prbs(hold=0.03), "1.5 samples"),
     "half a period": (lambda: multisine(lines=[0.15], duration=10), "0.15 Hz in 10 s"),
     "line twice": (lambda: multisine(lines=[0.2, 0.2], duration=10), "each line once"),

@@ -24,6 +24,13 @@ class SignalLimits(TypedDict, total=False):
     limit: Literal["refuse", "scale"]
 
 
+def _scaled(amplitude: float, x: Array) -> Array:
+    """A signal of this amplitude; IdentError where that is no number."""
+    if not np.isfinite(amplitude):
+        raise IdentError(f"amplitude {amplitude:g} is not finite: give a number.")
+    return amplitude * x
+
+
 def within_limits(
     x: Array,
     rate: float,
@@ -140,7 +147,7 @@ def chirp(
     else:
         growth = np.log(f1 / f0) / duration
         phase = f0 / growth * np.expm1(growth * t)
-    return within_limits(amplitude * np.sin(2 * np.pi * phase), rate, offset, **limits)
+    return within_limits(_scaled(amplitude, np.sin(2 * np.pi * phase)), rate, offset, **limits)
 
 
 def prbs(
@@ -185,7 +192,7 @@ def prbs(
     if order not in TAPS:
         raise IdentError(f"order {order!r} of a shift register: {min(TAPS)} to {max(TAPS)}.")
     bits = shift_register(order, seed, needed)
-    return within_limits(amplitude * np.repeat(2.0 * bits - 1, held)[:n], rate, offset, **limits)
+    return within_limits(_scaled(amplitude, np.repeat(2.0 * bits - 1, held)[:n]), rate, offset, **limits)
 
 
 def shift_register(order: int, seed: int, length: int) -> NDArray[np.int8]:
@@ -252,7 +259,7 @@ def multisine(
     share = power / power.sum()
     phase = -2 * np.pi * np.concatenate([[0.0], np.cumsum(np.cumsum(share)[:-1])])
     x = np.sqrt(share) @ np.cos(2 * np.pi * np.outer(f, np.arange(n) / rate) + phase[:, None])
-    return within_limits(amplitude * x / np.abs(x).max(), rate, offset, **limits)
+    return within_limits(_scaled(amplitude, x / np.abs(x).max()), rate, offset, **limits)
 
 
 def steps(
