@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.core.errors import DataError, UsageError
+from fitmodels.core.errors import DataError, FitError, UsageError
 from fitmodels.fit.bayes.priors import Beta, Flat, HalfT, Normal, Priors, reference, weak
 from fitmodels.fit.bayes.priors_file import read_priors
 from scipy import integrate, stats
@@ -152,3 +152,10 @@ def test_a_set_of_ones_own_is_complete_and_proper():
     with pytest.raises(UsageError, match="improper"):
         fit.posterior(law, priors=half)
     assert not reference(law, edges=True).proper
+
+
+def test_priors_far_from_the_data_are_refused():
+    """An exponent of 1e15 leaves no number in the posterior."""
+    far = {"AW": {"V": {"distribution": "normal", "mean": 1e15, "sd": 0.5}}}
+    with pytest.raises(FitError, match="the priors contradict the data"), np.errstate(all="ignore"):
+        fit.posterior(wear_law(), priors=far)

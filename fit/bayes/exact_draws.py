@@ -23,6 +23,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import FitError
 from .density import LawDensity, Sample
 from .priors import Flat, Normal, Prior
 
@@ -279,6 +280,8 @@ def _cells(
         rough, width = _split(low, high, COARSE)
         mass = mass_of(density, rows.given(np.exp(rough))) + _icc_prior(density.priors.of["icc"], rough)
         near = np.flatnonzero(mass > mass.max() - FAR)
+        if not near.size:
+            raise FitError("the priors contradict the data: no posterior can be computed; check their units.")
         low, high = rough[near[0]] - width, rough[near[-1]] + width
         if near[-1] - near[0] > COARSE // 3:
             break
