@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         _show(runs, compared, args)
     if figure is not None:
-        _draw([found for _, comparisons, *_ in compared for found in comparisons], figure)
+        _draw([found for _, comparisons, *_ in compared for found in comparisons], figure, force=args.force)
         if not args.json:
             Printer(quiet=args.quiet).wrote(f"Figure: {figure}", figure)
     if args.write:
@@ -262,7 +262,7 @@ def _figure_path(args: argparse.Namespace) -> Path:
     return path
 
 
-def _draw(comparisons: "list[FormComparison]", path: Path) -> None:
+def _draw(comparisons: "list[FormComparison]", path: Path, *, force: bool) -> None:
     from io import BytesIO
 
     from ..cards.figures import form_panels
@@ -271,4 +271,4 @@ def _draw(comparisons: "list[FormComparison]", path: Path) -> None:
 
     held = BytesIO()
     save_figure(form_panels(comparisons), held, format=path.suffix.lower()[1:], dpi=110)
-    write_whole(path, held.getvalue())
+    write_whole(path, held.getvalue(), force=force)

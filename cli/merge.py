@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from ..core.bounded import contains
 from ..core.errors import ParameterError, UsageError
 from ..core.files import refuse_input
-from ..core.journal import only_writer, write_together
+from ..core.folders import file_state
+from ..core.journal import only_writer, recover, write_together
 from ..core.rounding import count
 from .arguments import Parser, inputs_of, pairs, parameter_file, traced
 from .output import Printer, output_options, print_json
@@ -54,13 +55,16 @@ def run(args: argparse.Namespace) -> int:
     from ..parameters.merging import merge
 
     inputs, target = _inputs(args.files), Path(args.out)
+    real = Path(os.path.realpath(target))
+    recover(real)
+    former = file_state(real)
     _check_target(target, inputs, force=args.force)
     take = {section: _number(file, args.files, "--take") for section, file in _asked(args.take).items()}
     prefer = None if args.prefer is None else _number(args.prefer, args.files, "--prefer")
     stem = target.stem if NAME.fullmatch(target.stem) else "merged"
     merged = merge(inputs, take=take, prefer=prefer, stem=stem)
     pf = sealed(merged.pf, provenance=traced(merged.pf, args.words))
-    _write(target, stem, pf, merged)
+    _write(target, stem, pf, merged, former)
     failed, verdicts = [finding.words for finding in check(pf).inconsistent], cautions(pf)
     if args.json:
         facts = {"file": target.name, "sections": dict(merged.taken), "notes": list(merged.notes)}
@@ -118,7 +122,7 @@ def _number(file: str, files: Sequence[str], option: str) -> int:
     raise UsageError(f"{option} {file}: is none of the files to be merged: {', '.join(files)}.")
 
 
-def _write(target: Path, stem: str, pf: "ParameterFile", merged: "Merged") -> None:
+def _write(target: Path, stem: str, pf: "ParameterFile", merged: "Merged", former: tuple[int, int, int] | None) -> None:
     """Write draws and file together, and remove the draws of a former file of this name."""
     from ..parameters.file import as_bytes
 
@@ -126,6 +130,10 @@ def _write(target: Path, stem: str, pf: "ParameterFile", merged: "Merged") -> No
     own = None if merged.draws is None or pf.posterior is None else pf.posterior.draws_file
     real = folder / Path(os.path.realpath(target)).name
     with only_writer(folder, f"{target}: another process has kept its folder locked for 10 s; nothing was written."):
+        if file_state(real) != former:
+            raise ParameterError(
+                f"{target}: another program wrote it since this command began; nothing was written. Run again."
+            )
         derived: dict[Path, bytes | None] = dict.fromkeys(_former_draws(real, stem), None)
         if own is not None:
             derived[folder / own] = merged.draws

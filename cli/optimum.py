@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     )  # fmt: skip
     verdicts = cautions(pf, *{found.source.law.response, *(limit.symbol for limit in found.limits)} & set(pf.laws))
     if target is not None:
-        _draw(found, target)
+        _draw(found, target, force=args.force)
     if args.json:
         print_json("optimum", {"file": Path(args.file).name, **_facts(found), "verdicts": verdicts})
         return 0
@@ -107,7 +107,7 @@ def _today(given: dict[str, float]) -> tuple[float, float] | None:
     return given["V"], given["f"]
 
 
-def _draw(found: "EconomicSettings", path: Path) -> None:
+def _draw(found: "EconomicSettings", path: Path, *, force: bool) -> None:
     from io import BytesIO
 
     from ..core.files import write_whole
@@ -115,7 +115,7 @@ def _draw(found: "EconomicSettings", path: Path) -> None:
 
     held = BytesIO()
     save_figure(found.plot().figure, held, format=path.suffix[1:].lower(), dpi=160)
-    write_whole(path, held.getvalue())
+    write_whole(path, held.getvalue(), force=force)
 
 
 def _facts(found: "EconomicSettings") -> dict[str, Any]:

@@ -144,7 +144,7 @@ def write_table(frame: "pd.DataFrame", args: argparse.Namespace, notes: list[str
 
     place = target(args.out, args.force)
     if args.out is not None or not args.json:
-        write_csv(frame, place, notes)
+        write_csv(frame, place, notes, force=args.force)
     if args.json:
         rows = json.loads(frame.to_json(orient="records", double_precision=15))
         facts = {"file": args.out, "simulated": schema == "simulation", "units": frame.attrs.get("units", {})}

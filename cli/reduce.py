@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted; the records reduced so far are kept in {kept}: run it again.") from None
     frame, notes, remarks = reduced_rows(found, how, folder)
-    write_csv(frame, out, notes, units={})
+    write_csv(frame, out, notes, units={}, force=args.force)
     if args.json:
         print_json("reduction", _facts(found, out, kept))
     else:

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.files import STANDARD_INPUT
+from ..core.files import STANDARD_INPUT, write_whole
 from ..core.version import __version__
 from .arguments import MARK, ONE_TABLE, Parser, opened, stem, typed
 from .corrections import corrected
@@ -327,8 +327,7 @@ def _kept(pair: "PairAnalysis", folder: "Folder | None") -> str:
     if folder is None or not any(post.sample.interrupted for post in pair.posteriors):
         return ""
     path = folder.path.with_name(f"{folder.path.name}.draws-so-far.npz")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(draws_of(pair.posteriors))
+    write_whole(path, draws_of(pair.posteriors), parents=True)
     return f" The draws so far are in {path}."
 
 

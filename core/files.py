@@ -1,5 +1,6 @@
 """Files and folders that are written whole or not at all, and a lock for one writer at a time."""
 
+import errno
 import os
 import platform
 import re
@@ -30,8 +31,9 @@ def write_whole(
     *,
     error: type[FitmodelsError] = UsageError,
     parents: bool = False,
+    force: bool = True,
 ) -> None:
-    """Write a file whole or not at all, over what is there: a temporary file beside it, synchronised and renamed.
+    """Write a file whole or not at all: a temporary file beside it, synchronised and renamed.
 
     Parameters
     ----------
@@ -42,6 +44,8 @@ def write_whole(
         Raised where the file cannot be written.
     parents : bool
         Whether the folder is made where there is none.
+    force : bool
+        Whether a file that has the name is replaced, also one that another process writes at the same time.
 
     Examples
     --------
@@ -60,13 +64,27 @@ def write_whole(
             raise OSError("it is a device or a pipe, which a file would replace")
         remove_stale(path.parent)
         synchronised(made, content.encode() if isinstance(content, str) else content)
-        os.replace(made, path)  # noqa: PTH105 - stands beside fsync, and both are made to fail in tests
+        (os.replace if force else _rename_new)(made, path)
+    except FileExistsError:
+        raise error(f"{path}: the file exists; choose another path, or replace it with --force.") from None
     except (OSError, ValueError) as failure:  # ValueError: a path with a null character
         raise error(f"{path}: cannot be written: {cause(failure)}; choose another place.") from None
     finally:
         with suppress(OSError, ValueError):
             made.unlink(missing_ok=True)
     synchronised_folder(path.parent)
+
+
+def _rename_new(made: Path, path: Path) -> None:
+    """Rename a file to a name that nothing has, which a renaming alone does not see to."""
+    try:
+        os.link(made, path)
+    except FileExistsError:
+        raise
+    except (OSError, NotImplementedError):  # a file system without hard links
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from None
+        os.rename(made, path)  # noqa: PTH104
 
 
 STALE = 86_400.0  # s: no write takes as long

@@ -30,12 +30,23 @@ def folder_state(folder: Path) -> FolderState:
     >>> list(folder_state(Path(__file__).parent))[:1] != [], folder_state(Path("nowhere"))
     (True, {})
     """
-    found = {}
-    for name, path in _entries(folder):
-        with suppress(FileNotFoundError):  # removed meanwhile
-            if not stat.S_ISDIR((of := path.lstat()).st_mode):
-                found[name] = (of.st_size, of.st_mtime_ns, of.st_ino)
-    return found
+    each = ((name, file_state(path)) for name, path in _entries(folder))
+    return {name: state for name, state in each if state is not None}
+
+
+def file_state(path: Path) -> tuple[int, int, int] | None:
+    """Size in bytes, time of change in ns and inode of a file or link; None for a folder, and where there is nothing.
+
+    Examples
+    --------
+    >>> file_state(Path("nowhere")) is None
+    True
+    """
+    try:
+        of = path.lstat()
+    except FileNotFoundError:
+        return None
+    return None if stat.S_ISDIR(of.st_mode) else (of.st_size, of.st_mtime_ns, of.st_ino)
 
 
 def _entries(folder: Path) -> Iterator[tuple[str, Path]]:

@@ -250,6 +250,7 @@ def write_csv(
     notes: Sequence[str],
     *,
     units: Mapping[str, str] | None = None,
+    force: bool = True,
 ) -> None:
     """Write a lab file: notes as `# ...` lines, then a header such as `V [m/min]`, then the rows.
 
@@ -263,6 +264,8 @@ def write_csv(
         one comment each; a line break starts a new comment
     units : mapping of column to unit
         by default `frame.attrs["units"]`; a column without a unit keeps its bare name
+    force : bool
+        whether a file that has the name is replaced
 
     Examples
     --------
@@ -281,7 +284,7 @@ def write_csv(
     if not isinstance(path_or_buffer, str | Path):
         path_or_buffer.write(text)
         return
-    write_whole(path_or_buffer, text)
+    write_whole(path_or_buffer, text, force=force)
 
 
 def _without_formulas(frame: pd.DataFrame) -> pd.DataFrame:

@@ -177,7 +177,7 @@ def write(
     content = as_bytes(pf, str(path))
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: the file exists; choose another path, or replace it with --force.")
-    write_whole(path, content, error=ParameterError)
+    write_whole(path, content, error=ParameterError, force=force)
     return path
 
 

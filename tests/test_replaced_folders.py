@@ -1,6 +1,7 @@
 """A corrected reading replaces the folder of the former one, and nothing that somebody else put there."""
 
 import errno
+import json
 import os
 import shutil
 from pathlib import Path
@@ -13,6 +14,7 @@ from fitmodels.core.files import synchronised, write_whole
 from fitmodels.core.folders import folder_state, put_folder, staged
 from fitmodels.core.journal import only_writer, recover, write_together
 from fitmodels.parameters.file import sealed
+from fitmodels.parameters.published import published
 
 ROWS = [
     f"{grade},E{i},{V},{f},{t},{scale * 0.01 * V**0.5 * f**0.2 * t**0.3 * (1 + 0.01 * ((7 * i + 3 * t) % 5 - 2)):.5g}"
@@ -312,14 +314,13 @@ def writing(request, tmp_path, monkeypatch):
     return folder, write, old, new, again
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EACCES])
-def test_a_write_of_which_any_call_fails_leaves_the_old_state_or_the_new_one(writing, code, monkeypatch):
+def test_a_write_of_which_any_call_fails_leaves_the_old_state_or_the_new_one(writing, monkeypatch):
     folder, write, old, new, again = writing
     at = 0
     while True:
         at += 1
         with monkeypatch.context() as patch:
-            calls = Calls(patch, at, code)
+            calls = Calls(patch, at, (errno.ENOSPC, errno.EIO, errno.EACCES)[at % 3])
             failed = False
             try:
                 write(folder)
@@ -349,3 +350,173 @@ def test_a_process_killed_after_any_call_leaves_what_the_next_command_restores(w
     assert len(copies) > 4
     for each in copies:
         completed(each, write, old, new)
+
+
+# --- what stood there when a command decided, and files of others -------------------------------------
+
+
+def test_a_foreign_file_stays_the_same_file_also_in_subfolders_and_a_link_a_link(tmp_path):
+    folder = tmp_path / "T_W"
+    first(folder)
+    (folder / "empty").mkdir()
+    (folder / "mine").chmod(0o750)
+    (folder / "dangling").symlink_to("nowhere")
+    notes = folder / "mine" / "notes.txt"
+    before = notes.stat()
+    with notes.open("a") as held:
+        put(folder, 2)
+        held.write(" and more")
+    assert os.path.samestat(before, notes.stat())
+    assert notes.read_text() == "mine and more"
+    assert (folder / "mine").stat().st_mode & 0o777 == 0o750
+    assert (folder / "mine" / "link").readlink() == Path("notes.txt")
+    assert (folder / "dangling").is_symlink()
+    assert (folder / "empty").is_dir()
+    assert not (folder / "only-1").exists()
+
+
+def test_a_foreign_file_is_copied_where_there_are_no_hard_links(tmp_path, monkeypatch):
+    def no_links(*_, **__):
+        raise OSError(errno.EPERM, "operation not permitted")
+
+    folder = tmp_path / "T_W"
+    first(folder)
+    before = tree(folder, hidden=False)
+    monkeypatch.setattr(os, "link", no_links)
+    put(folder, 2)
+    assert {name: of for name, of in tree(folder, hidden=False).items() if name.startswith("mine")} == {
+        name: of for name, of in before.items() if name.startswith("mine")
+    }
+    put(folder, 1)
+    assert tree(folder, hidden=False) == before
+
+
+@pytest.mark.parametrize("name", ["params.json", "mine/notes.txt", "mine/new.txt"])
+def test_a_file_that_changes_between_the_renames_is_not_lost(name, tmp_path, monkeypatch):
+    """An editor saves it while the folder stands aside."""
+    folder, rename = tmp_path / "T_W", os.rename
+    first(folder)
+
+    def saves(source, target):
+        rename(source, target)
+        if Path(target).suffix == ".former":
+            (Path(target) / "saved").write_text("edited")
+            (Path(target) / "saved").replace(Path(target) / name)
+
+    monkeypatch.setattr(os, "rename", saves)
+    with pytest.raises(UsageError, match=f"{name} was (changed|written).*nothing was written. Run again"):
+        put(folder, 2)
+    assert (folder / name).read_text() == "edited"
+    assert (folder / "only-1").exists()
+    assert tree(tmp_path, hidden=True) == []
+
+
+@pytest.mark.parametrize("there", ["nothing", "a folder"])
+def test_of_two_writers_the_second_is_refused_and_nothing_is_lost(there, tmp_path):
+    """Both decided on the same state: that of the folder, or that there is none."""
+    folder = tmp_path / "T_W"
+    if there == "a folder":
+        first(folder)
+    former = folder_state(folder)
+    with staged(folder) as made:
+        (made / "params.json").write_text("late")
+        put(folder, 2)
+        with pytest.raises(UsageError, match=r"T_W: .* was (written|removed|changed) by another process"):
+            put_folder(made, folder, expected=former, ours=lambda name: not name.startswith("mine"))
+    assert (folder / "params.json").read_bytes() == b"2"
+    assert tree(tmp_path, hidden=True) == []
+
+
+def test_a_folder_that_somebody_put_in_place_of_an_interrupted_one_does_not_cost_the_former_content(tmp_path, caplog):
+    folder = tmp_path / "T_W"
+    first(folder)
+    stage = ".fitmodels-00000000-1-0123456789abcdef"
+    (tmp_path / f"{stage}.tmp" / "made").mkdir(parents=True)
+    former = folder.rename(tmp_path / f".T_W{stage}.former")
+    folder.mkdir()
+    put(folder, 2)
+    assert (former / "params.json").read_bytes() == b"1"
+    assert "Move one of the two elsewhere" in caplog.text
+    shutil.rmtree(folder)
+    caplog.clear()
+    recover(folder / "params.json")
+    assert "the former folder was restored" in caplog.text
+    assert (folder / "params.json").read_bytes() == b"1"
+
+
+def test_a_link_to_a_folder_stays_and_a_name_in_the_way_is_named(tmp_path):
+    folder, link = tmp_path / "lab" / "T_W", tmp_path / "link"
+    folder.parent.mkdir()
+    first(folder)
+    link.symlink_to(folder)
+    put(link, 2)
+    assert link.is_symlink()
+    assert (folder / "params.json").read_bytes() == b"2"
+    shutil.rmtree(folder / "figures")
+    (folder / "figures").write_text("mine")
+    with pytest.raises(UsageError, match="figures has the name of something that fitmodels writes"):
+        put(folder, 1)
+    assert (folder / "figures").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "journal",
+    [
+        {"moves": [[".fitmodels-0123456789abcdef.tmp/0", "../params.json"]], "removed": []},
+        {"moves": [["../secret", "params.json"]], "removed": []},
+        {"moves": [], "removed": ["out/secret"]},
+        {"moves": [], "removed": ["/etc/hostname"]},
+        {"moves": [[".fitmodels-0123456789abcdef.tmp/0"]], "removed": []},
+        {"moves": 3},
+        [],
+    ],
+)
+def test_a_journal_in_a_received_folder_reaches_nothing_outside_of_it(journal, tmp_path):
+    folder = tmp_path / "T_W"
+    first(folder)
+    (tmp_path / "secret").write_text("mine")
+    (folder / "out").symlink_to(tmp_path)
+    stage = folder / ".fitmodels-0123456789abcdef.tmp"
+    stage.mkdir()
+    (stage / "0").write_text("theirs")
+    schema = {"schema": "fitmodels.journal/1"}
+    text = json.dumps({**schema, **journal} if isinstance(journal, dict) else journal)
+    (folder / ".fitmodels.journal").write_text(text)
+    before = tree(tmp_path, hidden=False)
+    recover(folder / "params.json")
+    with pytest.raises(UsageError, match=r"journal: is no journal that fitmodels wrote; nothing was written"):
+        change(folder, 2)
+    assert tree(tmp_path, hidden=False) == before
+
+
+def test_reading_needs_no_recovery_that_cannot_be_written(tmp_path, monkeypatch):
+    """A folder without write access and with a journal: what stands there is read."""
+
+    def no_writing(*_, **__):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    folder = tmp_path / "T_W"
+    first(folder)
+    parameters.write(parameters.read(parameters.write(published("AC-2016"), tmp_path / "a.json")), folder / "a.json")
+    journal = {"schema": "fitmodels.journal/1", "moves": [], "removed": ["only-1"]}
+    (folder / ".fitmodels.journal").write_text(json.dumps(journal))
+    for name in ("unlink", "replace", "rename", "mkdir"):
+        monkeypatch.setattr(os, name, no_writing)
+    assert parameters.read(folder / "a.json").laws
+    monkeypatch.undo()
+    assert parameters.read(folder / "a.json").laws
+    assert not (folder / "only-1").exists()
+
+
+def test_of_two_fits_into_one_new_folder_one_wins_and_the_other_says_so(here):
+    """Both have checked that nothing is there before either has written."""
+    from fitmodels.pipeline.folders import pair_folders
+
+    analysis = analyse("a.csv", tool="T", work="W", draws=1000)
+    both = [pair_folders([pair.runs for pair in analysis.pairs], "new", analysis.options)[0] for _ in range(2)]
+    both[0].write(analysis.pair, analysis.options)
+    before = files(here / "new")
+    with pytest.raises(UsageError, match=r"new/T_W: README.md was written by another process since this command began"):
+        both[1].write(analysis.pair, analysis.options)
+    assert files(here / "new") == before
+    assert tree(here / "new", hidden=True) == []

@@ -11,7 +11,6 @@ from typing import Any
 from ...core.errors import UsageError
 from ...core.files import cause, write_whole
 from ...core.folders import FolderState, folder_state, put_folder, staged
-from ...core.journal import recover_below
 from .entries import CardEntry, with_slugs
 from .pages import atom_feed, card_list, compare_page, index_page
 from .pair import TOML, PairReview, PairTask, PublicationProblem, pair_folders, review, shared_toml
@@ -134,7 +133,6 @@ def publish(
     (False, ['card.toml'])
     """
     folder, site = Path(folder), Path(site)
-    recover_below(folder)
     pairs = pair_folders(folder, site)
     try:
         with staged(site) as made:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...core.bounded import read_bounded
 from ...core.errors import DataError, FitmodelsError, UsageError
+from ...core.journal import FORMER, recover, recover_below
 from ...parameters import ParameterFile, read
 from ..content.card import Card, compose
 from ..folder import PAGE, PARAMETERS, PROGRAM, README, card_files
@@ -85,6 +86,7 @@ def pair_folders(folder: Path, site: Path | None = None) -> tuple[Path, ...]:
     ...     [path.name for path in pair_folders(Path(place))]
     ['a']
     """
+    recover(folder)
     if not folder.is_dir():
         raise UsageError(
             f"{folder}: is no folder; give the one with the folders of the pairs, each with its {PARAMETERS}."
@@ -98,6 +100,9 @@ def pair_folders(folder: Path, site: Path | None = None) -> tuple[Path, ...]:
 def _holding_parameters(folder: Path, site: Path | None) -> Iterator[Path]:
     """Folders in and below this one that hold a parameter file, without hidden ones and the site."""
     for place, below, names in os.walk(folder):
+        if any(FORMER.fullmatch(name) for name in below):
+            recover_below(place)
+            below[:] = [path.name for path in Path(place).iterdir() if path.is_dir() and not path.is_symlink()]
         below[:] = sorted(n for n in below if not n.startswith(".") and (site is None or _real(place, n) != site))
         if PARAMETERS in names:
             yield Path(place)

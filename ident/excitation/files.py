@@ -73,7 +73,7 @@ def write_excitation(
         raise UsageError(f"unit {unit!r}: no spaces, commas or brackets.")
     if not force and os.path.lexists(path):
         raise UsageError(f"{path} exists already; replace it with --force, or choose another name.")
-    write_whole(path, FORMS[for_](values, float(rate), unit, path))
+    write_whole(path, FORMS[for_](values, float(rate), unit, path), force=force)
     return path
 
 

@@ -140,5 +140,5 @@ def write_export(content: str | bytes, path: str | os.PathLike[str], *, force: b
     path = Path(path)
     if not force and os.path.lexists(path):
         raise ParameterError(f"{path}: the file exists; choose another path, or replace it with --force.")
-    write_whole(path, content, error=ParameterError)
+    write_whole(path, content, error=ParameterError, force=force)
     return path
