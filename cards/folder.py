@@ -197,13 +197,13 @@ def write(
 def _kept(pf: ParameterFile, laws: object, posteriors: object, dynamics: object) -> Collection[str]:
     """Pictures and draws of sections whose fits are not given: they stay beside a file that has these sections."""
     sections = (
-        (pf.laws and not laws, FIGURES),
-        (pf.posterior and not posteriors, (DRAWS,)),
-        (pf.dynamics and not dynamics, DYNAMICS_FIGURES),
-        ((pf.dynamics or pf.drive or pf.adaptive_force) and not dynamics, FIT_FIGURES.values()),
-        (pf.pi, (PI_FIGURE,)),
+        (pf.laws, laws, FIGURES),
+        (pf.posterior, posteriors, (DRAWS,)),
+        (pf.dynamics, dynamics, DYNAMICS_FIGURES),
+        (pf.dynamics or pf.drive or pf.adaptive_force, dynamics, FIT_FIGURES.values()),
+        (pf.pi, None, (PI_FIGURE,)),
     )
-    return {name for there, names in sections if there for name in names}
+    return {name for there, given, names in sections if there and not given for name in names}
 
 
 def is_ours(name: str) -> bool:

@@ -60,8 +60,7 @@ def write_whole(
         make_folder(path.parent)
     made = path.parent / temporary_name()
     try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
-            raise OSError("it is a device or a pipe, which a file would replace")
+        refuse_device(path)
         remove_stale(path.parent)
         synchronised(made, content.encode() if isinstance(content, str) else content)
         (os.replace if force else _rename_new)(made, path)
@@ -73,6 +72,12 @@ def write_whole(
         with suppress(OSError, ValueError):
             made.unlink(missing_ok=True)
     synchronised_folder(path.parent)
+
+
+def refuse_device(path: Path) -> None:
+    """Raise OSError where a path is a device, a pipe or a socket."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError("it is a device or a pipe, which a file would replace")
 
 
 def _rename_new(made: Path, path: Path) -> None:

@@ -162,11 +162,10 @@ def _check(real: Path, folder: Path, expected: FolderState, ours: Callable[[str]
     """Raise unless the files of ours are as expected."""
     if os.path.lexists(real) and not real.is_dir():
         raise UsageError(f"{folder} is a file; choose another folder with --out.")
-    found = folder_state(real)
-    then, now = ({name: of for name, of in state.items() if ours(name)} for state in (expected, found))
+    then, now = (dict(filter(lambda of: ours(of[0]), state.items())) for state in (expected, folder_state(real)))
     if then == now:
         return
-    name = next(name for name in sorted({*then, *now}) if then.get(name) != now.get(name))
+    name = min(name for name in {*then, *now} if then.get(name) != now.get(name))
     change = "removed" if name not in now else "changed" if name in then else "written"
     raise UsageError(
         f"{folder}: {name} was {change} by another process since this command began; nothing was written. Run again."
@@ -187,22 +186,27 @@ def _check_names(made: Path, real: Path, folder: Path) -> None:
 
 def _carry(real: Path, made: Path, ours: Callable[[str], bool]) -> None:
     """Link the foreign files of a folder into the new one."""
-    copied = []
+    folders = [(real, made)]
     for name, path in _entries(real):
         target = made / name
         if path.is_dir() and not path.is_symlink():
+            folders.append((path, target))
             if not (ours(name) or any(path.iterdir())):
                 target.mkdir(parents=True, exist_ok=True)
-            copied.append((path, target))
         elif not ours(name):
             target.parent.mkdir(parents=True, exist_ok=True)
             _link(path, target)
-    for path, target in (*reversed(copied), (real, made)):
+    for path, target in reversed(folders):
         if target.is_dir():
-            synchronised_folder(target)
-            with suppress(OSError, AttributeError):  # another owner: by the superuser only
-                os.chown(target, path.stat().st_uid, path.stat().st_gid)
-            shutil.copymode(path, target)
+            _finish(path, target)
+
+
+def _finish(path: Path, target: Path) -> None:
+    """Give a new folder the owner and mode of a former one."""
+    synchronised_folder(target)
+    with suppress(OSError, AttributeError):  # another owner: by the superuser only
+        os.chown(target, path.stat().st_uid, path.stat().st_gid)
+    shutil.copymode(path, target)
 
 
 def _link(path: Path, target: Path) -> None:
@@ -251,18 +255,16 @@ def _check_carried(former: Path, made: Path, folder: Path, ours: Callable[[str],
 
 def _synchronise(path: Path) -> None:
     """Have the system write a file, or all of a folder, to the disk."""
-    files = [path] if path.is_file() else [each for _, each in _entries(path)]
-    if len(files) > FEW and hasattr(os, "sync"):
+    inside = [path, *(each for _, each in _entries(path))] if path.is_dir() else [path]
+    if len(inside) > FEW and hasattr(os, "sync"):
         os.sync()
         return
-    for each in files:
+    for each in reversed(inside):
         if each.is_dir():
             synchronised_folder(each)
-            continue
-        with each.open("rb" if os.name == "posix" else "rb+") as file:
-            os.fsync(file.fileno())
-    if path.is_dir():
-        synchronised_folder(path)
+        else:
+            with each.open("rb" if os.name == "posix" else "rb+") as file:
+                os.fsync(file.fileno())
 
 
 def _replace_files(made: Path, real: Path, folder: Path, ours: Callable[[str], bool]) -> None:

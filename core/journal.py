@@ -24,6 +24,7 @@ from .files import (
     is_abandoned,
     locked_folder,
     make_folder,
+    refuse_device,
     remove_stale,
     synchronised,
     synchronised_folder,
@@ -204,16 +205,7 @@ def write_together(
         for place in contents:
             check_target(place, folder)
         place = path
-        stage.mkdir(mode=0o700)
-        moves = []
-        for number, (place, data) in enumerate(contents.items()):
-            if data is not None:
-                synchronised(stage / str(number), data)
-                moves.append((f"{stage.name}/{number}", place.relative_to(folder).as_posix()))
-        place = path
-        commit(
-            folder, stage, moves, [at.relative_to(folder).as_posix() for at, data in contents.items() if data is None]
-        )
+        commit(folder, stage, *_staged(contents, folder, stage))
     except (OSError, ValueError) as failure:  # ValueError: a path with a null character
         named = [getattr(failure, name, None) for name in ("filename", "filename2")]
         place = next((at for at in contents if at in named or str(at) in named), place)
@@ -222,6 +214,22 @@ def write_together(
     finally:
         if not _is_committed(folder):
             remove_tree(stage)
+
+
+def _staged(
+    contents: Mapping[Path, bytes | None], folder: Path, stage: Path
+) -> tuple[list[tuple[str, str]], list[str]]:
+    """Write contents to a hidden folder: what is to be renamed, and to which name, and what is to be removed."""
+    stage.mkdir(mode=0o700)
+    moves, removed = [], []
+    for number, (place, data) in enumerate(contents.items()):
+        name = place.relative_to(folder).as_posix()
+        if data is None:
+            removed.append(name)
+        else:
+            synchronised(stage / str(number), data)
+            moves.append((f"{stage.name}/{number}", name))
+    return moves, removed
 
 
 def write_files(folder: Path, contents: Mapping[str, bytes], *, error: type[FitmodelsError] = UsageError) -> None:
@@ -256,8 +264,7 @@ def check_target(place: Path, folder: Path) -> None:
     """Raise OSError where a file cannot be renamed to a place; ValueError where that is not in the folder."""
     if place.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    if place.exists() and not place.is_file():
-        raise OSError("it is a device or a pipe, which a file would replace")
+    refuse_device(place)
     if not place.parent.is_dir():
         if os.path.lexists(place.parent):
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
@@ -303,12 +310,13 @@ def _carry_out(folder: Path, journal: Mapping[str, Any]) -> None:
     moves = [(folder / source, folder / target) for source, target in journal["moves"]]
     waiting = [(source, target) for source, target in moves if os.path.lexists(source)]
     gone = [folder / name for name in journal["removed"]]
-    for place in (*gone, *(target for _, target in waiting if target != moves[0][1])):  # the first is replaced at once
+    replaced = [target for _, target in waiting if target != moves[0][1]]  # the first is replaced at once
+    for place in (*gone, *replaced):
         place.unlink(missing_ok=True)
     for source, target in waiting:
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(source, target)  # noqa: PTH105
-    for place in {target.parent for target in (*gone, *(target for _, target in moves))}:
+    for place in {(folder / name).parent for name in (*journal["removed"], *dict(journal["moves"]).values())}:
         synchronised_folder(place)
     (folder / JOURNAL).unlink()
 
@@ -339,10 +347,10 @@ def _read_journal(path: Path) -> dict[str, Any] | None:
         if path.is_symlink():
             return None
         data: Any = parse_json(read_bounded(path, "state"), str(path))
-        sources = [source for source, _ in data["moves"]]
-        names = [*sources, *(target for _, target in data["moves"]), *data["removed"]]
+        moves = dict(data["moves"])
+        names = [*moves, *moves.values(), *data["removed"]]
         inside = data["schema"] == SCHEMA and all(_is_inside(path.parent, name) for name in names)
-        return data if inside and all(TEMPORARY.fullmatch(name.partition("/")[0]) for name in sources) else None
+        return data if inside and all(TEMPORARY.fullmatch(name.partition("/")[0]) for name in moves) else None
     except (FitmodelsError, OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
