@@ -14,6 +14,7 @@ from ..cards.folder import folder_names as _folder_names
 from ..core.bounded import has_content, stored_json
 from ..core.errors import UsageError
 from ..core.files import locked, make_folder, write_whole
+from ..core.journal import recover
 from ..core.version import __version__
 from .plan import BatchOptions, Pair
 from .records import RECORDS, hash_of, read_json, written
@@ -72,6 +73,8 @@ def prepare(out: Path, source: str, options: BatchOptions, force: bool = False) 
         make_folder(out / RECORDS)
         with locked(out / LOCK, _in_use(out)):
             _free_or_ours(out, source, force)  # another batch may have ended before the lock
+            for folder in {(out / name).parent for files in written(out).values() for name in files}:
+                recover(folder)
             if force:
                 _clear(out)
             else:

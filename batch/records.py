@@ -15,6 +15,7 @@ import pandas as pd
 from ..core.bounded import sha256_of, stored_json
 from ..core.errors import DataError
 from ..core.files import make_folder, write_whole
+from ..core.journal import write_files
 from ..core.version import __version__
 from .law_rows import COUNTS, FLAGS, LAW, PAIR, TEXTS, Column, column
 from .outcomes import BlockOutcome, Cell, Concern, PairOutcome
@@ -47,7 +48,7 @@ def key_of(block: Block, plan: Plan, options: BatchOptions) -> str:
 
 
 def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, str]) -> None:
-    """Write the files of a block's pairs, then its record.
+    """Write the files of a block's pairs, those of a pair all or none, then its record.
 
     The record is first written without its outcome: wherever a batch is stopped, the files that it wrote are recorded.
 
@@ -66,18 +67,15 @@ def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, st
     UsageError, ParameterError
         A folder cannot be made, a file cannot be written; those that are there are whole.
     """
-    contents = {
-        f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}/{name}": content
-        for pair in outcome.pairs
-        for name, content in pair.files.items()
-    }
+    contents = {f"{PAIRS}/{folders[Pair(pair.tool, pair.work)]}": pair.files for pair in outcome.pairs if pair.files}
     make_folder(out / RECORDS)
     path = out / RECORDS / f"{key}.json"
-    head = {"schema": SCHEMA, "files": {name: sha256(content).hexdigest() for name, content in contents.items()}}
+    made = {f"{of}/{name}": sha256(data).hexdigest() for of, files in contents.items() for name, data in files.items()}
+    head = {"schema": SCHEMA, "files": made}
     if contents:
         write_whole(path, _sealed(head | {"outcome": None}), parents=True)
         with ThreadPoolExecutor(WRITERS) as pool:
-            list(pool.map(lambda name: write_whole(out / name, contents[name], parents=True), contents))
+            list(pool.map(lambda name: write_files(out / name, contents[name]), contents))
     write_whole(path, _sealed(head | {"outcome": _plain(outcome)}), parents=True)
 
 

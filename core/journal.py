@@ -11,6 +11,7 @@ import logging
 import os
 import re
 import shutil
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,6 +20,7 @@ from typing import Any
 from .bounded import parse_json, read_bounded
 from .errors import FitmodelsError, UsageError
 from .files import (
+    SHARE,
     TEMPORARY,
     cause,
     is_abandoned,
@@ -34,6 +36,7 @@ from .files import (
 from .text import printable_message
 
 JOURNAL = ".fitmodels.journal"
+_SEARCHED: dict[str, float] = {}  # folder: time of the next search for what ended processes left
 SCHEMA = "fitmodels.journal/1"
 MADE, FORMER = "made", re.compile(r"\.(?P<name>.+)(?P<token>\.fitmodels-[0-9a-f]{8}-\d+-[0-9a-f]{16})\.former")
 
@@ -89,13 +92,18 @@ def recover(path: str | os.PathLike[str]) -> None:
 
 
 def _remove_left(folder: Path) -> None:
-    """Remove what ended processes left in a folder, unless another process writes there now."""
+    """Remove what ended processes left in a folder, unless another process writes there now or it was just searched."""
+    begun = time.monotonic()
+    if _SEARCHED.get(str(folder), begun) > begun:
+        return
     with suppress(OSError, FitmodelsError):
         with os.scandir(folder) as entries:
             hidden = [Path(entry.path) for entry in entries if entry.name.startswith(".")]
         if any(FORMER.fullmatch(path.name) or is_abandoned(path) for path in hidden):
             with only_writer(folder, wait=0.0):
                 pass
+    end = time.monotonic()
+    _SEARCHED[str(folder)] = end + SHARE * (end - begun)
 
 
 def recover_below(folder: str | os.PathLike[str]) -> None:

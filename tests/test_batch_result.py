@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -244,20 +245,21 @@ def test_a_record_that_names_files_elsewhere_is_none_of_ours(name, out):
 
 @pytest.mark.parametrize("at_which", [1, 2, 3, 4])
 def test_a_kill_at_any_write_leaves_what_can_be_gone_on_from(at_which, out, monkeypatch):
-    """The writes of a block of two pairs: that it is begun, a file, a file, its outcome."""
+    """The writes of a block of two pairs: that it is begun, files of a pair, of the other, its outcome."""
     folders = folder_names([A, B, C])
     record(out, "1" * 64, outcome(C), folders)
     monkeypatch.setattr(records, "WRITERS", 1)
-    real, calls = records.write_whole, []
+    calls = []
 
-    def write_whole(path, content, **more):
+    def interrupted(real, path, content, **more):
         calls.append(path)
         if len(calls) >= at_which:
             raise KeyboardInterrupt
         real(path, content, **more)
 
     with monkeypatch.context() as patched:
-        patched.setattr(records, "write_whole", write_whole)
+        for name in ("write_whole", "write_files"):
+            patched.setattr(records, name, partial(interrupted, getattr(records, name)))
         with pytest.raises(KeyboardInterrupt):
             record(out, KEY, outcome(A, B), folders)
     assert recorded(out, KEY, folders) is None
@@ -274,18 +276,21 @@ def test_a_process_killed_while_it_writes_loses_one_block_at_most(tmp_path):
     out = tmp_path / "lab-batch"
     code = f"""
 import os, signal
+from functools import partial
 from pathlib import Path
 from fitmodels.batch import output_folder, records
 from fitmodels.batch.law_rows import law_table
 from fitmodels.batch.outcomes import BlockOutcome, PairOutcome
 from fitmodels.batch.plan import BatchOptions as Options, Pair
-out, calls, real = Path({str(out)!r}), [], records.write_whole
-def write_whole(path, content, **more):
+out, calls = Path({str(out)!r}), []
+def killed(real, path, content, **more):
     calls.append(path)
     if len(calls) == 5:
         os.kill(os.getpid(), signal.SIGKILL)
     real(path, content, **more)
-records.write_whole, folders = write_whole, output_folder.folder_names([Pair("a", "x"), Pair("b", "x")])
+for name in ("write_whole", "write_files"):
+    setattr(records, name, partial(killed, getattr(records, name)))
+folders = output_folder.folder_names([Pair("a", "x"), Pair("b", "x")])
 with output_folder.prepare(out, "lab", Options()):
     for tool in "ab":
         pair = PairOutcome(tool, "x", 1, files={{"params.json": b"{{}}"}})
