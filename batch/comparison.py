@@ -124,7 +124,7 @@ def compare(results: pd.DataFrame, groups: Sequence[str] = (), *, level: float =
 
 def largest_families(families: pd.DataFrame, most: int) -> pd.DataFrame:
     """At most ``most`` rows, in the order of the table: all pairs together first, then the largest families."""
-    size = families["pairs"].where(families["grouping"] != WHOLE, np.inf)
+    size = families["pairs"].astype(float).where(families["grouping"] != WHOLE, np.inf)
     return families.loc[size.sort_values(ascending=False, kind="stable").index[:most]].sort_index()
 
 
