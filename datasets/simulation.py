@@ -292,7 +292,7 @@ def _without_formulas(frame: pd.DataFrame) -> pd.DataFrame:
     safe = frame.copy()
     for place, kind in enumerate(frame.dtypes):
         if not pd.api.types.is_numeric_dtype(kind):
-            safe.isetitem(place, frame.iloc[:, place].map(_text_cell))
+            safe.isetitem(place, frame.iloc[:, place].map(_text_cell).to_list())
     return safe
 
 
