@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
 from ..core.verdict import DO_NOT_USE
-from .arguments import Parser, pairs, parameter_file, traced
+from .arguments import NUMBER, Parser, pairs, parameter_file, traced
 from .output import Printer, complain, output_options, print_json
 from .physical import FORCE, fitted, spindle_speed
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from ..parameters import ParameterFile
     from ..parameters.sections.force_control import AdaptiveForceSection
 
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 WITH_UNIT = re.compile(rf"({NUMBER})\s*([^\d\s.,+-].*)?")
 RANGE = re.compile(rf"({NUMBER}):({NUMBER})\s*([^\d\s.,+-].*)?")
 OF_RECORD: Final = ("input", "output", "unit", "depth")

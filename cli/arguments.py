@@ -20,7 +20,9 @@ from ..core.suggestions import closest
 from .output import WIDEST, complain, write_error
 
 NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins
-WITH_UNIT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")
+UNSIGNED = r"(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?"  # a number without a sign
+NUMBER = rf"[+-]?{UNSIGNED}"
+WITH_UNIT = re.compile(rf"({NUMBER})\s*+([^\d\s.,+-].*)")
 MARK = "-"  # standard input as the file of a command
 STEM = "stdin"  # of what is written by default
 ONE_TABLE = "several files that are one table go into a folder: fitmodels FOLDER"

@@ -9,13 +9,13 @@ import numpy as np
 
 from ..core.errors import UsageError
 from ..core.suggestions import closest
-from .arguments import check_apart, pairs
+from .arguments import NUMBER, check_apart, pairs
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
     from ..parameters.sections.law_parts import Factor
 
-NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
+VALUE = re.compile(rf"({NUMBER})\s*+(.*)")
 COLUMN = re.compile(  # a line of design.understood
     r"(?P<role>\w+): (?P<quantity>[^,]+), column \d+ '(?P<header>.*)': (?P<low>\S+) to (?P<high>\S+)(?P<unit>[^,]*)"
     r"(?:, converted from (?P<written>.+))?"
@@ -121,7 +121,7 @@ def in_unit(value: Value, factor: "Factor") -> float:
 def _numbers(words: Sequence[str]) -> dict[str, Value]:
     out = {}
     for name, text in pairs(list(words), "condition", "V=120 or V=400ft/min").items():
-        found = NUMBER.fullmatch(text)
+        found = VALUE.fullmatch(text)
         if found is None or found[2].startswith(","):
             raise UsageError(
                 f"{name}={text}: give a number with a decimal point, and a unit if it differs: {name}=0.2."

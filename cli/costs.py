@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
 from ..core.text import printable
-from .arguments import Parser, pairs, parameter_file, traced
+from .arguments import UNSIGNED, Parser, pairs, parameter_file, traced
 from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:
     from ..parameters.sections.costs import CostsSection
 
-NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 PRICES = ("edge", "insert", "failure")
 RATES = ("machine", "labour")  # per hour in the file
 TIMES = ("change", "handling")  # min in the file
@@ -118,7 +117,7 @@ def _numbers(given: dict[str, str]) -> tuple[dict[str, Any], set[str]]:
 
 def _split(name: str, text: str) -> tuple[float, str]:
     """Number and unit; a sign of a currency may stand before the number."""
-    found = re.fullmatch(rf"([€$£¥]?)\s*({NUMBER})\s*(.*)", text.strip())
+    found = re.fullmatch(rf"([€$£¥]?)\s*+({UNSIGNED})\s*+(.*)", text.strip())
     if found is None or found[3].startswith(","):
         raise UsageError(f"cost {name}={text}: give a number of zero or more with a decimal point, and its unit.")
     return float(found[2]), found[1] + found[3].strip()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import Parser, check_apart, pairs, parameter_file, traced
+from .arguments import NUMBER, Parser, check_apart, pairs, parameter_file, traced
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 RANGES = {"f": "feed", "fm": "feed_rate", "V": "speed", "n": "spindle_speed"}
 LOWER = ("T",)  # responses that are limited from below where one number is given
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 WRITTEN = "P=7kW, Fxz=1300N, AW=0.3mm, V=50:200m/min or f=0.06:0.6mm/rev"
 
 

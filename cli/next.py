@@ -178,9 +178,9 @@ def _in_unit(text: str, name: str, unit: str) -> float:
     """A limit in the unit of the law."""
     from ..core.errors import UsageError
     from ..datasets.units import canonical, convert, same_dimension
-    from .conditions import NUMBER
+    from .conditions import VALUE
 
-    found = NUMBER.fullmatch(text)
+    found = VALUE.fullmatch(text)
     given = canonical(found[2]) if found and found[2] else unit
     if found is None or given is None or (given != unit and not same_dimension(given, unit)):
         raise UsageError(f"--decision {name}={text}: give a number in {unit or 'its unit'}, or with its unit.")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import FitmodelsError, ParameterError, UsageError
 from .arguments import Parser, pairs, parameter_file
-from .conditions import NUMBER, Value, in_unit, known_level, meant, typed_conditions
+from .conditions import VALUE, Value, in_unit, known_level, meant, typed_conditions
 from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:
@@ -223,7 +223,7 @@ def _of_unit(text: str, name: str, unit: str, option: str) -> float:
     """A number of the command line in a unit."""
     from ..parameters.sections.law_parts import Factor
 
-    found = NUMBER.fullmatch(text.strip())
+    found = VALUE.fullmatch(text.strip())
     if found is None or found[2].startswith(",") or float(found[1]) < 0:
         raise UsageError(
             f"{option} {name}={text}: give a number of zero or more, and a unit if it differs from {unit}."

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import Parser, pairs, parameter_file, traced
+from .arguments import NUMBER, Parser, pairs, parameter_file, traced
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ..parameters.sections.force_control import RoughnessSection
     from ..parameters.sections.law import LawSection
 
-NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 VALUES: Final = {  # name -> (field of the cut, its unit, an example)
     "Ra": ("roughness", "um", "Ra=1.6um"),
     "n": ("spindle_speed", "1/min", "n=610rpm"),
@@ -180,7 +179,7 @@ def _value(name: str, text: str, spindle: float) -> float:
     """A value above zero; a feed may be per minute, kc a per mm/rev."""
     _, unit, _ = VALUES[name]
     if name == "kca":
-        text = re.sub(r"(?<=N)\s*(/\(?mm/rev\)?|\s*per\s*mm/rev|\s*rev/mm)$", "", text)
+        text = re.sub(r"(?<=N)\s*+(/\(?mm/rev\)?|per\s*+mm/rev|rev/mm)$", "", text)
     per_minute = name == "f" and re.search(r"/\s*(min|s)$", text)
     value = _number(name, text, "mm/min") / spindle if per_minute else _number(name, text, unit)
     if not value > 0 and name != "wait":

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import DataError
 from .doubts import Doubt
-from .headers import parse_header
+from .headers import last_bracket, parse_header
 from .options import ReadOptions
 from .tables import Column
 from .units import canonical
@@ -24,8 +24,8 @@ _WORDS = re.compile(
     re.IGNORECASE,
 )
 _FORMATS = {
-    "min": re.compile(r"m+(?:in)?:s+(?:ec|ek)?", re.IGNORECASE),
-    "h": re.compile(r"h+:m+(?:in)?(?::s+(?:ec|ek)?)?", re.IGNORECASE),
+    "min": re.compile(r"m{1,2}(?:in)?:s{1,2}(?:ec|ek)?", re.IGNORECASE),
+    "h": re.compile(r"h{1,2}:m{1,2}(?:in)?(?::s{1,2}(?:ec|ek)?)?", re.IGNORECASE),
 }  # notations by the unit of their first number
 _USUAL = (0.2, 120.0)  # min, time in cut
 _LONGEST = 600.0  # min
@@ -108,16 +108,12 @@ def _role(column: Column, mapping: Mapping[str, str]) -> str:
     for role in ("t", "T"):
         if mapping.get(role, "").strip() in (column.name, name, f"col{column.number}"):
             return role
-    found = roles_named(name) or roles_named(_BRACKET.sub("", column.name))
+    found = roles_named(name) or roles_named(column.name[: last_bracket(column.name)])
     return found[0] if found and found[0] in ("t", "T") and found[0] not in mapping else ""
 
 
-_BRACKET = re.compile(r"\s*[\[(][^\])]*[\])]\s*$")
-
-
 def _unit_of(name: str) -> str:
-    match = _BRACKET.search(name)
-    return match[0].strip(" []()") if match else parse_header(name).unit_text
+    return name[last_bracket(name) :].strip(" []()") or parse_header(name).unit_text
 
 
 def _first_text(pattern: re.Pattern[str], column: Column) -> str:

@@ -26,9 +26,7 @@ from .plausibility.ranges import plausible
 from .tables import Column
 from .vocabulary import ROLES
 
-_CORRECTION = re.compile(
-    r"\s*(?P<target>.*\S)\s*:\s*(?P<symbol>[A-Za-z]\w*)\s*(?P<sign>[*/+-])\s*(?P<number>-?[\d.]+(?:[eE][+-]?\d+)?)\s*"
-)
+_CHANGE = re.compile(r"\s*(?P<symbol>[A-Za-z]\w*)\s*(?P<sign>[*/+-])\s*(?P<number>-?[\d.]+(?:[eE][+-]?\d+)?)\s*")
 Step: TypeAlias = Literal["as written", "in its unit", "computed"]
 
 
@@ -66,7 +64,9 @@ def parse_correction(text: str) -> Correction:
     UsageError
         It is not of the form ``TARGET:SYMBOL*NUMBER``, or would change nothing, or set values to zero.
     """
-    match = _CORRECTION.fullmatch(text)
+    target, _, change = text.rpartition(":")
+    target = target.strip()
+    match = _CHANGE.fullmatch(change) if target else None
     number = _number(match["number"]) if match else None
     if match is None or number is None:
         raise UsageError(
@@ -76,7 +76,7 @@ def parse_correction(text: str) -> Correction:
     reverses = number == -1 and match["sign"] == "*"
     if not (math.isfinite(number) and (number > 0 or reverses)) or (match["sign"] in "*/" and number == 1):
         raise UsageError(f"--correct {text}: {match['sign']}{match['number']} is no correction; give another number.")
-    return Correction(text.strip(), match["target"], match["symbol"], match["sign"], number)
+    return Correction(text.strip(), target, match["symbol"], match["sign"], number)
 
 
 def _number(text: str) -> float | None:

@@ -1,16 +1,29 @@
-"""Header cells split into the name of a column and its unit, in the notations and scripts of laboratories."""
+"""Header cells split into the name of a column and its unit, number or time, in the notations of laboratories."""
 
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 from .tables import Table
 from .units import canonical, is_unit
 from .vocabulary import fits, roles_named
 
 _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\{([^{}]*)\}|\(([^()]*)\)")
-_MARKS = (r"(.+?)\s+(?:in|en)\s+(.+)", r"(.+?)\s*[,;:]\s*(.+)", r"(.+?)\s+/\s*(.+)", r"(.+?)/(.+)")
+_MARKS = (r"(.+?) (?:in|en) (.+)", r"(.+?) ?[,;:] ?(.+)", r"(.+?) / ?(.+)", r"(.+?)/(.+)")  # blanks are single
+LONGEST = 1000  # characters of a header that is split; a longer one is a text, and its unit is not looked for
+_MOST_WORDS = 8  # of a unit after the name
+_LAST = re.compile(r"(?:\d{1,3}|(?<![^\W\d_])[A-Za-z])\Z")  # number or letter that ends a header
+_GAP = "_#.:-"
+_TIME = re.compile(
+    r"(?<![\d.,])(?P<number>\d++(?:[.,]\d++)?+)[\s_]*+(?P<unit>min|minutes?|mins|s|sec|seconds?|h)?\)?\Z", re.IGNORECASE
+)
+_BEFORE = re.compile(r"(?<=[\s_,(])(?P<unit>min|s|h)[\s_)]{1,4}\Z", re.IGNORECASE)  # VB after t min 2
+_AFTER = (
+    *("after", "at", "nach", "bei", "après", "apres", "a", "à", "tras", "después de", "despues de"),
+    *("t", "time", "zeit", "@", "=", ":", "_", ",", "("),
+)  # between the name of a response and a time
 _CYRILLIC = dict(zip("АВСЕНІЈКМОРЅТХаеорсухіјѕԁһ", "ABCEHIJKMOPSTXaeopcyxijsdh", strict=True))
 _GREEK = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧνορ", "ABEZHIKMNOPTYXvop", strict=True))
 _LETTERS = str.maketrans(_CYRILLIC | _GREEK)
@@ -28,6 +41,14 @@ class Header:
     unit_text: str
 
 
+class Numbered(NamedTuple):
+    """A header that ends in a number or a letter of its own: ``VB E1`` is ``VB E``, no gap, ``1``."""
+
+    stem: str
+    gap: str
+    id: str
+
+
 def _is_unit_of(name: str, inside: str) -> bool:
     """Whether a text next to a name is its unit rather than its symbol: V in "Cutting speed (V)" is not volt."""
     roles = roles_named(name)
@@ -35,6 +56,20 @@ def _is_unit_of(name: str, inside: str) -> bool:
         return False
     symbol = name.strip() != inside and not set(roles).isdisjoint(roles_named(inside))
     return not symbol or any(fits(role, inside) for role in roles)
+
+
+def last_bracket(text: str) -> int:
+    """Where the bracket begins that ends a header, with the blanks before it; the length of a text without one.
+
+    >>> [text[: last_bracket(text)] for text in ("V [m/min]", "t (min) (s) ", "VB (mean) max")]
+    ['V', 't (min)', 'VB (mean) max']
+    """
+    end = len(text.rstrip())
+    if not text[:end].endswith(("]", ")")):
+        return len(text)
+    first = 1 + max(text.rfind("]", 0, end - 1), text.rfind(")", 0, end - 1))
+    opened = [place for mark in "[(" if (place := text.find(mark, first, end)) >= 0]
+    return len(text[: min(opened)].rstrip()) if opened else len(text)
 
 
 def _bracketed(text: str) -> Iterator[tuple[str, str]]:
@@ -78,7 +113,7 @@ def _ends_in_unit(name: str, words: list[str], unit_text: str) -> bool:
 
 def _suffixed(text: str) -> Iterator[tuple[str, str]]:
     """Units at the end after ``_`` or a blank, the longest first."""
-    for gap in re.finditer(r"[_\s]+", text):
+    for gap in list(re.finditer(r"[_\s]+", text))[-_MOST_WORDS:]:
         name, words = text[: gap.start()], re.split(r"[_\s]+", text[gap.end() :])
         for unit_text in ("/".join(words).replace("/per/", "/"), " ".join(words)):
             if name and _ends_in_unit(name, words, unit_text):
@@ -97,11 +132,66 @@ def parse_header(text: str) -> Header:
     (Header(name='feed', unit_text='mm/s'), '')
     """
     text = " ".join(text.replace("\ufeff", "").split())
+    if len(text) > LONGEST:
+        return Header(text, "")
     for read in (_bracketed, _marked, _suffixed):
         for name, unit_text in () if is_unit(text) and read is not _bracketed else read(text):
             if name := " ".join(name.split()).strip(" _,;:/-"):
                 return Header(name, unit_text.strip())
     return Header(text, "")
+
+
+def numbered(name: str) -> Numbered | None:
+    """The parts of a numbered header, None for any other.
+
+    >>> numbered("VB E1"), numbered("VB - A").stem, numbered("VBA")
+    (Numbered(stem='VB E', gap='', id='1'), 'VB', None)
+    """
+    match = _LAST.search(name, max(len(name) - 3, 0))
+    if match is None:
+        return None
+    stem = without_gap(name[: match.start()])
+    return Numbered(stem, name[len(stem) : match.start()], match[0])
+
+
+def without_gap(text: str) -> str:
+    """A header without the blanks and marks that end it.
+
+    >>> without_gap("VB no. "), without_gap("Ra_")
+    ('VB no', 'Ra')
+    """
+    end = len(text)
+    while end and (text[end - 1].isspace() or text[end - 1] in _GAP):
+        end -= 1
+    return text[:end]
+
+
+def timed(name: str) -> tuple[str, float, str] | None:
+    """What stands before the time in a header, the time, and its unit ("" where none is written); else None.
+
+    >>> timed("VB after 2.5 min"), timed("VB (t min 2)"), timed("VB")
+    (('VB', 2.5, 'min'), ('VB', 2.0, 'min'), None)
+    """
+    match = _TIME.search(name)
+    if match is None:
+        return None
+    stem = name[: match.start()]
+    before = _BEFORE.search(stem, max(len(stem) - 8, 0))
+    stem = _without_after(stem[: before.start()] if before else stem)
+    unit = match["unit"] or (before["unit"] if before else "")
+    return stem.strip(" _-"), float(match["number"].replace(",", ".")), unit
+
+
+def _without_after(text: str) -> str:
+    """The text without the words before a time that end it."""
+    folded, ends = text.lower(), {len(text)}
+    for start in range(len(text) - 1, -1, -1):
+        words = (word for word in _AFTER if folded.startswith(word, start))
+        if (start + 1 in ends and text[start].isspace()) or any(start + len(word) in ends for word in words):
+            ends.add(start)
+        elif start < min(ends) - 12:  # the longest word
+            break
+    return text[: min(ends)]
 
 
 def is_known(text: str) -> bool:

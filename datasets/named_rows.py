@@ -12,7 +12,8 @@ from ..core.suggestions import did_you_mean
 from .draft import Draft, line_spans
 from .vocabulary import UNNAMED
 
-_LINES = re.compile(r"(?:lines?|rows?)\s+(?P<lines>[\d\s,-]+?)(?:\s+of\s+(?P<edges>.+))?", re.IGNORECASE)
+_LINES = re.compile(r"(?:lines?|rows?)\s++(?P<lines>[\d\s,-]++)(?:(?<=\s)of\s++(?P<edges>.+))?", re.IGNORECASE)
+_LINE_OR_SPAN = re.compile(r"(\d{1,9})(?:\s*+-\s*+(\d{1,9}))?")
 _EVERY = "all"
 MOST_NAMED = 40  # edges in a refusal
 _SHOWN = 4  # cells in a sentence
@@ -127,7 +128,7 @@ def _names_in(text: str, known: set[str]) -> Iterator[str]:
 def _ranges(text: str, option: str) -> Iterator[tuple[int, int]]:
     """First and last line of each part of a list such as ``12,14-16``."""
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+))?\s*", part)
+        match = _LINE_OR_SPAN.fullmatch(part.strip())
         if match is None or int(match[2] or match[1]) < int(match[1]):
             raise UsageError(f"{option}: {part.strip()!r} is no line; write lines as in 'lines 12,14-16'.")
         yield int(match[1]), int(match[2] or match[1])

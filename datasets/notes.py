@@ -20,17 +20,19 @@ from .vocabulary import ROLES, UNNAMED, fits, role_of
 _TOKEN = re.compile(r"(?<![A-Za-z])([A-Za-z]{1,3})[=-]?(\d+(?:[.,p]\d+)?)(?![\d.,]*[A-Za-z\d])")
 _KINDS = ("condition", "other")
 RESPONSES = ("wear", "load", "surface")
+_MOST_WORDS = 8  # of the name of a response
 IN_NOTES = ("D", "Dc", "z", "n", "V")  # quantities that are constant in a series of tests more often than not
 NEED_UNIT = ("n", "V")  # n = 3 is a number of repeats
-_NUMBER = r"([-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+))(?![\d.,]*\d)"
-_UNIT = r"[ \t]*([^\s,;:()\[\]|]*)"
+_NUMBER = r"([-+]?(?:\d++(?:[.,]\d++)?+|[.,]\d++))(?![\d.,]*\d)"
+_UNIT = r"[ \t]*+([^\s,;:()\[\]|]*+)"
+_VALUE = r"(?:\s*+[:;,|=]|[^\S\t]*+\t)\s*+(\S.*)"  # what follows the name of an entry
 _MACHINES = (
     "machine", "machine tool", "lathe", "milling machine", "Maschine", "Werkzeugmaschine", "Drehmaschine",
     "Fräsmaschine", "machine-outil", "máquina", "máquina herramienta", "máquina-herramienta",
 )  # fmt: skip
-_MACHINE = re.compile(rf"[\s#%]*(?:{'|'.join(map(re.escape, _MACHINES))})\s*[:;|=\t]\s*(.*\S)", flags=re.IGNORECASE)
+_MACHINE = re.compile(rf"[\s#%]*+(?:{'|'.join(map(re.escape, _MACHINES))}){_VALUE}", flags=re.IGNORECASE)
 _NEXT_ENTRY = re.compile(r"[;|\t](?=[^;|\t:=]*[:=])")  # between the entries of one note: "work: C45; machine: CTX"
-_RANGE = re.compile(r"\s*(?:to|bis|à|hasta|-|–|\.\.|…|±|/|and|und|et|y)\s*[\d.]")
+_RANGE = re.compile(r"\s*(?:to|bis|à|hasta|-|–|\.\.|…|±|/|and|und|et|y)\s*+[\d.]")
 
 
 def pair_name(role: str, frame: pd.DataFrame, notes: tuple[str, ...]) -> str:
@@ -71,7 +73,7 @@ def _entries(notes: Iterable[str]) -> Iterator[str]:
 def _entry(role: str) -> re.Pattern[str]:
     """A note that names a role and a value."""
     words = "|".join(re.escape(name) for name in (role, *ROLES[role].names))
-    return re.compile(rf"\s*(?:{words})\s*[:;,|=\t]\s*(.*\S)", flags=re.IGNORECASE)
+    return re.compile(rf"\s*+(?:{words}){_VALUE}", flags=re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +128,7 @@ def same_as_time(unit: str) -> bool:
 def response_in(stem: str) -> tuple[str, str]:
     """Symbol of the response that a header names first, and the rest of the header."""
     words = re.split(r"[\s_]+", stem)
-    for count in range(len(words), 0, -1):
+    for count in range(min(len(words), _MOST_WORDS), 0, -1):
         role = role_of(" ".join(words[:count]), None) or role_of(" ".join(words[:count]).upper(), None)
         if role and ROLES[role].kind in RESPONSES:
             return role, " ".join(words[count:])
@@ -150,7 +152,7 @@ def named_in_notes(table: Table) -> tuple[str, str]:
 def time_in_notes(table: Table) -> str:
     """Unit of time in a note such as "VB after t min" or "time [s]"."""
     for note in table.notes:
-        if match := re.search(r"\b(?:t|time|zeit|temps|tiempo)\b[\s,in/=]*[\[(]?\s*(min|s|h)\b", note, re.IGNORECASE):
+        if match := re.search(r"\b(?:t|time|zeit|temps|tiempo)\b[\s,in/=]*+[\[(]?\s*+(min|s|h)\b", note, re.IGNORECASE):
             return match[1]
     return ""
 
@@ -215,11 +217,13 @@ def _patterns(role: str) -> tuple[re.Pattern[str], ...]:
     """``D = 80``, ``diameter: 80`` and ``diameter 80 mm`` at the start of a phrase, ``4 teeth``."""
     words = [name for name in ROLES[role].names if len(name) > 3]
     symbols = [name for name in ROLES[role].names if len(name) <= 3 and name.isascii()]
-    named = rf"(?:^|[,;:(#.=]|\b(?:and|und|et|y|with|mit))[ \t]*(?:{'|'.join(map(re.escape, words))})"
+    named = rf"(?:^|[,;:(#.=]|\b(?:and|und|et|y|with|mit))[ \t]*+(?:{'|'.join(map(re.escape, words))})"
     short = rf"(?<![\w./])(?:{'|'.join(map(re.escape, symbols))})"
     patterns = [
-        re.compile(rf"{named}[ \t]*(?:[^\W\d]{{1,2}}[ \t]*)?[:=]?[ \t]*{_NUMBER}{_UNIT}", re.IGNORECASE | re.MULTILINE),
-        re.compile(rf"{short}[ \t]*[:=][ \t]*{_NUMBER}{_UNIT}"),
+        re.compile(
+            rf"{named}[ \t]*+(?:[^\W\d]{{1,2}}[ \t]*+)?(?:[:=][ \t]*+)?{_NUMBER}{_UNIT}", re.IGNORECASE | re.MULTILINE
+        ),
+        re.compile(rf"{short}[ \t]*+[:=][ \t]*+{_NUMBER}{_UNIT}"),
     ]
     if role == "z":
         counted = "teeth|flutes?|Zähne|Schneiden|dents|dientes"

@@ -1,7 +1,6 @@
 """Measurements of cutting tests: columns with roles and units, one row per measurement."""
 
 import os
-import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,6 +18,7 @@ from ..core.rounding import format_plain
 from .columns import ColumnUse
 from .derived.rules import Derived
 from .doubts import Doubt
+from .headers import last_bracket
 from .options import Process
 from .vocabulary import MARK, ROLES
 from .vocabulary import UNNAMED as UNNAMED
@@ -139,7 +139,7 @@ class Runs(Plottable):
         >>> datasets.runs_from_frame(frame).symbol("cutting speed [m/s]")
         'V'
         """
-        bare = re.sub(r"\s*[\[(][^\])]*[\])]$", "", str(name))
+        bare = str(name)[: last_bracket(str(name))].rstrip()
         return next((found for one in (name, bare) if (found := self._column(one))), name)
 
     def values(self, name: str) -> Array:

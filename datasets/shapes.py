@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import DataError
 from .doubts import Doubt
-from .headers import parse_header
+from .headers import Numbered, numbered, parse_header, timed, without_gap
 from .leading_rows import as_numbers, with_header
 from .notes import RESPONSES, named_in_notes, response_in, same_as_time, time_in_notes
 from .tables import Column, Table
@@ -23,16 +23,9 @@ EXAMPLE = """
   E1, 150, 0.2, 2, 2, 0.08
   E1, 150, 0.2, 2, 4, 0.11
   E2, 200, 0.2, 2, 2, 0.10"""
-_NUMBERED = re.compile(r"(?P<stem>.*?)(?P<gap>[\s_#.:-]*)(?P<id>\d{1,3}|(?<![^\W\d_])[A-Za-z])")
-_AFTER = r"(?:after|at|nach|bei|après|apres|a|à|tras|despu[eé]s de|@|t|time|zeit|=|:|\s|_|,|\()*"
-_TIMED = re.compile(
-    rf"(?P<stem>.*?){_AFTER}(?:(?<=[\s_,(])(?P<before>min|s|h)[\s_)]+)?"  # VB after t min 2
-    r"(?<![\d.,])(?P<number>\d+(?:[.,]\d+)?)[\s_]*(?P<unit>min|minutes?|mins|s|sec|seconds?|h)?\)?",
-    re.IGNORECASE,
-)
 _TAIL = re.compile(r"\d\D*$|[\s_#.-][A-Za-z]$")
 _EDGES = ("e", "t", "no", "nr", "test", "run", "tool", "insert", "platte", "cutting edge", "tooth", "sample", "probe")
-_READING_NUMBER = re.compile(r"(?P<stem>.*?\D)[\s_#.-]*\d{1,2}")
+_READING_NUMBER = re.compile(r"(?<!\d)\d{1,2}\Z")
 READINGS = ("load", "surface")  # readings of wear in several columns are of several times or edges
 MOST_READINGS = 12
 
@@ -156,10 +149,10 @@ def _by_edge(table: Table, heads: Sequence[_Head], free: Sequence[_Head]) -> _Fa
     """Columns numbered or lettered as edges, with a column of times that all of them share."""
     if len(free) < 2 or any(head.role == "edge" for head in heads):
         return None
-    found = [_NUMBERED.fullmatch(head.name) for head in free]
+    found = [numbered(head.name) for head in free]
     if not all(found):
         return None
-    stems = {" ".join(match["stem"].casefold().split()) for match in found if match}
+    stems = {" ".join(match.stem.casefold().split()) for match in found if match}
     units = {head.unit for head in free}
     if len(stems) != 1 or len(units) != 1:
         return None
@@ -171,23 +164,22 @@ def _by_edge(table: Table, heads: Sequence[_Head], free: Sequence[_Head]) -> _Fa
     is_edge = rest in _EDGES or "edge" in roles_named(rest) or rest == ""
     if not is_edge or (not rest and varies):
         return None
-    ids = tuple(_label(match, response) if rest else match["id"] for match in found if match)
+    ids = tuple(_label(match, response) if rest else match.id for match in found if match)
     noted, noted_unit = ("", "") if response else named_in_notes(table)
     return _Family(tuple(head.column for head in free), ids, response or noted, unit or noted_unit)
 
 
 def _by_time(table: Table, free: Sequence[_Head]) -> _Family | None:
     """Columns whose headers name rising times."""
-    timed: list[tuple[_Head, str, float, str]] = []
+    times_named: list[tuple[_Head, str, float, str]] = []
     for head in free:
-        match = _TIMED.fullmatch(head.name) or _TIMED.fullmatch(head.column.name)
-        if match:
-            unit = match["unit"] or match["before"] or (head.unit if same_as_time(head.unit) else "")
-            timed.append((head, match["stem"].strip(" _-"), float(match["number"].replace(",", ".")), unit))
-    if len(timed) < 2:
+        if found := timed(head.name) or timed(head.column.name):
+            stem, time, unit = found
+            times_named.append((head, stem, time, unit or (head.unit if same_as_time(head.unit) else "")))
+    if len(times_named) < 2:
         return None
-    stems, units = {stem.casefold() for _, stem, _, _ in timed}, {unit for *_, unit in timed}
-    times = [time for *_, time, _ in timed]
+    stems, units = {stem.casefold() for _, stem, _, _ in times_named}, {unit for *_, unit in times_named}
+    times = [time for *_, time, _ in times_named]
     if len(stems) != 1 or len(units) != 1 or any(b <= a for a, b in pairwise(times)):
         return None
     stem, unit = stems.pop(), units.pop()
@@ -195,25 +187,25 @@ def _by_time(table: Table, free: Sequence[_Head]) -> _Family | None:
     counted = times == list(range(1, len(times) + 1)) or times == list(range(len(times)))
     if rest or (not unit and counted and not time_in_notes(table)):
         return None
-    measured = {head.unit for head, *_ in timed if not same_as_time(head.unit)}
-    columns = tuple(head.column for head, *_ in timed)
+    measured = {head.unit for head, *_ in times_named if not same_as_time(head.unit)}
+    columns = tuple(head.column for head, *_ in times_named)
     ids = tuple(f"{time:g}" for time in times)
     noted, noted_unit = ("", "") if response else named_in_notes(table)
     measured_in = "".join(measured) or noted_unit
     return _Family(columns, ids, response or noted, measured_in, unit or time_in_notes(table))
 
 
-def _label(match: re.Match[str], response: str) -> str:
+def _label(match: Numbered, response: str) -> str:
     """The label of an edge in a header, without the words of the response."""
-    words = re.split(r"[\s_]+", match["stem"])
+    words = re.split(r"[\s_]+", match.stem)
     kept = " ".join(words[1:] if response and len(words) > 1 else words)
-    return f"{kept}{match['gap']}{match['id']}"
+    return f"{kept}{match.gap}{match.id}"
 
 
 def _is_series(free: Sequence[_Head]) -> bool:
     """Whether the columns without a role are numbered ones of one name."""
-    found = [_NUMBERED.fullmatch(head.name) for head in free]
-    stems = {match["stem"].casefold() for match in found if match}
+    found = [numbered(head.name) for head in free]
+    stems = {match.stem.casefold() for match in found if match}
     return all(found) and len(stems) == 1
 
 
@@ -225,8 +217,8 @@ def _are_readings(free: Sequence[_Head]) -> bool:
 
 def _refusal(table: Table, free: Sequence[_Head]) -> str:
     names = ", ".join(repr(head.name) for head in free[:4]) + (" ..." if len(free) > 4 else "")
-    stem = _NUMBERED.fullmatch(free[0].name)
-    role = (role_of(stem["stem"], free[0].unit or None) if stem else None) or "VB"
+    first = numbered(free[0].name)
+    role = (role_of(first.stem, free[0].unit or None) if first else None) or "VB"
     return (
         f"{table.path.name} seems to be a wide table, with its measurements in the columns {names}, and it is open "
         f"whether these are edges, times or repeated readings. Take one of them, as with --map "
@@ -331,8 +323,9 @@ def with_means(columns: tuple[Column, ...], mapping: Mapping[str, str]) -> tuple
 
 def _reading(column: Column, name: str, unit: str | None) -> str:
     """Symbol of the response of which a numbered column is a reading, empty where it is none."""
-    match = _READING_NUMBER.fullmatch(name)
-    role = role_of(match["stem"], unit) if match and column.is_numeric and not column.bad else None
+    match = _READING_NUMBER.search(name, max(len(name) - 2, 0))
+    stem = name[: match.start()] if match else ""
+    role = role_of(without_gap(stem) or stem, unit) if stem and column.is_numeric and not column.bad else None
     return role if role is not None and ROLES[role].kind in READINGS else ""
 
 

@@ -138,11 +138,11 @@ _REWRITES = (
     (r"\*\*|\^", ""),
     (r"(?<=[^\W\d])\.(?=[^\W\d])", "*"),
     (r"(?<=[^\W\d])\.", ""),
-    (r"\s*([/*])\s*", r"\1"),
+    (r"(?:(?<!\s)\s+)?([/*])\s*", r"\1"),
     (r"(?<=\w)\s+(?=-?\d)", ""),
     (r"\s+", "*"),
 )
-_PROSE = re.compile(r"^\W*(?:in|en|units?|einheit|unité|unidad|/)\s*[:=]?\s+(?=\S)", re.IGNORECASE)
+_PROSE = re.compile(r"^\W*(?:in|en|units?|einheit|unité|unidad|/)(?:\s*+[:=])?\s++(?=\S)", re.IGNORECASE)
 
 
 def _key(text: str) -> str:

@@ -200,7 +200,9 @@ _SHARED: Mapping[str, tuple[str, ...]] = {
 # Letters that name a quantity only beside its unit: words of a part program, a radius.
 _WITH_UNIT: Mapping[str, tuple[str, ...]] = {"S": ("n",), "N": ("n",), "r": ("re",), "R": ("re",)}
 _MEAN = r"(?:mean|average|avg\.?|ave\.?|Mittelwert|Mittel|moyenne|moy\.?|media|promedio|prom\.?)"
-_OF_MEAN = re.compile(rf"{_MEAN}[\s_]+(?:of[\s_]+)?(?P<after>.+)|(?P<before>.+?)[\s_,-]+{_MEAN}", re.IGNORECASE)
+_OF_MEAN = re.compile(
+    rf"{_MEAN}[\s_]++(?:of[\s_]++)?(?P<after>.+)|(?P<before>.*[^\s_,-])[\s_,-]+{_MEAN}", re.IGNORECASE
+)
 _CASED_PAIRS = ("fz", "Fz", "FZ")
 
 

@@ -123,7 +123,7 @@ def _feeders_joined() -> Iterator[None]:
 
 
 def _ended(error: BrokenProcessPool, jobs: int) -> str:
-    codes = re.search(r"\{(.+)\}", str(error))
+    codes = re.search(r"\{([^{}]+)\}", str(error))
     how = f" ({codes[1]})" if codes else ""
     return (
         f"one of the {jobs} processes was ended from outside{how}, as the system does when memory runs out: {KEPT}; "

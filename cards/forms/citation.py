@@ -14,7 +14,7 @@ MESSAGE = "If you use this card, please cite it, and the papers whose laws it re
 DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
-ORCID = re.compile(r"\s*\(?(?:https?://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX])\)?\s*$")
+ORCID = re.compile(r"(?:(?<!\s)\s+)?\(?(?:https?://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX])\)?\s*+$")
 
 
 @dataclass(frozen=True, slots=True)

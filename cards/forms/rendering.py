@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 UNITS = "mm/rev|mm/min|m/min|1/min|min|mm|µm|um|kW|kN|Nm|N|Hz|ms|s|V|A|%"
 TYPESET = re.compile(
     r"(?P<doi>\b10\.\d{4,9}/[\w.;()/:-]*\w)"
-    rf"|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]* (?:{UNITS})(?![\w/]))"
+    rf"|(?P<quantity>(?:\b\w{{1,3}} )?[-−+]?\d[\d.e+-]{{0,30}} (?:{UNITS})(?![\w/]))"
     r"|(?P<probability>\bp (?:[<=] ?)?\d?\.\d+(?:e-\d+)?)"
-    r"|(?P<power_of_ten>[-−]?\d[\d.]*e-?\d+)"
+    r"|(?P<power_of_ten>[-−]?\d[\d.]{0,30}e-?\d+)"
     rf"|(?P<letters>\bU = k u\b|\b[uk] = \d[\d.e-]*(?: (?:{UNITS})(?![\w/]))?)"
 )
 LEVELS = " for "  # separates an equation from the level of the category that it is of

@@ -32,7 +32,7 @@ GROUP = re.compile(r'<g id="[^"]*">')
 STYLE = re.compile(r' style="([^"]*)"')
 LONG = re.compile(r"(\d\.\d)\d+")
 REFERENCE = re.compile(r'( id="|url\(#|xlink:href="#)')
-BLANK = re.compile(r"\s*\n\s*")
+BLANK = re.compile(r"(?<!\s)[^\S\n]*\n\s*")
 
 
 class PanelAxis(NamedTuple):

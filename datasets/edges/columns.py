@@ -27,7 +27,7 @@ _NUMBER_WORDS = frozenset(
     ("no", "nr", "num", "number", "nummer", "id", "numero", "numéro", "número", "n°", "nº", "n", "#")
 )
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
-_GRID = re.compile(r"(?:[A-Za-z][1-8]|\d+\s*[-/._ ]\s*(?:\d+|[A-Za-z])|\d+[A-Za-z])")
+_GRID = re.compile(r"(?:[A-Za-z][1-8]|\d+(?:\s*[-/._]\s*|\s+)(?:\d+|[A-Za-z])|\d+[A-Za-z])")
 
 Codes = NDArray[np.intp]
 Array = NDArray[np.float64]

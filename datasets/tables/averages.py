@@ -27,7 +27,8 @@ _AVERAGE = re.compile(
 _BARE = frozenset(("mw", "ø", "mittel", "media", "moy", "sd", "std", "s"))
 _SHORT = "|".join(re.escape(word) for word in {*FOOTERS, *_BARE} if len(word) < 4)
 _LONG = "|".join(re.escape(word) for word in FOOTERS if len(word) >= 4)
-_HINT = re.compile(rf"{_WORDS}|{_LONG}|^[\s.:=]*(?:{_SHORT})[\s.:=]*$", re.IGNORECASE | re.MULTILINE)  # a quick look
+_AROUND = r"(?:[.:=]|[^\S\n])*+"
+_HINT = re.compile(rf"{_WORDS}|{_LONG}|^{_AROUND}(?:{_SHORT}){_AROUND}$", re.IGNORECASE | re.MULTILINE)  # a quick look
 
 Floats = NDArray[np.float64]
 

@@ -18,14 +18,15 @@ Rows = list[tuple[int, list[Cell]]]
 _Found = tuple[dict[str, tuple[str, str]], tuple[str, str] | None]  # name -> number, unit; word and number of a label
 
 ASSIGNMENT = re.compile(
-    r"(?P<name>[^\W\d_][\w.']*(?:[ ]+[^\W\d_][\w.']*){0,2}(?:\s*[\[(][^\])=]*[\])])?)\s*[=:]\s*"
-    r"(?P<number>[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)(?![\d:.,/-]*\d)\s*"
-    r"(?P<unit>(?!\S+\s*=)[^\W\d_%][^\s,;=|)]*|%|°C)?"
+    r"(?<![^\W\d_])(?P<name>[^\W\d_][\w.']{0,40}+(?:[ ]{1,4}[^\W\d_][\w.']{0,40}+){0,2}"
+    r"(?:\s{0,4}[\[(][^\])=]{0,60}[\])])?)\s{0,20}+[=:]\s*+(?P<number>[+-]?\d++(?:[.,]\d++)?+(?:[eE][+-]?\d++)?+)(?![\d:.,/-]*\d)\s*+"
+    r"(?P<unit>(?![^\s,;=|)]++\s*+=)[^\W\d_%][^\s,;=|)]*|%|°C)?"
 )
 _LABEL = re.compile(
-    r"(?P<word>[^\W\d_]+(?:\s+(?:no|nr|number|n°)\b\.?)?)\s*[.#]?\s*(?P<id>[A-Za-z]{0,2}[-_]?\d+[A-Za-z]?|[A-Z])\s*[:.,;-]?"
+    r"(?P<word>[^\W\d_]+(?:\s++(?:no|nr|number|n°)\b\.?)?)(?:\s*+[.#])?\s*+"
+    r"(?P<id>[A-Za-z]{0,2}[-_]?\d+[A-Za-z]?|[A-Z])\s*+[:.,;-]?"
 )
-_KEY_LINES = re.compile(rb"^[^\W\d_][^,;\t|\d:]*:[ \t]*\d", re.MULTILINE)
+_KEY_LINES = re.compile(rb"^[^\W\d_][^,;\t|\d:\n]*:[ \t]*\d", re.MULTILINE)
 _SNIFFED = 1 << 18  # bytes in which a heading or a second header is looked for
 _HEAD = 60  # first lines, of which one is the header
 _PAIR = 3  # cells of a row with name, number and unit
@@ -134,7 +135,7 @@ def _may_be_blocks(source: TextSource) -> bool:
     if b"=" in head or (b":" in head and len(_KEY_LINES.findall(head)) > 1):
         return True
     lines = head.split(b"\n", _HEAD)
-    texts = [line for line in lines[:_HEAD] if line[:1].isalpha() and not re.search(rb"[,;\t ]\s*-?[\d.]", line)]
+    texts = [line for line in lines[:_HEAD] if line[:1].isalpha() and not re.search(rb"[,;\t ]-?[\d.]", line)]
     return any(head.count(b"\n" + line) > (line != lines[0]) for line in texts)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from .numerals import Cell, is_number
 
 _BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
-_BRACKETED = re.compile(r"[\[({]\s*([^\[\](){}]+?)\s*[\])}]")
+_BRACKETED = re.compile(r"[\[({]([^\[\](){}]+)[\])}]")
 _DASHES = ("-", "--", "–", "—")
 _FEW = 2  # cells that make a row of the head
 _MOST_ABOVE = 2  # rows of group names above the names
@@ -222,8 +222,8 @@ def _name(stack: Sequence[tuple[str, bool]], unit_cell: str, words: Words) -> st
 def _unit_in(texts: Sequence[str], words: Words) -> str:
     for text in reversed(texts):
         for match in _BRACKETED.finditer(text):
-            if words.is_unit(match[1]):
-                return match[1]
+            if words.is_unit(unit := match[1].strip()):
+                return unit
     return ""
 
 

@@ -60,8 +60,8 @@ STOPPED = re.compile(_STOPPED, re.IGNORECASE)
 _MARKED = re.compile(
     r"(?P<before>[<>]=?|=?[<>]|[≤≥⩾≧~≈≃*†‡]|(?:ca|approx|env|circa|about|etwa)\b\.?|"
     rf"(?P<least>{'|'.join(map(re.escape, _AT_LEAST))}))?\s*"
-    r"(?P<number>[+\-−]?[\d.,][\d.,'’ \u00a0\u2009\u202f]*(?:[eE][+-]?\d+)?)\s*"
-    rf"(?:(?P<unit>(?!(?:{_STOPPED})\b)[^\W\d_][\w/·^]*)\s*)?"
+    r"(?P<number>[+\-−]?[\d.,]++(?:['’ \u00a0\u2009\u202f][\d.,]++)*+(?:[eE][+-]?\d++)?+)\s*+"
+    rf"(?:(?P<unit>(?!(?:{_STOPPED})\b)[^\W\d_][\w/·^]*)\s*+)?"
     rf"(?P<after>\*{{1,3}}|\(\*\)|[†‡]|(?P<longer>\(?(?:\+|[>↑→])\)?(?:\s*(?P<unit2>min|s|sec|h)\b)?"
     rf"(?:\s*\(?(?:{_STOPPED})\)?)?|\(?(?:{_STOPPED})\)?))?",
     re.IGNORECASE,
@@ -69,7 +69,7 @@ _MARKED = re.compile(
 
 
 def _grammar(mark: str, other: str) -> re.Pattern[str]:
-    plain = rf"(?:\d+{mark}?\d*|{mark}\d+)(?:[eE][+-]?\d+)?"
+    plain = rf"(?:\d++(?:{mark}\d*+)?+|{mark}\d++)(?:[eE][+-]?\d++)?+"
     grouped = rf"[1-9]\d{{0,2}}(?P<mark>[{other}{_NEUTRAL_GROUPS}])\d{{3}}(?:(?P=mark)\d{{3}})*(?:{mark}\d*)?"
     return re.compile(rf"[+-]?(?:{plain}|{grouped})", re.ASCII)
 

@@ -15,7 +15,7 @@ FORMATS = {
     "ods": "OpenDocument spreadsheet",
 }  # by the extension of each
 
-_QUOTED = re.compile(r'"[^"]*"|\\.|\[(?!h+\]|m+\]|s+\])[^\]]*\]', re.IGNORECASE)
+_QUOTED = re.compile(r'"[^"]*"|\\.|\[(?!h+\]|m+\]|s+\])[^\[\]]*\]', re.IGNORECASE)
 _DAY = 86_400.0  # seconds
 _YEAR = 365.0  # days; a serial number above it is a date, even where its format shows the hours only
 

@@ -41,9 +41,9 @@ DRILLS = ("D", "Dc")  # a diameter in place of a depth: the process may be drill
 WEAR = ("AW", "VB", "VBC", "VBN")
 TESTED = ("V", "f", "fz", "fm", "d", "ae", "n", "t", "D", "Dc", "z", "re")  # are set; others are measured
 BLOCK = re.compile(  # names of columns of blocks: nuisance levels that shift all tests cut in them
-    r"\s*(?:test )?(?:block|day|date|shift|batch|lot|heat|operator|machine|lathe|bar|blank|series|session|setup"
+    r"\s*+(?:test )?(?:block|day|date|shift|batch|lot|heat|operator|machine|lathe|bar|blank|series|session|setup"
     r"|Tag|Datum|Schicht|Charge|Los|Bediener|Maschine|Serie|Stange|jour|équipe|lot|coulée|opérateur|día|turno|lote"
-    r"|colada|máquina|operario)\s*(?:no\.?|nr\.?|number|id|#)?\s*", flags=re.IGNORECASE
+    r"|colada|máquina|operario)\s*+(?:no\.?|nr\.?|number|id|#)?\s*+", flags=re.IGNORECASE
 )  # fmt: skip
 LEAST = np.log(1.05)  # spread of a column, given the factors, below which it is a rounding or a copy of them
 MOST_LEVELS = 7  # of a column without a role: a setting of the plan, not a measurement

@@ -54,11 +54,11 @@ def plain_equation(text: str) -> str:
     >>> plain_equation("Ra = 2.1 (V/120)^-0.2 exp(0.3 ln(f/0.2)^2); V in m/min */ %")
     'Ra = 2.1 (V/120)^-0.2 exp(0.3 ln(f/0.2)^2) - V in m/min _/ _'
     """
-    return re.sub(r"[^A-Za-z0-9 ._+/=^()-]", "_", re.sub(r"\s*;\s+", " - ", _ascii(text)))
+    return re.sub(r"[^A-Za-z0-9 ._+/=^()-]", "_", re.sub(r"(?:(?<!\s)\s+)?;\s+", " - ", _ascii(text)))
 
 
 def _shown(text: str) -> str:
-    text = re.sub(r"\s*[,:;]\s+", " - ", text)  # no format takes these for a command
+    text = re.sub(r"(?:(?<!\s)\s+)?[,:;]\s+", " - ", text)  # no format takes these for a command
     return re.sub(r"_{4,}", "___", re.sub(r"[^A-Za-z0-9 ._+-]", "_", _ascii(text))).lstrip("+-")
 
 
