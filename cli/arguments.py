@@ -20,11 +20,9 @@ from ..core.suggestions import closest
 from .output import WIDEST, complain, write_error
 
 NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins
-UNSIGNED = r"(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?"  # a number without a sign
-NUMBER = rf"[+-]?{UNSIGNED}"
+NUMBER = r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?"
 WITH_UNIT = re.compile(rf"({NUMBER})\s*+([^\d\s.,+-].*)")
 MARK = "-"  # standard input as the file of a command
-STEM = "stdin"  # of what is written by default
 ONE_TABLE = "several files that are one table go into a folder: fitmodels FOLDER"
 
 if TYPE_CHECKING:
@@ -397,6 +395,6 @@ def stem(file: str) -> str:
     ('data', 'stdin')
     """
     if file == MARK:
-        return STEM
+        return "stdin"
     path = Path(file)
     return path.resolve().name if path.is_dir() else path.stem

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
 from ..core.text import printable
-from .arguments import UNSIGNED, Parser, pairs, parameter_file, traced
+from .arguments import NUMBER, Parser, pairs, parameter_file, traced
 from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def _numbers(given: dict[str, str]) -> tuple[dict[str, Any], set[str]]:
 
 def _split(name: str, text: str) -> tuple[float, str]:
     """Number and unit; a sign of a currency may stand before the number."""
-    found = re.fullmatch(rf"([€$£¥]?)\s*+({UNSIGNED})\s*+(.*)", text.strip())
+    found = re.fullmatch(rf"([€$£¥]?)\s*+((?![+-]){NUMBER})\s*+(.*)", text.strip())
     if found is None or found[3].startswith(","):
         raise UsageError(f"cost {name}={text}: give a number of zero or more with a decimal point, and its unit.")
     return float(found[2]), found[1] + found[3].strip()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ..core.errors import IdentError, UsageError
 from ..datasets.units import canonical
-from .arguments import UNSIGNED, Parser, traced, typed, values
+from .arguments import NUMBER, Parser, traced, typed, values
 from .output import Printer, print_json
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ OPTIONS: Final = {  # of each model; an option of another one would have no effe
 }
 OF_IDENTIFICATION: Final = ("orders", "trend", "handover", "amplitudes", "reference")
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
-TURNING = re.compile(rf"({UNSIGNED})\s*+([^\d\s.,+-].*)?")
+TURNING = re.compile(rf"((?![+-]){NUMBER})\s*+([^\d\s.,+-].*)?")
 
 
 class Found(NamedTuple):
