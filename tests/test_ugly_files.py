@@ -1,14 +1,23 @@
 """Files as laboratories keep them: the bad ones are refused in a sentence, the odd ones are read."""
 
+import ast
 import contextlib
 import datetime
 import gzip
+import importlib
 import io
 import json
 import random
+import re
+import time
 import zipfile
+from pathlib import Path
+from re import _constants as sre
+from re import _parser as sre_parse
+from re._compiler import compile as compile_parsed
 from types import SimpleNamespace
 
+import fitmodels
 import numpy as np
 import openpyxl
 import pytest
@@ -465,3 +474,137 @@ def test_micrometres_and_daN(tmp_path, metric):
     rows = [(*row[:4], 1000 * row[4], Fc / 10, 1000 * P) for row, (Fc, P) in zip(NICE, FORCES, strict=True)]
     header = ("Vc/(m/min)", "fn, mm/rev", "ap in mm", "tc [min]", "VB [µm]", "Fc [daN]", "P [W]")
     same_laws(facts(tmp_path, table(rows, header, mark="\t"))[1], metric)
+
+
+# --- every regular expression of the package takes time in proportion to its text
+
+USES = ("search", "match", "fullmatch", "findall", "finditer", "sub", "split")
+REPEATS = (sre.MAX_REPEAT, sre.MIN_REPEAT, sre.POSSESSIVE_REPEAT)
+CHARACTERS = " \t\n1a0A.,:;-_=()[]<>+*/\"'#%xé°(→|"
+LENGTHS = (200, 2000)  # characters; at 2000 the square takes 10 ms and more, a multiple below 1 ms
+MOST_CPU = 4e-3  # s
+
+
+def modules():
+    """Name, syntax tree and namespace of each module of the package."""
+    root = Path(fitmodels.__file__).resolve().parent
+    for path in sorted(root.rglob("*.py")):
+        parts = path.relative_to(root).with_suffix("").parts
+        if parts[0] not in ("tests", "docs", "benchmarks", "notebooks", "build", "__main__") and parts[0][0] != ".":
+            name = ".".join(("fitmodels", *(part for part in parts if part != "__init__")))
+            yield name, ast.parse(path.read_text("utf-8")), vars(importlib.import_module(name))
+
+
+def text_of(node, space):
+    """Text of a pattern, with x for what is known only when it runs; None where that is all of it."""
+    if isinstance(node, ast.JoinedStr):
+        parts = (one.value if isinstance(one, ast.Constant) else text_of(one.value, space) for one in node.values)
+        return "".join("x" if part is None else str(part) for part in parts)
+    with contextlib.suppress(NameError, AttributeError, TypeError):
+        found = eval(compile(ast.Expression(node), "", "eval"), space)  # noqa: S307  a node of our own source
+        return found if isinstance(found, str | bytes) else None
+    return None
+
+
+def patterns():
+    """Each pattern of the package once: module, text, flags, how it is used."""
+    found = []
+    for name, tree, space in modules():
+        used = {}
+        for node in (one for one in ast.walk(tree) if isinstance(one, ast.Attribute) and one.attr in USES):
+            used.setdefault(ast.unparse(node.value).rpartition(".")[2].partition("(")[0], set()).add(node.attr)
+        named = {id(one.value): ast.unparse(one.targets[0]) for one in ast.walk(tree) if isinstance(one, ast.Assign)}
+        for node in (one for one in ast.walk(tree) if isinstance(one, ast.Call) and one.args):
+            kind, _, use = ast.unparse(node.func).partition(".")
+            if kind != "re" or use not in (*USES, "compile") or (text := text_of(node.args[0], space)) is None:
+                continue
+            place = {"compile": 1, "sub": 4, "split": 3}.get(use, 2)
+            flags = [*node.args[place:], *(one.value for one in node.keywords if one.arg == "flags")]
+            flag = int(eval(ast.unparse(flags[0]), space)) if flags else 0  # noqa: S307
+            uses = used.get(named.get(id(node), ""), {"fullmatch"}) if use == "compile" else {use}
+            found += ((name, text, flag, one) for one in sorted(uses))
+    return sorted(set(found), key=str)
+
+
+def sample(tree, state, k=0):
+    """A text that a parsed pattern matches."""
+    return "".join(one_of(op, given, state, k) for op, given in tree)
+
+
+def one_of(op, given, state, k):
+    if op is sre.LITERAL:
+        return chr(given)
+    if op in (sre.IN, sre.NOT_LITERAL, sre.ANY):
+        test = compile_parsed(sre_parse.SubPattern(state, [(op, given)]))
+        fits = [c for c in CHARACTERS if test.fullmatch(c.encode("latin-1", "replace") if state.bytes else c)]
+        return fits[k % len(fits)] if fits else next((chr(a) for o, a in given if o is sre.LITERAL), "?")
+    if op in REPEATS:
+        return sample(given[2], state, k) * max(given[0], 1)
+    inner = inside(op, given)
+    return sample(inner[k % len(inner)], state, k) if inner and op not in (sre.ASSERT, sre.ASSERT_NOT) else ""
+
+
+def inside(op, given):
+    """Patterns within an element of a pattern."""
+    if op in REPEATS:
+        return [given[2]]
+    if op is sre.SUBPATTERN:
+        return [given[3]]
+    if op is sre.BRANCH:
+        return given[1]
+    return [given] if op is sre.ATOMIC_GROUP else [given[1]] if op in (sre.ASSERT, sre.ASSERT_NOT) else []
+
+
+def repeated(tree, state, before=""):
+    """What stands before each long repeat of a pattern, and what it repeats."""
+    for op, given in tree:
+        if op in REPEATS and given[1] > 100:
+            yield from ((before, sample(given[2], state, k)) for k in range(3))
+        for one in inside(op, given):
+            yield from repeated(one, state, before)
+        before += one_of(op, given, state, 0)
+
+
+def hard_texts(text, flags, length):
+    """Texts on which a pattern of this kind goes back most: repeats that nearly match."""
+    tree = sre_parse.parse(text, flags)
+    tree.state.bytes = isinstance(text, bytes)
+    cases = {("", word) for word in (*CHARACTERS, "a1", "1 ", "1,", "a ", "a\n", "(a) ", sample(tree, tree.state))}
+    for before, body in repeated(tree, tree.state):
+        cases |= {(before, body), (before, " "), (before, "1"), ("", before), ("", before + body)}
+    for before, word in sorted(cases):
+        for end in ("", "\n\x01") if word else ():
+            yield before + word * (length // len(word)) + end
+
+
+def cpu_of(pattern, use, text):
+    """CPU time of one use of a pattern; the least of three where it is long."""
+    apply = getattr(pattern, use)
+    times = []
+    while not times or (times[-1] > MOST_CPU and len(times) < 3):
+        start = time.thread_time()
+        found = apply("" if isinstance(text, str) else b"", text) if use == "sub" else apply(text)
+        _ = list(found) if use == "finditer" else found
+        times.append(time.thread_time() - start)
+    return min(times)
+
+
+def superlinear(text, flags, use):
+    """The text on which a pattern takes too long, None where there is none."""
+    pattern = re.compile(text, flags)
+    for hard in dict.fromkeys(one for length in LENGTHS for one in hard_texts(text, flags, length)):
+        if cpu_of(pattern, use, hard.encode() if isinstance(text, bytes) else hard) > MOST_CPU:
+            return hard[:20]
+    return None
+
+
+@pytest.mark.parametrize("text", [r"\s*[\[(][^\])]*[\])]\s*$", r"\d+\.?\d*e", r"a\s*:?\s*b", r"(.+?)[_ ]*\d"])
+def test_patterns_that_go_back_are_found(text):
+    assert superlinear(text, 0, "search")
+
+
+def test_every_pattern_takes_linear_time():
+    found = patterns()
+    assert len(found) > 150
+    slow = [(name, text, hard) for name, text, flags, use in found if (hard := superlinear(text, flags, use))]
+    assert not slow
