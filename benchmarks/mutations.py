@@ -539,7 +539,7 @@ def closed(s, rng):
 def blank_lines(s, rng):
     if s.book:
         return ""
-    s.between |= dict.fromkeys(map(int, rng.integers(len(s.rows), size=3)), _any(rng, ["", " ", s.mark * 3]))
+    s.between |= dict.fromkeys(map(int, rng.integers(len(s.rows), size=3)), _any(rng, ["", " "]))
     return "blank lines"
 
 

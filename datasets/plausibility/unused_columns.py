@@ -257,7 +257,7 @@ def _of_kinds(roles: Iterable[str], *kinds: str) -> list[str]:
 
 
 def _doubt_set_result(draft: Draft, options: ReadOptions) -> None:
-    """Doubt a load or roughness of few repeated levels next to a condition that differs in nearly every test.
+    """Doubt a load, life or roughness of few repeated levels next to a condition that differs in nearly every test.
 
     Another condition has few repeated levels too, so that the tests were planned in levels; edges are not known.
     """
@@ -266,7 +266,7 @@ def _doubt_set_result(draft: Draft, options: ReadOptions) -> None:
     in_levels = {role for role, n in counts.items() if 2 <= len(n) <= MOST_LEVELS and n.min() >= 3}
     distinct = {role for role, n in counts.items() if len(n) > MOST_DISTINCT * n.sum()}
     free = _of_kinds(distinct, "condition")
-    results = _of_kinds(in_levels, "load", "surface")
+    results = [*_of_kinds(in_levels, "load", "surface"), *({"T"} & in_levels)]
     if len(free) == len(results) == 1 and _of_kinds(in_levels, "condition"):
         (role,), (result,) = free, results
         sentence = (
