@@ -11,6 +11,7 @@ import logging
 import os
 import re
 import shutil
+import stat
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -293,7 +294,8 @@ def _is_committed(folder: Path) -> bool:
 
 def commit(folder: Path, stage: Path, moves: Iterable[tuple[str, str]], removed: Iterable[str]) -> None:
     """Put a journal into its place and carry it out."""
-    journal = {"schema": SCHEMA, "moves": list(moves), "removed": list(removed)}
+    made = {"stage": stage.name, "inode": stage.lstat().st_ino}
+    journal = {"schema": SCHEMA, **made, "moves": list(moves), "removed": list(removed)}
     synchronised(stage / "journal", json.dumps(journal).encode())
     synchronised_folder(stage)
     os.replace(stage / "journal", folder / JOURNAL)  # noqa: PTH105
@@ -344,21 +346,28 @@ def _complete_journal(folder: Path) -> None:
             f"{folder}: a change of its files was interrupted and cannot be completed: {cause(failure)}; nothing else "
             "was written."
         ) from None
-    for stage in {source.partition("/")[0] for source, _ in journal["moves"]}:
-        remove_tree(folder / stage)
+    remove_tree(folder / journal["stage"])
     _say(f"{folder}: a change of its files was interrupted; it was completed.")
 
 
 def _read_journal(path: Path) -> dict[str, Any] | None:
-    """A journal; None where it has another form, or names something that is not in its folder."""
+    """A journal; None where it has another form, names something not in its folder, or came there as a copy.
+
+    A received folder may hold a journal that names files of the reader. The hidden folder of a journal written here
+    has the inode that the journal states; that of a copy or an unpacked archive has another one.
+    """
     try:
         if path.is_symlink():
             return None
         data: Any = parse_json(read_bounded(path, "state"), str(path))
         moves = dict(data["moves"])
         names = [*moves, *moves.values(), *data["removed"]]
-        inside = data["schema"] == SCHEMA and all(_is_inside(path.parent, name) for name in names)
-        return data if inside and all(TEMPORARY.fullmatch(name.partition("/")[0]) for name in moves) else None
+        if data["schema"] != SCHEMA or not all(_is_inside(path.parent, name) for name in names):
+            return None
+        stage = path.with_name(data["stage"])
+        of = stage.lstat()
+        ours = TEMPORARY.fullmatch(stage.name) and stat.S_ISDIR(of.st_mode) and of.st_ino == data["inode"]
+        return data if ours and all(name.startswith(f"{stage.name}/") for name in moves) else None
     except (FitmodelsError, OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 

@@ -278,7 +278,9 @@ def end_process(folder):
     for path in sorted(folder.rglob(".*"), reverse=True):
         path.rename(path.with_name(path.name.replace(ours, ended)))
     if (journal := folder / "T_W" / ".fitmodels.journal").exists():
-        journal.write_text(journal.read_text().replace(ours, ended))
+        data = json.loads(journal.read_text().replace(ours, ended))
+        stage = journal.with_name(data["stage"])
+        journal.write_text(json.dumps({**data, "inode": stage.stat().st_ino}))  # of the copy that a test made
 
 
 def completed(folder, write, old, new):
@@ -467,6 +469,8 @@ def test_a_link_to_a_folder_stays_and_a_name_in_the_way_is_named(tmp_path):
         {"moves": [], "removed": ["out/secret"]},
         {"moves": [], "removed": ["/etc/hostname"]},
         {"moves": [[".fitmodels-0123456789abcdef.tmp/0"]], "removed": []},
+        {"moves": [[".fitmodels-0123456789abcdef.tmp/0", "mine/notes.txt"]], "removed": [], "inode": 1},
+        {"moves": [], "removed": ["mine/notes.txt"], "inode": 1},
         {"moves": 3},
         [],
     ],
@@ -479,7 +483,7 @@ def test_a_journal_in_a_received_folder_reaches_nothing_outside_of_it(journal, t
     stage = folder / ".fitmodels-0123456789abcdef.tmp"
     stage.mkdir()
     (stage / "0").write_text("theirs")
-    schema = {"schema": "fitmodels.journal/1"}
+    schema = {"schema": "fitmodels.journal/1", "stage": stage.name, "inode": stage.stat().st_ino}
     text = json.dumps({**schema, **journal} if isinstance(journal, dict) else journal)
     (folder / ".fitmodels.journal").write_text(text)
     before = tree(tmp_path, hidden=False)
@@ -498,8 +502,10 @@ def test_reading_needs_no_recovery_that_cannot_be_written(tmp_path, monkeypatch)
     folder = tmp_path / "T_W"
     first(folder)
     parameters.write(parameters.read(parameters.write(published("AC-2016"), tmp_path / "a.json")), folder / "a.json")
-    journal = {"schema": "fitmodels.journal/1", "moves": [], "removed": ["only-1"]}
-    (folder / ".fitmodels.journal").write_text(json.dumps(journal))
+    stage = folder / ".fitmodels-0123456789abcdef.tmp"
+    stage.mkdir()
+    made = {"schema": "fitmodels.journal/1", "stage": stage.name, "inode": stage.stat().st_ino}
+    (folder / ".fitmodels.journal").write_text(json.dumps({**made, "moves": [], "removed": ["only-1"]}))
     for name in ("unlink", "replace", "rename", "mkdir"):
         monkeypatch.setattr(os, name, no_writing)
     assert parameters.read(folder / "a.json").laws
