@@ -347,7 +347,7 @@ class TooSlow(BaseException):
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a file: verdict, fault ("" where there is none), description, bytes, CPU in s, memory in MB."""
+    """Outcome of a file: verdict, fault ("" where there is none), description, bytes, CPU in s, memory in MB."""
 
     kind: str
     number: int
@@ -377,7 +377,7 @@ def tried(kind, number, folder=None):
 
 
 def _limited(kind, number, folder):
-    """What a trial returns, within the limit of CPU."""
+    """Return value of a trial, within the limit of CPU."""
 
     def stop(*_):
         raise TooSlow

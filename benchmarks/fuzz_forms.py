@@ -652,7 +652,7 @@ class TooLong(BaseException):
 
 @dataclass(frozen=True)
 class Said:
-    """What a command did."""
+    """Exit code and output of a command, with its time, traceback and warnings."""
 
     code: int
     out: str

@@ -320,7 +320,7 @@ def _any(rng, choices):
 
 @dataclass(frozen=True)
 class Found:
-    """What became of a record: the gain over frequency with its standard error, what is said of it, or a refusal."""
+    """Outcome of a record: the gain over frequency with its standard error, what is said of it, or a refusal."""
 
     gain: np.ndarray | None = None
     error: np.ndarray | None = None
@@ -395,7 +395,7 @@ def _written(run, folder):
 
 
 def _different(good, found):
-    """What differs between models of equal records; "" where nothing does."""
+    """Difference between the models of equal records; "" where there is none."""
     if found.refusal:
         return f"an equal record is refused: {found.refusal}"[:400]
     off = float(np.max(np.abs(found.gain / good.gain - 1)))

@@ -231,7 +231,7 @@ class Bench:
             yield "call", "mixed", "the former files were written into, not replaced"
 
     def judged(self, kind: str, code: int) -> tuple[str, str]:
-        """What the files are after an interruption, and what is wrong with them now or after the command again."""
+        """State of the files after an interruption, and the fault in it or in that after the command again."""
         said, now = self.said(), state(self.work)
         found = agrees(now, self.old, self.new, self.case.parts)
         allowed = (0, -9) if kind in ("call", "time") else (0, 2, 3, 5)
@@ -318,7 +318,7 @@ class Race:
             self.serial[order] = tuple(codes), state(place.work)
 
     def run(self, rng: random.Random) -> tuple[str, str]:
-        """What became of the two, and what is wrong with it; their ends are near each other."""
+        """Outcome of the two commands, and its fault; their ends are near each other."""
         place = self.place
         place.restore()
         logs = [place.top.parent / f"log-{number}" for number in (0, 1)]

@@ -724,7 +724,7 @@ def changes(good, bad, cell):
 
 
 def same_laws(good, bad):
-    """What differs between laws of equal files; "" where nothing does."""
+    """Difference between the laws of equal files; "" where there is none."""
     if good.keys() != bad.keys():
         return f"laws {[k[1] for k in bad]} instead of {[k[1] for k in good]}"
     for (_, response), right in good.items():
@@ -741,7 +741,7 @@ def same_laws(good, bad):
 
 
 def named(changed, good, bad, row, sheet):
-    """How a corrupted cell is seen: by its line or edge, by another message or check, in a check passed, or not."""
+    """Kind of message on a corrupted cell: by its line or edge, another message or check, a check passed, or none."""
     line = _line_of(sheet, row)
     mark = re.compile(rf"\b(?:{line}|{re.escape(_edge_of(sheet, row))})\b")
     checks = [check for law in bad.laws.values() for check in fit.judge(law).checks.values()]

@@ -85,8 +85,7 @@ def regular_status(path: str | os.PathLike[str], kind: str, error: type[Fitmodel
 
     Parameters
     ----------
-    path : path
-    kind, error
+    path, kind, error
         As in `read_bounded`.
 
     Raises
@@ -226,7 +225,7 @@ def _check(status: os.stat_result, path: str | os.PathLike[str], limit: Limit, e
 
 @contextmanager
 def open_archive(
-    content: bytes, name: str, unpacked: int, error: type[FitmodelsError] = DataError
+    content: bytes, name: str, unpacked: int, error: type[FitmodelsError] = DataError, *, remedy: str = "Save it again."
 ) -> Iterator[zipfile.ZipFile]:
     """Open a zip archive whose members and their stated sizes are within limits.
 
@@ -241,6 +240,8 @@ def open_archive(
         Bytes that all members may have.
     error : type
         Raised where it has more than 5000 members, or they are larger.
+    remedy : str
+        End of error messages.
 
     Raises
     ------
@@ -248,10 +249,10 @@ def open_archive(
         It is damaged; reading a member raises them too.
     """
     if (members := content.count(b"PK\x01\x02")) > MOST_MEMBERS:  # before a list of a million entries is made of them
-        raise error(f"{name}: has {members} parts; at most {MOST_MEMBERS} are read. Save it again.")
+        raise error(f"{name}: has {members} parts; at most {MOST_MEMBERS} are read. {remedy}")
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         if (size := sum(item.file_size for item in archive.infolist())) > unpacked:
-            raise error(f"{name}: unpacks to {size} bytes; at most {unpacked} ({unpacked / MB:.0f} MB) are read.")
+            raise error(f"{name}: unpacks to {size} bytes; at most {unpacked / MB:.0f} MB are read. {remedy}")
         yield archive
 
 
@@ -291,8 +292,7 @@ def parse_json(
         raise error(f"{name}: is not UTF-8 text (byte {fault.start}).{end}") from None
     except json.JSONDecodeError as fault:
         where = f"line {fault.lineno}, column {fault.colno}"
-        why = fault.msg.lower().removesuffix(" at")
-        raise error(f"{name}: is not JSON at {where}: {why}.{end}") from None
+        raise error(f"{name}: is not JSON at {where}: {fault.msg.lower().removesuffix(' at')}.{end}") from None
     except RecursionError:
         raise error(f"{name}: is nested deeper than {DEEPEST} levels.{end}") from None
     except ValueError as fault:

@@ -1,4 +1,4 @@
-"""Files and folders that are written whole or not at all, and a lock for one writer at a time."""
+"""Files that are written whole or not at all, and locks for one writer at a time."""
 
 import errno
 import os

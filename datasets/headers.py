@@ -59,7 +59,7 @@ def _is_unit_of(name: str, inside: str) -> bool:
 
 
 def last_bracket(text: str) -> int:
-    """Where the bracket begins that ends a header, with the blanks before it; the length of a text without one.
+    """Index of the bracket that ends a header, or of the blanks before it; the length of a text without one.
 
     >>> [text[: last_bracket(text)] for text in ("V [m/min]", "t (min) (s) ", "VB (mean) max")]
     ['V', 't (min)', 'VB (mean) max']
@@ -167,7 +167,7 @@ def without_gap(text: str) -> str:
 
 
 def timed(name: str) -> tuple[str, float, str] | None:
-    """What stands before the time in a header, the time, and its unit ("" where none is written); else None.
+    """Text before the time in a header, the time, and its unit ("" where none is written); None without a time.
 
     >>> timed("VB after 2.5 min"), timed("VB (t min 2)"), timed("VB")
     (('VB', 2.5, 'min'), ('VB', 2.0, 'min'), None)

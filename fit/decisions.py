@@ -304,7 +304,7 @@ def _named(what: str, law: LawFit, at: Mapping[str, float]) -> str:
 
 
 def _exp(logarithm: float, name: str) -> float:
-    """The number of a logarithm; FitError where it is beyond those that a computer holds."""
+    """Exponential of a logarithm; FitError where it is larger than the largest float."""
     try:
         return exp(logarithm)
     except OverflowError:

@@ -118,7 +118,7 @@ def read_draws(pf: "ParameterFile", folder: str | os.PathLike[str]) -> dict[str,
 def unpacked(content: bytes, name: str) -> dict[str, Draws]:
     """Draws from the bytes of a file; ParameterError if they are not valid."""
     try:
-        with open_archive(content, name, LIMITS["draws"].size, ParameterError) as archive:
+        with open_archive(content, name, LIMITS["draws"].size, ParameterError, remedy=REMEDY) as archive:
             for item in archive.infolist():
                 _check_header(archive, item)
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:

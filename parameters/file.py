@@ -26,8 +26,6 @@ from .sections.load_line import LimitsSection, LoadLineSection
 from .sections.origin import DesignSection, IdentitySection, ProvenanceSection, ReadingSection
 from .sections.posterior import PosteriorSection
 
-LARGEST = LIMITS["parameters"].size
-
 
 class ParameterFile(Plottable, Section):
     """Parameter file of one tool and work material.
@@ -326,8 +324,8 @@ def _content(data: dict[str, Any], name: str) -> tuple[bytes, ParameterFile]:
         content = (json_text(renewed, indent=2) + "\n").encode()
     except (TypeError, ValueError, RecursionError) as error:
         raise ParameterError(f"{name}: a section has a value that JSON cannot represent: {error}.") from None
-    if len(content) > LARGEST:
-        raise ParameterError(f"{name}: {len(content)} bytes to write; the limit is {LARGEST}.")
+    if len(content) > (largest := LIMITS["parameters"].size):
+        raise ParameterError(f"{name}: {len(content)} bytes to write; the limit is {largest}.")
     return content, _parse(content, name)
 
 

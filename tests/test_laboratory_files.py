@@ -106,7 +106,7 @@ def test_a_record_that_differs_would_be_seen(monkeypatch, tmp_path):
     assert "the response differs" in fault
 
 
-def test_limits_of_cpu_and_warnings_are_faults(monkeypatch):
+def test_limits_of_cpu_and_memory_and_warnings_are_faults(monkeypatch):
     def slow(number, folder):
         while True:
             sum(range(1000))
@@ -116,12 +116,18 @@ def test_limits_of_cpu_and_warnings_are_faults(monkeypatch):
         warnings.warn_explicit("overflow", RuntimeWarning, "numpy/core.py", 1)
         return "read", "", "", 0
 
+    def reads(number, folder):
+        return "read", "", "", 0
+
     monkeypatch.setitem(fuzz.KINDS, "slow", slow)
     monkeypatch.setitem(fuzz.KINDS, "warns", warns)
     monkeypatch.setattr(fuzz, "CPU", 0.05)
     monkeypatch.setattr(fuzz, "CPU_PER_MB", 0.01)
     assert "s of CPU" in fuzz.tried("slow", 1).fault
     assert "core.py:1 RuntimeWarning: overflow" in fuzz.tried("warns", 1).fault
+    monkeypatch.setitem(fuzz.KINDS, "reads", reads)
+    monkeypatch.setattr(fuzz, "_memory", iter((100.0, 100.0 + 2 * fuzz.MEMORY)).__next__)
+    assert "800 MB more memory for 0 bytes" in fuzz.tried("reads", 1).fault
 
 
 @pytest.mark.parametrize("number", [5005, 6001, 6002, 6004])

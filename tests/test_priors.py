@@ -109,7 +109,7 @@ WRONG = {
     "an improper one": ({"sd": {"distribution": "flat"}}, r"a flat prior is improper"),
     "one over sigma": ({"sd": {"distribution": "1/sigma"}}, r"improper"),
     "a table as a distribution": ({"V": {"distribution": {}}}, r"no distribution \{\}"),
-    "a long value": ({"V": {"distribution": "normal", "mean": "x" * 10**5, "sd": 1}}, r"is 'x{59}\.\.\.; a"),
+    "a long value": ({"V": {"distribution": "normal", "mean": "x" * 10**5, "sd": 1}}, r"is 'x{56}\.\.\.; a"),
     "a distribution that there is not": ({"V": {"distribution": "cauchy", "scale": 1}}, r"no distribution 'cauchy'"),
     "a parameter that there is not": ({"vc": {"distribution": "normal", "mean": 0, "sd": 1}}, r"no parameter 'vc'"),
     "a normal scatter": ({"sd": {"distribution": "normal", "mean": 0, "sd": 1}}, r"takes a half-t one"),

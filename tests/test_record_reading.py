@@ -263,7 +263,7 @@ def test_names_of_input_and_output_count_more_than_their_order(read, header):
 
 @pytest.mark.parametrize(("digits", "found"), [(12, True), (3, True), (1, False)])
 def test_an_output_that_stands_while_the_input_moves_is_reported(read, digits, found):
-    """Where readings are coarse, equal neighbours are usual."""
+    """Equal neighbours are usual where readings are coarse."""
     t, u = chirp()
     y = np.roll(u, 5)
     assert "successive samples" not in reported(read(text(t, u, y.round(digits), form="{:.12g}")))

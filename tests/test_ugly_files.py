@@ -556,7 +556,7 @@ def inside(op, given):
 
 
 def repeated(tree, state, before=""):
-    """What stands before each long repeat of a pattern, and what it repeats."""
+    """Text before each long repeat of a pattern, and the text that it repeats."""
     for op, given in tree:
         if op in REPEATS and given[1] > 100:
             yield from ((before, sample(given[2], state, k)) for k in range(3))

@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from ...core.display import Display, Displayable, TextTable
 from ...core.errors import UsageError
+from ...core.files import write_whole
 from ...core.rounding import format_plain, format_rounded, with_unit
 from ...core.suggestions import did_you_mean
 from ...core.text import printable
@@ -176,7 +177,7 @@ class Profiler(Displayable):
 
     def write(self, path: str | os.PathLike[str]) -> Path:
         """Write the page to a file and return its path."""
-        Path(path).write_text(self.page, encoding="utf-8")
+        write_whole(path, self.page)
         return Path(path)
 
     def _display(self) -> Display:

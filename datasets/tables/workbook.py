@@ -85,7 +85,7 @@ def _check_parts(data: bytes, name: str, kind: str) -> None:
 
     """
     try:
-        with open_archive(data, name, UNPACKED) as archive:
+        with open_archive(data, name, UNPACKED, remedy=_REMEDY) as archive:
             for item in archive.infolist():
                 sheet = kind != "xlsx" or "/worksheets/" in item.filename
                 tags, longest = _measured(archive, item)
@@ -202,7 +202,7 @@ def _format(data: bytes, name: str) -> str:
     if not data.startswith(b"PK\x03\x04"):
         return ""
     try:
-        with open_archive(data, name, UNPACKED) as archive:
+        with open_archive(data, name, UNPACKED, remedy=_REMEDY) as archive:
             members = set(archive.namelist())
     except UNREADABLE_ARCHIVE as error:
         if not lower.endswith(SUFFIXES):

@@ -19,6 +19,7 @@ import numpy as np
 from ...core.bounded import parse_toml, read_bounded
 from ...core.errors import DataError, UsageError
 from ...core.suggestions import did_you_mean
+from ...core.text import shortened
 from ...datasets.units import convert
 from ..lawfit import LawFit
 from .priors import Beta, HalfT, Normal, Prior, Priors
@@ -39,7 +40,7 @@ def read_priors(path: str | Path) -> dict[str, object]:
     """The tables of a priors file, by law; DataError names what cannot be read."""
     file = Path(path)
     try:
-        return parse_toml(read_bounded(file, "priors"), file.name)
+        return parse_toml(read_bounded(file, "priors"), file.name, remedy="Write a table of priors for each law.")
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror or error}. Give the path of a TOML file.") from None
 
@@ -105,8 +106,7 @@ def _prior(where: str, key: str, given: object, unit: str, law: LawFit) -> Prior
 
 def _shown(value: object) -> str:
     """A value of the file in a message, cut where it is long."""
-    text = repr(value)
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+    return shortened(repr(value), LONGEST_SHOWN)
 
 
 def _numbers(where: str, kind: str, given: Mapping[str, object]) -> dict[str, float]:
