@@ -1,6 +1,7 @@
 """Figures of a comparison: families of each grouping, and pairs alone and pooled with their family."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..core.arrays import Array
 from ..core.display import plot
 from ..core.errors import UsageError
 from ..core.figure_style import BLUE, DPI, GREY, LINE, ORANGE, RED, SMALL, TEXT, THICK, THIN, TITLE
+from ..core.journal import write_files
 from ..core.plotting import NotebookFigure, save_figure, whiskers
 from ..fit.many.pooling import WHOLE
 from .comparison import Comparison, largest_families
@@ -28,10 +30,11 @@ LETTER = 0.068  # inches of a letter in the name of a row
 NAME = 32  # letters of a name
 
 
-def write_figures(comparison: Comparison, folder: Path, banner: str = "") -> list[Path]:
-    """Write a PNG for each response and factor that has a family; return their paths.
+def write_figures(comparison: Comparison, folder: Path, banner: str = "", former: Iterable[str] = ()) -> list[Path]:
+    """Write a PNG for each response and factor that has a family, all of them or none; return their paths.
 
-    ``banner`` stands in red on every picture: that some pairs are simulated.
+    ``banner`` stands in red on every picture: that some pairs are simulated. Files of ``former`` that are not drawn any
+    more are removed at once.
 
     Examples
     --------
@@ -40,17 +43,20 @@ def write_figures(comparison: Comparison, folder: Path, banner: str = "") -> lis
     >>> write_figures(compare(pd.DataFrame()), Path(tempfile.mkdtemp()))
     []
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    made: list[Path] = []
+    made: dict[str, bytes | None] = {}
     for (response, factor), families in comparison.families.groupby(["response", "factor"], sort=False):
-        held = comparison.pairs
-        pairs = held[(held["response"] == response) & (held["factor"] == factor)]
-        path = folder / _free(f"exponents_{_plain(response)}_{_plain(factor)}", {path.stem.casefold() for path in made})
+        pairs = comparison.pairs
+        pairs = pairs[(pairs["response"] == response) & (pairs["factor"] == factor)]
+        taken = {Path(name).stem.casefold() for name in made}
+        name = _free(f"exponents_{_plain(response)}_{_plain(factor)}", taken)
         figure = _figure(families, pairs, f"{response}", f"{factor}", comparison.level)
         figure.text(0.988, 1 - 0.1 / figure.get_figheight(), banner, fontsize=TITLE, color=RED, ha="right", va="top")
-        save_figure(figure, path, dpi=DPI, metadata={"Software": None})
-        made.append(path)
-    return made
+        held = BytesIO()
+        save_figure(figure, held, format="png", dpi=DPI, metadata={"Software": None})
+        made[name] = held.getvalue()
+    if made:
+        write_files(folder, made | dict.fromkeys(sorted({*former} - {*made})))
+    return [folder / name for name in made]
 
 
 def _figure(families: pd.DataFrame, pairs: pd.DataFrame, response: str, factor: str, level: float) -> Figure:

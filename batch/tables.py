@@ -244,4 +244,5 @@ def _drawn(out: Path, tables: Tables) -> list[str]:
     from .figures import write_figures
 
     banner = f"{grouped(tables.simulated)} of these pairs simulated, not measured" if tables.simulated else ""
-    return [f"{FIGURES}{path.name}" for path in write_figures(tables.comparison, out / FIGURES, banner)]
+    former = [name.removeprefix(FIGURES) for name in claimed(out, FIGURES)]
+    return [f"{FIGURES}{path.name}" for path in write_figures(tables.comparison, out / FIGURES, banner, former)]

@@ -1,6 +1,7 @@
 """Commands that run up to their first change of the file system; copies of them that are killed or fail after it."""
 
 import errno
+import hashlib
 import json
 import mmap
 import os
@@ -92,6 +93,37 @@ def execute(words: str, log: Path) -> int:
     sys.stdout.flush()
     sys.stderr.flush()
     return code
+
+
+def draw_fast() -> None:
+    """Replace pictures in PNG files by small ones that differ where what is drawn differs: drawing takes most time."""
+    import numpy as np
+    from fitmodels.cards import figures
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.text import Text
+    from PIL import Image
+
+    save = Figure.savefig
+
+    def saved(figure: Figure, file: Any, **options: Any) -> None:
+        name = "png" if hasattr(file, "write") else Path(file).suffix[1:]
+        if options.get("format", name) != "png":
+            save(figure, file, **options)
+            return
+        found = hashlib.sha256()
+        for line in figure.findobj(Line2D):
+            found.update(np.asarray(line.get_xydata()).tobytes())
+        for text in figure.findobj(Text):
+            found.update(text.get_text().encode("utf-8", "replace"))
+        Image.frombytes("L", (16, 16), found.digest() * 8).save(file, format="png")
+
+    def composed(laws: Any, rows: Any, banner: str, styles: Any) -> Figure:
+        figure = Figure()
+        figure.text(0, 0, f"{banner} {len(rows)} {[(law.formula, law.theta, law.rss) for law in laws]}")
+        return figure
+
+    Figure.savefig, figures._compose = saved, composed  # type: ignore[method-assign]
 
 
 def forked(work: Callable[[], int]) -> int:

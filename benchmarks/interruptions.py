@@ -4,13 +4,13 @@
     python benchmarks/interruptions.py --only tune --moments 20 --seed 7
     python benchmarks/interruptions.py --races 50 --moments 0
 
-A command runs up to its first change of the file system and is copied there (fork) for each moment. Half of the kills
-come before a random call (open to write, mkdir, rename, remove, link, lock, fsync), half at a random time until its
-end. Half of the full disks are a small memory disk with a random number of free bytes (root only), half are calls that
-fail with ENOSPC from a random one on, or only once. Aims: the files are then the former ones or the new ones, or a
-reading command makes them so; the same command again leaves the new ones, and no temporary file, lock or journal.
-Of a race: both commands end with 0 or a refusal, and the files are those of the two one after the other in either
-order, or of the one that was not refused.
+A command runs up to its first change of the file system and is copied there (fork) for each moment; its PNG pictures
+are small ones, made faster. Half of the kills come before a random call (open to write, mkdir, rename, remove, link,
+lock, fsync), half at a random time until its end. Half of the full disks are a small memory disk with a random number
+of free bytes (root only), half are calls that fail with ENOSPC from a random one on, or only once. Aims: the files are
+then the former ones or the new ones, or a reading command makes them so; the same command again leaves the new ones,
+and no temporary file, lock or journal. Of a race: both commands end with 0 or a refusal, and the files are those of
+the two one after the other in either order, or of the one that was not refused.
 """
 
 import argparse
@@ -34,7 +34,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from held_command import Held, ended, execute, forked
+from held_command import Held, draw_fast, ended, execute, forked
 
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parent / "docs" / "examples"
@@ -365,13 +365,13 @@ def main() -> int:
     p.add_argument("--one", action="store_true", help=argparse.SUPPRESS)  # in this program, as JSON
     args = p.parse_args()
     known, races = cases()
-    unknown = {*(args.only or ())} - {*known} - {*races}
-    if unknown:
+    if unknown := {*(args.only or ())} - {*known} - {*races}:
         raise SystemExit(f"{', '.join(sorted(unknown))}: choose of {', '.join((*known, *races))}.")
     each = -(-args.races // len(races))  # rounded up
     work = {name: round(args.moments * case.share) for name, case in known.items()} | dict.fromkeys(races, each)
     work = {name: count for name, count in work.items() if count and name in (args.only or work)}
     if args.one:
+        draw_fast()
         (name, count), *_ = work.items()
         one = study(known[name], count, args.seed) if name in known else race(name, *races[name], count, args.seed)
         print(json.dumps(one))

@@ -241,14 +241,16 @@ def _staged(
     return moves, removed
 
 
-def write_files(folder: Path, contents: Mapping[str, bytes], *, error: type[FitmodelsError] = UsageError) -> None:
+def write_files(
+    folder: Path, contents: Mapping[str, bytes | None], *, error: type[FitmodelsError] = UsageError
+) -> None:
     """Write several files of a folder, all of them or none, as its only writer; the folder is made.
 
     Parameters
     ----------
     folder : Path
-    contents : mapping of str to bytes
-        By the name of the file; over what is there.
+    contents : mapping of str to bytes or None
+        By the name of the file; over what is there. None, not for the first one: the file is removed.
     error : type
         Raised where a file cannot be written.
 
@@ -265,6 +267,8 @@ def write_files(folder: Path, contents: Mapping[str, bytes], *, error: type[Fitm
     make_folder(folder)
     real = Path(os.path.realpath(folder))
     (first, content), *rest = ((real / name, content) for name, content in contents.items())
+    if content is None:
+        raise ValueError(f"{first}: the first file has a content")
     with only_writer(real):
         write_together(first, content, dict(rest), error=error)
 

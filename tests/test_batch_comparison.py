@@ -1,5 +1,7 @@
 """Comparison of a batch: exponents pooled over families, the table of pairs, what is drawn and printed."""
 
+import errno
+
 import numpy as np
 import openpyxl
 import pandas as pd
@@ -11,7 +13,9 @@ from fitmodels.batch.outcomes import PairOutcome
 from fitmodels.batch.pair_table import read_pairs, unknown_pairs, with_groups
 from fitmodels.batch.tables import results_frame
 from fitmodels.batch.terminal import comparison_block
+from fitmodels.core import journal
 from fitmodels.core.errors import DataError, UsageError
+from fitmodels.core.files import synchronised
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread
@@ -282,3 +286,26 @@ def test_a_law_that_must_not_be_used_does_not_move_its_family():
     made = compare(results)
     assert made.families["pairs"].tolist() == [3]
     assert "d" not in set(made.pairs["tool"])
+
+
+def test_pictures_are_replaced_all_or_none_and_former_ones_go_with_them(tmp_path, monkeypatch):
+    made = compare(simulated(3)[0], ["iso513", "coolant"])
+    first, second = write_figures(made, tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    calls = []
+
+    def full(path, data):
+        calls.append(path)
+        if len(calls) == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        synchronised(path, data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(journal, "synchronised", full)
+        with pytest.raises(UsageError, match="no space left on device"):
+            write_figures(made, tmp_path, "simulated")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    (tmp_path / "exponents_P_V.png").write_bytes(b"of a law that is gone")
+    assert write_figures(made, tmp_path, "simulated", [first.name, "exponents_P_V.png"]) == [first, second]
+    assert {path.name for path in tmp_path.iterdir()} == {*before}
+    assert first.read_bytes() != before[first.name]

@@ -73,7 +73,7 @@ def small_and_quick(request, monkeypatch):
     """Two pairs of a block, so that few pairs make several, and no pictures."""
     monkeypatch.setattr(run_batch, "MOST_PAIRS", {False: 2, True: 2})
     if "pictures" not in request.fixturenames:
-        monkeypatch.setattr(draw, "write_figures", lambda comparison, folder, banner: [])
+        monkeypatch.setattr(draw, "write_figures", lambda *given: [])
 
 
 @pytest.fixture(scope="module")
@@ -527,7 +527,7 @@ def test_nothing_heavy_is_imported_for_a_folder_of_files(tmp_path):
 
 def test_what_is_simulated_says_so_in_the_table_the_words_and_the_pictures(tmp_path, monkeypatch):
     banners = []
-    monkeypatch.setattr(draw, "write_figures", lambda comparison, folder, banner: banners.append(banner) or [])
+    monkeypatch.setattr(draw, "write_figures", lambda comparison, folder, banner, former: banners.append(banner) or [])
     note = "# simulated: no measurement\n"
     rows = "tool,work,edge,V,t,VB\n" + "".join(
         f"{tool},steel,{edge},{V},{t},{0.02 * V**0.5 * t**0.3 * (1 + 0.03 * ((edge * t) % 3)):.4f}\n"
