@@ -57,7 +57,7 @@ class Watch:
             or any(isinstance(other, int) and other >= 0 for other in args[1:] if event in ("os.remove", "os.rmdir"))
         ):
             return True
-        return str(Path.cwd() / os.fsdecode(path)).startswith(self.top)
+        return f"{Path.cwd() / os.fsdecode(path)}/".startswith(self.top)  # also the work place itself
 
     def _change(self, event: str) -> None:
         if not self.begun:
