@@ -109,7 +109,8 @@ def _misspelt(argv: Sequence[str]) -> str:
     if first.startswith("-") and first != "-":
         after = [word for word in argv[1:] if word in COMMANDS and not Path(word).exists()]
         return f"the command comes first: fitmodels {after[0]} {first} ..." if after else ""
-    return "" if Path(first).exists() else unknown_command(first, argv[1:2])
+    there = os.path.exists(first)  # noqa: PTH110  False where it cannot be reached: the command says why
+    return "" if there else unknown_command(first, argv[1:2])
 
 
 def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001

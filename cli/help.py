@@ -1,12 +1,12 @@
 """``fitmodels help``: the commands in groups, or the help of one of them."""
 
 import argparse
+import os
 import shutil
 import sys
 import textwrap
 from collections.abc import Sequence
 from importlib import import_module
-from pathlib import Path
 from typing import Final
 
 from ..core.errors import UsageError
@@ -116,7 +116,7 @@ def unknown_command(word: str, following: Sequence[str] = ()) -> str:
     """
     known = [name for name in known_names() if name != MAIN]
     near = OTHER_NAMES.get(word) or closest(word, known, 0.7)
-    if near is None and not (word.isalpha() and any(Path(name).exists() for name in following)):
+    if near is None and not (word.isalpha() and any(map(os.path.exists, following))):
         return ""
     meant = (following or ("data.csv",))[0] if near == MAIN else near
     guess = "" if near is None else f"did you mean 'fitmodels {meant}'? "

@@ -136,6 +136,14 @@ def test_a_misspelt_command_is_guessed(words, says, tmp_path, monkeypatch):
     assert says in sentence(run(*words), 2)
 
 
+@pytest.mark.parametrize("name", [f"{'x' * 300}.csv", "a\0b.csv"])
+def test_a_name_that_no_file_can_have_is_one_sentence(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run(name)
+    assert done.code in (2, 3)
+    assert "cannot be read" in sentence(done, done.code)
+
+
 @pytest.mark.parametrize("name", [name for name in EVERY if name not in ("help", "completion")])
 def test_an_unknown_option_is_one_sentence(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
