@@ -10,6 +10,7 @@ from .. import cards, parameters
 from ..cards.folder import folder_names
 from ..core.bounded import has_content
 from ..core.errors import ParameterError, UsageError
+from ..core.files import cause
 from ..core.folders import FolderState, folder_state
 from ..core.journal import recover_below
 from ..core.version import __version__
@@ -79,7 +80,7 @@ def pair_folders(
     recorded = options.recorded()
     names = folder_names((runs.tool, runs.work) for runs in pairs)
     for runs, path in zip(pairs, (root / name for name in names), strict=True):
-        state = folder_state(path)
+        state = _state(path)
         same = not force and _holds(path, runs, recorded)
         former = not (same or force) and path.is_dir() and any(path.iterdir())
         if former and (why := _not_replaceable(path, runs, recorded)):
@@ -89,6 +90,13 @@ def pair_folders(
             )
         found.append(Folder(path, same, former, state))
     return tuple(found)
+
+
+def _state(path: Path) -> FolderState:
+    try:
+        return folder_state(path)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {cause(error)}; choose another place with --out.") from None
 
 
 def left_folders(root: str | os.PathLike[str], runs: Runs, written: Iterable[Path]) -> tuple[Path, ...]:

@@ -163,7 +163,9 @@ def _command(source: str) -> str:
     return ("" if kept else out.getvalue()) + (f"{code}\n" if asked else "")
 
 
-PROGRESS = re.compile(r"^.*\b\d[\d ]* of \d[\d ]* \w+.*\n", flags=re.M)  # printed on slow machines only
+PROGRESS = re.compile(
+    r"^(?:.*\b\d[\d ]* of \d[\d ]* \w+.*|(?:reading|planning|writing) [\w-]+)\n", flags=re.M
+)  # printed on slow machines only
 
 
 def _resolved(source: str) -> str:
