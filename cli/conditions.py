@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 VALUE = re.compile(rf"({NUMBER})\s*+(.*)")
 COLUMN = re.compile(  # a line of design.understood
-    r"(?P<role>\w+): (?P<quantity>[^,]+), column \d+ '(?P<header>.*)': (?P<low>\S+) to (?P<high>\S+)(?P<unit>[^,]*)"
-    r"(?:, converted from (?P<written>.+))?"
+    r"(?P<role>\w+): (?P<quantity>[^,]+), column \d+ '(?P<header>.*)': (?P<low>\S++) to (?P<high>[^\s,]++)"
+    r"(?P<unit>[^,]*+)(?:, converted from (?P<written>(?s:.+)))?"
 )
 UNUSED = ("condition", "other", "time")  # kinds of quantities that may be given to laws without them
 AGREE = 0.03  # relative difference of a typed and a computed value at which both are the same setting

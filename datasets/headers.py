@@ -11,7 +11,12 @@ from .units import canonical, is_unit
 from .vocabulary import fits, roles_named
 
 _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\{([^{}]*)\}|\(([^()]*)\)")
-_MARKS = (r"(.+?) (?:in|en) (.+)", r"(.+?) ?[,;:] ?(.+)", r"(.+?) / ?(.+)", r"(.+?)/(.+)")  # blanks are single
+_MARKS = (
+    r"(.+?) (?:in|en) (?s:(.+))",
+    r"(.+?) ?[,;:] ?(?s:(.+))",
+    r"(.+?) / ?(?s:(.+))",
+    r"(.+?)/(?s:(.+))",
+)
 LONGEST = 1000  # characters of a header that is split; a longer one is a text, and its unit is not looked for
 _MOST_WORDS = 8  # of a unit after the name
 _LAST = re.compile(r"(?:\d{1,3}|(?<![^\W\d_])[A-Za-z])\Z")  # number or letter that ends a header

@@ -476,23 +476,29 @@ def test_micrometres_and_daN(tmp_path, metric):
     same_laws(facts(tmp_path, table(rows, header, mark="\t"))[1], metric)
 
 
+def test_any_number_of_comments_may_stand_above_a_table(tmp_path):
+    (tmp_path / "a.csv").write_text("# insert turned\n" * 4000 + table(mark=";"), "utf-8")
+    assert len(fitmodels.datasets.read_runs(tmp_path / "a.csv")) == len(ROWS)
+
+
 # --- every regular expression of the package takes time in proportion to its text
 
 USES = ("search", "match", "fullmatch", "findall", "finditer", "sub", "split")
 REPEATS = (sre.MAX_REPEAT, sre.MIN_REPEAT, sre.POSSESSIVE_REPEAT)
 CHARACTERS = " \t\n1a0A.,:;-_=()[]<>+*/\"'#%xé°(→|"
-LENGTHS = (200, 2000)  # characters; at 2000 the square takes 10 ms and more, a multiple below 1 ms
-MOST_CPU = 4e-3  # s
+SHORT, LONG, LONGEST = 500, 8000, 64_000  # characters
+LONG_CPU = 3e-3  # s; a text of LONG that takes more is measured on, as is one of SHORT that takes ten times as much
+MOST_TIMES = 400  # CPU at LONGEST over that at a 64th of it: 64 for a linear pattern, 4000 for a quadratic one
 
 
 def modules():
-    """Name, syntax tree and namespace of each module of the package."""
+    """Name, syntax tree and object of each module of the package."""
     root = Path(fitmodels.__file__).resolve().parent
     for path in sorted(root.rglob("*.py")):
         parts = path.relative_to(root).with_suffix("").parts
         if parts[0] not in ("tests", "docs", "benchmarks", "notebooks", "build", "__main__") and parts[0][0] != ".":
             name = ".".join(("fitmodels", *(part for part in parts if part != "__init__")))
-            yield name, ast.parse(path.read_text("utf-8")), vars(importlib.import_module(name))
+            yield name, ast.parse(path.read_text("utf-8")), importlib.import_module(name)
 
 
 def text_of(node, space):
@@ -506,23 +512,50 @@ def text_of(node, space):
     return None
 
 
+def looped(node, tree, space):
+    """Texts of a pattern that a loop takes from a table of the module: a name of the loop, or an attribute of one."""
+    name, _, field = ast.unparse(node).partition(".")
+    for loop in (one for one in ast.walk(tree) if isinstance(one, ast.For | ast.comprehension)):
+        names = [ast.unparse(one) for one in getattr(loop.target, "elts", [loop.target])]
+        if name in names:
+            with contextlib.suppress(NameError, AttributeError, TypeError):
+                items = list(eval(ast.unparse(loop.iter), space))  # noqa: S307  a node of our own source
+                found = [item[names.index(name)] if len(names) > 1 else item for item in items]
+                yield from (getattr(one, field) if field else one for one in found)
+
+
+def names_in(module, tree):
+    """Namespace of a module with what its functions import from modules beside it."""
+    space = dict(vars(module))
+    for node in (one for one in ast.walk(tree) if isinstance(one, ast.ImportFrom) and one.level and one.module):
+        beside = importlib.import_module("." * node.level + node.module, space["__package__"])
+        space |= {one.asname or one.name: getattr(beside, one.name) for one in node.names if hasattr(beside, one.name)}
+    return space
+
+
 def patterns():
     """Each pattern of the package once: module, text, flags, how it is used."""
     found = []
-    for name, tree, space in modules():
-        used = {}
+    for name, tree, module in modules():
+        space, used = vars(module), {}
         for node in (one for one in ast.walk(tree) if isinstance(one, ast.Attribute) and one.attr in USES):
             used.setdefault(ast.unparse(node.value).rpartition(".")[2].partition("(")[0], set()).add(node.attr)
         named = {id(one.value): ast.unparse(one.targets[0]) for one in ast.walk(tree) if isinstance(one, ast.Assign)}
         for node in (one for one in ast.walk(tree) if isinstance(one, ast.Call) and one.args):
             kind, _, use = ast.unparse(node.func).partition(".")
-            if kind != "re" or use not in (*USES, "compile") or (text := text_of(node.args[0], space)) is None:
+            if kind != "re" or use not in (*USES, "compile"):
                 continue
+            text = text_of(node.args[0], space)
+            if text is None:
+                space = names_in(module, tree)
+                text = text_of(node.args[0], space)
+            texts = [text] if text is not None else [*looped(node.args[0], tree, space)]
+            assert texts, f"{name}, line {node.lineno}: the pattern is not found"
             place = {"compile": 1, "sub": 4, "split": 3}.get(use, 2)
             flags = [*node.args[place:], *(one.value for one in node.keywords if one.arg == "flags")]
             flag = int(eval(ast.unparse(flags[0]), space)) if flags else 0  # noqa: S307
             uses = used.get(named.get(id(node), ""), {"fullmatch"}) if use == "compile" else {use}
-            found += ((name, text, flag, one) for one in sorted(uses))
+            found += ((name, text, flag, one) for one in sorted(uses) for text in texts)
     return sorted(set(found), key=str)
 
 
@@ -579,9 +612,9 @@ def hard_texts(text, flags, length):
 
 def cpu_of(pattern, use, text):
     """CPU time of one use of a pattern; the least of three where it is long."""
-    apply = getattr(pattern, use)
+    text, apply = text.encode() if isinstance(pattern.pattern, bytes) else text, getattr(pattern, use)
     times = []
-    while not times or (times[-1] > MOST_CPU and len(times) < 3):
+    while not times or (times[-1] > LONG_CPU and len(times) < 3):
         start = time.thread_time()
         found = apply("" if isinstance(text, str) else b"", text) if use == "sub" else apply(text)
         _ = list(found) if use == "finditer" else found
@@ -590,11 +623,22 @@ def cpu_of(pattern, use, text):
 
 
 def superlinear(text, flags, use):
-    """The text on which a pattern takes too long, None where there is none."""
+    """Beginning of the text on which the CPU of a pattern grows faster than its length, None where there is none.
+
+    The three slowest texts are measured at two lengths: their ratio depends on no speed of a machine.
+    """
     pattern = re.compile(text, flags)
-    for hard in dict.fromkeys(one for length in LENGTHS for one in hard_texts(text, flags, length)):
-        if cpu_of(pattern, use, hard.encode() if isinstance(text, bytes) else hard) > MOST_CPU:
-            return hard[:20]
+    short, hard = (list(hard_texts(text, flags, length)) for length in (SHORT, LONG))
+    found = next((one for one in short if cpu_of(pattern, use, one) > 10 * LONG_CPU), None)
+    if found is not None:
+        return found[:20]
+    cpu = [cpu_of(pattern, use, one) for one in hard]
+    slow = sorted(((one, k) for k, one in enumerate(cpu) if one > LONG_CPU), reverse=True)
+    for _, k in slow[:3]:
+        less, more = (list(hard_texts(text, flags, length))[k] for length in (LONGEST // 64, LONGEST))
+        least = min(cpu_of(pattern, use, less) for _ in range(5))
+        if cpu_of(pattern, use, more) > MOST_TIMES * least:
+            return hard[k][:20]
     return None
 
 

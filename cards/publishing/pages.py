@@ -88,7 +88,7 @@ def mark_page(page: bytes, gaps: Sequence[str]) -> bytes:
     listed = "".join(f"<li>{escape(_capital(gap))}</li>" for gap in gaps or [NO_GAPS])
     note = f'<div class="warn" role="note"><p><strong>{DRAFT}</strong></p><ul>{listed}</ul></div>'
     marked = page.decode().replace("<title>", f"{ROBOTS}\n<title>Draft: ", 1)
-    return re.sub(r"<body[^>]*>(?:\s*<header[^>]*>)?", lambda found: f"{found[0]}\n{note}", marked, count=1).encode()
+    return re.sub(r"<body[^<>]*>(?:\s*<header[^<>]*>)?", lambda found: f"{found[0]}\n{note}", marked, count=1).encode()
 
 
 def mark_readme(readme: bytes, gaps: Sequence[str]) -> bytes:

@@ -239,8 +239,8 @@ def is_comment(line: str, delimiter: str) -> bool:
 
 
 def _sample(data: bytes, encoding: str) -> list[str]:
-    head = islice(text_lines(data, encoding), 10 * _SAMPLE)
-    kept = list(islice((line for line in head if line.strip() and not is_comment(line, " ")), _SAMPLE))
+    lines = text_lines(data, encoding)  # any number of comments and blank lines may stand above the table
+    kept = list(islice((line for line in lines if line.strip() and not is_comment(line, " ")), _SAMPLE))
     table = [line for line in kept if not _KEY_AND_VALUE.match(line)]
     return table if len(table) > 1 else kept
 

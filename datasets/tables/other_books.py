@@ -11,7 +11,7 @@ from ...core.errors import DataError
 from .worksheet import Place, Row, WorkbookSheet, cell_of, damaged, protected, without_hidden
 
 _HIDING = re.compile(rb'table:visibility="(?:collapse|filter)"')
-_TAGS = re.compile(rb"<table:(table|table-row|table-column)((?:\s[^>]*)?)>")
+_TAGS = re.compile(rb"<table:(table|table-row|table-column)((?:\s[^<>]*)?)>")
 _ATTRIBUTES = re.compile(rb'table:([\w-]+)="([^"]*)"')
 _LONGEST = 1_048_576  # rows of a sheet
 
