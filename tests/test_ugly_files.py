@@ -486,9 +486,8 @@ def test_any_number_of_comments_may_stand_above_a_table(tmp_path):
 USES = ("search", "match", "fullmatch", "findall", "finditer", "sub", "split")
 REPEATS = (sre.MAX_REPEAT, sre.MIN_REPEAT, sre.POSSESSIVE_REPEAT)
 CHARACTERS = " \t\n1a0A.,:;-_=()[]<>+*/\"'#%xé°(→|"
-SHORT, LONG, LONGEST = 500, 8000, 64_000  # characters
-LONG_CPU = 3e-3  # s; a text of LONG that takes more is measured on, as is one of SHORT that takes ten times as much
-MOST_TIMES = 400  # CPU at LONGEST over that at a 64th of it: 64 for a linear pattern, 4000 for a quadratic one
+LENGTHS = (200, 2000)  # characters; at 2000 the square takes 10 ms and more, a multiple below 1 ms
+MOST_CPU = 4e-3  # s
 
 
 def modules():
@@ -612,9 +611,9 @@ def hard_texts(text, flags, length):
 
 def cpu_of(pattern, use, text):
     """CPU time of one use of a pattern; the least of three where it is long."""
-    text, apply = text.encode() if isinstance(pattern.pattern, bytes) else text, getattr(pattern, use)
+    apply = getattr(pattern, use)
     times = []
-    while not times or (times[-1] > LONG_CPU and len(times) < 3):
+    while not times or (times[-1] > MOST_CPU and len(times) < 3):
         start = time.thread_time()
         found = apply("" if isinstance(text, str) else b"", text) if use == "sub" else apply(text)
         _ = list(found) if use == "finditer" else found
@@ -623,22 +622,11 @@ def cpu_of(pattern, use, text):
 
 
 def superlinear(text, flags, use):
-    """Beginning of the text on which the CPU of a pattern grows faster than its length, None where there is none.
-
-    The three slowest texts are measured at two lengths: their ratio depends on no speed of a machine.
-    """
+    """The text on which a pattern takes too long, None where there is none."""
     pattern = re.compile(text, flags)
-    short, hard = (list(hard_texts(text, flags, length)) for length in (SHORT, LONG))
-    found = next((one for one in short if cpu_of(pattern, use, one) > 10 * LONG_CPU), None)
-    if found is not None:
-        return found[:20]
-    cpu = [cpu_of(pattern, use, one) for one in hard]
-    slow = sorted(((one, k) for k, one in enumerate(cpu) if one > LONG_CPU), reverse=True)
-    for _, k in slow[:3]:
-        less, more = (list(hard_texts(text, flags, length))[k] for length in (LONGEST // 64, LONGEST))
-        least = min(cpu_of(pattern, use, less) for _ in range(5))
-        if cpu_of(pattern, use, more) > MOST_TIMES * least:
-            return hard[k][:20]
+    for hard in dict.fromkeys(one for length in LENGTHS for one in hard_texts(text, flags, length)):
+        if cpu_of(pattern, use, hard.encode() if isinstance(text, bytes) else hard) > MOST_CPU:
+            return hard[:20]
     return None
 
 
