@@ -298,13 +298,14 @@ def _is_committed(folder: Path) -> bool:
 
 def commit(folder: Path, stage: Path, moves: Iterable[tuple[str, str]], removed: Iterable[str]) -> None:
     """Put a journal into its place and carry it out."""
+    renames = list(moves)
     made = {"stage": stage.name, "inode": stage.lstat().st_ino}
-    journal = {"schema": SCHEMA, **made, "moves": list(moves), "removed": list(removed)}
+    journal = {"schema": SCHEMA, **made, "moves": renames, "removed": list(removed)}
     synchronised(stage / "journal", json.dumps(journal).encode())
     synchronised_folder(stage)
     os.replace(stage / "journal", folder / JOURNAL)  # noqa: PTH105
     synchronised_folder(folder)
-    parents = {(folder / target).parent for _, target in journal["moves"]}
+    parents = {(folder / target).parent for _, target in renames}
     missing = sorted({place for of in parents for place in (of, *of.parents) if not place.exists()})
     try:
         for place in missing:
