@@ -291,7 +291,7 @@ def shortened(text: str, width: int) -> str:
     """The text, or as many of its words as are no wider, with dots."""
     if cell_len(text) <= width:
         return text
-    kept = text
+    kept = text[: 4 * width]  # the loop takes the square of the length: of a header of 32 kB minutes
     while kept and cell_len(kept) > width - 4:
         kept = kept[:-1]
     if not text[len(kept) :].startswith(" "):  # not within a word or a number, but for the only one

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from fitmodels import cards, parameters
 from fitmodels.cards.first_screen import FirstScreen
+from fitmodels.cards.reading_terminal import shortened
 from fitmodels.cli import main
 from fitmodels.core.verdict import LEVELS
 from fitmodels.datasets import bundled, read_runs
@@ -339,8 +340,6 @@ def test_rows_that_are_not_used_and_numbered_materials_are_named(shown, tmp_path
 
 
 def test_a_sentence_is_not_cut_within_a_word():
-    from fitmodels.cards.reading_terminal import shortened
-
     text = "a common time exponent is rejected: exponents range from 0.53 to 1.12"
     for width in range(10, 69):
         assert text.startswith(cut := shortened(text, width).removesuffix(" ..."))
@@ -381,3 +380,9 @@ def test_a_corrected_value_shows_the_screen_before_the_refusal(shown, tmp_path, 
     assert before.read_bytes() == held
     assert shown(*shlex.split(err.split("\n")[-2])[1:])[0] == 0
     assert before.read_bytes() != held
+
+
+def test_a_word_of_a_megabyte_is_cut_without_a_wait():
+    """A loop over its letters took the square of their number: a fit with a header of 32 kB took minutes."""
+    assert shortened("7" * 1_000_000, 80) == f"{'7' * 76} ..."
+    assert shortened("ab " * 300_000, 20) == "ab ab ab ab ab ..."
