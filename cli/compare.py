@@ -252,8 +252,10 @@ def _number(value: float) -> float | None:
 
 def _figure_path(args: argparse.Namespace) -> Path:
     from ..core.errors import UsageError
+    from ..core.journal import recover
 
     path = Path(args.figure)
+    recover(path)
     if path.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise UsageError(f"--figure {args.figure}: the picture is a file that ends in .png, .pdf or .svg.")
     if not path.parent.is_dir() or (path.exists() and not args.force):

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fitmodels import cards, parameters
+from fitmodels import cards, datasets, parameters
 from fitmodels.cli import COMMANDS, main
 from fitmodels.cli.arguments import traced
-from fitmodels.core import errors
+from fitmodels.core import errors, journal
 from fitmodels.core.errors import ParameterError
 from fitmodels.core.files import locked_folder, temporary_name, write_whole
 from fitmodels.core.journal import only_writer, write_together
@@ -503,3 +503,13 @@ def test_interrupted_or_racing_commands_leave_the_former_files_or_the_new_ones(n
     found = json.loads(done.stdout)
     assert found["wrong"] == []
     assert {count.split()[0] for count in found["counts"]} & outcomes
+
+
+def test_compare_that_refuses_to_replace_a_picture_removes_what_a_killed_one_left(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(journal, "_SEARCHED", {})
+    left = tmp_path / temporary_name().replace(f"-{os.getpid()}-", "-4194399-")  # killed between link and unlink
+    left.touch()
+    os.link(left, "forms.png")
+    assert main(["compare", str(datasets.bundled("gc435_709m40")), "--figure", "forms.png"]) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["forms.png"]
