@@ -299,8 +299,8 @@ def _held_folder(folder: Path, end: float) -> int | None:
     while True:
         try:
             found = os.open(folder, os.O_RDONLY)
-        except OSError:
-            return None
+        except OSError as failure:
+            raise UsageError(f"{folder}: cannot be locked: {cause(failure)}; nothing was written.") from None
         try:
             fcntl.flock(found, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(found), folder.stat()):  # it may have been replaced by another folder

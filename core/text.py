@@ -20,6 +20,7 @@ INVISIBLE: Final = (
 LONGEST_WORD: Final = 40  # lines without a blank
 WORD_OF_A_LINE: Final = 50  # characters
 LONGEST_MESSAGE: Final = 20_000  # characters
+LONGEST_LINE: Final = 2_000
 _OTHERS = (  # C0 but tab and newline, NEL, separators of lines, surrogates, non-characters, tags and shorthand
     "\x00-\x08\x0b-\x1f\x85\u2028\u2029\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff"
     "\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e0fff"
@@ -73,10 +74,17 @@ def printable_message(sentence: str) -> str:
     >>> printable_message("column 'f\x1b\nfitmodels: done'") == "column 'f\N{REPLACEMENT CHARACTER}\n  fitmodels: done'"
     True
     """
-    cut = sentence[:LONGEST_MESSAGE]
-    more = f" ... ({len(sentence) - len(cut)} more characters)" if len(cut) < len(sentence) else ""
-    first, *others = cut.strip().splitlines() or [""]
-    return printable("\n".join([first, *(line if line.startswith(" ") else f"  {line}" for line in others)])) + more
+    first, *others = _cut(sentence, LONGEST_MESSAGE).strip().splitlines() or [""]
+    lines = [first, *(line if line.startswith(" ") else f"  {line}" for line in others)]
+    return printable("\n".join(_cut(line, LONGEST_LINE) for line in lines))
+
+
+def _cut(text: str, most: int) -> str:
+    """Text without its middle where it is longer than ``most``: the file stands at its begin, what to do at its end."""
+    if len(text) <= most:
+        return text
+    half = most // 2
+    return f"{text[:half]} ... ({len(text) - 2 * half} more characters) ... {text[-half:]}"
 
 
 def without_long_words(lines: Iterable[str]) -> Iterator[str]:

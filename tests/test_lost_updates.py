@@ -199,6 +199,17 @@ def test_a_folder_in_use_is_refused_and_free_when_its_holder_is_killed(tmp_path)
 
 
 @unix
+def test_a_folder_that_cannot_be_opened_is_not_locked_in_another_manner(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(os, "open", full)
+    with pytest.raises(UsageError, match="cannot be locked: too many open files"), locked_folder(tmp_path, "in use"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+@unix
 def test_a_file_system_without_locks_of_folders_has_a_lock_file(tmp_path, monkeypatch):
     import fcntl
 

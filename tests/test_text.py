@@ -21,6 +21,7 @@ from fitmodels.cli.output import Printer
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.core.plotting import NotebookFigure, save_figure
 from fitmodels.core.text import (
+    LONGEST_LINE,
     LONGEST_MESSAGE,
     json_text,
     printable,
@@ -93,7 +94,10 @@ def test_printable_text_is_clean_and_stays_so(text):
 def test_no_value_in_a_message_begins_a_line_or_fills_the_screen():
     lines = printable_message("column 'a\nfitmodels: done\r\nb\u2028c'").split("\n")
     assert lines == ["column 'a", "  fitmodels: done", "  b", "  c'"]
-    assert len(printable_message("x" * 1_000_000)) < LONGEST_MESSAGE + 50
+    long = printable_message(f"data.csv: unit '{'x' * 1_000_000}' is not listed; use mm")
+    assert len(long) < LONGEST_LINE + 100
+    assert long.startswith("data.csv: unit") and long.endswith("is not listed; use mm")
+    assert len(printable_message("word\n" * 1_000_000)) < 2 * LONGEST_MESSAGE
 
 
 def test_a_long_word_is_cut(capsys):
