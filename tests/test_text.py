@@ -96,7 +96,8 @@ def test_no_value_in_a_message_begins_a_line_or_fills_the_screen():
     assert lines == ["column 'a", "  fitmodels: done", "  b", "  c'"]
     long = printable_message(f"data.csv: unit '{'x' * 1_000_000}' is not listed; use mm")
     assert len(long) < LONGEST_LINE + 100
-    assert long.startswith("data.csv: unit") and long.endswith("is not listed; use mm")
+    assert long.startswith("data.csv: unit")
+    assert long.endswith("is not listed; use mm")
     assert len(printable_message("word\n" * 1_000_000)) < 2 * LONGEST_MESSAGE
 
 

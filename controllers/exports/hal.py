@@ -208,20 +208,24 @@ def hal_file(control: GatedControl) -> str:
         )
     if loop.form != "position":
         raise GateError(f"the gains have the form {loop.form}, which HAL does not have; use the component (kind comp).")
-    left_out = (() if loop.stuck_after else _STUCK) + (() if loop.heartbeat else _HEARTBEAT)
-    functions = [(name, component) for name, component in _FUNCTIONS if name not in left_out]
+    functions = [(name, component) for name, component in _FUNCTIONS if name not in _left_out(loop)]
     thread, made = _thread(loop)
     inputs = _INPUTS + (_HEARTBEAT_INPUT if loop.heartbeat else "") + "\n" + _SWITCHES
     parts = (
         _head(view, loop, thread),
         _loading(functions) + made,
-        "".join(f"setp fm.{pin} {value}\n" for pin, value in _settings(loop) if pin.split(".")[0] not in left_out),
+        "".join(f"setp fm.{pin} {value}\n" for pin, value in settings_of(loop)),
         inputs.format(unit=loop.unit_load, heartbeat=loop.heartbeat, period=loop.sample_time),
         _NETS + (_STUCK_NETS if loop.stuck_after else "") + (_HEARTBEAT_NETS if loop.heartbeat else "") + _STATE_NETS
         + (_STOP_NET if loop.stop_on_fault else ""),
         "".join(f"addf fm.{name}{'.do-pid-calcs' * (name == 'pid')} {thread}\n" for name, _ in functions),
     )  # fmt: skip
     return "\n".join(parts)
+
+
+def _left_out(loop: LoadLoop) -> tuple[str, ...]:
+    """Names of the components of what is not monitored."""
+    return (() if loop.stuck_after else _STUCK) + (() if loop.heartbeat else _HEARTBEAT)
 
 
 def _loading(functions: Iterable[tuple[str, str]]) -> str:
@@ -242,8 +246,17 @@ def _period(loop: LoadLoop) -> int:
     return round(loop.sample_time * 1e9)
 
 
-def _settings(loop: LoadLoop) -> list[tuple[str, str]]:
-    """Pin or parameter -> value, numbers in full precision."""
+def settings_of(loop: LoadLoop) -> list[tuple[str, str]]:
+    """Pins and parameters of the HAL file with their values, numbers in full precision.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from fitmodels.controllers.constant_load_milling.control_laws import loop_of
+    >>> from fitmodels.parameters.published import published
+    >>> dict(settings_of(replace(loop_of(published("CLM-2023")), reference=0.25)))["pid.command"]
+    '0.25'
+    """
     middle, half = (loop.low + loop.high) / 2, (loop.high - loop.low) / 2
     numbers = {  # an input that is not set is 0 or FALSE
         "standing.in1": STANDING,
@@ -278,11 +291,12 @@ def _settings(loop: LoadLoop) -> list[tuple[str, str]]:
         "rests": 0x2,  # in the cut, not above rest
         "clear": 0xF8,  # in the cut and above rest, or acknowledged
     }
-    return [
+    settings = [
         *((pin, repr(float(value))) for pin, value in numbers.items()),
         *((f"{name}.function", f"{value:#x}") for name, value in tables.items()),
         ("first-beat.clk", "TRUE"), ("alive.falling", "TRUE"), ("begun.reset", "TRUE"),
     ]  # fmt: skip
+    return [(pin, value) for pin, value in settings if pin.split(".")[0] not in _left_out(loop)]
 
 
 def _delay(name: str, loop: LoadLoop, time: float) -> dict[str, float]:

@@ -1,0 +1,399 @@
+"""Control by consent: reference and upper feed limit of the exported constant-load controller, behind its heartbeat.
+
+Nothing is written to a machine unless all of this holds:
+
+1. The user asks for it (``--write``) and repeats the range (``--consent``, `consent_words`).
+2. HAL holds the controller that `fitmodels.controllers` exports from this parameter file: every setting is compared.
+3. In this session of the program the controller was seen to trip: its heartbeat stops, it latches its fault, the
+   heartbeat comes back, the fault stays until the operator's reset.
+
+Then reference and upper limit of the feed are written, inside the range of the file and never above it. The lower
+limit, to which a fault lowers the feed, is not written. Where the program dies or hangs, its heartbeat ends and the
+controller goes to its own safe state. `ControlSession` needs no LinuxCNC; `live.linuxcnc_control` connects it with one.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, Literal, Protocol
+
+from ..core.errors import GateError, UsageError
+
+if TYPE_CHECKING:
+    from ..parameters import ParameterFile
+    from ..parameters.exports.loop import LoadLoop
+
+Phase = Literal["checking", "waiting", "tripping", "latched", "writing", "suspended", "refused", "lost"]
+Value = bool | int | float
+
+STEADY: Final = 0.5  # s without a fault before the heartbeat is stopped, and of latched fault after it came back
+TRIP_MARGIN: Final = 0.3  # s after the heartbeat's time, for 20 readings of the pins a second
+TRIALS: Final = 3  # a fault that goes without a reset so often is not latched
+SILENT: Final = 1.0  # s without values of the pins: the machine is lost
+LEAST_SPAN: Final = 0.1  # of the feed range: the upper limit stays so far above the lower one
+SAME: Final = 1e-9  # relative difference of a setting in HAL and in the file
+STATUS: Final = ("fm-fault", "fm-overload", "fm-worn", "fm-dead", "fm-armed", "fm-enable", "fm-cut", "fm-reset")
+READINGS: Final = ("fm-feed", "fm-filtered")
+CHANGED: Final = ("fm.pid.command", "fm.entry.offset", "fm.centre.offset", "fm.pid.maxoutput", "fm.limit.max")
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """The exported constant-load controller of a parameter file: its settings in HAL, and what may change.
+
+    Attributes
+    ----------
+    settings : mapping
+        Value of each pin and parameter of the HAL export.
+    reference : tuple of float
+        Lowest and highest reference that may be written, unit_load; the highest is that of the file.
+    high : tuple of float
+        Lowest and highest upper limit of the feed, unit_feed; the highest is that of the file.
+    heartbeat : float
+        s without a change of the heartbeat after which the controller trips.
+    """
+
+    loop: "LoadLoop"
+    settings: Mapping[str, Value]
+    reference: tuple[float, float]
+    high: tuple[float, float]
+    heartbeat: float
+
+    def pins(self, reference: float, high: float) -> dict[str, float]:
+        """Values of the pins for a reference and an upper limit of the feed."""
+        loop = self.loop
+        most = high / loop.feed_programmed
+        middle, half = (loop.low + most) / 2, (most - loop.low) / 2
+        return dict(zip(CHANGED, (reference, loop.entry_gain * reference - middle, middle, half, most), strict=True))
+
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each pin that is written."""
+        corners = [self.pins(reference, high) for reference in self.reference for high in self.high]
+        return {pin: (min(c[pin] for c in corners), max(c[pin] for c in corners)) for pin in CHANGED}
+
+
+def controller_of(pf: "ParameterFile") -> Controller:
+    """The HAL controller of a parameter file.
+
+    Raises
+    ------
+    GateError
+        The file has no controller that can be exported to HAL, or one without a heartbeat.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> try:
+    ...     controller_of(published("CLM-2023"))
+    ... except GateError as error:
+    ...     print(str(error)[:47])
+    the controller has law pi, form incremental_sum
+    """
+    from ..controllers.constant_load_milling.control_laws import loop_of
+
+    return controller_of_loop(loop_of(pf))
+
+
+def controller_of_loop(loop: "LoadLoop") -> Controller:
+    """The HAL controller of a loop; errors as for `controller_of`.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from fitmodels.controllers.constant_load_milling.control_laws import loop_of
+    >>> from fitmodels.parameters.published import published
+    >>> loop = replace(loop_of(published("CLM-2023")), form="position", average=1)
+    >>> controller_of_loop(loop).reference[1]
+    0.24
+    """
+    from ..controllers.exports.hal import settings_of
+
+    if loop.average > 1 or loop.form != "position" or loop.law != "pi":
+        raise GateError(
+            f"the controller has law {loop.law}, form {loop.form} and a moving average of {loop.average} samples, "
+            "which the HAL export does not have; only there are reference and limits pins. Nothing is written."
+        )
+    if not loop.heartbeat:
+        raise GateError(
+            "the controller has no heartbeat (engagement.heartbeat is 0), so that it would not notice the loss of this "
+            "program; set heartbeat to 0.2 s with `fitmodels settings`, export and load it again. Nothing is written."
+        )
+    span = loop.feed_high - loop.feed_low
+    return Controller(
+        loop, {f"fm.{pin}": _value(text) for pin, text in settings_of(loop)},
+        (min(loop.engage_at + loop.hysteresis, loop.reference), loop.reference),
+        (loop.feed_low + LEAST_SPAN * span, loop.feed_high), loop.heartbeat,
+    )  # fmt: skip
+
+
+def _value(text: str) -> Value:
+    if text in ("TRUE", "FALSE"):
+        return text == "TRUE"
+    return int(text, 16) if text.startswith("0x") else float(text)
+
+
+def consent_words(controller: Controller) -> str:
+    """The words that a user repeats to allow writing: what is written, and within which range.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from fitmodels.controllers.constant_load_milling.control_laws import loop_of
+    >>> from fitmodels.parameters.published import published
+    >>> loop = replace(loop_of(published("CLM-2023")), form="position", average=1)
+    >>> consent_words(controller_of_loop(loop))
+    'write reference 0.177 to 0.24 A and feed limit 640 to 1000 mm/min'
+    """
+    loop = controller.loop
+    (least, most), (low, high) = controller.reference, controller.high
+    return (
+        f"write reference {least:.3g} to {most:.3g} {loop.unit_load} and feed limit "
+        f"{low:.4g} to {high:.4g} {loop.unit_feed}"
+    )
+
+
+def require_consent(controller: Controller, given: str) -> None:
+    """Refuse where the given words are not those of `consent_words`, spaces and case apart.
+
+    Raises
+    ------
+    UsageError
+    """
+    words = consent_words(controller)
+    if given.lower().split() != words.lower().split():
+        raise UsageError(
+            f'--write changes the machine, and needs consent to its range: --consent "{words}"; '
+            f'given was "{given[:200]}". Without --write nothing is written.'
+        )
+
+
+class Link(Protocol):
+    """Connection with the machine."""
+
+    def values(self) -> tuple[float, Mapping[str, Value]] | None:
+        """Time of the last values in s (monotonic clock), and value by pin or signal; None before the first."""
+
+    def problem(self) -> str:
+        """Reason why the connection ended; empty while it lasts."""
+
+    def send(self, beat: bool, pins: Mapping[str, float]) -> None:
+        """Keep the heartbeat going, or stop it, and write pins."""
+
+    def close(self) -> None:
+        """End the connection, and the heartbeat with it."""
+
+
+@dataclass(slots=True)
+class _Wanted:
+    reference: float
+    high: float
+
+
+@dataclass(slots=True)
+class ControlSession:
+    """State machine between `Monitor` and a machine: check, trip of the heartbeat, writing.
+
+    `step` is called some 20 times a second (`live.linuxcnc_control.Runner`); the heartbeat lasts half a second longer
+    than its calls.
+
+    Parameters
+    ----------
+    controller : Controller
+    link : Link
+
+    Attributes
+    ----------
+    phase : str
+        ``"checking"``, ``"waiting"`` (for an armed controller without fault, out of a cut), ``"tripping"``,
+        ``"latched"`` (waits for the operator's reset), ``"writing"``, ``"suspended"`` (a fault, or switched off),
+        ``"refused"`` and ``"lost"``, which are final.
+    trip : float
+        s from the end of the heartbeat to the fault; NaN before it was seen.
+    """
+
+    controller: Controller
+    link: Link
+    phase: Phase = "checking"
+    text: str = "the settings of the controller are compared with the file"
+    trip: float = math.nan
+    _since: float = math.nan
+    _trials: int = 0
+    _latch_seen: bool = False
+    _wanted: _Wanted = field(init=False)
+    _written: dict[str, float] = field(default_factory=dict)
+    _written_at: float = math.nan
+
+    def __post_init__(self) -> None:
+        self._wanted = _Wanted(self.controller.reference[1], self.controller.high[1])
+
+    def request(self, reference: float | None = None, high: float | None = None) -> str:
+        """Ask for a reference (unit_load) or an upper limit of the feed (unit_feed), and return what is taken.
+
+        Values outside of the range of the controller are brought to its end; NaN is refused.
+        """
+        taken = []
+        for name, value, unit in (
+            ("reference", reference, self.controller.loop.unit_load), ("high", high, self.controller.loop.unit_feed),
+        ):  # fmt: skip
+            if value is None:
+                continue
+            if not math.isfinite(value):
+                raise UsageError(f"{name} {value} {unit} is no number; give one, or none to leave it as it is.")
+            low, most = getattr(self.controller, name)
+            used = min(max(value, low), most)
+            setattr(self._wanted, name, used)
+            bounded = "" if used == value else f" (asked for {value:.6g}, range {low:.6g} to {most:.6g})"
+            taken.append(f"{'feed limit' if name == 'high' else name} {used:.6g} {unit}{bounded}")
+        return ", ".join(taken)
+
+    def step(self, now: float) -> tuple[str, ...]:
+        """Advance to a time (s, monotonic clock); returns what changed, in sentences."""
+        if self.phase in ("refused", "lost"):
+            return ()
+        before = self.text
+        read = self.link.values()
+        if problem := self.link.problem():
+            self._end("lost", f"connection with the controller lost: {problem}")
+        elif read is None or now - read[0] > SILENT:
+            if read is not None:
+                self._end("lost", f"no values of the controller's pins for {now - read[0]:.1f} s")
+        else:
+            getattr(self, f"_{self.phase}")(now, read[1])
+        if self.phase not in ("refused", "lost"):
+            self.link.send(self.phase != "tripping", {})
+        return (self.text,) if self.text != before else ()
+
+    def close(self) -> None:
+        """End: the heartbeat stops, and the controller goes to its safe state."""
+        self.link.close()
+
+    def facts(self) -> dict[str, object]:
+        """JSON-able description for every view."""
+        loop, (_, values) = self.controller.loop, self.link.values() or (math.nan, {})
+        return {
+            "phase": self.phase, "text": self.text, "trip_seconds": None if math.isnan(self.trip) else self.trip,
+            "reference": {"value": values.get("fm.pid.command"), "wanted": self._wanted.reference,
+                          "low": self.controller.reference[0], "high": self.controller.reference[1],
+                          "unit": loop.unit_load},
+            "feed_limit": {"value": _feed(values.get("fm.limit.max"), loop), "wanted": self._wanted.high,
+                           "low": self.controller.high[0], "high": self.controller.high[1], "unit": loop.unit_feed},
+            "load": values.get("fm-filtered"), "feed": _feed(values.get("fm-feed"), loop),
+            "fault": bool(values.get("fm-fault")), "overload": bool(values.get("fm-overload")),
+            "worn": bool(values.get("fm-worn")), "cutting": bool(values.get("fm-cut")),
+        }  # fmt: skip
+
+    def _go(self, phase: Phase, now: float, text: str) -> None:
+        self.phase, self._since, self.text = phase, now, text
+
+    def _end(self, phase: Phase, reason: str) -> None:
+        self._go(phase, math.nan, f"{reason}. Nothing more is written; start again to write.")
+        self.link.close()
+
+    def _checking(self, now: float, values: Mapping[str, Value]) -> None:
+        wrong = differences(self.controller, values)
+        if wrong:
+            return self._end("refused", f"HAL does not hold the controller of this file: {'; '.join(wrong[:5])}")
+        return self._wait()
+
+    def _wait(self, reason: str = "") -> None:
+        self._go(
+            "waiting", math.nan,
+            f"{reason}waiting to see the controller trip: enable it, start the spindle, stay out of the cut and clear "
+            "its fault (fm-reset)",
+        )  # fmt: skip
+
+    def _waiting(self, now: float, values: Mapping[str, Value]) -> None:
+        ready = values["fm-armed"] and not any(
+            values[name] for name in ("fm-fault", "fm-overload", "fm-dead", "fm-cut")
+        )
+        if not ready:
+            self._since = math.nan
+        elif math.isnan(self._since):
+            self._since = now
+        elif now - self._since >= max(STEADY, 2 * self.controller.heartbeat):
+            self._go("tripping", now, "the heartbeat is stopped; the controller must go to fault")
+
+    def _tripping(self, now: float, values: Mapping[str, Value]) -> None:
+        after, most = now - self._since, self.controller.heartbeat + TRIP_MARGIN
+        if values["fm-fault"] and values["fm-dead"]:
+            self.trip = after
+            self._go("latched", now, f"the controller tripped {after:.2f} s after its heartbeat; the fault must stay")
+        elif values["fm-cut"] or not values["fm-armed"]:
+            self._wait("a cut began, or the controller was switched off, before it tripped; ")
+        elif after > most:
+            self._end("refused", f"the controller did not trip within {most:.2f} s of its heartbeat's end")
+
+    def _latched(self, now: float, values: Mapping[str, Value]) -> None:
+        if values["fm-fault"]:
+            if not self._latch_seen and not values["fm-dead"] and now - self._since >= STEADY:
+                self._latch_seen = True
+                self.text = "the fault is latched; the operator's reset (fm-reset) begins writing"
+        elif self._latch_seen:
+            self._written, self._written_at = {pin: values[pin] for pin in CHANGED}, now
+            proof = f"proved: tripped after {self.trip:.2f} s, latched, reset"
+            self._go("writing", now, f"{proof}; writing within the limits")
+        else:
+            self._trials += 1
+            if self._trials >= TRIALS:
+                return self._end("refused", f"the fault went {TRIALS} times before it could be seen to be latched")
+            self._wait("the fault was cleared before it could be seen to be latched; ")
+        return None
+
+    def _writing(self, now: float, values: Mapping[str, Value]) -> None:
+        if reason := _stopped(values):
+            return self._go("suspended", now, f"writing is suspended: {reason}")
+        changed = [pin for pin, value in self._written.items() if not _same(values.get(pin), value)]
+        if changed and now - self._written_at > SILENT:
+            pin = changed[0]
+            was = self._written[pin]
+            return self._end("refused", f"{pin} is {values.get(pin)}, but {was:.6g} before; it was changed elsewhere")
+        return self._write(now, values)
+
+    def _write(self, now: float, values: Mapping[str, Value]) -> None:
+        wanted = self.controller.pins(self._wanted.reference, self._wanted.high)
+        if values["fm-cut"]:  # the feed limit is five settings, which a closed loop would meet one by one
+            wanted = {"fm.pid.command": wanted["fm.pid.command"]}
+        new = {pin: value for pin, value in wanted.items() if not _same(self._written[pin], value)}
+        if new:
+            self._written |= new
+            self._written_at = now
+            self.link.send(True, new)
+            loop = self.controller.loop
+            self.text = (
+                f"written: reference {self._wanted.reference:.6g} {loop.unit_load}"
+                + (f", feed limit {self._wanted.high:.6g} {loop.unit_feed}" if "fm.limit.max" in new else "")
+            )  # fmt: skip
+
+    def _suspended(self, now: float, values: Mapping[str, Value]) -> None:
+        if not _stopped(values):
+            self._go("writing", now, "the controller runs again; writing within the limits")
+
+
+def differences(controller: Controller, values: Mapping[str, Value]) -> list[str]:
+    """Settings in HAL that are not those of the file; what may be written must be inside its limits."""
+    limits, wrong = controller.limits(), []
+    missing = [name for name in (*STATUS, *READINGS, *controller.settings) if name not in values]
+    if missing:
+        return [f"HAL has no {', '.join(missing[:3])}{' and others' if len(missing) > 3 else ''}"]
+    for pin, value in controller.settings.items():
+        seen = values[pin]
+        low, high = limits.get(pin, (value, value))
+        slack = SAME * max(abs(low), abs(high))
+        if not low - slack <= seen <= high + slack:
+            wrong.append(f"{pin} is {seen}, in the file {value}")
+    return wrong
+
+
+def _stopped(values: Mapping[str, Value]) -> str:
+    for name, text in (("fm-fault", "the controller is in fault"), ("fm-overload", "the controller has an overload")):
+        if values[name]:
+            return f"{text}; the operator clears it (fm-reset)"
+    return "" if values["fm-enable"] else "the controller is switched off (fm-enable)"
+
+
+def _same(one: Value | None, two: float) -> bool:
+    return one is not None and math.isclose(one, two, rel_tol=SAME, abs_tol=1e-12)
+
+
+def _feed(override: Value | None, loop: "LoadLoop") -> float | None:
+    return None if override is None else override * loop.feed_programmed

@@ -1,0 +1,307 @@
+"""Control by consent: nothing is written before consent, the exported controller, and a trip of its heartbeat.
+
+The controller is the HAL export in the evaluator of `hal_evaluator`, one period at a time, behind the program's own
+`Beat` and `Writer`.
+"""
+
+import math
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from fitmodels.core.errors import GateError, UsageError
+from fitmodels.live.control import (
+    CHANGED,
+    READINGS,
+    STATUS,
+    ControlSession,
+    consent_words,
+    controller_of,
+    require_consent,
+)
+from fitmodels.live.linuxcnc_control import Beat, HalLink, Runner, Writer
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from hal_evaluator import Hal
+from linuxcnc_faults import exported, machine_file
+
+sys.path.remove(str(Path(__file__).parent))
+
+PERIOD = 0.02  # s, of the loop in these tests
+AIR, CUT = 0.11584, 0.2  # A
+
+
+class Machine:
+    """The HAL export, its program and a clock; a link for `ControlSession`."""
+
+    def __init__(self, controller, text):
+        self.controller, self.hal = controller, Hal(text, PERIOD)
+        self.beat = Beat(0.5, controller.heartbeat)
+        self.writer = Writer(self, controller.limits())
+        self.now, self.load, self.mute, self.stopped, self.written, self.said = 0.0, AIR, False, False, {}, []
+        self.hal["fm-enable"], self.hal["fm-spindle-on"] = True, True
+        self.last = None
+
+    def set_p(self, pin, value):
+        self.written[pin] = float(value)
+        self.hal.cells[self.hal.pins[pin].cell] = float(value)
+
+    def values(self):
+        return self.last
+
+    def problem(self):
+        return ""
+
+    def send(self, beat, pins):
+        if not self.stopped:
+            self.beat.command(self.now, beat)
+            self.writer.write(pins)
+
+    def close(self):
+        self.stopped = True
+        self.beat.command(self.now, False)
+
+    def run(self, seconds, session=None):
+        """Periods of the controller; the program beats each second one, the session is stepped each third."""
+        for k in range(round(seconds / PERIOD)):
+            self.now += PERIOD
+            self.hal["fm-load"] = self.load + 1e-4 * (k % 3)
+            self.hal["fm-velocity"] = 10.0 + 0.1 * (self.load > AIR)
+            if k % 2 == 0 and not self.mute:
+                self.hal["fm-heartbeat"] = self.beat.step(self.now, False)
+            self.hal.step()
+            names = (*STATUS, *READINGS, *self.controller.settings)
+            self.last = (self.now, {name: self.hal[name] for name in names})
+            if session and k % 3 == 0:
+                self.said += session.step(self.now)
+
+    def reset(self, session=None):
+        self.hal["fm-reset"] = True
+        self.run(0.1, session)
+        self.hal["fm-reset"] = False
+
+
+@pytest.fixture(scope="module")
+def export():
+    pf = machine_file(sample_time=PERIOD)
+    return controller_of(pf), exported(pf, "hal", Path())[0]
+
+
+@pytest.fixture
+def machine(export):
+    return Machine(*export)
+
+
+def proved(machine):
+    session = ControlSession(machine.controller, machine)
+    machine.run(0.5, session)
+    machine.reset(session)
+    machine.run(2.0, session)
+    assert session.phase == "latched"
+    machine.reset(session)
+    machine.run(0.2, session)
+    return session
+
+
+def test_nothing_is_written_before_trip_latch_and_reset(machine):
+    session = ControlSession(machine.controller, machine)
+    session.request(reference=0.2)
+    machine.run(0.5, session)
+    machine.reset(session)
+    machine.run(2.5, session)
+    assert session.phase == "latched"
+    assert machine.hal["fm-fault"]
+    assert machine.hal["fm-feed"] == pytest.approx(machine.controller.loop.low)
+    assert session.trip == pytest.approx(machine.controller.heartbeat, abs=0.06)  # a beat, and a step of the session
+    assert machine.written == {}
+    machine.reset(session)
+    machine.run(0.3, session)
+    assert session.phase == "writing"
+    assert machine.written["fm.pid.command"] == 0.2
+    assert any("tripped" in text for text in machine.said)
+
+
+def test_a_written_controller_is_that_of_a_file_with_these_settings(machine):
+    """Reference and upper limit as `settings_of` gives them for such a loop; everything else stays."""
+    from dataclasses import replace
+
+    from fitmodels.controllers.exports.hal import settings_of
+
+    session = proved(machine)
+    session.request(reference=0.2, high=800.0)
+    machine.run(0.3, session)
+    changed = settings_of(replace(machine.controller.loop, reference=0.2, feed_high=800.0))
+    for pin, value in changed:
+        seen = machine.hal[f"fm.{pin}"]
+        if pin != "above-rest.max":  # the threshold of worn depends on the range by a thousandth, and stays
+            wanted = value == "TRUE" if value in ("TRUE", "FALSE") else float.fromhex(value) if "0x" in value else value
+            assert float(seen) == pytest.approx(float(wanted), rel=1e-9), pin
+    assert set(machine.written) == set(CHANGED)
+
+
+@pytest.mark.parametrize(("asked", "taken"), [(9.0, 0.24), (-1.0, 0.177), (0.22, 0.22)])
+def test_requests_stay_in_the_range_of_the_controller(machine, asked, taken):
+    session = proved(machine)
+    words = session.request(reference=asked)
+    machine.run(0.2, session)
+    assert machine.hal["fm.pid.command"] == pytest.approx(taken, abs=1e-3)
+    assert ("asked for" in words) == (asked != taken)
+    with pytest.raises(UsageError, match="no number"):
+        session.request(high=math.nan)
+
+
+def test_the_upper_limit_waits_for_the_end_of_the_cut_and_the_reference_does_not(machine):
+    session = proved(machine)
+    machine.load = CUT
+    machine.run(0.5, session)
+    assert machine.hal["fm-cut"]
+    session.request(reference=0.2, high=700.0)
+    machine.run(0.3, session)
+    assert machine.hal["fm.pid.command"] == 0.2
+    assert machine.hal["fm.limit.max"] == 1.0
+    machine.load = AIR
+    machine.run(1.0, session)
+    assert machine.hal["fm.limit.max"] == pytest.approx(0.7)
+
+
+def test_the_load_is_held_at_the_written_reference(machine):
+    session = proved(machine)
+    session.request(reference=0.2)
+    for _ in range(400):
+        machine.load = 0.13 + 0.09 * machine.hal["fm-feed"]  # reaches 0.2 at an override of 0.78
+        machine.run(PERIOD, session)
+    assert machine.hal["fm-filtered"] == pytest.approx(0.2, rel=0.01)
+
+
+def test_death_in_mid_cut_ends_in_the_safe_state(machine):
+    session = proved(machine)
+    machine.load = CUT
+    machine.run(2.0, session)
+    assert machine.hal["fm-cut"]
+    machine.run(0.5 + machine.controller.heartbeat + 1.0)  # no step any more: hung or dead
+    assert machine.hal["fm-fault"]
+    assert machine.hal["fm-feed"] == pytest.approx(machine.controller.loop.low)
+    machine.run(1.0, session)
+    assert session.phase == "suspended"
+    machine.reset(session)
+    machine.run(0.2, session)
+    assert session.phase == "writing"
+
+
+def test_a_controller_that_does_not_trip_is_refused(machine):
+    session = ControlSession(machine.controller, machine)
+    machine.run(0.5, session)
+    machine.hal.cells[machine.hal.pins["fm.cause.function"].cell] = 0
+    machine.reset(session)
+    machine.run(3.0, session)
+    assert session.phase == "refused"
+    assert "did not trip" in session.text
+    assert machine.written == {}
+
+
+def test_a_fault_that_does_not_latch_is_refused(machine):
+    session = ControlSession(machine.controller, machine)
+    machine.run(0.5, session)
+    for _ in range(100):
+        machine.reset(session)
+        machine.run(0.1, session)
+    assert session.phase == "refused"
+    assert "latched" in session.text
+    assert machine.written == {}
+
+
+@pytest.mark.parametrize("pin", ["fm.pid.Pgain", "fm.alive.width", "fm.limit.min", "fm.limit.max", "fm.cause.function"])
+def test_another_controller_is_refused(machine, pin):
+    machine.hal.cells[machine.hal.pins[pin].cell] *= 2
+    session = ControlSession(machine.controller, machine)
+    machine.run(0.2, session)
+    assert session.phase == "refused"
+    assert pin in session.text
+
+
+def test_a_value_that_another_changes_ends_writing(machine):
+    session = proved(machine)
+    machine.hal.cells[machine.hal.pins["fm.pid.command"].cell] = 0.23
+    machine.run(2.0, session)
+    assert session.phase == "refused"
+    assert "fm.pid.command is 0.23, but 0.24 before" in session.text
+
+
+def test_values_that_stop_coming_end_the_session(machine):
+    session = proved(machine)
+    assert "no values" in session.step(machine.now + 5.0)[0]
+    assert session.phase == "lost"
+    assert machine.stopped
+
+
+def test_consent_repeats_the_range(export):
+    words = consent_words(export[0])
+    require_consent(export[0], f"  {words.upper()} ")
+    for given in ("", "yes", words.replace("1000", "2000")):
+        with pytest.raises(UsageError, match="needs consent"):
+            require_consent(export[0], given)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"), [({"heartbeat": 0.0}, "no heartbeat"), ({"form": "incremental_sum"}, "the HAL export")]
+)
+def test_files_without_such_a_controller_are_refused(changes, words, monkeypatch, export):
+    from dataclasses import replace
+
+    loop = replace(export[0].loop, **changes)
+    monkeypatch.setattr("fitmodels.controllers.constant_load_milling.control_laws.loop_of", lambda pf: loop)
+    with pytest.raises(GateError, match=words):
+        controller_of(None)
+
+
+def test_a_writer_refuses_what_is_outside_of_its_limits(machine):
+    for value in (math.nan, math.inf, 0.3, 0.0, "0.2", True, None):
+        with pytest.raises(ValueError, match="nothing was written"):
+            machine.writer.write({"fm.limit.max": 0.8, "fm.pid.command": value})
+    with pytest.raises(ValueError, match="nothing was written"):
+        machine.writer.write({"fm.limit.min": 0.5})
+    assert machine.written == {}
+
+
+def test_the_heartbeat_follows_that_of_the_load():
+    beat = Beat(0.5, 0.2, follows=True)
+    values = []
+    for k in range(40):
+        beat.command(0.05 * k, True)
+        values.append(beat.step(0.05 * k, k % 2 == 1 and k < 20))
+    assert len(set(values[5:15])) == 2
+    assert len(set(values[25:])) == 1
+
+
+def test_a_python_without_linuxcnc_is_said(tmp_path):
+    for python, words in ((sys.executable, "no LinuxCNC"), (str(tmp_path / "none"), "does not run")):
+        link = HalLink(["fm-fault"], {}, 0.2, python)
+        until = time.monotonic() + 5.0
+        while not link.problem() and time.monotonic() < until:
+            time.sleep(0.02)
+        assert words in link.problem()
+        link.close()
+
+
+def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
+    monkeypatch.setattr("fitmodels.live.linuxcnc_control.STALL", 0.1)
+    steps = []
+
+    class Counted:
+        def step(self, now):
+            steps.append(now)
+            return ("step",)
+
+        def close(self):
+            steps.append(None)
+
+    runner = Runner(Counted())
+    time.sleep(0.4)
+    assert 0 < len(steps) <= 3
+    assert runner.alive()[0] == "step"
+    time.sleep(0.1)
+    assert len(steps) > 2
+    runner.close()
+    assert steps[-1] is None
