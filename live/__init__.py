@@ -3,4 +3,9 @@
 samples      what a source gives: `Sample`, `Notice`; the steady parts of cuts: `Window`, `CutEnd`
 control      reference and feed limit of the exported controller, by consent and behind its heartbeat
 linuxcnc_control    both ends of the pipe to LinuxCNC's HAL
+live_laws        laws of wear and loads of a parameter file, with the scatter between edges: `LiveLaws`
+exposure         minutes of contact of one edge by setting, and its wear by the law
+edge_state       state of one edge as a Gaussian distribution
+edge_estimate    wear and remaining life of one edge by a Kalman filter: `EdgeEstimate`
+decision         moment to change an edge, and advice of feed and speed
 """

@@ -1,0 +1,355 @@
+"""Laws of wear and of loads as the estimate of one edge needs them: log-linear, with the scatter between edges.
+
+A wear law ``w = c0 V^a f^b d^g t^m`` holds at constant conditions. Where they change, wear grows at every moment as
+fast as it would at that wear under the conditions of the moment, so that ``w^(1/m)`` is additive:
+
+    ln w = m ln S,    S = sum_i C(V_i, f_i, d_i)^(1/m) t_i,    C = c0 V^a f^b d^g,
+
+over the minutes t_i at each setting, in any order.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..controllers.region.log_planes import USUAL, ratio
+from ..core.arrays import Array, is_positive
+from ..core.errors import UsageError
+from ..core.formula import Formula
+from ..parameters.evaluation import covariance_of
+
+if TYPE_CHECKING:
+    from ..parameters import LawSection, ParameterFile
+    from ..parameters.draws import Draws
+
+TIME = "t"
+FEWEST_DRAWS = 100  # from which a covariance is estimated
+
+
+@dataclass(frozen=True, slots=True)
+class Wander:
+    """Slow random deviation of a logarithm: an Ornstein-Uhlenbeck process in the time of contact.
+
+    Attributes
+    ----------
+    sd : float
+        Standard deviation of the logarithm.
+    minutes : float
+        Time after which its correlation has fallen to 1/e, min of contact.
+    """
+
+    sd: float
+    minutes: float
+
+    def __post_init__(self) -> None:
+        if not (self.sd >= 0 and isfinite(self.sd) and is_positive(self.minutes)):
+            raise UsageError(f"wander of {self.sd:g} over {self.minutes:g} min: give 0 or more, and a time above zero.")
+
+    def kept(self, minutes: float) -> float:
+        """Share of the deviation that is left after a time of contact."""
+        return float(np.exp(-minutes / self.minutes))
+
+
+@dataclass(frozen=True, slots=True)
+class Assumptions:
+    """What a parameter file does not hold and the estimate of an edge needs.
+
+    Attributes
+    ----------
+    exponent_share : float
+        Standard deviation between edges of the time exponent, as a share of the exponent.
+    wear_wander, load_wander : Wander
+        Of ln wear about the curve of its edge, and of ln load about its law at that wear.
+    level_correlation : float
+        Between the level of an edge in wear and in each load.
+
+    Examples
+    --------
+    >>> Assumptions().load_wander.minutes
+    1.0
+    """
+
+    exponent_share: float = 0.05
+    wear_wander: Wander = Wander(0.02, 2.0)
+    load_wander: Wander = Wander(0.02, 1.0)
+    level_correlation: float = 0.0
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is assumed, with its numbers."""
+        w, p = self.wear_wander, self.load_wander
+        return (
+            f"assumed: the time exponent of the wear law differs between edges by {100 * self.exponent_share:g} % (sd)",
+            f"assumed: wear wanders by {100 * w.sd:g} % over {w.minutes:g} min, loads by {100 * p.sd:g} % over "
+            f"{p.minutes:g} min",
+            f"assumed: correlation {self.level_correlation:g} between the levels of an edge in wear and in load",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LiveLaw:
+    """One law, linear in its parameters for the logarithm of its response, and the scatter of edges about it.
+
+    Attributes
+    ----------
+    symbol, unit, quantity : str
+    formula : Formula
+    theta : ndarray, shape (p,)
+        Mean of the parameters: ln c0, exponents, and shifts of the levels of a category.
+    covariance : ndarray, shape (p, p)
+    sd_level : float
+        Standard deviation between edges of ln response.
+    df : float
+        Degrees of freedom of ``sd_level``.
+    shifts : ndarray, shape (number of shifts,)
+        1 at the level of the work that is cut.
+    scales : ndarray, shape (k,)
+        Factors from the usual units of V, f, d and t to those of the law.
+    ranges : mapping of (low, high)
+        Tested, by factor, in the usual units.
+
+    """
+
+    symbol: str
+    unit: str
+    quantity: str
+    formula: Formula
+    theta: Array
+    covariance: Array
+    sd_level: float
+    df: float
+    shifts: Array
+    scales: Array
+    ranges: Mapping[str, tuple[float, float]]
+
+    def columns(self, given: Mapping[str, float]) -> Array:
+        """Columns of the law at given factors, shape (p,), in the usual units."""
+        X = np.array([given[name] for name in self.formula.factors]) * self.scales
+        return np.concatenate([self.formula.columns(X), self.shifts])
+
+    def slope(self, symbol: str, given: Mapping[str, float]) -> float:
+        """Derivative of the ln of the response by the ln of one factor."""
+        if symbol not in self.formula.factors:
+            return 0.0
+        if self.formula.name == "power":
+            return float(self.theta[1 + self.formula.factors.index(symbol)])
+        step = 1e-4
+        up, down = ({**given, symbol: given[symbol] * np.exp(sign * step)} for sign in (1, -1))
+        return float((self.columns(up) - self.columns(down)) @ self.theta / (2 * step))
+
+    def outside(self, given: Mapping[str, float]) -> tuple[str, ...]:
+        """Factors outside their tested ranges, in words."""
+        far = [(name, given[name], *ends) for name, ends in self.ranges.items() if name in given]
+        return tuple(
+            f"{name} {value:.4g} (tested {low:g} to {high:g})"
+            for name, value, low, high in far
+            if not low * (1 - 1e-6) <= value <= high * (1 + 1e-6)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LiveLaws:
+    """Laws of wear and of loads of one tool and work.
+
+    Attributes
+    ----------
+    wear : LiveLaw
+        A power law on the time of contact t.
+    loads : mapping of LiveLaw
+        By symbol; each depends on the wear.
+    criterion : float or None
+        Wear at the end of life that the file states, in the unit of the wear law.
+    tested : (float, float)
+        Shortest and longest time of contact in the tests, min.
+    simulated : bool
+    assumptions : Assumptions
+    notes : tuple of str
+        What was assumed and what was left out, in sentences.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit, parameters
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> found = [fit.power_law(runs, "AW", ["V", "f", "d", "t"]), fit.power_law(runs, "P", ["V", "f", "d", "t", "AW"])]
+    >>> laws = LiveLaws.of(parameters.collect(laws=found))
+    >>> laws.wear.symbol, tuple(laws.loads), laws.conditions
+    ('AW', ('P',), ('V', 'f', 'd'))
+    """
+
+    wear: LiveLaw
+    loads: Mapping[str, LiveLaw]
+    criterion: float | None
+    tested: tuple[float, float]
+    simulated: bool
+    assumptions: Assumptions = field(default_factory=Assumptions)
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        pf: "ParameterFile",
+        draws: "Mapping[str, Draws] | None" = None,
+        *,
+        wear: str | None = None,
+        loads: Sequence[str] | None = None,
+        by: str | None = None,
+        assumptions: Assumptions | None = None,
+    ) -> "LiveLaws":
+        """Laws of a parameter file.
+
+        Parameters
+        ----------
+        pf : ParameterFile
+        draws : mapping of Draws, optional
+            Posterior draws of `parameters.read_draws`; without them the covariances of the file are used.
+        wear : str, optional
+            Symbol of the wear; otherwise that of the tool life, or the power law on t on which other laws depend.
+        loads : sequence of str, optional
+            Symbols of the loads that the machine gives; otherwise every law that depends on the wear.
+        by : str, optional
+            Level of a category of the laws, such as the work material.
+        assumptions : Assumptions, optional
+
+        Raises
+        ------
+        UsageError
+            The file has no law of wear that grows with time, or a named load has no law that depends on the wear.
+        """
+        known, draws = assumptions or Assumptions(), draws or {}
+        symbol = _wear_symbol(pf, wear)
+        law = _live_law(pf.laws[symbol], draws.get(symbol), by, USUAL)
+        _check_wear(law)
+        named = [name for name, one in pf.laws.items() if symbol in one.formula.factors] if loads is None else loads
+        found, notes = {}, []
+        for name in named:
+            fault = _load_fault(pf, name, symbol)
+            if fault and loads is not None:
+                raise UsageError(fault)
+            if fault:
+                notes.append(fault)
+                continue
+            found[name] = _live_law(pf.laws[name], draws.get(name), by, {**USUAL, symbol: law.unit})
+        life, limits = pf.tool_life, pf.limits
+        criterion = life.criterion * ratio(life.unit_of_wear, law.unit) if life and life.wear == symbol else None
+        if limits and limits.wear:
+            criterion = limits.wear.value * ratio(limits.wear.unit, law.unit)
+        low, high = law.ranges[TIME]
+        if not all(name in draws for name in (symbol, *found)):
+            notes.append("uncertainty of the laws: covariances of the file, as it has no draws of all laws")
+        return cls(law, found, criterion, (low, high), bool(pf.identity.simulated), known, (*notes, *known.sentences))
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Symbols of the conditions that the laws need, such as V, f and d."""
+        own = {TIME, self.wear.symbol}
+        names = [name for law in (self.wear, *self.loads.values()) for name in law.formula.factors]
+        return tuple(dict.fromkeys(name for name in names if name not in own))
+
+    def missing(self, given: Mapping[str, float]) -> tuple[str, ...]:
+        """Conditions that are absent, or not numbers above zero."""
+        return tuple(name for name in self.conditions if not is_positive(given.get(name, 0.0)))
+
+    def beyond(self, given: Mapping[str, float], minutes: float) -> tuple[str, ...]:
+        """Sentences on conditions and on a time of contact outside the tests."""
+        laws = (self.wear, *self.loads.values())
+        far = dict.fromkeys(
+            words for law in laws for words in law.outside({k: v for k, v in given.items() if k != TIME})
+        )
+        found = [f"EXTRAPOLATED: {', '.join(far)}: outside the tested region."] if far else []
+        if minutes > self.tested[1] * (1 + 1e-6):
+            times = f"{minutes:.3g} min of contact, {minutes / self.tested[1]:.2g} times the longest test"
+            found.append(f"EXTRAPOLATED: {times} ({self.tested[1]:g} min).")
+        return tuple(found)
+
+
+def _wear_symbol(pf: "ParameterFile", named: str | None) -> str:
+    if named is not None:
+        if named not in pf.laws:
+            raise UsageError(f"the file has no law of {named}; it has {', '.join(pf.laws) or 'none'}.")
+        return named
+    if pf.tool_life is not None and pf.tool_life.wear in pf.laws:
+        return pf.tool_life.wear
+    inside = {name for law in pf.laws.values() for name in law.formula.factors}
+    found = [name for name, law in pf.laws.items() if TIME in law.formula.factors and name in inside]
+    found = found or [name for name in ("AW", "VB") if name in pf.laws]
+    if not found:
+        raise UsageError(
+            f"the file has no law of wear on the time of contact t (laws: {', '.join(pf.laws) or 'none'}): fit one to "
+            "tests with columns of wear and time."
+        )
+    return found[0]
+
+
+def _check_wear(law: LiveLaw) -> None:
+    factors = law.formula.factors
+    if law.formula.name != "power" or TIME not in factors:
+        what = law.formula.name.replace("_", " ")
+        raise UsageError(
+            f"the law of {law.symbol} is {what} on {', '.join(factors)}: the estimate of an edge needs a power law on "
+            f'the time of contact t; fit it with --law "{law.symbol} ~ V, f, d, t".'
+        )
+    m = law.theta[1 + factors.index(TIME)]
+    if not m > 0:
+        raise UsageError(
+            f"the law of {law.symbol} has the exponent {m:.3g} of t: wear must grow with the time of contact."
+        )
+
+
+def _load_fault(pf: "ParameterFile", name: str, wear: str) -> str:
+    """Reason why a load says nothing of the wear; empty where it does."""
+    if name not in pf.laws:
+        return f"the file has no law of {name}; it has {', '.join(pf.laws)}."
+    law = pf.laws[name]
+    if wear not in law.formula.factors:
+        return f"the law of {name} does not depend on {wear}: this load does not show wear."
+    if not (law.logarithmic and law.formula.linearisable):
+        return (
+            f"the law of {name} is {law.form.replace('_', ' ')}, not linear in ln {name}: it is not used for the wear."
+        )
+    return ""
+
+
+def _live_law(law: "LawSection", draws: "Draws | None", by: str | None, units: Mapping[str, str]) -> LiveLaw:
+    """Law whose factors are given in ``units``, with mean and covariance of its parameters, from draws if there are."""
+    theta, covariance = _parameters(law, draws)
+    scales = [ratio(units.get(f.symbol, f.unit), f.unit) for f in law.factors]
+    e = law.edges
+    sd = e.sd_between if e is not None and e.sd_between is not None else law.residual_se
+    if sd is None:
+        raise UsageError(f"the law of {law.response} has no residual standard error: the scatter of edges is unknown.")
+    if law.error == "additive":
+        typical = law.formula.response_of(theta, np.concatenate([law.formula.columns(_middle(law)), _shifts(law, by)]))
+        sd = sd / float(typical)
+    df = e.df_between if e is not None and e.df_between else max((law.n_edges or law.n) - 1, 3)
+    ranges = {f.symbol: (f.low / k, f.high / k) for f, k in zip(law.factors, scales, strict=True)}
+    return LiveLaw(
+        law.response, law.unit, law.quantity, law.formula, theta, covariance, float(sd), float(max(df, 3)),
+        _shifts(law, by), np.array(scales), ranges,
+    )  # fmt: skip
+
+
+def _parameters(law: "LawSection", draws: "Draws | None") -> tuple[Array, Array]:
+    names = law.parameter_names
+    if draws is None or len(draws.values) < FEWEST_DRAWS or not set(names) <= set(draws.names):
+        return law.theta, covariance_of(law)
+    values = draws.values[:, [draws.names.index(name) for name in names]]
+    return np.asarray(values.mean(axis=0)), np.cov(values, rowvar=False)
+
+
+def _middle(law: "LawSection") -> Array:
+    """Middle of the tested range of each factor, in its unit."""
+    ends = [(f.low, f.high) for f in law.factors]
+    return np.array([(low * high) ** 0.5 if low > 0 else (low + high) / 2 for low, high in ends])
+
+
+def _shifts(law: "LawSection", by: str | None) -> Array:
+    if law.by is None:
+        return np.zeros(0)
+    known = (law.by.reference, *law.by.shifts)
+    if by not in known:
+        seen = "no level was named" if by is None else f"it has no {by!r}"
+        raise UsageError(f"the law of {law.response} is by {law.by.column}: {seen}; name one of {', '.join(known)}.")
+    return np.array([float(name == by) for name in law.by.shifts])

@@ -1,0 +1,233 @@
+"""Estimate of one edge: against a regression on all its windows, gauge readings, faults and snapshots; decisions."""
+
+import json
+from math import inf, log
+
+import numpy as np
+import pytest
+from fitmodels import datasets, fit, parameters
+from fitmodels.core.errors import UsageError
+from fitmodels.live.decision import change_now, highest
+from fitmodels.live.edge_estimate import EdgeEstimate
+from fitmodels.live.live_laws import Assumptions, LiveLaws, Wander
+from fitmodels.live.samples import LoadMean, Window
+from fitmodels.parameters.sections.costs import CostsSection
+
+AT = {"V": 150.0, "f": 0.25, "d": 2.0}
+STILL = Assumptions(wear_wander=Wander(0.0, 1.0), load_wander=Wander(0.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def pf():
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    given = ["V", "f", "d", "t"]
+    laws = [fit.power_law(runs, "AW", given), *(fit.power_law(runs, name, [*given, "AW"]) for name in ("P", "Fxz"))]
+    return parameters.collect(laws=laws)
+
+
+@pytest.fixture(scope="module")
+def laws(pf):
+    return LiveLaws.of(pf)
+
+
+def window(loads, minutes=1 / 6, at=AT, se=0.02):
+    return Window(0.0, 60 * minutes, minutes, at, {name: LoadMean(ln, se, 500) for name, ln in loads.items()})
+
+
+def cut(edge, windows, change=0.0, at=AT):
+    for _ in range(windows):
+        edge.add(window({name: edge.expected_ln(name, at)[0] + change for name in edge.laws.loads}, at=at))
+
+
+def test_wear_without_loads_is_that_of_the_law_with_its_interval(laws, pf):
+    edge = EdgeEstimate(laws, 0.3)
+    edge.advance(6.0, AT)
+    edge.advance(4.0, AT)
+    law = pf.laws["AW"]
+    assert edge.wear().median == pytest.approx(law.predict(**AT, t=10.0).value, rel=1e-9)
+    life = edge.life(AT).median
+    assert law.predict(**AT, t=10.0 + life).value == pytest.approx(0.3, rel=2e-3)
+
+
+def test_changed_conditions_add_up_as_small_steps_at_the_wear_so_far(laws, pf):
+    c, other = pf.laws["AW"].coefficients, {"V": 80.0, "f": 0.4, "d": 2.5}
+    edge, wear = EdgeEstimate(laws, 0.3), 0.0
+    for at, minutes in ((AT, 5.0), (other, 8.0), (AT, 3.0)):
+        edge.advance(minutes, at)
+        C = c["c0"] * at["V"] ** c["V"] * at["f"] ** c["f"] * at["d"] ** c["d"]
+        wear = C * ((wear / C) ** (1 / c["t"]) + minutes) ** c["t"]  # the same wear at these conditions, and then on
+    assert edge.wear().median == pytest.approx(wear, rel=1e-9)
+
+
+def test_many_settings_are_joined_and_memory_stays(laws):
+    edge, rng = EdgeEstimate(laws, 0.3), np.random.default_rng(1)
+    for V in rng.uniform(80.0, 200.0, 300):
+        edge.advance(0.1, {**AT, "V": V})
+    exact, size = EdgeEstimate(laws, 0.3), len(edge.as_json()["exposure"]["minutes"])
+    rng = np.random.default_rng(1)
+    z = np.array([laws.wear.columns({**AT, "V": V, "t": 1.0}) for V in rng.uniform(80.0, 200.0, 300)])
+    m = laws.wear.theta[exact._state.time]
+    assert size <= 64
+    assert log(edge.wear().median) == pytest.approx(m * np.log(0.1 * np.exp(z @ laws.wear.theta / m).sum()), abs=2e-4)
+
+
+def test_filter_equals_the_regression_on_all_windows(pf):
+    """Without wander the filter is one Gaussian regression: the same mean and variance as solved at once."""
+    laws = LiveLaws.of(pf, assumptions=STILL)
+    edge, rng = EdgeEstimate(laws, 0.3), np.random.default_rng(2)
+    prior, rows, y = edge._state.P.copy(), [], []
+    for at in [AT] * 40 + [{**AT, "f": 0.15}] * 40:
+        seen = {name: edge.expected_ln(name, at)[0] + rng.normal(0, 0.01) for name in laws.loads}
+        edge.advance(0.25, at)
+        for name in laws.loads:
+            expected, H = edge._state.load_row(name, edge._exposure, at)
+            edge._state.update(H, seen[name] - expected, 0.02**2)
+            rows.append(H), y.append(seen[name] - expected)
+    H = np.array(rows)
+    S = H @ prior @ H.T + 0.02**2 * np.eye(len(y))
+    gain = np.linalg.solve(S, H @ prior).T
+    assert np.abs(edge._state.x - gain @ np.array(y)).max() < 1e-8
+    assert np.abs(edge._state.P - (prior - gain @ H @ prior)).max() < 1e-9
+
+
+def test_greater_load_means_more_wear_and_a_gauge_reading_tells_the_level(laws):
+    edge, normal = EdgeEstimate(laws, 0.3), EdgeEstimate(laws, 0.3)
+    cut(edge, 60), cut(normal, 60)
+    level = edge.level_correlations()
+    assert min(level.values()) < -0.7
+    assert any("gauge AW once" in note for note in edge.notes)
+    cut(edge, 30, change=0.05)
+    cut(normal, 30)
+    assert edge.wear().median > normal.wear().median
+    wide = log(edge.wear().high / edge.wear().low)
+    edge.gauge(0.9 * edge.wear().median, 0.02)
+    assert log(edge.wear().high / edge.wear().low) < 0.5 * wide
+    assert not any("gauge AW once" in note for note in edge.notes)
+
+
+def test_probability_and_life_agree(laws):
+    edge = EdgeEstimate(laws, 0.3)
+    cut(edge, 60)
+    life = edge.life(AT, 0.9)
+    assert [edge.probability_past(t, AT) for t in (life.low, life.median, life.high)] == pytest.approx(
+        [0.05, 0.5, 0.95], abs=0.01
+    )
+    assert edge.probability_past(5.0, {**AT, "V": 190.0}) > edge.probability_past(5.0, AT) > edge.probability_past()
+
+
+def test_outlying_window_hardly_moves_the_estimate(laws):
+    edge = EdgeEstimate(laws, 0.3)
+    cut(edge, 60)
+    before = edge.wear().median
+    edge.add(window({name: edge.expected_ln(name, AT)[0] + 3.0 for name in laws.loads}))
+    assert edge.wear().median == pytest.approx(before, rel=0.02)
+
+
+def test_load_that_is_no_number_is_left_out(laws):
+    edge, other = EdgeEstimate(laws, 0.3), EdgeEstimate(laws, 0.3)
+    for one in (edge, other):
+        one.advance(5.0, AT)
+    edge.add(window({"P": float("nan"), "Fxz": inf, "unknown": 1.0}))
+    other.advance(1 / 6, AT)
+    assert edge.wear() == other.wear()
+
+
+def test_missing_condition_keeps_its_last_value_and_says_so_or_is_refused(laws):
+    edge = EdgeEstimate(laws, 0.3)
+    with pytest.raises(UsageError, match="d is not known"):
+        edge.advance(1.0, {"V": 150.0, "f": 0.25})
+    assert edge.minutes == 0
+    edge.advance(1.0, AT)
+    edge.advance(1.0, {"V": 150.0, "f": 0.25, "d": float("nan")})
+    assert any("d was not read" in note for note in edge.notes)
+
+
+@pytest.mark.parametrize("minutes", [-1.0, inf, float("nan")])
+def test_impossible_time_is_refused(laws, minutes):
+    with pytest.raises(UsageError, match="finite time"):
+        EdgeEstimate(laws, 0.3).advance(minutes, AT)
+
+
+@pytest.mark.parametrize(("wear", "words"), [(210.0, "check unit and edge"), (-0.2, "above zero"), (inf, "above zero")])
+def test_gauge_reading_in_a_wrong_unit_is_refused_and_changes_nothing(laws, wear, words):
+    edge = EdgeEstimate(laws, 0.3)
+    edge.advance(10.0, AT)
+    before = edge.as_json()
+    with pytest.raises(UsageError, match=words):
+        edge.gauge(wear, 0.02)
+    assert edge.as_json() == before
+
+
+def test_reopened_level_is_wide(laws):
+    edge = EdgeEstimate(laws, 0.3)
+    cut(edge, 60)
+    before = edge.wear()
+    edge.reopen()
+    assert edge.wear().high > 1.5 * before.high
+    assert any("chipping" in note for note in edge.notes)
+
+
+def test_snapshot_goes_on_bit_for_bit(laws):
+    edge = EdgeEstimate(laws, 0.3)
+    cut(edge, 30)
+    edge.gauge(edge.wear().median, 0.02)
+    again = EdgeEstimate.from_json(laws, json.loads(json.dumps(edge.as_json())))
+    for one in (edge, again):
+        cut(one, 20, change=0.01)
+    assert again.as_json() == edge.as_json()
+    with pytest.raises(UsageError, match="another parameter"):
+        EdgeEstimate.from_json(LiveLaws(laws.wear, {}, 0.3, laws.tested, True), edge.as_json())
+
+
+def test_beyond_the_tests_is_said(laws):
+    edge = EdgeEstimate(laws, 0.3)
+    edge.advance(30.0, {**AT, "V": 300.0})
+    assert any("V 300 (tested 50 to 200)" in note for note in edge.notes)
+    assert any("times the longest test" in note for note in edge.notes)
+
+
+def test_laws_that_cannot_serve_are_refused_by_name(pf):
+    with pytest.raises(UsageError, match="no law of VB"):
+        LiveLaws.of(pf, wear="VB")
+    with pytest.raises(UsageError, match="no law of Q"):
+        LiveLaws.of(pf, loads=["Q"])
+    with pytest.raises(UsageError, match="does not depend on AW"):
+        LiveLaws.of(pf, loads=["AW"])
+    with pytest.raises(UsageError, match="wear must grow"):
+        LiveLaws.of(pf, wear="P")
+
+
+def test_change_is_called_at_the_risk_and_not_before(laws):
+    edge = EdgeEstimate(laws, 0.3)
+    edge.advance(5.0, AT)
+    assert change_now(edge, 0.05, 1.0, AT).kind == "go on"
+    late = edge.life(AT, 0.9).low
+    found = change_now(edge, 0.05, 1.05 * late, AT)
+    assert found.kind == "change"
+    assert found.probability > 0.05
+    with pytest.raises(UsageError, match="risk 5"):
+        change_now(edge, 5.0)
+
+
+def test_dearer_failures_bring_the_change_forward(laws):
+    def minutes(failure):
+        costs = CostsSection(currency="EUR", machine=60.0, edge=4.0, change=1.5, failure=failure)
+        edge = EdgeEstimate(laws, 0.3)
+        while change_now(edge, 0.05, 0.5, AT, costs).kind == "go on":
+            edge.advance(0.5, AT)
+        return edge.minutes
+
+    assert minutes(200.0) < minutes(20.0) < EdgeEstimate(laws, 0.3).life(AT).high
+
+
+def test_advised_speed_keeps_to_the_risk_the_limits_and_the_tests(laws):
+    edge = EdgeEstimate(laws, 0.3)
+    cut(edge, 60)
+    found = highest(edge, "V", AT, 8.0, 0.05)
+    assert found is not None
+    assert found.probability <= 0.05
+    assert 50.0 <= found.value <= 200.0
+    assert highest(edge, "V", AT, 8.0, 0.05, limits=(50.0, 120.0)).value == pytest.approx(120.0)
+    assert highest(edge, "V", AT, 500.0, 1e-9, limits=(150.0, 200.0)) is None
+    top = edge.expected_load("P", AT).high
+    assert highest(edge, "V", AT, 1.0, 0.05, loads={"P": top}).value <= 150.0 * 1.01
