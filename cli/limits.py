@@ -12,6 +12,7 @@ from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
+    from ..parameters.sections.load_line import LimitsSection
 
 RANGES = {"f": "feed", "fm": "feed_rate", "V": "speed", "n": "spindle_speed"}
 LOWER = ("T",)  # responses that are limited from below where one number is given
@@ -66,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         print_json("limits", {**facts, "verdicts": verdicts}, version=3)
     else:
         out = Printer(quiet=args.quiet)
-        for line in (*_sentences(section.model_dump()), *([words] if words else []), *verdicts):
+        for line in (*_sentences(section), *([words] if words else []), *verdicts):
             out.show(line)
         out.wrote(f"Written: limits in {args.file}", args.file)
     return 0
@@ -136,9 +137,10 @@ def _unit(symbol: str, given: str | None, usual: str) -> str:
     return given
 
 
-def _sentences(section: dict[str, Any]) -> list[str]:
-    sentences = []
-    for name, limit in section.items():
+def _sentences(section: "LimitsSection") -> list[str]:
+    held, sentences = section.model_dump(), []
+    for name in type(section).model_fields:  # not those that a later version knows
+        limit = held[name]
         if limit is None:
             continue
         what = name.replace("_", " ")

@@ -3,9 +3,9 @@
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from ..core.bounded import LIMITS, parse_json, read_bounded
 from ..core.display import Plottable
@@ -94,6 +94,16 @@ class ParameterFile(Plottable, Section):
     content_sha256: Sha256 | None = None
 
     __hash__ = None  # type: ignore[assignment]  # it holds dictionaries
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        """Refuse a law under the name of another response, and a section without a name."""
+        for name, law in self.laws.items():
+            if name != law.response:
+                raise ValueError(f"laws.{name} is a law of {law.response}: give it the name of its response")
+        if "" in (self.model_extra or {}):
+            raise ValueError("a section has no name")
+        return self
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, ParameterFile):

@@ -65,6 +65,16 @@ def test_the_plant_is_the_two_equations_integrated_by_scipy(m):
     np.testing.assert_allclose(F, expected, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("damping", [0.1, 1.0, 5.0, 1e9])
+def test_the_reference_model_is_the_exponential_of_its_matrix(damping):
+    model = ReferenceModel(0.05, damping, 0.01)
+    a, b, c, d = model.transition
+    if damping < 1e3:
+        expected = expm(np.array([[0, 1], [-400, -40 * damping]]) * 0.01)
+        np.testing.assert_allclose([[a, b], [c, d]], expected, rtol=1e-9, atol=1e-12)
+    assert all(map(math.isfinite, (a, b, c, d)))
+
+
 def test_the_feed_never_goes_backwards():
     plant, noise = DriveAndCut(), np.random.default_rng(1)
     for command in (250.0, -500.0, -1e6):
@@ -176,6 +186,7 @@ def test_a_file_read_back_makes_the_same_controller(pf, tmp_path):
         ({"low": 0.0}, "0 < low < high"),
         ({"set_points": []}, "set_points not stated"),
         ({"average_time": 0.0205}, "is not a multiple of the step"),
+        ({"average_time": 20_000.0}, "at most 100000 are kept"),
         ({"lam": 1e3}, "alpha . Kd is not above lambda m"),
         ({"force_high": 300.0}, "above every set point"),
         ({"force_low": 160.0}, "below every set point"),

@@ -234,6 +234,13 @@ def test_costs_that_contradict_each_other_are_refused(given, words):
         CostsSection.model_validate({"currency": "EUR", "machine": 60.0, "change": 1.0, **given})
 
 
+def test_a_life_that_no_tool_has_is_refused():
+    pf = published("AC-2017")
+    steep = sealed(pf, limits={"wear": {"value": 1e99, "unit": "mm", "of": "AW"}})
+    with pytest.raises(DataError, match=r"tool life at V \S+ m/min, f \S+ mm/rev is 1e\d+ min by its law"):
+        economic_settings(steep, COSTS, draws={})
+
+
 def test_the_plan_of_2017_with_its_cost():
     """.0049689 USD per cm3 and 138.36 cm3/min with a change of 2 min."""
     costs = {"currency": "USD", "machine": 30.0, "edge": 3.0, "change": 2.0}

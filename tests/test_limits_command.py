@@ -110,3 +110,11 @@ def test_any_response_with_a_law_is_limited_and_life_from_below(file, capsys):
     assert found.power.value == 7.0
     assert main(["limits", file, "Ra=3.2mm/rev"]) == 2
     assert main(["limits", file, "Rz=3.2"]) == 2
+
+
+def test_limits_of_a_later_version_are_kept_and_not_named(file, capsys):
+    pf = parameters.read(file)
+    parameters.write(sealed(pf, limits={"torque": 3, "reason": "unknown"}), file, force=True)
+    assert main(["limits", file, "P=7kW"]) == 0
+    assert "torque" not in capsys.readouterr().out.lower()
+    assert parameters.read(file).limits.torque == 3

@@ -315,6 +315,19 @@ def test_schema_refuses(changes, words):
         law(**changes)
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"laws": {"VB": POWER}}, "laws.VB is a law of AW"),
+        ({"": {"x": 1}}, "a section has no name"),
+        ({"limits": {"feed": {"low": 1e-300, "high": 0.6, "unit": "mm/rev"}}}, "none of a machine"),
+    ],
+)
+def test_the_file_refuses(change, words):
+    with pytest.raises(ValidationError, match=words):
+        ParameterFile(**{"identity": {"tool": "T", "work": "W", "simulated": True}, "provenance": PROVENANCE, **change})
+
+
 def test_a_line_has_additive_errors():
     with pytest.raises(ValidationError, match="additive errors"):
         line(error="multiplicative")
@@ -411,6 +424,7 @@ gains = st.fixed_dictionaries(
 )
 limits = st.fixed_dictionaries({}, optional={"wear": st.fixed_dictionaries({"value": above, "unit": names})})
 sections = st.fixed_dictionaries({}, optional={"dynamics": dynamics(), "pi": gains, "limits": limits})
+named_laws = st.dictionaries(names, laws(), max_size=2)
 
 
 @st.composite
@@ -423,7 +437,7 @@ def files(draw):
                 "simulated": draw(st.booleans()),
                 **draw(unknown),
             },
-            "laws": draw(st.dictionaries(names, laws(), max_size=2)),
+            "laws": {name: {**law, "response": name} for name, law in draw(named_laws).items()},
             "provenance": {
                 **PROVENANCE,
                 "options": draw(st.dictionaries(text, json_values, max_size=2)),

@@ -24,6 +24,7 @@ NEEDED = (
 ENGAGE: Final = 0.125  # of the force at the lower feed limit by the estimates, and at most of the set point: a cut
 HYSTERESIS: Final = 0.2  # of the threshold, whole width
 OVERLOAD: Final = 2.0  # times the set point that a tool withstands, where nothing is known of it
+LONGEST_AVERAGE: Final = 100_000  # steps of a revolution
 DRIFT, HIGHEST = 0.1, 10.0  # of the smallest and times the largest set point: forces beyond are no readings
 
 
@@ -103,6 +104,11 @@ def lacking(pf: "ParameterFile") -> str:
         return f"adaptive_force: the command's limits are {low:g} to {high:g} {section.unit_u}; 0 < low < high."
     if abs(average / step - round(average / step)) > 1e-6 or average < step:
         return f"adaptive_force: average_time {average:g} s is not a multiple of the step of {step:g} s."
+    if average > LONGEST_AVERAGE * step:
+        return (
+            f"adaptive_force: average_time {average:g} s is {average / step:.3g} steps of {step:g} s; at most "
+            f"{LONGEST_AVERAGE} are kept. It is the time of one revolution."
+        )
     if section.force_low is not None and not section.force_low < min(p.force for p in section.set_points):
         return "adaptive_force: force_low does not lie below every set point; no reading would be valid."
     if section.force_high is not None and not section.force_high > max(p.force for p in section.set_points):

@@ -80,18 +80,17 @@ def _transition(omega: float, zeta: float, h: float) -> tuple[float, float, floa
     """exp([[0, 1], [-omega^2, -2 zeta omega]] h), by its closed form at every damping."""
     shift = zeta * omega
     s2 = shift**2 - omega**2
+    fade = math.exp(-shift * h)
     if abs(s2) * h**2 < 1e-10:  # critical: sinh(s h) / s is h to rounding
-        even, odd = 1.0, h
-    elif s2 > 0:
+        even, odd = fade, fade * h
+    elif s2 > 0:  # cosh and sinh would overflow where the damping is large
         s = math.sqrt(s2)
-        even, odd = math.cosh(s * h), math.sinh(s * h) / s
+        slow, fast = math.exp(-(omega**2) / (shift + s) * h), math.exp(-(shift + s) * h)
+        even, odd = (slow + fast) / 2, (slow - fast) / (2 * s)
     else:
         s = math.sqrt(-s2)
-        even, odd = math.cos(s * h), math.sin(s * h) / s
-    fade = math.exp(-shift * h)
-    return (
-        fade * (even + shift * odd), fade * odd, -fade * omega**2 * odd, fade * (even - shift * odd),
-    )  # fmt: skip
+        even, odd = fade * math.cos(s * h), fade * math.sin(s * h) / s
+    return even + shift * odd, odd, -(omega**2) * odd, even - shift * odd
 
 
 @dataclass(slots=True)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from ...parameters.sections.load_line import LimitsSection
 
 Band = tuple[float, float]
+LONGEST_LIFE = 1e9  # min
+LARGEST = 700.0  # of an exponent
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -197,6 +199,8 @@ def economic_settings(
     best = {"cost": search.least(edge, cost), "rate": search.least(edge, rate)}
     if not all(np.isfinite(x).all() for x in best.values()):
         raise DataError(_conflict(problem, held, edge))
+    for x in (best["cost"][0], best["rate"][0], *(() if today is None else (_point(today),))):
+        _check_life(edge, x)
     drawn = draw_parts(problem, search, draws, seed)
     at_best = {name: _priced(problem, edge, held, x[0], drawn, level, name) for name, x in best.items()}
     now = None if today is None else _priced(problem, edge, held, _point(today), drawn, level, "")
@@ -238,6 +242,17 @@ def _point(today: tuple[float, float]) -> Array:
     return ln(V, f)
 
 
+def _check_life(edge: WornEdge, x: Array) -> None:
+    """Refuse a life that no tool has."""
+    ln_life = float(edge.life.intercept[0] + x @ edge.life.slopes[0])
+    if ln_life > np.log(LONGEST_LIFE):
+        at = f"V {plain(x[0]):g} m/min, f {plain(x[1]):g} mm/rev"
+        raise DataError(
+            f"The tool life at {at} is 1e{ln_life / np.log(10):.0f} min by its law, above {LONGEST_LIFE:g} min: no "
+            "cost follows from it. Check the exponents of the law and the criterion, or narrow the limits of V and f."
+        )
+
+
 def _priced(
     problem: PartProblem,
     edge: WornEdge,
@@ -269,7 +284,7 @@ def _bands(drawn: DrawnParts | None, x: Array, level: float, best: str) -> dict[
     ends = [(1 - level) / 2, (1 + level) / 2]
     at = np.broadcast_to(x, (drawn.count, 2))
     of = {
-        "life": np.exp(drawn.life.intercept + drawn.life.slopes @ x),
+        "life": np.exp(np.minimum(drawn.life.intercept + drawn.life.slopes @ x, LARGEST)),
         "time": drawn.rate.value(at),
         "cost": drawn.cost.value(at),
     }

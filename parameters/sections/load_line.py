@@ -189,6 +189,9 @@ class Bound(Section):
     of: str | None = None
 
 
+LEAST_SHARE = 1e-9  # of the upper end of a range
+
+
 class Range(Section):
     """Range of a machine setting, from ``low`` to ``high``.
 
@@ -206,6 +209,11 @@ class Range(Section):
     def _ordered(self) -> Self:
         if self.low > self.high:
             raise ValueError(f"the range in {short(self.unit)} has low {self.low:g} above high {self.high:g}")
+        if 0 < self.low < LEAST_SHARE * self.high:
+            raise ValueError(
+                f"the range in {short(self.unit)} from {self.low:g} to {self.high:g} is none of a machine; give 0 for "
+                "no lower limit"
+            )
         return self
 
 
