@@ -1,0 +1,342 @@
+"""The loop of a watch: from the source through cuts to the monitor, its journal, and what shows it."""
+
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from ..core.errors import FitmodelsError, UsageError
+from .facts import Facts, Reading, clock, facts_of
+from .monitor import Monitor, window_record
+from .samples import CutEnd, Notice, Sample, Window
+from .watch_journal import WatchJournal, read_newest, remove_request, requests
+
+if TYPE_CHECKING:
+    from .cuts import Cuts
+
+SHOWN_EACH: Final = 0.5  # s between two descriptions that are shown
+CONTACT_EACH: Final = 5.0  # s of the source between two records of an open cut
+ASKED_EACH: Final = 1.0  # s between two looks for requests and for the parameter file
+SAID: Final = ("lost", "gap", "bad", "clock", "replaced", "refused")  # notices that are kept
+
+
+class Outlet(Protocol):
+    """Something that shows or passes on what a watch finds."""
+
+    def show(self, facts: Facts) -> None:
+        """Take the description of now, at most twice a second."""
+
+    def say(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
+        """Take sentences that are new after a record: decisions, alarms, notes; often there are none."""
+
+    def close(self) -> None:
+        """End."""
+
+
+class Watch:
+    """A watch of one source.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    cuts : Cuts
+    name : str
+        Of the source, as people read it.
+    journal : WatchJournal or None
+        None: nothing is kept.
+    outlets : iterable of Outlet
+    params : Path or None
+        The parameter file, to notice that it was replaced.
+    skip_until : float or None
+        Samples up to this time (s) are in the journal already and are passed over: of a file that is read again.
+    """
+
+    def __init__(
+        self, monitor: Monitor, cuts: "Cuts", name: str, *, journal: WatchJournal | None = None,
+        outlets: Iterable[Outlet] = (), params: Path | None = None, skip_until: float | None = None,
+    ) -> None:  # fmt: skip
+        self.monitor, self.cuts, self.journal, self.outlets = monitor, cuts, journal, list(outlets)
+        self.now = Reading(source={"name": name, "state": "starting", "text": "", "age": None})
+        self.params, self._stamp, self._skip_until, self._skipped = params, _stamp(params), skip_until, 0
+        self._heard = self._shown = self._asked = time.monotonic()
+        self._contact: float | None = None
+        self._fault = ""
+        self._other_tool = ""
+
+    def run(self, source: Iterable[Sample | Notice], stopped: Callable[[], bool] = lambda: False) -> None:
+        """Watch until the source ends or ``stopped`` gives true; the journal is complete then."""
+        try:
+            for item in source:
+                self.take(item)
+                if stopped():
+                    break
+            self._end()
+        finally:
+            self.show()
+            if self.journal is not None:
+                self.journal.close()
+
+    def take(self, item: Sample | Notice) -> None:
+        """Take in one item of the source."""
+        if isinstance(item, Sample):
+            self._sample(item)
+        else:
+            self._notice(item)
+        instant = time.monotonic()
+        if instant - self._asked >= ASKED_EACH:
+            self._asked = instant
+            self.look_around()
+        if instant - self._shown >= SHOWN_EACH:
+            self.show()
+
+    def record(self, kind: str, **facts: Any) -> None:  # noqa: ANN401
+        """Write a record to the journal and change the state by it; what follows from it is said."""
+        record = {"kind": kind, **facts}
+        if self.journal is not None:
+            self.journal.append(record)
+        self.monitor.apply(record)
+        said = self.monitor.take_said()
+        if self.journal is not None:
+            for each in said:
+                self.journal.append({"kind": "said", "time": self.monitor.time, "text": each})
+        self._each(lambda outlet: outlet.say(self.facts, said, self.monitor.time))
+        if self.journal is not None:
+            self._check_journal(self.journal)
+
+    def facts(self) -> Facts:
+        """The description of now."""
+        age = time.monotonic() - self._heard
+        self.now.source = {**self.now.source, "age": round(age, 1)}
+        if self.journal is not None:
+            journal = self.journal
+            self.now.journal = {"file": journal.path.name, "records": journal.records, "fault": journal.fault}
+        return facts_of(self.monitor, self.now)
+
+    def show(self) -> None:
+        """Show the description of now."""
+        self._shown = time.monotonic()
+        if self.outlets:
+            facts = self.facts()
+            self._each(lambda outlet: outlet.show(facts))
+
+    # items of the source ---------------------------------------------------------------------------------------------
+
+    def _sample(self, sample: Sample) -> None:
+        self._heard = time.monotonic()
+        if self._skip_until is not None:
+            if sample.time <= self._skip_until:
+                self._skipped += 1
+                return
+            self._say_skipped()
+        if self._is_other_tool(sample):
+            return
+        usable = bool(sample.loads) and not sample.bad
+        if self.monitor.lost is not None and usable:
+            minutes, text = self.monitor.gap_minutes(sample.time)
+            self.record("gap", time=sample.time, minutes=minutes, text=text)
+        self.now.time, self.now.loads = sample.time, sample.loads
+        if usable:
+            self.now.source = {**self.now.source, "state": "connected", "text": ""}
+        elif sample.bad:
+            self.now.source = {**self.now.source, "state": "bad", "text": sample.bad}
+        self._found(self.cuts.add(sample))
+        self._note_contact(sample.time)
+
+    def _notice(self, notice: Notice) -> None:
+        if notice.kind == "idle":
+            self._found(self.cuts.add(notice))
+            return
+        self.now.source = {**self.now.source, "state": notice.kind, "text": notice.text}
+        if notice.kind in SAID:
+            self._say_notice(notice)
+        self._found(self.cuts.add(notice))
+
+    def _say_notice(self, notice: Notice) -> None:
+        stamp = self.now.time if self.now.time is not None else notice.time
+        text = f"{notice.kind}: {notice.text}" if notice.text else notice.kind
+        if notice.kind in ("refused", "lost") and self.now.state in ("entry", "cutting"):
+            self.record("alarm", time=stamp, kind_of_alarm=notice.kind, text=text, latched=True)
+        else:
+            self.record("notice", time=stamp, text=text)
+
+    def _found(self, found: Iterable[Window | CutEnd | Notice]) -> None:
+        """Take in what the search for cuts has found."""
+        for each in found:
+            if isinstance(each, Window):
+                self.record(**window_record(each))
+                self._contact = each.end
+            elif isinstance(each, CutEnd):
+                facts = {"contact": each.contact, "cut": each.cut, "lost": each.lost}
+                self.record("cutend", time=each.time, conditions=dict(self.cuts.conditions), **facts)
+                self._contact = None
+            else:
+                self._say_notice(each)
+        self.now.state = self.cuts.state
+        self.now.open = float(self.cuts.contact)
+        self.now.conditions = dict(self.cuts.conditions)
+
+    def _note_contact(self, stamp: float) -> None:
+        """Keep the minutes of an open cut each few seconds, so that the end of the process loses none."""
+        if self.now.open <= 0:
+            return
+        if self._contact is None or stamp < self._contact:
+            self._contact = stamp
+        if stamp - self._contact >= CONTACT_EACH:
+            self._contact = stamp
+            self.record("contact", time=stamp, minutes=self.now.open, conditions=dict(self.now.conditions))
+
+    def _is_other_tool(self, sample: Sample) -> bool:
+        """Whether the source names another tool than that of the edge: its cuts are not those of the edge."""
+        if not sample.tool:
+            return False
+        if not self.monitor.edge.tool:
+            self.record("tool", time=sample.time, tool=sample.tool)
+            return False
+        other = sample.tool if sample.tool != self.monitor.edge.tool else ""
+        if other != self._other_tool:
+            self._other_tool = other
+            edge = f"edge {self.monitor.edge.number} (tool {self.monitor.edge.tool})"
+            if other:
+                self._found(self.cuts.add(Notice(sample.time, "gap", f"tool {other}")))
+                text = f"the source names tool {other}: {edge} is not followed until its tool is back."
+            else:
+                text = f"tool {self.monitor.edge.tool} is back: {edge} is followed again."
+            self.record("notice", time=sample.time, text=text)
+        if other:
+            self.now.time, self.now.loads, self.now.state = sample.time, sample.loads, "idle"
+        return bool(other)
+
+    # beside the source -----------------------------------------------------------------------------------------------
+
+    def look_around(self) -> None:
+        """Take in requests, notice a replaced parameter file, and write what waits."""
+        if self.journal is not None:
+            self.journal.write_waiting()
+            self._check_journal(self.journal)
+            for path, request in requests(self.journal.folder):
+                self._request(request)
+                self.journal.synchronise()
+                remove_request(path)
+        stamp = _stamp(self.params)
+        if stamp != self._stamp:
+            self._stamp = stamp
+            what = "was removed" if stamp is None else "was replaced"
+            text = f"{self.params} {what}: this watch goes on with the laws that it has read. Start again for new ones."
+            self.record("notice", time=self.monitor.time, text=text)
+
+    def _request(self, request: Mapping[str, Any]) -> None:
+        known = {"gauge": ("wear", "sd_ln"), "edge": (), "acknowledge": ()}.get(str(request.get("kind")))
+        numbers = [request.get(name) for name in known or ()]
+        if known is None or not all(isinstance(value, int | float) and value > 0 for value in numbers):
+            self.record("notice", time=self.monitor.time, text="a request in the folder of the journal is not known.")
+            return
+        named = {name: request[name] for name in (*known, "request", "tool") if name in request}
+        self.record(str(request["kind"]), time=self.monitor.time, **named)
+
+    def _check_journal(self, journal: WatchJournal) -> None:
+        """Begin a new file where one is full; say once when the disk refuses, and when it takes records again."""
+        if journal.fault != self._fault:
+            self._fault, before = journal.fault, self._fault
+            if journal.fault and not before:
+                text = f"{journal.folder}: the journal cannot be written: {journal.fault}; watching goes on without it."
+                self.record("alarm", time=self.monitor.time, kind_of_alarm="journal", text=text, latched=True)
+            elif not journal.fault:
+                text = f"the journal is written again; {journal.lost} records were lost meanwhile."
+                self.record("notice", time=self.monitor.time, text=text)
+                journal.rotate(self.monitor.as_json())
+        elif journal.full:
+            journal.rotate(self.monitor.as_json())
+
+    def _say_skipped(self) -> None:
+        if self._skipped:
+            text = f"{self._skipped} samples up to {clock(self._skip_until)} are in the journal and were passed over."
+            self.record("notice", time=self.monitor.time, text=text)
+        self._skip_until = None
+
+    def _end(self) -> None:
+        stamp = self.now.time if self.now.time is not None else 0.0
+        self._say_skipped()
+        self._found(self.cuts.add(Notice(stamp, "end", "")))
+        self.look_around()
+        self.now.state = "stopped"
+
+    def _each(self, act: Callable[[Outlet], None]) -> None:
+        """Let each outlet act; one that fails is left out from then on, and said."""
+        for outlet in list(self.outlets):
+            try:
+                act(outlet)
+            except (OSError, FitmodelsError) as failure:
+                self.outlets.remove(outlet)
+                self.monitor.note(self.monitor.time, f"{type(outlet).__name__} failed and is left out: {failure}")
+
+
+def _stamp(path: Path | None) -> tuple[int, int] | None:
+    """Size and time of a file; None where there is none."""
+    with suppress(OSError):
+        if path is not None:
+            status = os.stat(path)  # noqa: PTH116  follows links
+            return status.st_size, status.st_mtime_ns
+    return None
+
+
+def open_journal(folder: Path, monitor: Monitor, source: str, *, again: bool) -> tuple[WatchJournal, float | None]:
+    """The journal of a folder, with its state restored into a monitor; a new one begins with the state of now.
+
+    Parameters
+    ----------
+    folder : Path
+        Exists and is locked by the caller.
+    monitor : Monitor
+    source : str
+        Words of the source.
+    again : bool
+        Whether the source is a file that is read from its beginning.
+
+    Returns
+    -------
+    journal : WatchJournal
+    skip_until : float or None
+        Time up to which samples of the same file are in the journal.
+
+    Raises
+    ------
+    UsageError
+        The journal is of another tool, work material or parameter file, or cannot be written.
+    """
+    journal = WatchJournal(folder)
+    newest = read_newest(folder)
+    skip_until = None
+    begun: list[dict[str, Any]] = []
+    if newest is None:
+        journal.rotate(monitor.as_json())
+    else:
+        replay(newest.records, monitor)
+        journal.resume(newest)
+        skip_until = monitor.time if again and monitor.source == source else None
+        lost = f" {newest.missing} of its records are missing." if newest.missing else ""
+        text = f"the journal was taken up again; its last record is of {clock(monitor.time)}.{lost}"
+        begun.append({"kind": "resumed", "time": monitor.time, "since": monitor.time, "text": text})
+    for record in (*begun, {"kind": "source", "source": source}):
+        journal.append(record)
+        monitor.apply(record)
+    if journal.fault:
+        raise UsageError(f"{folder}: the journal cannot be written: {journal.fault}; choose another folder.")
+    return journal, skip_until
+
+
+def replay(records: Iterable[Mapping[str, Any]], monitor: Monitor) -> None:
+    """Bring a monitor to the state that the records of a journal give, the first a snapshot.
+
+    Raises
+    ------
+    UsageError
+        They are of another tool, work material or parameter file.
+    """
+    for record in records:
+        if record.get("kind") == "snapshot":
+            monitor.restore(record["state"])
+        else:
+            monitor.apply(record)
+    monitor.take_said()
