@@ -22,7 +22,6 @@ Record = Mapping[str, Any]
 
 SHOWN: Final = 12  # notes and decisions that are kept
 ALARMS: Final = 50
-PARTS: Final = 2000  # parts of an edge's history; neighbours are joined beyond
 CUTS: Final = 50  # lengths of the last cuts
 
 
@@ -64,8 +63,6 @@ class Edge:
         Name that the source gives the tool; empty where it gives none.
     minutes : float
         Time of contact, min.
-    parts : list of dict
-        Its history: ``contact`` (min), ``conditions`` and ``loads`` (ln, se) of each window.
     gauges : list of dict
         ``minutes`` and ``wear`` of each reading.
     """
@@ -73,42 +70,7 @@ class Edge:
     number: int = 1
     tool: str = ""
     minutes: float = 0.0
-    parts: list[dict[str, Any]] = field(default_factory=list)
     gauges: list[dict[str, float]] = field(default_factory=list)
-
-    def add(self, contact: float, conditions: Mapping[str, float], loads: Mapping[str, Any]) -> None:
-        """Add a part to the history; beyond `PARTS` each two neighbours are joined to one."""
-        self.minutes += contact
-        self.parts.append({"contact": contact, "conditions": dict(conditions), "loads": dict(loads)})
-        if len(self.parts) > PARTS:
-            self.parts = [_joined(*self.parts[k : k + 2]) for k in range(0, len(self.parts), 2)]
-
-
-def _joined(one: dict[str, Any], *others: dict[str, Any]) -> dict[str, Any]:
-    """Two parts of a history as one: means weighted by time; loads that both have."""
-    for other in others:
-        a, b = one["contact"], other["contact"]
-        share = b / (a + b) if a + b > 0 else 0.5
-        conditions = {
-            name: (1 - share) * one["conditions"][name] + share * other["conditions"][name]
-            for name in one["conditions"].keys() & other["conditions"].keys()
-        }
-        loads = {
-            name: {
-                "ln": (1 - share) * one["loads"][name]["ln"] + share * other["loads"][name]["ln"],
-                "se": (((1 - share) * one["loads"][name]["se"]) ** 2 + (share * other["loads"][name]["se"]) ** 2)
-                ** 0.5,
-            }
-            for name in one["loads"].keys() & other["loads"].keys()
-        }
-        one = {"contact": a + b, "conditions": conditions, "loads": loads}
-    return one
-
-
-def _joined_load(one: Mapping[str, float], other: Mapping[str, float], share: float) -> dict[str, float]:
-    """Mean of two means of ln load, the second with this share, and its standard error."""
-    se = (((1 - share) * one["se"]) ** 2 + (share * other["se"]) ** 2) ** 0.5
-    return {"ln": (1 - share) * one["ln"] + share * other["ln"], "se": se}
 
 
 class Monitor:
@@ -191,8 +153,7 @@ class Monitor:
         self.estimate.add(window)
         self.conditions = dict(window.conditions)
         self.cut_minutes += window.contact
-        loads = {name: {"ln": mean.ln, "se": mean.se} for name, mean in window.loads.items()}
-        self.edge.add(window.contact, window.conditions, loads)
+        self.edge.minutes += window.contact
         self._decide()
 
     def _expect(self, window: Window) -> None:
@@ -253,7 +214,7 @@ class Monitor:
     def _advance(self, minutes: float) -> None:
         if minutes > 0:
             self.estimate.advance(minutes, self.conditions)
-            self.edge.add(minutes, self.conditions, {})
+            self.edge.minutes += minutes
 
     def _gauge(self, record: Record) -> None:
         self.estimate.gauge(float(record["wear"]), float(record["sd_ln"]))

@@ -16,7 +16,7 @@ LARGEST: Final = 50_000_000  # bytes of a file, after which it is begun anew
 
 
 class JsonLines:
-    """An outlet that writes a line of JSON each second, and at once where something is new.
+    r"""An outlet that writes a line of JSON each second, and at once where something is new.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class JsonLines:
     >>> stream = JsonLines(lines.append)
     >>> stream.say(lambda: {"state": "cutting"}, ["Go on."], 12.0)
     >>> lines
-    ['{"state":"cutting","said":["Go on."]}\\n']
+    ['{"state":"cutting","said":["Go on."]}\n']
     """
 
     def __init__(self, write: Callable[[str], object]) -> None:

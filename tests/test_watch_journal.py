@@ -1,0 +1,145 @@
+"""The journal of a watch: nothing is lost by kill -9, a full disk is said and overcome, files stay bounded."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from fitmodels.core.errors import DataError
+from fitmodels.live import watch_journal
+from fitmodels.live.watch_journal import WatchJournal, journal_files, leave_request, read_journal, read_newest, requests
+
+WRITER = """
+import sys
+from pathlib import Path
+from fitmodels.live.watch_journal import WatchJournal, read_newest
+folder = Path(sys.argv[1])
+journal, newest = WatchJournal(folder, rotate_at=20_000), read_newest(folder)
+journal.rotate({"count": 0}) if newest is None else journal.resume(newest)
+while True:
+    journal.append({"kind": "window", "text": "x" * 60})
+    sys.stdout.write(f"{journal._number}\\n")
+    sys.stdout.flush()
+    if journal.full:
+        journal.rotate({"count": journal._number})
+"""
+
+
+def numbers(folder):
+    return [record["n"] for record in read_journal(folder)]
+
+
+@pytest.mark.slow
+def test_kill_9_loses_no_record_that_was_written(tmp_path):
+    for _ in range(4):
+        child = subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+        for _ in range(150):
+            said = int(child.stdout.readline())
+        child.send_signal(signal.SIGKILL)
+        rest = child.communicate()[0].split()
+        said = int(rest[-1]) if rest and rest[-1].isdigit() else said
+        found = numbers(tmp_path)
+        assert found[-1] >= said
+        assert found == list(range(found[0], found[-1] + 1))
+    assert read_newest(tmp_path).missing == 0
+
+
+def test_a_torn_last_line_is_ended_and_its_number_is_used_again(tmp_path):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+    journal.append({"kind": "window"})
+    journal.close()
+    with journal.path.open("ab") as file:
+        file.write(b'{"n": 3, "kind": "win')
+    newest = read_newest(tmp_path)
+    assert newest.torn
+    assert [record["n"] for record in newest.records] == [1, 2]
+    again = WatchJournal(tmp_path)
+    again.resume(newest)
+    again.append({"kind": "cutend"})
+    again.close()
+    assert [(r["n"], r["kind"]) for r in read_journal(tmp_path)] == [(1, "snapshot"), (2, "window"), (3, "cutend")]
+    assert read_newest(tmp_path).missing == 0
+
+
+def test_missing_records_are_counted(tmp_path):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+    for _ in range(5):
+        journal.append({"kind": "window"})
+    journal.close()
+    lines = journal.path.read_bytes().splitlines(keepends=True)
+    journal.path.write_bytes(b"".join([*lines[:2], b"\x00\x00garbage\n", *lines[4:]]))
+    assert read_newest(tmp_path).missing == 2
+
+
+def test_files_are_bounded_and_each_begins_with_a_snapshot(tmp_path):
+    journal = WatchJournal(tmp_path, rotate_at=2000, kept=3)
+    journal.rotate({"minutes": 0})
+    for k in range(500):
+        journal.append({"kind": "window", "minutes": k})
+        if journal.full:
+            journal.rotate({"minutes": k})
+    journal.close()
+    files = journal_files(tmp_path)
+    assert len(files) == 3
+    assert all(path.stat().st_size < 2200 for path in files)
+    assert all(json.loads(path.read_bytes().split(b"\n")[0])["kind"] == "snapshot" for path in files)
+
+
+@pytest.mark.parametrize("half", [0, 10])
+def test_a_full_disk_is_said_and_what_waited_is_written_later(tmp_path, monkeypatch, half):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+    write = os.write
+
+    def refuse(file, data):
+        if half:
+            return write(file, data[:half])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(watch_journal, "RETRY", 0.0)
+    monkeypatch.setattr(watch_journal.os, "write", refuse)
+    for _ in range(3):
+        journal.append({"kind": "window"})
+    assert "space" in journal.fault
+    assert not journal.full
+    monkeypatch.setattr(watch_journal.os, "write", write)
+    journal.append({"kind": "cutend"})
+    assert journal.fault == ""
+    journal.close()
+    assert numbers(tmp_path) == [1, 2, 3, 4, 5]
+
+
+def test_what_waits_is_bounded(tmp_path, monkeypatch):
+    monkeypatch.setattr(watch_journal, "WAITING", 10)
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(watch_journal.os, "write", refuse)
+    for _ in range(25):
+        journal.append({"kind": "window"})
+    assert journal.lost == 15
+
+
+def test_another_schema_and_a_damaged_first_line_are_refused(tmp_path):
+    path = tmp_path / "watch-000001.jsonl"
+    path.write_text('{"n":1,"kind":"snapshot","schema":"fitmodels.watch/9","state":{}}\n')
+    with pytest.raises(DataError, match=r"fitmodels\.watch/9"):
+        read_newest(tmp_path)
+    path.write_text("[" * 5000 + "\n")
+    with pytest.raises(DataError, match="damaged"):
+        read_newest(tmp_path)
+
+
+def test_requests_are_left_and_found_once(tmp_path):
+    leave_request(tmp_path, {"kind": "gauge", "wear": 0.2, "sd_ln": 0.02})
+    (tmp_path / "request-0123456789abcdef.json").write_text("{not json")
+    kinds = sorted(facts["kind"] for _, facts in requests(tmp_path))
+    assert kinds == ["gauge", "unreadable"]
