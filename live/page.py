@@ -28,7 +28,7 @@ ELSEWHERE: Final = ("wear", "", "life", "risk", "load")  # rows of the terminal 
 
 
 @lru_cache(maxsize=1)
-def page() -> tuple[bytes, str]:
+def page_and_policy() -> tuple[bytes, str]:
     """The page and its content security policy."""
     from jinja2 import Environment, StrictUndefined
 
@@ -66,14 +66,14 @@ class _Handler(BaseHTTPRequestHandler):
         elif name == "facts.json":
             self._send(HTTPStatus.OK, self.server.content, "application/json")
         else:
-            self._send(HTTPStatus.OK, page()[0], "text/html; charset=utf-8")
+            self._send(HTTPStatus.OK, page_and_policy()[0], "text/html; charset=utf-8")
 
     def _send(self, status: HTTPStatus, content: bytes, kind: str) -> None:
         self.send_response(status)
         headers = {
             "Content-Type": kind,
             "Content-Length": str(len(content)),
-            "Content-Security-Policy": page()[1],
+            "Content-Security-Policy": page_and_policy()[1],
             "Cache-Control": "no-store",
             "Cross-Origin-Resource-Policy": "same-origin",
             "Referrer-Policy": "no-referrer",
