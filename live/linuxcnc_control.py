@@ -17,6 +17,7 @@ from __future__ import annotations  # the machine's Python may be 3.9
 import json
 import math
 import os
+import random
 import subprocess
 import sys
 import threading
@@ -70,14 +71,15 @@ class Beat:
     --------
     >>> beat = Beat(deadline=0.5, heartbeat=0.2)
     >>> beat.command(0.0, True)
-    >>> [beat.step(now, False) for now in (0.1, 0.2, 0.6, 0.7)]
-    [True, False, False, False]
+    >>> [beat.step(now, False) for now in (0.1, 0.12, 0.2, 0.6, 0.7)]
+    [True, True, False, False, False]
     """
 
     def __init__(self, deadline: float, heartbeat: float, follows: bool = False) -> None:
         self._deadline, self._heartbeat, self._follows = deadline, heartbeat, follows
         self._command = self._source_change = -math.inf
         self._source: bool | None = None
+        self._changed = -math.inf
         self.value = False
 
     def command(self, now: float, on: bool) -> None:
@@ -85,14 +87,15 @@ class Beat:
         self._command = now if on else -math.inf
 
     def step(self, now: float, source: bool) -> bool:
-        """Value of the heartbeat now: it changes at every call while all is alive."""
+        """Value of the heartbeat now: it changes five times in ``heartbeat`` while all is alive."""
         if self._source is not None and source != self._source:
             self._source_change = now
         self._source = source
         alive = now - self._command <= self._deadline
         if self._follows and now - self._source_change > self._heartbeat:
             alive = False
-        self.value = self.value != alive
+        if alive and now - self._changed >= self._heartbeat / 5:
+            self.value, self._changed = not self.value, now
         return self.value
 
 
@@ -179,8 +182,9 @@ class Program:
     def run(self) -> None:
         """Beat and report until the input ends."""
         threading.Thread(target=self._read, daemon=True).start()
-        next_report = 0.0
-        while not self._ended.wait(self._heartbeat / 5):
+        next_report, rng = 0.0, random.Random()  # noqa: S311  times, no secret
+        # The load's heartbeat may change in each servo period: seen at irregular times it never looks still.
+        while not self._ended.wait(rng.uniform(0.003, 0.007)):
             now = time.monotonic()
             self._component["heartbeat"] = self._beat.step(now, self._component["source-heartbeat"])
             if now >= next_report:

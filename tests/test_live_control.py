@@ -5,10 +5,13 @@ The controller is the HAL export in the evaluator of `hal_evaluator`, one period
 """
 
 import math
+import os
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.live.control import (
@@ -25,7 +28,9 @@ from fitmodels.live.linuxcnc_control import Beat, HalLink, Runner, Writer
 sys.path.insert(0, str(Path(__file__).parent))
 
 from hal_evaluator import Hal
-from linuxcnc_faults import exported, machine_file
+from linuxcnc_faults import Scenario, exported, machine_file, run_of
+from linuxcnc_machine import lacking, plant_module
+from linuxcnc_watch import Beside, run_beside
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -64,7 +69,7 @@ class Machine:
         self.beat.command(self.now, False)
 
     def run(self, seconds, session=None):
-        """Periods of the controller; the program beats each second one, the session is stepped each third."""
+        """Periods of the controller; the program beats in each second one, the session is stepped in each third."""
         for k in range(round(seconds / PERIOD)):
             self.now += PERIOD
             self.hal["fm-load"] = self.load + 1e-4 * (k % 3)
@@ -305,3 +310,55 @@ def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
     assert len(steps) > 2
     runner.close()
     assert steps[-1] is None
+
+
+_PROGRAM = """
+import time
+from pathlib import Path
+from fitmodels.live.control import READINGS, STATUS, ControlSession, controller_of
+from fitmodels.live.linuxcnc_control import HalLink, Runner
+from fitmodels.parameters import ParameterFile
+
+controller = controller_of(ParameterFile.model_validate_json(Path("params.json").read_text()))
+link = HalLink((*STATUS, *READINGS, *controller.settings), controller.limits(), controller.heartbeat)
+session = ControlSession(controller, link)
+session.request(reference=0.22)
+runner = Runner(session)
+while True:
+    for text in runner.alive():
+        print(text, flush=True)
+    time.sleep(0.2)
+"""
+KILLED = 3.5  # s after contact
+HEARTBEAT, DEADLINE = 0.2, 0.5  # s
+
+
+@pytest.mark.consumer
+def test_the_whole_machine_holds_the_written_reference_and_death_ends_in_the_safe_state(tmp_path):
+    """Killed, the program's end is seen within the heartbeat; stopped (SIGSTOP), within the deadline more."""
+    reason = lacking()
+    if reason:
+        pytest.fail(reason) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(reason)
+    pf = machine_file()
+    loop = controller_of(pf).loop
+    run = run_of(Scenario("watch", "control", wear=60.0, dwell=9.0, duration=5.5), pf, exported(pf, "hal", tmp_path)[0])
+    files = {"program.py": _PROGRAM, "params.json": pf.model_dump_json(exclude_none=True)}
+    plant = plant_module(tmp_path)
+    signals = {"KILL": 0.0, "STOP": DEADLINE}
+    with ThreadPoolExecutor(2) as pool:
+        runs = [
+            pool.submit(run_beside, run, Beside((sys.executable, "program.py"), files, KILLED, signal, 2), plant)
+            for signal in signals
+        ]
+    for (signal, later), done in zip(signals.items(), runs, strict=True):
+        trace, printed = done.result()
+        assert "proved: tripped" in printed, printed
+        assert "written: reference 0.22 A" in printed
+        held = (trace["seconds"] > 2.5) & (trace["seconds"] < KILLED)
+        assert trace["load"][held].mean() == pytest.approx(0.22, rel=0.01)
+        assert not trace["fault"][held].any()
+        fault = int(np.argmax((trace["seconds"] > KILLED) & (trace["fault"] > 0)))
+        assert 0 < trace["seconds"][fault] - KILLED < HEARTBEAT + later + 0.3, signal  # .3: the user interface looks
+        assert trace["fault"][fault:].all()
+        assert trace["u"][-1] == pytest.approx(loop.low)
+        assert trace["feed"][-1] == pytest.approx(loop.feed_low, rel=1e-3)
