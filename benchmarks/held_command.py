@@ -23,7 +23,6 @@ LONGEST = 120.0  # s of a command
 MAKING = ("open", "os.mkdir", "os.rename", "os.link", "os.symlink", "fsync")  # fail on a full disk
 CHANGING = (*MAKING, "getpid", "os.remove", "os.rmdir", "os.truncate", "os.chmod", "os.utime", "fcntl.flock")
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
-CALLS, FREE = range(2)  # places of numbers in the memory that a command shares with this program
 
 
 @dataclass

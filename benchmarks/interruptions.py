@@ -62,7 +62,12 @@ class Case(NamedTuple):
     inputs: tuple[str, ...] = ()
     before: tuple[str, ...] = ()
     parts: str = ""
-    share: float = 1.0
+
+    @property
+    def command(self) -> str:
+        """Name of the command, whose moments its cases share."""
+        first = self.words.split()[0]
+        return "fit" if "." in first else first
 
 
 def cases() -> tuple[dict[str, Case], dict[str, tuple[Case, str]]]:
@@ -76,7 +81,7 @@ def cases() -> tuple[dict[str, Case], dict[str, tuple[Case, str]]]:
             inputs, before = one.get("inputs", "").format(**known), one.get("before", [])
             found[name] = Case(
                 name, one["words"].format(**known), tuple(inputs.split()), tuple(w.format(**known) for w in before),
-                one.get("parts", ""), one.get("share", 1.0),
+                one.get("parts", ""),
             )  # fmt: skip
     return found, {name: (found[first], other.format(**texts)) for name, (first, other) in races.items()}
 
@@ -368,8 +373,11 @@ def main() -> int:
     if unknown := {*(args.only or ())} - {*known} - {*races}:
         raise SystemExit(f"{', '.join(sorted(unknown))}: choose of {', '.join((*known, *races))}.")
     each = -(-args.races // len(races))  # rounded up
-    work = {name: round(args.moments * case.share) for name, case in known.items()} | dict.fromkeys(races, each)
-    work = {name: count for name, count in work.items() if count and name in (args.only or work)}
+    tried = {name: case for name, case in known.items() if name in (args.only or known)}
+    shared = Counter(case.command for case in tried.values())
+    work = {name: -(-args.moments // shared[case.command]) for name, case in tried.items()}
+    work |= {name: each for name in races if name in (args.only or races)}
+    work = {name: count for name, count in work.items() if count}
     if args.one:
         draw_fast()
         (name, count), *_ = work.items()
@@ -379,7 +387,7 @@ def main() -> int:
 
     def run(name: str) -> str:
         words = [sys.executable, __file__, "--one", "--only", name, "--seed", str(args.seed)]
-        words += ["--moments", str(args.moments), "--races", str(args.races)]
+        words += ["--moments", str(work[name]), "--races", str(args.races)]
         done = subprocess.run(words, capture_output=True, text=True)
         return done.stdout if done.returncode == 0 else json.dumps({"case": name, "wrong": [done.stderr[-800:]]})
 

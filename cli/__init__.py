@@ -131,7 +131,7 @@ def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
         return 0
     except OSError as error:
         drop_output()
-        return _fail(f"{error.filename or 'the output'} cannot be written: {error.strerror or error}.", 2)
+        return _fail(f"{error.filename or 'the output'} cannot be read or written: {error.strerror or error}.", 2)
     except KeyboardInterrupt as stop:  # a command may state what it keeps
         return _fail(str(stop) or "interrupted; no file is incomplete.", 130)
     except Exception as error:

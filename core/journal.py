@@ -343,13 +343,16 @@ def _complete_journal(folder: Path) -> None:
         return
     journal = _read_journal(path)
     if journal is None:
-        raise UsageError(f"{path}: is no journal that fitmodels wrote; nothing was written. Remove it, and run again.")
+        raise UsageError(
+            f"{path}: is damaged, or was copied with its folder: the change that it lists cannot be completed, and "
+            "nothing was written. Compare the files of the folder with each other, remove it, and run again."
+        )
     try:
         _carry_out(folder, journal)
     except OSError as failure:
         raise UsageError(
             f"{folder}: a change of its files was interrupted and cannot be completed: {cause(failure)}; nothing else "
-            "was written."
+            "was written. Remove the cause, and run again: the change is then completed."
         ) from None
     remove_tree(folder / journal["stage"])
     _say(f"{folder}: a change of its files was interrupted; it was completed.")

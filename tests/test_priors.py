@@ -159,3 +159,9 @@ def test_priors_far_from_the_data_are_refused():
     far = {"AW": {"V": {"distribution": "normal", "mean": 1e15, "sd": 0.5}}}
     with pytest.raises(FitError, match="the priors contradict the data"), np.errstate(all="ignore"):
         fit.posterior(wear_law(), priors=far)
+
+
+def test_a_file_without_priors_is_refused(tmp_path):
+    (tmp_path / "priors.toml").write_text("# nothing yet\n")
+    with pytest.raises(DataError, match="holds no table of priors"):
+        read_priors(tmp_path / "priors.toml")

@@ -488,7 +488,7 @@ def test_a_journal_in_a_received_folder_reaches_nothing_outside_of_it(journal, t
     (folder / ".fitmodels.journal").write_text(text)
     before = tree(tmp_path, hidden=False)
     recover(folder / "params.json")
-    with pytest.raises(UsageError, match=r"journal: is no journal that fitmodels wrote; nothing was written"):
+    with pytest.raises(UsageError, match=r"journal: is damaged, or was copied with its folder"):
         change(folder, 2)
     assert tree(tmp_path, hidden=False) == before
 

@@ -40,9 +40,12 @@ def read_priors(path: str | Path) -> dict[str, object]:
     """The tables of a priors file, by law; DataError names what cannot be read."""
     file = Path(path)
     try:
-        return parse_toml(read_bounded(file, "priors"), file.name, remedy="Write a table of priors for each law.")
+        found = parse_toml(read_bounded(file, "priors"), file.name, remedy="Write a table of priors for each law.")
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror or error}. Give the path of a TOML file.") from None
+    if not found:
+        raise DataError(f"{path} holds no table of priors. Write one for each law, as [AW], or leave --priors out.")
+    return found
 
 
 def replaced(priors: Priors, law: LawFit, tables: Mapping[str, object], name: str) -> Priors:
