@@ -19,6 +19,7 @@ from .messages import schema_message
 from .sections.base import Section, Sha256
 from .sections.costs import CostsSection
 from .sections.dynamics import DynamicsSection, PiSection
+from .sections.edge_sums import VersionSection
 from .sections.force_control import AdaptiveForceSection, DriveSection, RoughnessSection
 from .sections.law import LawSection
 from .sections.law_parts import ToolLifeSection
@@ -33,7 +34,7 @@ class ParameterFile(Plottable, Section):
     Attributes
     ----------
     schema_version : str
-        ``fitmodels.parameters/8``.
+        ``fitmodels.parameters/9``.
     identity : IdentitySection
     reading : ReadingSection or None
         Doubts about the data file; None where its values were not judged, as in files of schema version 1.
@@ -61,6 +62,8 @@ class ParameterFile(Plottable, Section):
         Settings of turning at constant roughness.
     adaptive_force : AdaptiveForce or None
         Estimates and rates of adaptive force control.
+    history : tuple of VersionSection
+        Versions with further edges, in their order; empty for the file of a fit.
     provenance : ProvenanceSection
     content_sha256 : str or None
         Checksum of everything else (see `file_format`) when written; it is ignored when files are compared.
@@ -75,7 +78,7 @@ class ParameterFile(Plottable, Section):
     True
     """
 
-    schema_version: Literal["fitmodels.parameters/8"] = SCHEMA
+    schema_version: Literal["fitmodels.parameters/9"] = SCHEMA
     identity: IdentitySection
     reading: ReadingSection | None = None
     design: DesignSection | None = None
@@ -90,6 +93,7 @@ class ParameterFile(Plottable, Section):
     costs: CostsSection | None = None
     roughness: RoughnessSection | None = None
     adaptive_force: AdaptiveForceSection | None = None
+    history: tuple[VersionSection, ...] = ()
     provenance: ProvenanceSection
     content_sha256: Sha256 | None = None
 

@@ -59,7 +59,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 
 
 FAMILY: Final = "fitmodels.parameters"
-SCHEMA: Final = "fitmodels.parameters/8"
+SCHEMA: Final = "fitmodels.parameters/9"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
 
 JUDGED = ("tool_life", "dynamics", "adaptive_force")  # sections with a verdict, as each law has one
@@ -146,6 +146,17 @@ def _to_version_8(data: dict[str, Any]) -> dict[str, Any]:
     return {**data, **{name: {**data[name], **new} for name, new in added.items() if data.get(name)}}
 
 
+def _to_version_9(data: dict[str, Any]) -> dict[str, Any]:
+    """Data of version 8 without sums of laws and without history, whatever fields of these names held before."""
+    laws = {"laws": {name: _without_sums(law) for name, law in data["laws"].items()}} if "laws" in data else {}
+    return {**data, **laws, "history": []}
+
+
+def _without_sums(law: dict[str, Any]) -> dict[str, Any]:
+    other = {"alternative": _without_sums(law["alternative"])} if law.get("alternative") else {}
+    return {**law, **other, "sums": None}
+
+
 def _without_longest(law: dict[str, Any]) -> dict[str, Any]:
     other = {"alternative": _without_longest(law["alternative"])} if law.get("alternative") else {}
     return {**law, **other, **({"life": {**law["life"], "longest": None}} if law.get("life") else {})}
@@ -166,6 +177,7 @@ def _without_longest(law: dict[str, Any]) -> dict[str, Any]:
 # Version 7 added ``costs``, ``longest`` of the lives of a law and ``wear_observed`` of the tool life.
 # Version 8 added ``merged`` of the provenance; ``sources`` and ``spindle_speed`` of roughness and adaptive force; the
 # valid readings, depth and nose radius of roughness.
+# Version 9 added ``sums`` of laws, their rows as sums by edge, and ``history``, the versions with further edges.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,
@@ -174,10 +186,11 @@ STEPS: Mapping[int, Step] = {
     5: _to_version_6,
     6: _to_version_7,
     7: _to_version_8,
+    8: _to_version_9,
 }
 
 
-def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 8) -> dict[str, Any]:
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 9) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
     A checksum that was valid before a step is renewed after it.

@@ -475,7 +475,7 @@ def test_what_is_written_is_read(pf):
 def test_the_text_is_for_people(path):
     content = write(whole(), path).read_bytes()
     assert content.endswith(b"}\n")
-    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/8",\n  "identity": {\n')
+    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/9",\n  "identity": {\n')
     assert "µ and ü" in content.decode()
 
 
@@ -563,7 +563,7 @@ def deep(levels):
         (b'{"a": "\xff"}', r"is not UTF-8 text \(byte 7\)"),
         (b"[]", "is not a parameter file"),
         (b"{}", "is not a parameter file"),
-        (b'{"schema_version": "fitmodels.parameters/9"}', "newer schema.*Upgrade"),
+        (b'{"schema_version": "fitmodels.parameters/10"}', "newer schema.*Upgrade"),
         (b'{"schema_version": "fitmodels.card/1"}', "schema_version is 'fitmodels.card/1'"),
         (b'{"schema_version": [1]}', r"schema_version is a list"),
         (b'{"schema_version": "fitmodels.parameters/1"}', "identity is missing; provenance is missing"),
@@ -782,7 +782,7 @@ def test_collect_hands_every_number_over(path):
     assert section.standard_errors["material[2]"] == 0.1
     assert section.uncertainty.df == 16
     assert section.alternative.residual_scale == "mm"
-    assert (section.left_out[0].factor, section.dropped_rows[0].count, section.notes) == ("d", 2, ("a note",))
+    assert (section.left_out[0].factor, section.dropped_rows[0].count, section.notes[0]) == ("d", 2, "a note")
     assert pf.provenance.data_file == "data.csv"
     assert set(pf.provenance.versions) == {"python", "numpy", "scipy"}
     assert pf.model_dump()["later"] == {"kp": 0.5}

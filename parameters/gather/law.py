@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ...fit.bayes.posterior import Posterior
     from ...fit.checks.check import Check
     from ...fit.checks.judgement import Judgement
+    from ...fit.gram_by_edge import EdgeTriangle
 
 WITHOUT_ROWS = (
     "region not available: a stream keeps no rows to compute the region from; each factor has its range instead",
@@ -111,6 +112,7 @@ def law_section(
     data = _section(law)
     if law.rows is None:
         data |= judged_fields(judge(law, runs=runs, laws=laws))
+        data |= {"sums": sums_of(law)}
         data["notes"] += WITHOUT_ROWS
     else:
         other = computed(lambda: law.alternative)
@@ -120,6 +122,7 @@ def law_section(
             {
                 "checks": lambda: judged_fields(_compared(judged(), law, posterior)),
                 "region": lambda: _region(law),
+                "sums": lambda: sums_of(law),
                 "published": lambda: _published(law, tool, work),
                 "alternative": lambda: None if known_other is None else _section(known_other),
             }
@@ -132,6 +135,30 @@ def law_section(
         return LawSection.model_validate(data)
     except ValidationError as error:
         raise ParameterError(f"the law of {law.response} cannot be written: {schema_message(error, data)}.") from None
+
+
+def sums_of(law: "LawFit") -> dict[str, Any]:
+    """The rows of a law as sums by edge, or the reason why there are none."""
+    from ...fit import NotAvailable
+    from ...fit.gram_by_edge import edge_triangles
+
+    found = edge_triangles(law)
+    if isinstance(found, NotAvailable):
+        return {"reason": found.reason}
+    return {"columns": (*law.theta_names[1:], law.response), "edges": [edge_sums(one) for one in found]}
+
+
+def edge_sums(triangle: "EdgeTriangle") -> dict[str, Any]:
+    """The triangle of an edge as its section."""
+    root = [row[i:].tolist() for i, row in enumerate(triangle.root)]
+    return {
+        "edge": triangle.edge,
+        "batch": triangle.batch,
+        "rows": triangle.rows,
+        "mean": triangle.mean.tolist(),
+        "moves": triangle.moves,
+        "root": root,
+    }
 
 
 def _optional(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], list[str]]:

@@ -91,6 +91,8 @@ class LawSection(Predicts, Plottable, LawFields):
         The law with its wear replaced by the wear law.
     without : LawWithoutSuspects or None
         The law without the rows and edges that its checks find wrong; None where they find none.
+    sums : LawSums or None
+        Its rows as sums by edge, to be fitted again with further edges; None in files before version 9.
 
     Examples
     --------

@@ -18,6 +18,7 @@ from ...core.formula import FORMS, Formula, Term
 from ...core.verdict import DO_NOT_USE, LEVELS
 from ..messages import short
 from .base import Count, Covariance, NoCovariance, NotNegative, Number, Positive, Section, Text, VerdictSection
+from .edge_sums import LawSums
 from .law_parts import (
     CompositeLaw,
     DroppedRows,
@@ -85,6 +86,7 @@ class LawFields(Section):
     published: Published | None = None
     composite: CompositeLaw | None = None
     without: LawWithoutSuspects | None = None
+    sums: LawSums | None = None
     notes: tuple[str, ...] = ()
 
     @model_validator(mode="after")
@@ -99,6 +101,10 @@ class LawFields(Section):
         if self.region is not None and len(self.region.centre) != len(self.factors):
             found = f"{len(self.region.centre)} factors, the law {len(self.factors)}"
             raise ValueError(f"the region of {self.response} has {found}")
+        columns = (*self.parameter_names[1:], self.response)
+        if self.sums is not None and self.sums.edges and self.sums.columns != columns:
+            found = _listed(self.sums.columns)
+            raise ValueError(f"the sums of {self.response} are of {found}; they must be of {_listed(columns)}")
         other = self.alternative
         if other and (other.response != self.response or other.error == self.error or other.alternative):
             raise ValueError(f"the alternative must be one law of {self.response} with the other error structure")
