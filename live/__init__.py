@@ -8,4 +8,5 @@ exposure         minutes of contact of one edge by setting, and its wear by the 
 edge_state       state of one edge as a Gaussian distribution
 edge_estimate    wear and remaining life of one edge by a Kalman filter: `EdgeEstimate`
 decision         moment to change an edge, and advice of feed and speed
+cuts         samples -> windows and ends of cuts: `Cuts`; its blocks, and the means of its windows, in blocks, windows
 """

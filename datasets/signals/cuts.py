@@ -296,8 +296,8 @@ def _cut(search: _Search, k: int, spans: Sequence[Interval], how: ReduceOptions,
         search, (end + settled, min(upper - settled if k + 1 < len(spans) else upper, end + settled + air))
     )
     away = np.abs(search.peaks[first:end] - _idle_at(search, before, after))
-    begins = _settled(away, search.count(SETTLED))
-    ends = _settled(away[::-1], search.count(SETTLED))
+    begins = settled_blocks(away, search.count(SETTLED))
+    ends = settled_blocks(away[::-1], search.count(SETTLED))
     guard = max(round(how.guard * len(away)), width // 2 + 1)
     inner = (first + begins + guard, end - ends - guard)
     if inner[1] - inner[0] < max(1, len(away) // 10):
@@ -307,7 +307,7 @@ def _cut(search: _Search, k: int, spans: Sequence[Interval], how: ReduceOptions,
     return Cut(*scaled)
 
 
-def _settled(away: Array, run: int) -> int:
+def settled_blocks(away: Array, run: int) -> int:
     """Blocks until the load, shape (m,), stays near the line through its middle half; a third at most."""
     quarter, third = max(1, len(away) // 4), max(1, len(away) // 3)
     middle = away[quarter : len(away) - quarter]

@@ -123,12 +123,12 @@ def _lost(values: Array, cut: Cut, line: ZeroLine) -> bool:
 def _standard_error(part: Array, airs: list[Array]) -> float:
     """Of the mean of a window less the zero, from the means of ten parts of each; a trend within them is taken out."""
     known = [air for air in airs if len(air) >= PARTS]
-    squares = [_batch_variance(air) for air in known]
+    squares = [batch_variance(air) for air in known]
     zero = sum(squares) / len(squares) ** 2 if squares else 0.0
-    return float(np.sqrt(_batch_variance(part) + zero)) if len(part) >= PARTS else np.nan
+    return float(np.sqrt(batch_variance(part) + zero)) if len(part) >= PARTS else np.nan
 
 
-def _batch_variance(part: Array) -> float:
+def batch_variance(part: Array) -> float:
     """Variance of the mean of a signal, shape (n,), by differences of the means of ten parts."""
     means = block_means(part, len(part) // PARTS)[:PARTS]
     return float(np.nanmean(np.diff(means) ** 2) / 2 / PARTS)

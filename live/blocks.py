@@ -1,0 +1,148 @@
+"""Samples gathered into blocks of a tenth of a second, of a revolution or of one sample, the longest of these.
+
+The longest revolution follows from the spindle speed ``n`` of the samples, or from ``V`` and ``D``. Conditions that the
+laws need are computed as in tables of tests: V from n and D, f from the feed rate and n.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, pi
+from statistics import median
+
+from ..datasets.derived.rules import RULES
+from .samples import Sample, State
+
+BLOCK = 0.1  # s; five samples at 50 Hz
+GAP = 2.0  # s without a sample, at least, that are a gap
+INTERVALS = 5.0  # usual intervals between samples that are a gap
+BRIDGED = 5.0  # s; a shorter gap within a cut counts as cutting
+DERIVED = ("V", "f", "fz")
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Consecutive samples.
+
+    Attributes
+    ----------
+    start, end : float
+        s by the clock of the source.
+    values : mapping of str to sequence of float
+        Every reading by load.
+    loads, conditions : mapping of str to float
+        Medians of the loads (no short peak counts) and means of the conditions.
+    phase : State
+        What the machine says of itself, or what speed and feed of zero say: ``"off"``, ``"idle"``, ``"feed"``,
+        ``"unknown"``.
+    """
+
+    start: float
+    end: float
+    values: Mapping[str, Sequence[float]]
+    loads: Mapping[str, float]
+    conditions: Mapping[str, float]
+    phase: State
+
+    @property
+    def seconds(self) -> float:
+        """Duration, s."""
+        return self.end - self.start
+
+
+class Gap(float):
+    """Seconds without a sample; negative where the clock went back."""
+
+
+class Blocks:
+    """Blocks of a stream of samples.
+
+    Parameters
+    ----------
+    constants : mapping of str to float
+        Conditions that the source does not give, in the units of the laws (``d``, ``D``, ``n``).
+
+    Examples
+    --------
+    >>> blocks = Blocks({"d": 2.0})
+    >>> found = [b for k in range(12) for b in blocks.add(Sample(k / 50, {"P": 1.0}, {"n": 600, "D": 50}))]
+    >>> found[0].loads, round(found[0].conditions["V"], 2)
+    ({'P': 1.0}, 94.25)
+    """
+
+    def __init__(self, constants: Mapping[str, float] | None = None) -> None:
+        self.constants = dict(constants or {})
+        self._held: list[Sample] = []
+        self._begin = self._last = float("nan")  # s: where the block that is being filled begins, and the last sample
+        self._intervals: deque[float] = deque(maxlen=21)
+
+    @property
+    def interval(self) -> float:
+        """Usual time between samples, s; 0 before the second sample."""
+        return median(self._intervals) if self._intervals else 0.0
+
+    def add(self, sample: Sample) -> Iterator[Block | Gap]:
+        """Blocks that are complete with this sample, and a gap before it; a sample counts for the time before it."""
+        passed = sample.time - self._last
+        if passed <= 0 or passed > max(GAP, INTERVALS * self.interval):
+            yield from self.close()
+            yield Gap(passed)
+            if not 0 < passed <= BRIDGED:
+                self._begin = sample.time - self.interval
+        elif passed > 0:
+            self._intervals.append(passed)
+        else:
+            self._begin = sample.time
+        self._last = sample.time
+        self._held.append(sample)
+        length = max(BLOCK, _revolution({**self.constants, **sample.conditions}))
+        if sample.time - self._begin > length - 0.5 * self.interval:
+            yield from self.close()
+
+    def close(self) -> Iterator[Block]:
+        """The block of the samples held, if there are any."""
+        held, self._held = self._held, []
+        if held and self._last > self._begin:
+            yield _block(self._begin, self._last, held, self.constants)
+            self._begin = self._last
+
+
+def _revolution(conditions: Mapping[str, float]) -> float:
+    """Duration of a revolution, s; 0 where it is not known, and at most one second."""
+    n = conditions.get("n", 0.0)
+    if not n and conditions.get("D", 0.0) > 0:
+        n = 1000 * conditions.get("V", 0.0) / (pi * conditions["D"])
+    return min(60 / n, 1.0) if n > 0 else 0.0
+
+
+def _block(start: float, end: float, samples: Sequence[Sample], constants: Mapping[str, float]) -> Block:
+    values: dict[str, list[float]] = {}
+    given: dict[str, list[float]] = {}
+    for sample in samples:
+        for held, readings in ((values, {} if sample.bad else sample.loads), (given, sample.conditions)):
+            for name, value in readings.items():
+                if isfinite(value):
+                    held.setdefault(name, []).append(value)
+    conditions = {**constants, **{name: sum(held) / len(held) for name, held in given.items()}}
+    loads = {name: median(held) for name, held in values.items()}
+    return Block(start, end, values, loads, _derived(conditions), _phase(samples, conditions))
+
+
+def _derived(conditions: dict[str, float]) -> dict[str, float]:
+    """Conditions with V, f and fz computed where they are not given; a standing spindle has no feed a revolution."""
+    for rule in RULES:
+        if rule.role not in DERIVED or rule.role in conditions or not all(name in conditions for name in rule.inputs):
+            continue
+        if rule.role == "V" or conditions.get("n", 1.0) > 0:
+            conditions[rule.role] = float(rule.function(*(conditions[name] for name in rule.inputs)))
+    return conditions
+
+
+def _phase(samples: Sequence[Sample], conditions: Mapping[str, float]) -> State:
+    """What the last sample says, or what a speed or feed of zero says."""
+    said = samples[-1].state
+    if said == "off" or any(conditions.get(name) == 0 for name in ("V", "n")):
+        return "off"
+    if said == "idle" or any(conditions.get(name) == 0 for name in ("f", "fm", "fz")):
+        return "idle"
+    return said

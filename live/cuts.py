@@ -1,0 +1,312 @@
+"""Cuts of a running machine: where a load leaves its idle level, by hysteresis, and the steady windows within them.
+
+As `datasets.signals.cuts` finds them in a whole record, with its thresholds, from samples as they come. What the
+machine says of itself (off, idle) is taken as certain, a feed motion only as possible cutting: the load shows contact.
+Where it says nothing, the first level is taken as idle until the load has returned to it or is less quiet in the cut;
+before that, cutting time counts and loads do not. A load that stands near zero may be that of a stopped spindle.
+"""
+
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from math import isnan, sqrt
+from statistics import median
+from typing import Literal
+
+from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, SETTLED, STARTING
+from ..datasets.signals.options import DRIVEN, ReduceOptions
+from .blocks import BLOCK, BRIDGED, Block, Blocks, Gap
+from .samples import CutEnd, Notice, Sample, Window
+from .windows import IdleLevel, Windows
+
+SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle
+SHORTEST = ReduceOptions().shortest
+THRESHOLD = ReduceOptions().threshold
+COARSE = 0.002  # of the idle level, below which no load is seen
+SILENT = 1.0  # s without a reading in a cut, after which the signal is lost
+
+Found = Window | CutEnd | Notice
+Phase = Literal["starting", "off", "idle", "entry", "cutting"]
+
+
+class Cuts:
+    """Windows and ends of cuts in a stream of samples.
+
+    Parameters
+    ----------
+    constants : mapping of str to float, optional
+        Conditions that the source does not give (``d`` in mm, ``D`` in mm, ``n`` in 1/min).
+    whole : collection of str
+        Loads whose law is one of the whole load: the idle level is not subtracted.
+    rest : {"off", "idle"}, optional
+        What a load of a drive near zero is, where the machine does not say so; None: it is not known.
+    seconds : float
+        Length of a window.
+
+    Examples
+    --------
+    >>> from fitmodels.live.samples import Sample
+    >>> cuts, found = Cuts(seconds=5.0), []
+    >>> for k in range(1500):
+    ...     load, state = (1.8, "feed") if 250 <= k < 1250 else (0.8, "idle")
+    ...     found += cuts.add(Sample(k / 50, {"P": load + 0.01 * (-1) ** (k // 5)}, {"V": 120, "f": 0.2}, state))
+    >>> [(round(w.start, 1), round(w.contact, 3), round(w.loads["P"].ln, 2)) for w in found[:2]]
+    [(5.0, 0.082, -0.0), (9.9, 0.082, -0.0)]
+    >>> type(found[-1]).__name__, cuts.state
+    ('CutEnd', 'idle')
+    """
+
+    def __init__(
+        self,
+        *,
+        constants: Mapping[str, float] | None = None,
+        whole: Collection[str] = (),
+        rest: Literal["off", "idle"] | None = None,
+        seconds: float = 10.0,
+    ) -> None:
+        self.idle: dict[str, IdleLevel] = {}
+        self._blocks, self._windows = Blocks(constants), Windows(self.idle, whole, seconds)
+        self._rest = rest
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing of the moment: no cut, no air."""
+        self._ahead: deque[Block] = deque()
+        self._air: deque[Block] = deque()  # the last moment of air, which may be the ramp of a cut
+        self._second: list[Block] = []  # of air
+        self._follows = False  # whether air lies before it
+        self._air_from = float("-inf")
+        self._span: list[Block] = []  # away from idle, not yet a cut
+        self._below: list[Block] = []  # back at idle, not yet the end of the cut
+        self._cut = self._stopped = False
+        self._started: list[Block] = []  # of a spindle
+        self._lead, self._sign, self._level = "", 1.0, 0.0
+        self._since = float("nan")  # s, from which an idle level is assumed that is not proved
+
+    @property
+    def minutes(self) -> float:
+        """Minutes of cutting since the last window, for the display: they are not yet in any."""
+        return self._windows.minutes
+
+    @property
+    def state(self) -> Phase:
+        """State of the machine as the loads show it."""
+        if self._cut:
+            return "entry" if self._windows.entering else "cutting"
+        if self._stopped:
+            return "off"
+        return "idle" if any(level.known for level in self.idle.values()) else "starting"
+
+    def add(self, item: Sample | Notice) -> list[Found]:
+        """What is found with a sample or a notice of the source; ``"idle"`` changes nothing."""
+        if isinstance(item, Notice):
+            return [] if item.kind in ("idle", "connected") else list(self._lost())
+        found: list[Found] = []
+        for block in self._blocks.add(item):
+            if isinstance(block, Gap):
+                found += [] if 0 < block <= BRIDGED else self._lost()
+            else:
+                found += self._smoothed(block)
+        return found
+
+    def close(self) -> list[Found]:
+        """What is left at the end of a source: a cut that has not ended is lost."""
+        return list(self._lost())
+
+    def _lost(self) -> Iterator[Found]:
+        for block in self._blocks.close():
+            yield from self._smoothed(block)
+        if self._cut:
+            yield from self._end(lost=True)
+        self._forget()
+
+    def _smoothed(self, block: Block) -> Iterator[Found]:
+        """Steps with the medians over half a second around each block: short peaks are gone, edges stay."""
+        width = 2 * round(SMOOTHED / max(block.seconds, BLOCK) / 2) + 1
+        self._ahead.append(block)
+        while len(self._ahead) > width:
+            self._ahead.popleft()
+        if len(self._ahead) < width:
+            return
+        centre = self._ahead[width // 2]
+        loads = {name: median([b.loads[name] for b in self._ahead if name in b.loads]) for name in centre.loads}
+        yield from self._step(replace(centre, loads=loads))
+
+    def _step(self, block: Block) -> Iterator[Found]:
+        if block.phase in ("off", "idle"):
+            yield from self._said(block)
+        elif self._cut:
+            yield from self._in_cut(block)
+        elif self._stopped or self._started:
+            self._in_start(block)
+        else:
+            yield from self._in_air(block)
+
+    def _said(self, block: Block) -> Iterator[Found]:
+        """The machine says that it does not cut."""
+        if self._cut:
+            yield from self._end()
+        self._span, self._started = [], []
+        self._stopped = block.phase == "off"
+        driven = {name: load for name, load in block.loads.items() if name not in DRIVEN}
+        if block.phase == "idle":
+            self._windows.proved = True
+            self._rest_in_air(block)
+        elif driven:
+            self._rest_in_air(block, set(driven))
+        else:
+            self._air_from, self._follows = block.end, False
+
+    def _in_air(self, block: Block) -> Iterator[Found]:
+        name, away = self._furthest(block.loads)
+        high = self._high(name) if name else float("inf")
+        if not self._span and abs(away) <= high:
+            self._rest_in_air(block)
+        elif not self._span or away * self._sign > self._left(abs(self._level), high):
+            if not self._span:
+                self._lead, self._sign, self._level = name, 1.0 if away > 0 else -1.0, 0.0
+                self._air.clear()
+            self._span.append(block)
+            self._level = median([abs(b.loads.get(name, 0.0) - self.idle[name].level) for b in self._span])
+            if sum(b.seconds for b in self._span) >= SHORTEST:
+                yield from self._confirmed()
+        else:
+            self._span = []
+            self._air_from, self._second = block.end, []
+
+    def _furthest(self, levels: Mapping[str, float]) -> tuple[str, float]:
+        """The load furthest from idle by its threshold, or the one that has left it, and how far it is."""
+        known = {name: value - self.idle[name].level for name, value in levels.items() if self._known(name)}
+        if not known:
+            return "", 0.0
+        lead = (
+            self._lead
+            if self._span and self._lead in known
+            else max(known, key=lambda k: abs(known[k]) / self._high(k))
+        )
+        return lead, known[lead]
+
+    def _known(self, name: str) -> bool:
+        return name in self.idle and self.idle[name].known
+
+    def _high(self, name: str) -> float:
+        """Distance from idle at which a cut begins."""
+        idle, reach = self.idle[name], self._windows.reach.get(name)
+        usual = THRESHOLD * median(reach) if reach else 0.0
+        sd = sqrt(idle.noise**2 + idle.reading + idle.variance)
+        return max(NOISE * sd, usual, COARSE * abs(idle.level), 1e-12)
+
+    @staticmethod
+    def _left(level: float, high: float) -> float:
+        """Distance from idle at which a cut of this level has ended."""
+        return max(LEFT * level, min(high / 2, level / 2))
+
+    def _rest_in_air(self, block: Block, only: Collection[str] | None = None) -> None:
+        """Take a block of air into the idle levels, but the last moments before a cut and the first after one."""
+        self._air.append(block)
+        while self._air and block.end - self._air[0].end > SETTLED:
+            earlier = self._air.popleft()
+            if earlier.start >= self._air_from + SETTLED:
+                self._second.append(earlier)
+        if sum(b.seconds for b in self._second) < 1.0 - BLOCK / 2 or len(self._second) < 4:
+            return
+        second, self._second = self._second, []
+        time = (second[0].start + second[-1].end) / 2
+        for name in second[-1].loads.keys() if only is None else second[-1].loads.keys() & only:
+            values = [b.loads[name] for b in second if name in b.loads]
+            if len(values) > 3:
+                self.idle.setdefault(name, IdleLevel()).add(values, time, follows=self._follows)
+        if isnan(self._since):
+            self._since = second[0].start
+        self._follows = True
+
+    def _confirmed(self) -> Iterator[Found]:
+        """A load has been away from idle for as long as a cut."""
+        span, self._span, self._second = self._span, [], []
+        idle, new = self.idle[self._lead], median([b.loads[self._lead] for b in span if self._lead in b.loads])
+        driven = self._lead in DRIVEN
+        if self._sign < 0 and (driven or abs(new) < abs(idle.level)):
+            yield from self._fallen(span, new)
+        elif driven and not self._windows.proved and self._rest != "idle" and abs(idle.level) < OFF * abs(new):
+            self._started = span
+        else:
+            yield from self._begin(span)
+
+    def _begin(self, span: list[Block]) -> Iterator[Found]:
+        self._cut, self._follows, self._second, self._below = True, False, [], []
+        self._windows.begin(self._lead)
+        for block in span:
+            yield from self._windows.add(block)
+
+    def _fallen(self, span: list[Block], new: float) -> Iterator[Found]:
+        """The load fell below the level that was taken as idle: the spindle stopped, or that level was another one."""
+        name, old = self._lead, self.idle[self._lead].level
+        self._air_from = span[0].start
+        if name in DRIVEN and self._windows.proved and abs(new) < OFF * abs(old):
+            self._stopped = True
+            return
+        if not self._windows.proved:
+            minutes = (span[0].start - self._since) / 60
+            yield CutEnd(span[0].start, minutes, self._windows.number, lost=True)
+            yield Notice(
+                span[0].start,
+                "refused",
+                f"{name} fell from {old:.4g} to {new:.4g}, the lowest level so far: the {60 * minutes:.0f} s before "
+                "are counted as cutting, without their loads. Connect while the machine idles, or map its state.",
+            )
+        self.idle.clear()
+        self._since, self._second, self._follows = span[0].start, [], False
+
+    def _in_start(self, block: Block) -> None:
+        """The spindle stands, or has just started: its surge is no cut."""
+        name = self._lead if self._lead in block.loads else next(iter(block.loads), "")
+        if not name or not self._known(name):
+            self._stopped, self._started = False, []
+            return
+        idle = self.idle[name]
+        if self._stopped:
+            if block.loads[name] < idle.level / 2:
+                return
+            self._stopped, self._started = False, [block]
+            return
+        self._started.append(block)
+        passed = block.end - self._started[0].start
+        near = [abs(b.loads.get(name, idle.level) - idle.level) for b in self._started[-5:]]
+        if self._windows.proved and (passed > STARTING or (passed > SHORTEST and max(near) < self._high(name))):
+            self._started, self._air_from, self._follows = [], block.end, False
+        elif not self._windows.proved and passed > STARTING:
+            self._assume_idle(name)
+
+    def _assume_idle(self, name: str) -> None:
+        """Take the lowest second after a start as idle."""
+        started, self._started = self._started, []
+        values = [b.loads[name] for b in started if name in b.loads]
+        size = max(4, len(values) // round(STARTING))
+        low = min((values[k : k + size] for k in range(0, len(values) - size + 1, size)), key=median)
+        self.idle.clear()
+        self.idle[name] = IdleLevel()
+        for part in (low, low):
+            self.idle[name].add(part, started[-1].end, follows=True)
+        self._since, self._air_from, self._follows = started[0].start, started[-1].end, False
+
+    def _in_cut(self, block: Block) -> Iterator[Found]:
+        if self._lead not in block.loads:
+            yield from self._windows.add(block)
+            if self._windows.silent(SILENT):
+                yield from self._end(lost=True)
+            return
+        away = self._sign * (block.loads[self._lead] - self.idle[self._lead].level)
+        self._level += min(1.0, block.seconds / FOLLOWING) * (away - self._level)
+        if away < self._left(self._level, self._high(self._lead)):
+            self._below.append(block)
+            if sum(b.seconds for b in self._below) >= MERGED:
+                self._air_from = self._below[0].start
+                yield from self._end()
+            return
+        below, self._below = self._below, []
+        for earlier in (*below, block):
+            yield from self._windows.add(earlier)
+
+    def _end(self, *, lost: bool = False) -> Iterator[Found]:
+        yield from self._windows.close(lost=lost)
+        self._cut, self._below, self._level = False, [], 0.0

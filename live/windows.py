@@ -1,0 +1,396 @@
+"""Windows of a cut: means of loads above their idle level, with a standard error that holds for both.
+
+The idle level is a random walk that is read each second of air (a Kalman filter of one state): its variance grows
+during a cut by a drift that is learned from the steps between the air before and after cuts. The variance of a mean
+is that of the means of ten parts of the window, and of neighbouring windows of a cut: neither assumes that samples are
+independent. The idle level enters every window of a cut alike.
+"""
+
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import inf, log, sqrt
+from statistics import fmean, median, stdev
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Array
+from ..datasets.signals.cuts import MERGED, SETTLED, settled_blocks
+from ..datasets.signals.options import DRIVEN
+from ..datasets.signals.statistics import PARTS, batch_variance
+from .blocks import BLOCK, Block
+from .samples import CutEnd, LoadMean, Notice, Window
+
+SECONDS_OF_DRIFT = 30.0  # s in which the idle level drifts by the noise of a second of air, before it is learned
+OUTLYING = 6.0  # standard deviations, from the median absolute deviation, from which a value is left out
+CERTAIN = 3.0  # standard errors by which a cut exceeds idle
+OWN = 1.0  # weight of the scatter of a window beside that of a window before it
+MEMORY = 20.0  # windows that the scatter is averaged over, at most
+PAIRS = 5  # of neighbouring windows, at least
+NORMAL = 0.4549  # median of the square of a standard normal variate
+MAD = 1.4826
+CHANGED = 0.03  # relative change of a condition that begins another window
+STEADY = 0.5  # s for which it stays so
+LEAST = 1.0  # s of a window
+QUIETER = 2.0  # ratio of the scatters of cut and air that shows which is which
+
+
+@dataclass(slots=True)
+class IdleLevel:
+    """Level of a load in the air and its drift.
+
+    Attributes
+    ----------
+    level : float
+        In the unit of the load.
+    variance : float
+        Of the level at ``time``; infinite before the first second of air.
+    time : float
+        s, middle of the last second of air.
+    mean : float
+        Of that second.
+    reading : float
+        Variance of such a mean, from successive seconds.
+    scatters : list of float
+        Standard deviations of the blocks of the last seconds of air.
+    walk : float
+        Variance that the level gained per second over cuts, mean of the steps seen.
+    steps, seconds : int
+        Steps from which ``walk``, and differences from which ``reading`` was learned.
+    """
+
+    level: float = 0.0
+    variance: float = inf
+    time: float = 0.0
+    mean: float = 0.0
+    reading: float = 0.0
+    scatters: list[float] = field(default_factory=list)
+    walk: float = 0.0
+    steps: int = 0
+    seconds: int = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether two seconds of air have been read."""
+        return len(self.scatters) > 1
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of blocks in a quiet second of air."""
+        return median(self.scatters) if self.scatters else 0.0
+
+    @property
+    def drift(self) -> float:
+        """Variance that the level gains per second; what is assumed before it is learned counts as two steps."""
+        return (2 * self.reading / SECONDS_OF_DRIFT + self.steps * self.walk) / (2 + self.steps)
+
+    def variance_at(self, time: float) -> float:
+        """Variance of the level at a time, s."""
+        return self.variance + self.drift * max(0.0, time - self.time)
+
+    def add(self, values: Sequence[float], time: float, *, follows: bool) -> None:
+        """Take in the blocks of a second of air around ``time`` (s); ``follows``: no cut lies before it."""
+        mean = fmean(values)
+        self.scatters = [*self.scatters, stdev(values)][-30:]
+        if self.variance == inf:
+            self.level, self.reading = mean, stdev(values) ** 2
+            self.variance = self.reading
+        else:
+            if follows:
+                self._learn_reading(mean)
+            else:
+                self._learn_drift(mean, time)
+            before = self.variance_at(time)
+            gain = before / (before + self.reading) if before > 0 else 0.0
+            self.level += gain * (mean - self.level)
+            self.variance = (1 - gain) * before
+        self.mean, self.time = mean, time
+
+    def unsettle(self, variance: float) -> None:
+        """Add to the variance: the level has changed to a value that is not known, as with another spindle speed."""
+        self.variance += variance
+
+    def _learn_reading(self, mean: float) -> None:
+        half = (mean - self.mean) ** 2 / 2
+        self.seconds += 1
+        self.reading += (min(half, 10 * self.reading) - self.reading) / min(self.seconds + 1, 30)
+
+    def _learn_drift(self, mean: float, time: float) -> None:
+        step = max(0.0, (mean - self.level) ** 2 - self.variance - self.reading)
+        rate = min(step / max(time - self.time, 1.0), 30 * self.drift)
+        self.steps = min(self.steps + 1, 20)
+        self.walk += (rate - self.walk) / self.steps
+
+
+@dataclass(slots=True)
+class MeanNoise:
+    """Scatter of the means of windows of a load, relative to the load, learned over windows.
+
+    Attributes
+    ----------
+    own : float
+        Variance of a mean times its seconds, from the parts of windows.
+    windows : float
+        Windows that entered, at most `MEMORY`.
+    pairs : list of float
+        Squared differences of the ln of neighbouring windows, times their seconds.
+    """
+
+    own: float = 0.0
+    windows: float = 0.0
+    pairs: list[float] = field(default_factory=list)
+
+    def add(self, own: float, seconds: float) -> None:
+        """Take in the relative variance of the mean of a window."""
+        self.windows = min(self.windows + 1, MEMORY)
+        self.own += (own * seconds - self.own) / self.windows
+
+    def add_pair(self, step: float, seconds: float) -> None:
+        """Take in the step of the ln from a window to the next one."""
+        self.pairs = [*self.pairs, step**2 * seconds][-40:]
+
+    def variance(self, seconds: float) -> float:
+        """Relative variance of the mean of a window that lasts so long."""
+        apart = median(self.pairs) / NORMAL / 2 if len(self.pairs) >= PAIRS else 0.0
+        return max(self.own, apart) / seconds
+
+
+@dataclass(frozen=True, slots=True)
+class PlainMean:
+    """Mean of a load over a window, with idle: value, variance from its parts, and samples without outliers."""
+
+    value: float
+    variance: float
+    samples: int
+
+
+def plain_mean(parts: Sequence[Sequence[float]]) -> PlainMean:
+    """Mean of blocks, each a sequence of samples, without outlying samples and blocks.
+
+    Examples
+    --------
+    >>> mean = plain_mean([[1.0, 1.2], [1.1, 0.9], [1.0, 90.0], [1.0, 1.1], [0.9, 1.0], [1.1, 1.2]])
+    >>> round(mean.value, 2), mean.samples
+    (1.04, 11)
+    """
+    values = np.concatenate([np.asarray(part, dtype=np.float64) for part in parts])
+    kept = np.where(_near(values), values, np.nan)
+    lengths = np.cumsum([len(part) for part in parts])[:-1]
+    means = np.array([part[np.isfinite(part)].mean() for part in np.split(kept, lengths) if np.isfinite(part).any()])
+    means = means[_near(means)]
+    if len(means) < 2 * PARTS:
+        variance = float(np.mean(np.diff(means) ** 2) / 2 / len(means)) if len(means) > 1 else inf
+    else:
+        variance = batch_variance(means)
+    return PlainMean(float(means.mean()), variance, int(np.isfinite(kept).sum()))
+
+
+def _near(values: Array) -> NDArray[np.bool_]:
+    off = np.abs(values - np.median(values))
+    spread = MAD * float(np.median(off))
+    return off <= OUTLYING * spread if spread > 0 else np.ones(len(values), dtype=bool)
+
+
+def load_mean(mean: PlainMean, idle: tuple[float, float], noise: MeanNoise, seconds: float) -> LoadMean | None:
+    """Mean of the ln above an idle level, or None where the load does not exceed it.
+
+    Parameters
+    ----------
+    mean : PlainMean
+    idle : tuple of float
+        Level, in the unit of the load, and its variance; zeros where the law is one of the whole load.
+    noise : MeanNoise
+        Scatter of windows before; takes in this one.
+    seconds : float
+        Duration of the window.
+    """
+    net = mean.value - idle[0]
+    if not net > CERTAIN * sqrt(mean.variance + idle[1]):
+        return None
+    noise.add(mean.variance / net**2, seconds)
+    own = (OWN * mean.variance / net**2 + noise.windows * noise.variance(seconds)) / (OWN + noise.windows)
+    return LoadMean(log(net), sqrt(own + idle[1] / net**2), mean.samples)
+
+
+class Windows:
+    """Windows of the cuts of a stream.
+
+    Parameters
+    ----------
+    idle : mapping of str to IdleLevel
+        By load; the caller keeps it up to date.
+    whole : collection of str
+        Loads whose law is one of the whole load: the idle level is not subtracted.
+    seconds : float
+        Length of a window.
+
+    Attributes
+    ----------
+    number : int
+        Of the cut.
+    entering : bool
+        Whether the load has not settled since the cut, or another feed, began.
+    proved : bool
+        Whether the idle level is known to be one; loads above a level that may be that of a cut are not used.
+    last : float
+        s, end of the last block.
+    """
+
+    def __init__(self, idle: Mapping[str, IdleLevel], whole: Collection[str], seconds: float) -> None:
+        self.idle, self.whole, self.seconds = idle, frozenset(whole), seconds
+        self.noise: dict[str, MeanNoise] = {}
+        self.reach: dict[str, deque[float]] = {}  # levels above idle in the last windows
+        self.number, self.last = 0, 0.0
+        self.entering, self.proved = True, False
+        self._lead = ""
+        self._segment: list[Block] = []  # of the next window
+        self._carried: list[Block] = []  # cut, in no window
+        self._first = True  # no window of the cut yet
+        self._previous: Window | None = None
+        self._said: set[str] = set()
+
+    @property
+    def minutes(self) -> float:
+        """Minutes of cutting since the last window."""
+        return sum(b.seconds for part in (self._carried, self._segment) for b in part) / 60
+
+    def begin(self, lead: str) -> None:
+        """Begin a cut, which was found on the load ``lead``."""
+        self.number += 1
+        self.entering = self._first = True
+        self._lead, self._previous = lead, None
+
+    def add(self, block: Block) -> Iterator[Window | Notice]:
+        """Take a block of the cut; windows that are complete with it."""
+        self._segment.append(block)
+        self.last = block.end
+        if at := self._change():
+            earlier, self._segment = self._segment[:at], self._segment[at:]
+            yield from self._window(earlier, leaving=False)
+            self.entering, self._previous = True, None
+        elif sum(b.seconds for b in self._segment) >= self.seconds + MERGED:
+            held = next(k for k, b in enumerate(self._segment) if block.end - b.end <= MERGED)
+            earlier, self._segment = self._segment[:held], self._segment[held:]
+            yield from self._window(earlier, leaving=False)
+
+    def close(self, *, lost: bool) -> Iterator[Window | CutEnd | Notice]:
+        """The last window of the cut and its end; a cut without a window gives one without loads."""
+        segment, self._segment = self._segment, []
+        yield from self._window(segment, leaving=True)
+        if self._first and self._carried:
+            part, self._carried = self._carried, []
+            minutes = sum(b.seconds for b in part) / 60
+            yield Window(part[0].start, part[-1].end, minutes, _conditions(part), {}, self.number)
+        yield CutEnd(self.last, self.minutes, self.number, lost)
+        self._carried = []
+        self.proved |= not lost
+
+    def silent(self, seconds: float) -> bool:
+        """Whether the load of the cut has not been read for so long."""
+        heard = [b.end for b in (*self._carried, *self._segment) if self._lead in b.loads]
+        return bool(heard) and self.last - heard[-1] > seconds
+
+    def _change(self) -> int:
+        """Number of blocks before a condition changed and stayed so for half a second; 0 where none did."""
+        last = self._segment[-1]
+        recent = next(k for k, b in enumerate(self._segment) if last.end - b.end < STEADY)
+        before, after = self._segment[:recent], self._segment[recent:]
+        if not before or sum(b.seconds for b in after) < STEADY - BLOCK / 2:
+            return 0
+        for name, old in _conditions(before).items():
+            steps = [b.conditions[name] - old for b in after if name in b.conditions]
+            if steps and min(map(abs, steps)) > CHANGED * abs(old) and min(steps) * max(steps) > 0:
+                if name == "V":
+                    self._unsettle(fmean(steps) / old if old else 1.0)
+                return recent
+        return 0
+
+    def _unsettle(self, change: float) -> None:
+        """The idle level at another spindle speed is another one: by as much as the speed, at most."""
+        for name, idle in self.idle.items():
+            if name in DRIVEN:
+                idle.unsettle((change * idle.level) ** 2)
+
+    def _window(self, blocks: Sequence[Block], *, leaving: bool) -> Iterator[Window | Notice]:
+        """The window of a part of a cut, without entry and exit; blocks that are in none are carried on."""
+        first, end = 0, len(blocks)
+        loads = [abs(b.loads.get(self._lead, 0.0) - self.idle[self._lead].level) for b in blocks]
+        run = max(1, round(SETTLED / (blocks[0].seconds if blocks else 1.0)))
+        if len(blocks) > 2 * run and self.entering:
+            first = settled_blocks(np.array(loads), run)
+        if len(blocks) > 2 * run and leaving:
+            end -= settled_blocks(np.array(loads[::-1]), run)
+        part = blocks[first:end]
+        if sum(b.seconds for b in part) < LEAST - BLOCK / 2:
+            self._carried += blocks
+            return
+        means: dict[str, LoadMean] = {}
+        for name in dict.fromkeys(name for b in part for name in b.loads):
+            found = self._load(name, part)
+            if isinstance(found, Notice):
+                yield found
+            elif found is not None:
+                means[name] = found
+        every = [*self._carried, *blocks[:end]]
+        minutes = sum(b.seconds for b in every) / 60
+        window = Window(part[0].start, part[-1].end, minutes, _conditions(every), means, self.number)
+        self._carried = list(blocks[end:])
+        self.entering = False
+        self._first = False
+        self._pair(window)
+        yield window
+
+    def _load(self, name: str, part: Sequence[Block]) -> LoadMean | Notice | None:
+        """Mean of a load over a window, or why there is none; None where that was said before."""
+        if name not in self.idle or not self.idle[name].known:
+            return None
+        values = [b.values[name] for b in part if name in b.values]
+        if len(values) < 4 or len(values) < len(part) / 2:
+            return None
+        if not self.proved:
+            loads = [b.loads[name] for b in part if name in b.loads]
+            self.proved = stdev(loads) > QUIETER * self.idle[name].noise
+        mean, idle, start, end = plain_mean(values), self.idle[name], part[0].start, part[-1].end
+        level = (0.0, 0.0) if name in self.whole else (idle.level, idle.variance_at((start + end) / 2))
+        if mean.value > idle.level and not self.proved:
+            return self._once(
+                f"unproved {name}",
+                f"{name} is {mean.value:.4g} and was {idle.level:.4g} before: whether that was idle is seen when it "
+                "returns there; until then cutting time counts and loads do not.",
+            )
+        found = load_mean(mean, level, self.noise.setdefault(name, MeanNoise()), end - start)
+        above = mean.value - idle.level
+        if found is None or above <= 0:
+            return self._once(
+                f"below {name}",
+                f"{name} is {mean.value:.4g} in the cut and {idle.level:.4g} when idle: a cut must exceed idle. Reverse "
+                "its sign at the source, or map another channel. Cutting time counts without this load.",
+            )
+        self.reach.setdefault(name, deque(maxlen=10)).append(above)
+        return found
+
+    def _pair(self, window: Window) -> None:
+        """Learn the scatter of means from two neighbouring windows of a cut under the same conditions."""
+        before, self._previous = self._previous, window
+        if before is None or before.end - before.start < self.seconds / 2:
+            return
+        for name in window.loads.keys() & before.loads.keys():
+            seconds = (before.end - before.start + window.end - window.start) / 2
+            self.noise[name].add_pair(window.loads[name].ln - before.loads[name].ln, seconds)
+
+    def _once(self, key: str, text: str) -> Notice | None:
+        """A notice of what cannot be used, the first time."""
+        if key in self._said:
+            return None
+        self._said.add(key)
+        return Notice(self.last, "refused", text)
+
+
+def _conditions(blocks: Sequence[Block]) -> dict[str, float]:
+    """Means over time."""
+    out: dict[str, float] = {}
+    for name in dict.fromkeys(name for b in blocks for name in b.conditions):
+        held = [(b.conditions[name], b.seconds) for b in blocks if name in b.conditions]
+        out[name] = sum(value * seconds for value, seconds in held) / sum(seconds for _, seconds in held)
+    return out

@@ -1,0 +1,210 @@
+"""Cuts and windows of a running machine against signals of known truth."""
+
+from math import exp
+
+import numpy as np
+import pytest
+from fitmodels.live.cuts import Cuts
+from fitmodels.live.samples import CutEnd, Notice, Sample, Window
+
+AT = {"V": 120.0, "f": 0.2, "d": 2.0}
+
+
+def signal(parts, rate=50.0, noise=0.01, seed=1):
+    """Times and values of levels held for some seconds, [(seconds, level), ...]; cuts above 1 are less quiet."""
+    rng = np.random.default_rng(seed)
+    values = np.concatenate([np.full(round(s * rate), level) for s, level in parts])
+    return np.arange(len(values)) / rate, values + rng.normal(0, noise, len(values)) * np.where(
+        np.abs(values) > 1, 3, 1
+    )
+
+
+def watch(cuts, times, name="P", **others):
+    """What is found in samples of one load; ``others``: arrays or values of state, conditions, bad."""
+    found = []
+    for k, t in enumerate(times[0]):
+        given = {key: value[k] if isinstance(value, list) else value for key, value in others.items()}
+        found += cuts.add(Sample(float(t), {name: float(times[1][k])}, **{"conditions": AT, **given}))
+    return found + cuts.close()
+
+
+def windows(found):
+    return [item for item in found if isinstance(item, Window)]
+
+
+def ends(found):
+    return [item for item in found if isinstance(item, CutEnd)]
+
+
+def texts(found):
+    return [item.text for item in found if isinstance(item, Notice)]
+
+
+def contact(found):
+    return 60 * sum(item.contact for item in found if isinstance(item, (Window, CutEnd)))
+
+
+def test_windows_hold_the_mean_above_idle_and_all_of_the_time():
+    found = watch(Cuts(), signal([(6, 0.8), (40, 1.8), (6, 0.8), (15, 1.3), (5, 0.8)], noise=0.03))
+    assert [end.cut for end in ends(found)] == [1, 2]
+    assert [round(exp(w.loads["P"].ln), 1) for w in windows(found)] == [1.0] * 4 + [0.5] * 2
+    assert all(0.0005 < w.loads["P"].se < 0.02 for w in windows(found))
+    assert contact(found) == pytest.approx(55, abs=0.5)
+    assert windows(found)[0].conditions == pytest.approx(AT)
+
+
+def test_outliers_and_short_peaks_count_little():
+    t, load = signal([(6, 0.8), (30, 1.8), (6, 0.8)])
+    load[20::37] += 40.0
+    load[200:220] = 5.0  # s 4.0 to 4.4: no cut
+    found = watch(Cuts(), (t, load))
+    assert len(ends(found)) == 1
+    assert [exp(w.loads["P"].ln) for w in windows(found)] == pytest.approx([1.0] * 3, abs=0.02)
+
+
+def test_another_feed_begins_another_window():
+    t, load = signal([(6, 0.8), (20, 1.8), (20, 2.3), (6, 0.8)])
+    feeds = [{"f": 0.2 if x < 26 else 0.3, "V": 120.0} for x in t]
+    found = watch(Cuts(seconds=15.0), (t, load), conditions=feeds)
+    assert [round(w.conditions["f"], 2) for w in windows(found)] == [0.2, 0.2, 0.3, 0.3]
+    assert [exp(w.loads["P"].ln) for w in windows(found)] == pytest.approx([1.0, 1.0, 1.5, 1.5], abs=0.01)
+
+
+def test_speed_and_feed_follow_from_spindle_and_feed_rate():
+    given = {"n": 1000.0, "D": 50.0, "fm": 150.0}
+    found = watch(Cuts(constants={"d": 2.0}), signal([(6, 0.8), (12, 1.8), (6, 0.8)]), conditions=given)
+    assert windows(found)[0].conditions["V"] == pytest.approx(157.08, abs=0.01)
+    assert windows(found)[0].conditions["f"] == pytest.approx(0.15)
+    assert windows(found)[0].conditions["d"] == 2.0
+
+
+def test_feeding_in_the_air_is_no_cut():
+    found = watch(Cuts(), signal([(30, 0.8)]), state="feed")
+    assert found == []
+
+
+def test_what_the_machine_says_is_certain():
+    t, load = signal([(6, 0.8), (20, 1.8), (10, 1.5)])
+    said = ["idle" if x < 6 or x >= 26 else "feed" for x in t]  # a load that rose although the feed stands
+    found = watch(Cuts(), (t, load), state=said)
+    assert [round(end.time) for end in ends(found)] == [26]
+    assert contact(found) == pytest.approx(20, abs=0.3)
+
+
+def test_a_signal_lost_in_mid_cut_ends_it_as_lost():
+    cuts = Cuts()
+    t, load = signal([(6, 0.8), (15.5, 1.8)])
+    found = []
+    for time, value in zip(t, load, strict=True):
+        found += cuts.add(Sample(time, {"P": value}, AT))
+    found += cuts.add(Notice(21.5, "lost", "the server does not answer"))
+    assert [end.lost for end in ends(found)] == [True]
+    assert contact(found) == pytest.approx(15.5, abs=0.3)
+    t, load = signal([(8, 1.8), (5, 0.8)], seed=2)
+    for time, value in zip(t, load, strict=True):  # 40 s later: still in the cut
+        found += cuts.add(Sample(60 + time, {"P": value}, AT))
+    assert len(ends(found)) == 2
+    assert contact(found) == pytest.approx(23.5, abs=0.6)
+    assert exp(windows(found)[-1].loads["P"].ln) == pytest.approx(1.0, abs=0.02)
+
+
+def test_readings_that_stop_or_are_bad_end_a_cut_as_lost():
+    t, load = signal([(6, 0.8), (20, 1.8)])
+    bad = ["" if x < 20 else "BadSensorFailure" for x in t]
+    found = watch(Cuts(), (t, load), bad=bad)
+    assert [end.lost for end in ends(found)] == [True]
+    assert ends(found)[0].time == pytest.approx(21, abs=0.6)
+
+
+@pytest.mark.parametrize("jump", [-3600.0, 3600.0])
+def test_a_jump_of_the_clock_adds_no_time(jump):
+    t, load = signal([(6, 0.8), (30, 1.8), (6, 0.8)])
+    found = watch(Cuts(), (np.where(t < 20, t, t + jump), load))
+    assert contact(found) == pytest.approx(30, abs=0.6)
+    assert [end.lost for end in ends(found)] == [True, False]
+    assert all(w.contact >= 0 and w.end > w.start for w in windows(found))
+
+
+def test_a_short_gap_within_a_cut_counts_as_cutting():
+    t, load = signal([(6, 0.8), (30, 1.8), (6, 0.8)])
+    kept = (t < 15) | (t > 18)
+    found = watch(Cuts(), (t[kept], load[kept]))
+    assert [end.lost for end in ends(found)] == [False]
+    assert contact(found) == pytest.approx(30, abs=0.5)
+
+
+def test_a_watch_that_begins_in_a_cut_counts_its_time_and_not_its_load():
+    found = watch(Cuts(), signal([(20, 1.8), (6, 0.8), (20, 1.6), (6, 0.8)], noise=0.03))
+    assert contact(found) == pytest.approx(40, abs=1.5)
+    assert "the 20 s before are counted" in texts(found)[0]
+    assert "Connect while the machine idles" in texts(found)[0]
+    assert [round(exp(w.loads["P"].ln), 1) for w in windows(found) if w.loads] == [0.8, 0.8]
+
+
+def test_a_load_below_idle_in_the_cut_is_refused():
+    t, load = signal([(6, 0.8), (20, 0.5), (6, 0.8)])
+    said = ["feed" if 6 <= x < 26 else "idle" for x in t]
+    found = watch(Cuts(), (t, load), state=said)
+    assert not any(w.loads for w in windows(found))
+    found = watch(Cuts(), signal([(6, 0.5), (20, -300.0), (6, 0.5)], noise=1.0), name="Fc")
+    assert not any(w.loads for w in windows(found))
+    assert contact(found) == pytest.approx(20, abs=0.5)
+    assert "a cut must exceed idle. Reverse its sign" in texts(found)[-1]
+
+
+def test_off_idle_and_cut_of_a_drive_are_three_states():
+    cuts = Cuts()
+    spindle = [
+        (6, 0.01),
+        (1.5, 3.0),
+        (6, 0.8),
+        (20, 1.8),
+        (6, 0.8),
+        (8, 0.01),
+        (1.5, 3.0),
+        (6, 0.8),
+        (20, 2.3),
+        (6, 0.8),
+    ]
+    found = watch(cuts, signal([*spindle, (6, 0.01)]))
+    used = [round(exp(w.loads["P"].ln), 1) for w in windows(found) if w.loads]
+    assert used[-2:] == [1.5, 1.5]
+    assert set(used) == {1.0, 1.5}
+    assert contact(found) == pytest.approx(40, abs=1.0)
+    assert cuts.idle["P"].level == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_spindle_that_stands_by_its_speed_is_off():
+    cuts = Cuts()
+    t, load = signal([(10, 0.01), (8, 0.8), (12, 1.8), (6, 0.8)])
+    speeds = [{"n": 0.0 if x < 10 else 800.0, "D": 50.0} for x in t]
+    assert cuts.state == "starting"
+    found = watch(cuts, (t, load), conditions=speeds)
+    assert exp(windows(found)[0].loads["P"].ln) == pytest.approx(1.0, abs=0.02)
+    assert len(ends(found)) == 1
+
+
+def test_one_sample_a_second_is_enough():
+    found = watch(Cuts(), signal([(20, 0.8), (60, 1.8), (20, 0.8)], rate=1.0))
+    assert contact(found) == pytest.approx(60, abs=2)
+    assert exp(windows(found)[1].loads["P"].ln) == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_law_of_the_whole_load_keeps_the_idle_level():
+    found = watch(Cuts(whole=["P"]), signal([(6, 0.8), (20, 1.8), (6, 0.8)]))
+    assert exp(windows(found)[0].loads["P"].ln) == pytest.approx(1.8, abs=0.01)
+
+
+def test_the_standard_error_covers_correlated_noise_and_a_drifting_idle_level():
+    """At least .85 of nominal 95 % are asked for."""
+    rng = np.random.default_rng(3)
+    t, load = signal([(8, 0.8)] + [(30, 1.8), (8, 0.8)] * 20, noise=0.0)
+    slow = np.zeros(len(t))
+    for k in range(1, len(t)):
+        slow[k] = 0.98 * slow[k - 1] + rng.normal(0, 0.01)
+    drift = np.cumsum(rng.normal(0, 0.0006, len(t)))
+    found = watch(Cuts(), (t, load + slow * (load > 1) + drift + rng.normal(0, 0.02, len(t))))
+    errors = np.array([(w.loads["P"].ln, w.loads["P"].se) for w in windows(found) if w.loads])
+    assert len(errors) > 55
+    assert np.mean(np.abs(errors[:, 0]) < 1.96 * errors[:, 1]) >= 0.85
+    assert np.median(errors[:, 1]) < 0.04
