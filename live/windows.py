@@ -364,8 +364,8 @@ class Windows:
         if found is None or above <= 0:
             return self._once(
                 f"below {name}",
-                f"{name} is {mean.value:.4g} in the cut and {idle.level:.4g} when idle: a cut must exceed idle. Reverse "
-                "its sign at the source, or map another channel. Cutting time counts without this load.",
+                f"{name} is {mean.value:.4g} in the cut and {idle.level:.4g} when idle: a cut must exceed idle. "
+                "Reverse its sign at the source, or map another channel. Cutting time counts without this load.",
             )
         self.reach.setdefault(name, deque(maxlen=10)).append(above)
         return found
