@@ -180,10 +180,10 @@ def main():
     parser.add_argument("--record", type=Path, nargs="*", default=[])
     options = parser.parse_args()
     print(
-        "simulation           cuts         false  edges [s]  contact windows   bias  error  se      coverage of 95 %   us a"
+        "simulation      cuts         false  edges [s]  contact windows   bias  error  se      coverage of 95 %  us a"
     )
     print(
-        "noise       machine  found               in   out   error                 (median)     with wander, without sample"
+        "noise       machine found              in   out   error                 (median)     with wander, w.o. sample"
     )
     worst = min(study(case, 3600 * options.hours, says, options.seed) for case in LEVELS for says in (False, True))
     print(f"least coverage {worst:.3f}; aim .85: {'met' if worst >= 0.85 else 'not met'}")
