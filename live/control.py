@@ -15,9 +15,10 @@ controller goes to its own safe state. `ControlSession` needs no LinuxCNC; `live
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Final, Literal
 
 from ..core.errors import GateError, UsageError
+from .linuxcnc_control import HalLink, Link, Runner
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
@@ -167,26 +168,30 @@ def require_consent(controller: Controller, given: str) -> None:
         )
 
 
-class Link(Protocol):
-    """Connection with the machine."""
+def open_control(pf: "ParameterFile", consent: str, reference: float | None = None, python: str = "") -> "Runner":
+    """Connection with the controller of a parameter file on this machine, an outlet of a watch.
 
-    def values(self) -> tuple[float, Mapping[str, Value]] | None:
-        """Time of the last values in s (monotonic clock), and value by pin or signal; None before the first."""
+    Parameters
+    ----------
+    consent : str
+        `consent_words`.
+    reference : float, optional
+        Load that the controller holds, unit_load; that of the file by default.
+    python : str
+        Of LinuxCNC; ``/usr/bin/python3`` by default.
 
-    def problem(self) -> str:
-        """Reason why the connection ended; empty while it lasts."""
-
-    def send(self, beat: bool, pins: Mapping[str, float]) -> None:
-        """Keep the heartbeat going, or stop it, and write pins."""
-
-    def close(self) -> None:
-        """End the connection, and the heartbeat with it."""
-
-
-@dataclass(slots=True)
-class _Wanted:
-    reference: float
-    high: float
+    Raises
+    ------
+    GateError, UsageError
+        No such controller, or no consent.
+    """
+    controller = controller_of(pf)
+    require_consent(controller, consent)
+    pins = (*STATUS, *READINGS, *controller.settings)
+    link = HalLink(pins, controller.limits(), controller.heartbeat, python or "/usr/bin/python3")
+    session = ControlSession(controller, link)
+    session.request(reference=reference)
+    return Runner(session)
 
 
 @dataclass(slots=True)
@@ -195,11 +200,6 @@ class ControlSession:
 
     `step` is called some 20 times a second (`live.linuxcnc_control.Runner`); the heartbeat lasts half a second longer
     than its calls.
-
-    Parameters
-    ----------
-    controller : Controller
-    link : Link
 
     Attributes
     ----------
@@ -219,12 +219,12 @@ class ControlSession:
     _since: float = math.nan
     _trials: int = 0
     _latch_seen: bool = False
-    _wanted: _Wanted = field(init=False)
+    _wanted: dict[str, float] = field(default_factory=dict)
     _written: dict[str, float] = field(default_factory=dict)
     _written_at: float = math.nan
 
     def __post_init__(self) -> None:
-        self._wanted = _Wanted(self.controller.reference[1], self.controller.high[1])
+        self._wanted = {"reference": self.controller.reference[1], "high": self.controller.high[1]}
 
     def request(self, reference: float | None = None, high: float | None = None) -> str:
         """Ask for a reference (unit_load) or an upper limit of the feed (unit_feed), and return what is taken.
@@ -241,7 +241,7 @@ class ControlSession:
                 raise UsageError(f"{name} {value} {unit} is no number; give one, or none to leave it as it is.")
             low, most = getattr(self.controller, name)
             used = min(max(value, low), most)
-            setattr(self._wanted, name, used)
+            self._wanted[name] = used
             bounded = "" if used == value else f" (asked for {value:.6g}, range {low:.6g} to {most:.6g})"
             taken.append(f"{'feed limit' if name == 'high' else name} {used:.6g} {unit}{bounded}")
         return ", ".join(taken)
@@ -269,17 +269,18 @@ class ControlSession:
 
     def facts(self) -> dict[str, object]:
         """JSON-able description for every view."""
-        loop, (_, values) = self.controller.loop, self.link.values() or (math.nan, {})
+        c, loop, (_, values) = self.controller, self.controller.loop, self.link.values() or (math.nan, {})
+
+        def range_of(value: Value | None, name: str, ends: tuple[float, float], unit: str) -> dict[str, object]:
+            return {"value": value, "wanted": self._wanted[name], "low": ends[0], "high": ends[1], "unit": unit}
+
+        flags = ("fault", "overload", "worn", "cut")
         return {
             "phase": self.phase, "text": self.text, "trip_seconds": None if math.isnan(self.trip) else self.trip,
-            "reference": {"value": values.get("fm.pid.command"), "wanted": self._wanted.reference,
-                          "low": self.controller.reference[0], "high": self.controller.reference[1],
-                          "unit": loop.unit_load},
-            "feed_limit": {"value": _feed(values.get("fm.limit.max"), loop), "wanted": self._wanted.high,
-                           "low": self.controller.high[0], "high": self.controller.high[1], "unit": loop.unit_feed},
+            "reference": range_of(values.get("fm.pid.command"), "reference", c.reference, loop.unit_load),
+            "feed_limit": range_of(_feed(values.get("fm.limit.max"), loop), "high", c.high, loop.unit_feed),
             "load": values.get("fm-filtered"), "feed": _feed(values.get("fm-feed"), loop),
-            "fault": bool(values.get("fm-fault")), "overload": bool(values.get("fm-overload")),
-            "worn": bool(values.get("fm-worn")), "cutting": bool(values.get("fm-cut")),
+            **{name: bool(values.get(f"fm-{name}")) for name in flags},
         }  # fmt: skip
 
     def _go(self, phase: Phase, now: float, text: str) -> None:
@@ -350,7 +351,7 @@ class ControlSession:
         return self._write(now, values)
 
     def _write(self, now: float, values: Mapping[str, Value]) -> None:
-        wanted = self.controller.pins(self._wanted.reference, self._wanted.high)
+        wanted = self.controller.pins(**self._wanted)
         if values["fm-cut"]:  # the feed limit is five settings, which a closed loop would meet one by one
             wanted = {"fm.pid.command": wanted["fm.pid.command"]}
         new = {pin: value for pin, value in wanted.items() if not _same(self._written[pin], value)}
@@ -360,8 +361,8 @@ class ControlSession:
             self.link.send(True, new)
             loop = self.controller.loop
             self.text = (
-                f"written: reference {self._wanted.reference:.6g} {loop.unit_load}"
-                + (f", feed limit {self._wanted.high:.6g} {loop.unit_feed}" if "fm.limit.max" in new else "")
+                f"written: reference {self._wanted['reference']:.6g} {loop.unit_load}"
+                + (f", feed limit {self._wanted['high']:.6g} {loop.unit_feed}" if "fm.limit.max" in new else "")
             )  # fmt: skip
 
     def _suspended(self, now: float, values: Mapping[str, Value]) -> None:

@@ -22,10 +22,11 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from typing import TextIO
 
 Hal = Any  # the module hal of LinuxCNC, which has no types
@@ -207,6 +208,22 @@ def main() -> int:
     return 0
 
 
+class Link(Protocol):
+    """Connection with a machine."""
+
+    def values(self) -> tuple[float, Mapping[str, Any]] | None:
+        """Time of the last values in s (monotonic clock), and value by pin or signal; None before the first."""
+
+    def problem(self) -> str:
+        """Reason why the connection ended; empty while it lasts."""
+
+    def send(self, beat: bool, pins: Mapping[str, float]) -> None:
+        """Keep the heartbeat going, or stop it, and write pins."""
+
+    def close(self) -> None:
+        """End the connection, and the heartbeat with it."""
+
+
 class HalLink:
     """The script in the machine's Python, and the last values that it reported.
 
@@ -303,28 +320,38 @@ class Session(Protocol):
     def step(self, now: float) -> tuple[str, ...]:
         """Advance to a time, s by the monotonic clock; returns sentences on what changed."""
 
+    def facts(self) -> dict[str, object]:
+        """JSON-able description."""
+
     def close(self) -> None:
         """End."""
 
 
 class Runner:
-    """A thread that steps a session 20 times a second while the main loop gives signs of life.
+    """A thread that steps a session 20 times a second while the main loop gives signs of life; an outlet of a watch.
 
     Where the main loop hangs for `STALL` s, the session is not stepped, the heartbeat ends and the controller trips.
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self._texts: list[str] = []
+        self._texts: deque[str] = deque()
         self._alive, self._ended = time.monotonic(), threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def alive(self) -> tuple[str, ...]:
-        """Sign of life of the main loop; returns what changed since the last one, in sentences."""
+    def show(self, facts: Mapping[str, Any]) -> None:
+        """Sign of life of the main loop, at least each second."""
         self._alive = time.monotonic()
-        texts, self._texts = self._texts, []
-        return tuple(texts)
+
+    def say(self, facts: Callable[[], Mapping[str, Any]], sentences: Sequence[str], at: float | None) -> None:
+        """Sign of life of the main loop."""
+        self._alive = time.monotonic()
+
+    def take(self) -> tuple[str, ...]:
+        """Sign of life of the main loop; returns what changed since the last call, in sentences."""
+        self._alive = time.monotonic()
+        return tuple(self._texts.popleft() for _ in range(len(self._texts)))
 
     def close(self) -> None:
         """End; the controller trips by its heartbeat."""

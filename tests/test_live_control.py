@@ -305,7 +305,7 @@ def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
     runner = Runner(Counted())
     time.sleep(0.4)
     assert 0 < len(steps) <= 3
-    assert runner.alive()[0] == "step"
+    assert runner.take()[0] == "step"
     time.sleep(0.1)
     assert len(steps) > 2
     runner.close()
@@ -315,17 +315,13 @@ def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
 _PROGRAM = """
 import time
 from pathlib import Path
-from fitmodels.live.control import READINGS, STATUS, ControlSession, controller_of
-from fitmodels.live.linuxcnc_control import HalLink, Runner
+from fitmodels.live.control import consent_words, controller_of, open_control
 from fitmodels.parameters import ParameterFile
 
-controller = controller_of(ParameterFile.model_validate_json(Path("params.json").read_text()))
-link = HalLink((*STATUS, *READINGS, *controller.settings), controller.limits(), controller.heartbeat)
-session = ControlSession(controller, link)
-session.request(reference=0.22)
-runner = Runner(session)
+pf = ParameterFile.model_validate_json(Path("params.json").read_text())
+runner = open_control(pf, consent_words(controller_of(pf)), 0.22)
 while True:
-    for text in runner.alive():
+    for text in runner.take():
         print(text, flush=True)
     time.sleep(0.2)
 """
