@@ -7,7 +7,7 @@ laws need are computed as in tables of tests: V from n and D, f from the feed ra
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, pi
+from math import isfinite, isnan, pi
 from statistics import median
 
 from ..datasets.derived.rules import RULES
@@ -73,6 +73,7 @@ class Blocks:
     def __init__(self, constants: Mapping[str, float] | None = None) -> None:
         self.constants = dict(constants or {})
         self._held: list[Sample] = []
+        self._known = dict(self.constants)  # conditions as they were last given
         self._begin = self._last = float("nan")  # s: where the block that is being filled begins, and the last sample
         self._intervals: deque[float] = deque(maxlen=21)
 
@@ -84,18 +85,19 @@ class Blocks:
     def add(self, sample: Sample) -> Iterator[Block | Gap]:
         """Blocks that are complete with this sample, and a gap before it; a sample counts for the time before it."""
         passed = sample.time - self._last
-        if passed <= 0 or passed > max(GAP, INTERVALS * self.interval):
+        if passed < 0 or passed > max(GAP, INTERVALS * self.interval):
             yield from self.close()
             yield Gap(passed)
             if not 0 < passed <= BRIDGED:
                 self._begin = sample.time - self.interval
         elif passed > 0:
             self._intervals.append(passed)
-        else:
+        elif isnan(passed):
             self._begin = sample.time
         self._last = sample.time
         self._held.append(sample)
-        length = max(BLOCK, _revolution({**self.constants, **sample.conditions}))
+        self._known |= {name: value for name, value in sample.conditions.items() if isfinite(value)}
+        length = max(BLOCK, _revolution(self._known))
         if sample.time - self._begin > length - 0.5 * self.interval:
             yield from self.close()
 
@@ -103,7 +105,7 @@ class Blocks:
         """The block of the samples held, if there are any."""
         held, self._held = self._held, []
         if held and self._last > self._begin:
-            yield _block(self._begin, self._last, held, self.constants)
+            yield _block(self._begin, self._last, held, self._known)
             self._begin = self._last
 
 
@@ -115,7 +117,7 @@ def _revolution(conditions: Mapping[str, float]) -> float:
     return min(60 / n, 1.0) if n > 0 else 0.0
 
 
-def _block(start: float, end: float, samples: Sequence[Sample], constants: Mapping[str, float]) -> Block:
+def _block(start: float, end: float, samples: Sequence[Sample], known: Mapping[str, float]) -> Block:
     values: dict[str, list[float]] = {}
     given: dict[str, list[float]] = {}
     for sample in samples:
@@ -123,7 +125,7 @@ def _block(start: float, end: float, samples: Sequence[Sample], constants: Mappi
             for name, value in readings.items():
                 if isfinite(value):
                     held.setdefault(name, []).append(value)
-    conditions = {**constants, **{name: sum(held) / len(held) for name, held in given.items()}}
+    conditions = {**known, **{name: sum(held) / len(held) for name, held in given.items()}}
     loads = {name: median(held) for name, held in values.items()}
     return Block(start, end, values, loads, _derived(conditions), _phase(samples, conditions))
 

@@ -8,21 +8,24 @@ before that, cutting time counts and loads do not. A load that stands near zero 
 
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from math import isnan, sqrt
 from statistics import median
-from typing import Literal
+from typing import Any, Literal
 
 from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, SETTLED, STARTING
 from ..datasets.signals.options import DRIVEN, ReduceOptions
 from .blocks import BLOCK, BRIDGED, Block, Blocks, Gap
 from .samples import CutEnd, Notice, Sample, Window
-from .windows import IdleLevel, Windows
+from .windows import CHANGED, IdleLevel, MeanNoise, Windows
 
 SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle
 SHORTEST = ReduceOptions().shortest
 THRESHOLD = ReduceOptions().threshold
 COARSE = 0.002  # of the idle level, below which no load is seen
+ENDING = ("lost", "clock", "replaced", "end")  # notices after which a cut cannot be followed
+CONTRADICTED = 5.0  # s of a load above idle while the machine says that it does not cut
+SPEEDS = ("n", "V")
 SILENT = 1.0  # s without a reading in a cut, after which the signal is lost
 
 Found = Window | CutEnd | Notice
@@ -66,7 +69,8 @@ class Cuts:
     ) -> None:
         self.idle: dict[str, IdleLevel] = {}
         self._blocks, self._windows = Blocks(constants), Windows(self.idle, whole, seconds)
-        self._rest = rest
+        self._rest, self._believed = rest, True
+        self._speeds: dict[str, float] = {}
         self._forget()
 
     def _forget(self) -> None:
@@ -77,6 +81,7 @@ class Cuts:
         self._follows = False  # whether air lies before it
         self._air_from = float("-inf")
         self._span: list[Block] = []  # away from idle, not yet a cut
+        self._against: list[Block] = []  # away from idle while the machine says that it does not cut
         self._below: list[Block] = []  # back at idle, not yet the end of the cut
         self._cut = self._stopped = False
         self._started: list[Block] = []  # of a spindle
@@ -84,9 +89,19 @@ class Cuts:
         self._since = float("nan")  # s, from which an idle level is assumed that is not proved
 
     @property
-    def minutes(self) -> float:
-        """Minutes of cutting since the last window, for the display: they are not yet in any."""
+    def number(self) -> int:
+        """Number of the last cut."""
+        return self._windows.number
+
+    @property
+    def contact(self) -> float:
+        """Minutes of the cut that are in no window yet."""
         return self._windows.minutes
+
+    @property
+    def conditions(self) -> Mapping[str, float]:
+        """Conditions of the last block."""
+        return self._ahead[-1].conditions if self._ahead else {}
 
     @property
     def state(self) -> Phase:
@@ -98,9 +113,12 @@ class Cuts:
         return "idle" if any(level.known for level in self.idle.values()) else "starting"
 
     def add(self, item: Sample | Notice) -> list[Found]:
-        """What is found with a sample or a notice of the source; ``"idle"`` changes nothing."""
+        """What is found with a sample, or with a notice that the source is lost, jumped in time, changed or ended.
+
+        Gaps and readings that are missing show in the samples: a short gap in a cut counts as cutting.
+        """
         if isinstance(item, Notice):
-            return [] if item.kind in ("idle", "connected") else list(self._lost())
+            return list(self._lost()) if item.kind in ENDING else []
         found: list[Found] = []
         for block in self._blocks.add(item):
             if isinstance(block, Gap):
@@ -108,6 +126,28 @@ class Cuts:
             else:
                 found += self._smoothed(block)
         return found
+
+    def as_json(self) -> dict[str, Any]:
+        """Idle levels and noise, with which `resume` follows a cut after a restart."""
+        return {
+            "number": self._windows.number,
+            "proved": self._windows.proved,
+            "believed": self._believed,
+            "speeds": self._speeds,
+            "idle": {name: asdict(level) for name, level in self.idle.items()},
+            "noise": {name: asdict(noise) for name, noise in self._windows.noise.items()},
+            "reach": {name: list(reach) for name, reach in self._windows.reach.items()},
+        }
+
+    def resume(self, data: Mapping[str, Any]) -> None:
+        """Take over idle levels and noise of `as_json`; the variance of the levels grows with the time since."""
+        windows = self._windows
+        windows.number, windows.proved, self._believed = data["number"], data["proved"], data["believed"]
+        self._speeds = dict(data["speeds"])
+        self.idle.clear()
+        self.idle.update({name: IdleLevel(**level) for name, level in data["idle"].items()})
+        windows.noise = {name: MeanNoise(**noise) for name, noise in data["noise"].items()}
+        windows.reach = {name: deque(reach, maxlen=10) for name, reach in data["reach"].items()}
 
     def close(self) -> list[Found]:
         """What is left at the end of a source: a cut that has not ended is lost."""
@@ -133,7 +173,9 @@ class Cuts:
         yield from self._step(replace(centre, loads=loads))
 
     def _step(self, block: Block) -> Iterator[Found]:
-        if block.phase in ("off", "idle"):
+        if not self._cut:
+            self._at_speed(block)
+        if self._believed and block.phase in ("off", "idle"):
             yield from self._said(block)
         elif self._cut:
             yield from self._in_cut(block)
@@ -143,19 +185,55 @@ class Cuts:
             yield from self._in_air(block)
 
     def _said(self, block: Block) -> Iterator[Found]:
-        """The machine says that it does not cut."""
+        """The machine says that it does not cut: so it is, unless the load contradicts for long."""
         if self._cut:
             yield from self._end()
         self._span, self._started = [], []
         self._stopped = block.phase == "off"
-        driven = {name: load for name, load in block.loads.items() if name not in DRIVEN}
+        name, away = self._furthest(block.loads)
+        if name and away > self._high(name):
+            self._against.append(block)
+            if sum(b.seconds for b in self._against) > CONTRADICTED:
+                yield from self._contradicted(name)
+            return
+        self._against = []
+        at_rest = {name for name in block.loads if block.phase == "idle" or name not in DRIVEN}
         if block.phase == "idle":
             self._windows.proved = True
-            self._rest_in_air(block)
-        elif driven:
-            self._rest_in_air(block, set(driven))
+        if at_rest:
+            self._rest_in_air(block, at_rest)
         else:
             self._air_from, self._follows = block.end, False
+
+    def _contradicted(self, name: str) -> Iterator[Found]:
+        """A load that stays above idle shows contact, whatever the machine says: a column may be dead."""
+        span, self._against = self._against, []
+        self._believed, self._stopped, self._lead, self._sign = False, False, name, 1.0
+        yield Notice(
+            span[0].start,
+            "refused",
+            f"{name} is {median([b.loads[name] for b in span if name in b.loads]):.4g} for {CONTRADICTED:g} s, idle "
+            f"was {self.idle[name].level:.4g}, and the machine says {span[-1].phase}: from here cuts follow from the load "
+            "alone. Check how state, spindle speed and feed are mapped.",
+        )
+        yield from self._begin(span)
+
+    def _at_speed(self, block: Block) -> None:
+        """The idle level of a drive changes with the spindle speed: power in proportion, the rest by what is read."""
+        now = {name: block.conditions[name] for name in SPEEDS if block.conditions.get(name, 0.0) > 0}
+        name = next(iter(now), "")
+        before = self._speeds.get(name, 0.0)
+        if not name or (before and abs(now[name] / before - 1) <= CHANGED):
+            return
+        self._speeds = now
+        ratio = now[name] / before if before else 1.0
+        self._second, self._air_from, self._follows = [], block.end, False
+        self._air.clear()
+        for key, idle in self.idle.items():
+            if key in DRIVEN:
+                change = (ratio - 1) * idle.level
+                idle.level += change if key == "P" else 0.0
+                idle.unsettle(change**2 / 4)
 
     def _in_air(self, block: Block) -> Iterator[Found]:
         name, away = self._furthest(block.loads)
@@ -225,7 +303,8 @@ class Cuts:
         span, self._span, self._second = self._span, [], []
         idle, new = self.idle[self._lead], median([b.loads[self._lead] for b in span if self._lead in b.loads])
         driven = self._lead in DRIVEN
-        if self._sign < 0 and (driven or abs(new) < abs(idle.level)):
+        said = span[-1].phase == "feed" and self._windows.proved
+        if self._sign < 0 and not said and (driven or abs(new) < abs(idle.level)):
             yield from self._fallen(span, new)
         elif driven and not self._windows.proved and self._rest != "idle" and abs(idle.level) < OFF * abs(new):
             self._started = span

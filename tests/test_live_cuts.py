@@ -1,5 +1,6 @@
 """Cuts and windows of a running machine against signals of known truth."""
 
+import json
 from math import exp
 
 import numpy as np
@@ -84,7 +85,7 @@ def test_feeding_in_the_air_is_no_cut():
 
 
 def test_what_the_machine_says_is_certain():
-    t, load = signal([(6, 0.8), (20, 1.8), (10, 1.5)])
+    t, load = signal([(6, 0.8), (20, 1.8), (4, 1.5), (5, 0.8)])
     said = ["idle" if x < 6 or x >= 26 else "feed" for x in t]  # a load that rose although the feed stands
     found = watch(Cuts(), (t, load), state=said)
     assert [round(end.time) for end in ends(found)] == [26]
@@ -208,3 +209,38 @@ def test_the_standard_error_covers_correlated_noise_and_a_drifting_idle_level():
     assert len(errors) > 55
     assert np.mean(np.abs(errors[:, 0]) < 1.96 * errors[:, 1]) >= 0.85
     assert np.median(errors[:, 1]) < 0.04
+
+
+def test_a_state_that_a_load_contradicts_is_reported_and_no_longer_believed():
+    t, load = signal([(6, 0.8), (40, 1.8), (6, 0.8)])
+    found = watch(Cuts(), (t, load), conditions={"V": 120.0, "f": 0.0})  # a dead column of feed
+    assert contact(found) == pytest.approx(40, abs=1)
+    assert "the machine says idle: from here cuts follow from the load alone" in texts(found)[0]
+
+
+def test_idle_levels_pass_through_json_and_serve_after_a_restart():
+    cuts = Cuts()
+    watch(cuts, signal([(6, 0.8), (30, 1.8), (6, 0.8)]))
+    resumed = Cuts()
+    resumed.resume(json.loads(json.dumps(cuts.as_json())))
+    assert resumed.as_json() == cuts.as_json()
+    t, load = signal([(20, 1.8), (5, 0.8)])
+    found = watch(resumed, (t + 60, load))
+    assert exp(windows(found)[0].loads["P"].ln) == pytest.approx(1.0, abs=0.02)
+    assert windows(found)[0].cut == 2
+
+
+def test_another_spindle_speed_moves_the_idle_level():
+    t, load = signal([(6, 0.8), (12, 1.8), (6, 0.8), (6, 1.2), (12, 2.2), (6, 1.2)])
+    speeds = [{"n": 800.0 if x < 24 else 1200.0, "D": 50.0, "f": 0.2} for x in t]
+    found = watch(Cuts(), (t, load), conditions=speeds)
+    assert contact(found) == pytest.approx(24, abs=1)
+    assert [exp(w.loads["P"].ln) for w in windows(found) if w.loads] == pytest.approx([1.0] * 4, abs=0.03)
+
+
+def test_equal_times_and_conditions_given_once_are_kept():
+    t, load = signal([(6, 0.8), (12, 1.8), (6, 0.8)])
+    given = [AT if k == 0 else {} for k in range(len(t))]
+    found = watch(Cuts(), (np.floor(t * 25) / 25, load), conditions=given)
+    assert windows(found)[0].conditions == pytest.approx(AT)
+    assert [end.lost for end in ends(found)] == [False]
