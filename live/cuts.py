@@ -191,7 +191,8 @@ class Cuts:
         self._span, self._started = [], []
         self._stopped = block.phase == "off"
         name, away = self._furthest(block.loads)
-        if name and away > self._high(name):
+        reach = self._windows.reach.get(name)
+        if name and away > max(self._high(name), LEFT * median(reach) if reach else 0.0):
             self._against.append(block)
             if sum(b.seconds for b in self._against) > CONTRADICTED:
                 yield from self._contradicted(name)
@@ -213,8 +214,8 @@ class Cuts:
             span[0].start,
             "refused",
             f"{name} is {median([b.loads[name] for b in span if name in b.loads]):.4g} for {CONTRADICTED:g} s, idle "
-            f"was {self.idle[name].level:.4g}, and the machine says {span[-1].phase}: from here cuts follow from the load "
-            "alone. Check how state, spindle speed and feed are mapped.",
+            f"was {self.idle[name].level:.4g}, and the machine says {span[-1].phase}: from here cuts follow from the "
+            "load alone. Check how state, spindle speed and feed are mapped.",
         )
         yield from self._begin(span)
 
@@ -226,7 +227,9 @@ class Cuts:
         if not name or (before and abs(now[name] / before - 1) <= CHANGED):
             return
         self._speeds = now
-        ratio = now[name] / before if before else 1.0
+        if not before:
+            return
+        ratio = now[name] / before
         self._second, self._air_from, self._follows = [], block.end, False
         self._air.clear()
         for key, idle in self.idle.items():
