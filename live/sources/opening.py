@@ -1,0 +1,87 @@
+"""Words of the command as a source of samples and notices."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from ...core.errors import UsageError
+from ..samples import Notice, Sample
+from .files import check_file, growing, replayed
+from .options import SourceOptions
+
+
+class Source:
+    """Samples and notices of a machine or a recorded run, one after another.
+
+    It waits for the next one, and gives a notice ``"idle"`` at least every 0.5 s. What happens to the connection
+    is a notice; only what is wrong from the beginning is an error: a file that is not there, a header without a load.
+
+    Attributes
+    ----------
+    name : str
+        For people.
+    recorded : bool
+        Whether it ends, and its times are those of a recorded run.
+    """
+
+    def __init__(self, name: str, items: Iterator[Sample | Notice], *, recorded: bool = False) -> None:
+        self.name, self.recorded = name, recorded
+        self._items = items
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> Sample | Notice:
+        return next(self._items)
+
+    def close(self) -> None:
+        """End the connection."""
+        close = getattr(self._items, "close", None)
+        if close is not None:
+            close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_source(words: str, options: SourceOptions) -> Source:
+    r"""Source that words name.
+
+    Parameters
+    ----------
+    words : str
+        A file of CSV or JSON lines, which grows or, with ``options.replay``, is a recorded run.
+    options : SourceOptions
+
+    Raises
+    ------
+    UsageError
+        The words name no source.
+    DataError
+        The source cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "run.csv")
+    >>> _ = path.write_text("time [s],P [kW]\n0.00,1.80\n0.02,1.81\n")
+    >>> with open_source(str(path), SourceOptions(loads={"P": "kW"}, replay=100)) as source:
+    ...     [item.loads["P"] for item in source if hasattr(item, "loads")]
+    [1.8, 1.81]
+    """
+    if match := re.match(r"([a-z][a-z.]+)://", words):
+        raise UsageError(f"--from {words}: no source {match[1]}://; give a file of CSV or JSON lines.")
+    path = Path(words)
+    check_file(path)
+    if options.replay is not None:
+        return Source(f"recorded run {path.name}", replayed(path, options), recorded=True)
+    if options.rate is not None:
+        raise UsageError("--rate goes with a recorded run: the rows of a growing file need times. Add --replay 1x.")
+    return Source(path.name, growing(path, options))

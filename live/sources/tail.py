@@ -1,0 +1,142 @@
+"""Complete lines of a growing file, through renaming, truncation and rewriting."""
+
+import os
+from contextlib import ExitStack
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from ...core.bounded import open_regular
+from ...core.errors import DataError
+from ...core.files import cause
+
+CHUNK: Final = 262_144  # bytes read at once
+MARK: Final = 64  # bytes at the beginning, and before the place of reading, that show whether the file is the same
+LONGEST: Final = 1_000_000  # bytes without an end of line
+
+
+class Tail:
+    r"""Complete lines of a file that grows; a line without its end is left for the next time.
+
+    The file is held open, so that rows written before it was renamed are read to the end. Another file under its name
+    is seen by its inode, a file that was cut by its size, one that was rewritten by its first 64 bytes and by the last
+    64 that were read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "run.csv")
+    >>> _ = path.write_bytes(b"t,P\n0,1.8\n0.1,1.")
+    >>> tail = Tail(path)
+    >>> tail.poll()
+    ([b't,P', b'0,1.8'], '')
+    >>> _ = path.write_bytes(b"t,P\n0,1.8\n0.1,1.9\n")
+    >>> tail.poll()
+    ([b'0.1,1.9'], '')
+    >>> tail.close()
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.missing = ""  # reason why the file cannot be read now
+        self.caught_up: bool  # whether all was read at the last poll
+        self._stack = ExitStack()
+        self._file: BinaryIO | None = None
+        self._begin()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stack.close()
+        self._file = None
+
+    def poll(self) -> tuple[list[bytes], str]:
+        """Complete lines that were added, and what happened to the file: empty, or one sentence."""
+        if self._file is None and not self._open():
+            return [], ""
+        file = self._file
+        assert file is not None  # noqa: S101  opened above
+        try:
+            status = os.fstat(file.fileno())
+            if reason := self._changed(file, status.st_size):
+                return [], self._again(reason)
+            data = os.pread(file.fileno(), CHUNK, self._offset)
+            if data:
+                return self._taken(file, data, status.st_size)
+            return [], self._successor(status)
+        except OSError as error:
+            self.close()
+            self.missing = f"cannot be read: {cause(error)}"
+            return [], ""
+
+    def skip(self) -> None:
+        """Go on behind the last complete line that is there."""
+        if self._file is None:
+            return
+        number, size = self._file.fileno(), os.fstat(self._file.fileno()).st_size
+        if size > self._offset:
+            start = max(self._offset, size - CHUNK)
+            self._offset = start + os.pread(number, size - start, start).rfind(b"\n") + 1
+            self._before, self._pending = os.pread(number, MARK, max(0, self._offset - MARK)), b""
+
+    def _begin(self) -> None:
+        self._offset = 0
+        self._head = self._before = self._pending = b""
+        self._exhausted = self.caught_up = False
+
+    def _open(self) -> bool:
+        try:
+            self._file = self._stack.enter_context(open_regular(self.path, "stream"))
+        except (OSError, DataError) as error:
+            self.missing = cause(error) if isinstance(error, OSError) else str(error)
+            return False
+        self._begin()
+        self.missing = ""
+        return True
+
+    def _changed(self, file: BinaryIO, size: int) -> str:
+        """Reason why the open file is no continuation of what was read; empty where it is."""
+        if size < self._offset:
+            return f"was cut to {size} bytes"
+        if size > self._offset and self._offset:
+            head = os.pread(file.fileno(), len(self._head), 0)
+            before = os.pread(file.fileno(), len(self._before), self._offset - len(self._before))
+            if (head, before) != (self._head, self._before):
+                return "was rewritten"
+        return ""
+
+    def _again(self, reason: str) -> str:
+        """Read the open file from its beginning."""
+        torn = f"; {len(self._pending)} bytes of a torn line are left out" if self._pending else ""
+        self._begin()
+        return f"{self.path.name} {reason}: it is read from its beginning{torn}"
+
+    def _taken(self, file: BinaryIO, data: bytes, size: int) -> tuple[list[bytes], str]:
+        self._exhausted = False
+        self._offset += len(data)
+        self._head = os.pread(file.fileno(), min(MARK, self._offset), 0)
+        self._before = (self._before + data)[-MARK:]
+        self.caught_up = self._offset >= size
+        *lines, self._pending = (self._pending + data).split(b"\n")
+        if len(self._pending) > LONGEST:
+            self._pending = self._pending[:LONGEST]  # too long for a line: it is refused as one
+        return [line.removesuffix(b"\r") for line in lines], ""
+
+    def _successor(self, status: os.stat_result) -> str:
+        """Go on with another file under the name, once the open one gave nothing twice."""
+        self.caught_up = True
+        try:
+            named = self.path.stat()
+        except OSError as error:
+            self.missing = cause(error)
+            return ""
+        self.missing = ""
+        if (named.st_dev, named.st_ino) == (status.st_dev, status.st_ino) or not named.st_size:
+            return ""  # the same file, or one that nobody has begun to write
+        if not self._exhausted:
+            self._exhausted = True
+            return ""
+        torn = f"; {len(self._pending)} bytes of a torn line are left out" if self._pending else ""
+        self.close()
+        self._stack = ExitStack()
+        return (
+            f"another file has the name {self.path.name}: it is read from its beginning{torn}" if self._open() else ""
+        )

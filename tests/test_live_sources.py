@@ -1,0 +1,290 @@
+"""Growing files and recorded runs: no row torn, doubled or lost; what happened is a notice."""
+
+import json
+import os
+import threading
+import time
+
+import pytest
+from fitmodels.core.errors import DataError, UsageError
+from fitmodels.live.samples import Notice, Sample
+from fitmodels.live.sources import SourceOptions, open_source
+from fitmodels.live.sources.channels import channels_of
+from fitmodels.live.sources.clock import Clock, Stamps
+from fitmodels.live.sources.rows import Lines
+from fitmodels.live.sources.tail import Tail
+
+P = SourceOptions(loads={"P": "kW"})
+
+
+def read(path, **options):
+    """Samples and notices of a recorded run without waiting."""
+    given = {"loads": {"P": "kW"}, "replay": float("inf"), **options}
+    with open_source(str(path), SourceOptions(**given)) as source:
+        items = list(source)
+    return [i for i in items if isinstance(i, Sample)], [i for i in items if isinstance(i, Notice)]
+
+
+def written(tmp_path, text, name="run.csv"):
+    path = tmp_path / name
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def until(source, condition, seconds=5.0):
+    """Items of a growing source until a condition holds of the list; fails after some seconds."""
+    items, end = [], time.monotonic() + seconds
+    for item in source:
+        items.append(item)
+        if condition(items):
+            return items
+        assert time.monotonic() < end, [i for i in items if not isinstance(i, Sample)]
+    raise AssertionError("the source ended")
+
+
+def loads(items):
+    return [round(i.loads["P"], 9) for i in items if isinstance(i, Sample)]
+
+
+def kinds(items):
+    return [i.kind for i in items if isinstance(i, Notice) and i.kind != "idle"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t [s],Power [W],Vc [m/min],feed [mm/rev]\n0,1800,120,0.2\n0.5,1900,120,0.2\n",
+        "\ufefft [s];Power [W];Vc [m/min];feed [mm/rev]\r\n0;1800;120;0,2\r\n0,5;1900;120;0,2\r\n",
+        "Lathe 3\n# operator A\n\nt\tPower\tvc\tfeed\ns\tW\tm/min\tmm/rev\n0\t1800\t120\t0.2\n0.5\t1900\t120\t0.2\n",
+        "time_ms,P_W,Vc_m_per_s,fn_um_per_rev\n0,1800,2,200\n500,1900,2,200\n",
+        '{"t [s]": 0, "Power [W]": 1800, "Vc": 120, "f": 0.2}\n'
+        '{"t [s]": 0.5, "Power [W]": 1900, "Vc": 120, "f": 0.2}\n',
+        '{"time": "2026-11-23T10:00:00Z", "spindle": {"P_W": 1800}, "V": 120, "f": 0.2}\n'
+        '{"time": "2026-11-23T10:00:00.5Z", "spindle": {"P_W": 1900}, "V": 120, "f": 0.2}\n',
+    ],
+    ids=["comma", "semicolon", "units in a row", "units in names", "json", "nested json"],
+)
+def test_one_run_in_several_forms_gives_the_same_samples(tmp_path, text):
+    nested = {"map": {"load": "spindle.P_W"}, "units": {"P": "W"}} if "spindle" in text else {}
+    samples, notices = read(written(tmp_path, text), **nested)
+    assert loads(samples) == [1.8, 1.9]
+    assert samples[1].time - samples[0].time == pytest.approx(0.5)
+    assert all(s.conditions["V"] == pytest.approx(120) and s.conditions["f"] == pytest.approx(0.2) for s in samples)
+    assert kinds(notices)[0] == "connected"
+    assert kinds(notices)[-1] == "end"
+
+
+def test_what_is_assumed_and_what_is_not_read_is_said(tmp_path):
+    path = written(tmp_path, "time,P,Comment\n0,1.8,a\n0.02,1.8,b\n")
+    _, notices = read(path, loads={"P": "kW", "Fc": "N"})
+    said = " ".join(n.text for n in notices)
+    for part in ("P from 'P'", "kW is assumed", "does not give Fc", "not read: 'Comment'", "s is assumed"):
+        assert part in said
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        ("t [s],Torque [Nm]\n0,1\n", {}, "gives no load of the laws (P [kW]); it has 't [s]', 'Torque [Nm]'"),
+        ("t [s],P [N]\n0,1\n", {}, "is in N, and P in kW"),
+        ("t [s],P [kW],Spindle power [W]\n0,1,1000\n", {}, "are both P: choose one with --map P=col2"),
+        ("t [s],P [kW]\n0,1\n", {"map": {"V": "speed"}}, "--map V=speed: run.csv has no such column"),
+        ("P [kW]\n1\n2\n", {}, "no column of times"),
+        ("time,P [kW]\n0,1\n20,1\n", {}, "rise by 20 and name no unit: 20 s or 20 ms?"),
+        ("t [s],P [kW]\n", {}, "no readings"),
+        (b"\xff\xfet\x00", {}, "UTF-16"),
+        ("t [s],P [kW],fm [mm/min]\n0,1,1\n", {"map": {"fm_set": "fm [mm/min]"}}, "needs the override"),
+    ],
+)
+def test_a_run_that_cannot_be_used_is_refused_with_a_remedy(tmp_path, text, options, message):
+    with pytest.raises((DataError, UsageError)) as refused:
+        read(written(tmp_path, text), **options)
+    assert message in str(refused.value)
+
+
+@pytest.mark.parametrize("words", ["nowhere.csv", "http://a", "/dev/null", "."])
+def test_words_that_name_no_source_are_refused(words):
+    with pytest.raises((DataError, UsageError)):
+        open_source(words, P)
+
+
+def test_bad_cells_are_named_and_torn_rows_left_out(tmp_path):
+    path = written(tmp_path, "t [s],P [kW],V\n0,1.8,120\n0.02,x,120\n0.04,1.8\n0.06,,120\n0.08,1e999,120\n0.1,1.9,\n")
+    samples, notices = read(path)
+    assert [s.loads.get("P") for s in samples] == [1.8, None, None, None, 1.9]
+    assert [s.bad for s in samples] == ["", "P is 'x'", "P is absent", "P is 'inf'", ""]
+    assert "V" not in samples[-1].conditions
+    assert ["line 4" in n.text for n in notices if n.kind == "bad"] == [True]
+
+
+def test_state_tool_and_override(tmp_path):
+    rows = (
+        "0,1,ACTIVE,T4,1000,50,800",
+        "1,1,Feed-Hold,T4,1000,50,800",
+        "2,1,ACTIVE,T4,1000,0,800",
+        "3,1,,T4,1000,100,0",
+    )
+    path = written(tmp_path, "\n".join(["t [s],P [kW],status,tool,F prog [mm/min],ovr [%],n [rpm]", *rows, ""]))
+    samples, _ = read(path, map={"fm_set": "F prog [mm/min]", "override": "ovr [%]"})
+    assert [s.conditions["fm"] for s in samples] == [500, 500, 0, 1000]
+    assert [s.state for s in samples] == ["unknown", "idle", "idle", "off"]
+    assert {s.tool for s in samples} == {"T4"}
+
+
+def test_scales_rates_and_times_already_known(tmp_path):
+    path = written(tmp_path, "Load [%]\n10\n20\n30\n")
+    samples, _ = read(path, map={"load": "Load [%]"}, scales={"load": 0.11}, rate=50.0, after=0.0)
+    assert [s.time for s in samples] == pytest.approx([0.02, 0.04])
+    assert samples[0].loads["P"] == pytest.approx(2.2)
+
+
+def test_gaps_and_clocks_that_were_set():
+    clock = Clock()
+    seen = [clock.take(t) for t in (0, 0.02, 0.04, 0.06, 0.05, 3.0, 3.02, -3600.0, -3599.98, -3599.96)]
+    assert [use for use, _ in seen].count(False) == 1
+    assert [(k, n.kind) for k, (_, n) in enumerate(seen) if n] == [(5, "gap"), (7, "clock")]
+    assert "back by 3.6e+03" in seen[7][1].text
+
+
+def test_a_clock_set_forward_is_no_gap_and_late_rows_are_no_clock():
+    clock, wall = Clock(), 100.0
+    for k in range(100):  # rows come in blocks of ten
+        assert clock.take(k * 0.02, wall + (k // 10 + 1) * 0.2) == (True, None)
+    assert clock.take(2.0 + 4.0, wall + 6.2)[1].kind == "gap"
+    assert clock.take(6.02 + 3600.0, wall + 6.24)[1].kind == "clock"
+    assert clock.take(6.04 + 3600.0, wall + 6.26)[1] is None
+
+
+@pytest.mark.parametrize(
+    ("unit", "values", "seconds"),
+    [
+        ("min", [1.0], 60.0), ("", [1.7e9], 1.7e9), ("", [1.7e12], 1.7e9), ("", ["2026-11-23 10:00:00"], 1795428000.0),
+        ("", ["2026-11-23T11:00:00+01:00"], 1795428000.0), ("", ["01:00:00,5"], 3600.5), ("", ["soon"], None),
+    ],
+)  # fmt: skip
+def test_stamps(unit, values, seconds):
+    assert Stamps(unit, "run").seconds(*values) == seconds
+
+
+def test_a_growing_file_gives_whole_rows_once(tmp_path):
+    """Rows written byte by byte, through renaming, truncation and rewriting."""
+    path = written(tmp_path, "t [s],P [kW]\n")
+    expected = [round(1 + k / 1000, 3) for k in range(600)]
+
+    def write():
+        rows = iter(enumerate(expected))
+        for part in range(4):
+            if part == 1:
+                path.rename(tmp_path / "run.1.csv")
+            if part == 2:
+                time.sleep(0.25)  # what is cut off before it was read is lost to any reader
+                os.truncate(path, 0)
+            if part == 3:
+                time.sleep(0.25)
+                path.unlink()
+            with path.open("ab", buffering=0) as file:
+                if part:
+                    file.write(b"t [s],P [kW]\n")
+                for k, value in [next(rows) for _ in range(150)]:
+                    line = f"{k / 50},{value}\n".encode()
+                    file.write(line[: 1 + k % 7])
+                    if k % 50 == 0:
+                        time.sleep(0.03)
+                    file.write(line[1 + k % 7 :])
+
+    with open_source(str(path), P) as source:
+        writer = threading.Thread(target=write)
+        writer.start()
+        items = until(source, lambda items: loads(items[-1:]) == expected[-1:], 10.0)
+        writer.join()
+    assert loads(items) == expected
+    assert kinds(items).count("replaced") == 3
+    assert "bad" not in kinds(items)
+
+
+def test_a_file_that_was_rewritten_with_the_same_header_is_noticed(tmp_path):
+    """Longer than before, and with the same first 64 bytes: the last 64 that were read differ."""
+    head = "t [s],P [kW],a column with a long name that fills the first sixty-four bytes of it\n"
+    path = written(tmp_path, head + "0,1.0,0\n0.1,1.1,0\n")
+    tail = Tail(path)
+    assert len(tail.poll()[0]) == 3
+    path.write_text(head + "0,2.0,0\n0.1,2.1,0\n0.2,2.2,0\n")
+    assert "was rewritten" in tail.poll()[1]
+    assert len(tail.poll()[0]) == 4
+    tail.close()
+
+
+def test_a_silent_file_is_lost_and_comes_back(tmp_path):
+    path = written(tmp_path, "t [s],P [kW]\n0,1\n0.02,2\n")
+    with open_source(str(path), SourceOptions(loads={"P": "kW"}, silent=0.3)) as source:
+        items = until(source, lambda items: "lost" in kinds(items))
+        assert loads(items) == [1, 2]
+        path.unlink()
+        items = until(source, lambda items: kinds(items) == [] and len(items) > 1)  # idle, at least twice
+        written(tmp_path, "t [s],P [kW]\n9,3\n")
+        items = until(source, lambda items: loads(items) == [3])
+    assert kinds(items)[0] == "replaced"
+    assert kinds(items).count("connected") == 2  # its header, and readings again
+
+
+def test_idle_comes_at_least_every_half_second(tmp_path):
+    path = written(tmp_path, "t [s],P [kW]\n")
+    with open_source(str(path), P) as source:
+        began = time.monotonic()
+        assert [next(source).kind for _ in range(2)] == ["idle", "idle"]
+        assert time.monotonic() - began < 1.4
+
+
+def test_a_new_file_without_the_load_is_refused_in_a_notice(tmp_path):
+    path = written(tmp_path, "t [s],P [kW]\n0,1\n0.02,2\n")
+    with open_source(str(path), P) as source:
+        until(source, lambda items: len(loads(items)) == 2)
+        path.write_text("t [s],Torque [Nm]\n1,5\n")
+        items = until(source, lambda items: "refused" in kinds(items))
+        assert "no load of the laws" in items[-1].text
+        (tmp_path / "next").write_text("t [s],P [kW]\n2,3\n")
+        (tmp_path / "next").rename(path)
+        until(source, lambda items: loads(items) == [3])
+
+
+def test_from_the_end_only_new_rows_are_read(tmp_path):
+    path = written(tmp_path, "t [s],P [kW]\n" + "".join(f"{k / 50},1\n" for k in range(50_000)) + "1000.0,1")
+    with open_source(str(path), SourceOptions(loads={"P": "kW"}, from_end=True)) as source:
+        assert next(source).kind == "connected"
+        with path.open("a") as file:
+            file.write("\n1000.02,2\n")
+        items = until(source, lambda items: len(loads(items)) == 2)
+    assert loads(items) == [1, 2]
+
+
+def test_a_replay_takes_its_time(tmp_path):
+    path = written(tmp_path, "t [s],P [kW]\n" + "".join(f"{k},1\n" for k in range(41)))
+    began = time.monotonic()
+    samples, _ = read(path, replay=100.0)
+    assert len(samples) == 41
+    assert 0.39 < time.monotonic() - began < 2.0
+
+
+def test_json_keys_may_come_later_and_lists_are_ignored():
+    lines = Lines("tcp", SourceOptions(loads={"P": "kW"}))
+    texts = [{"status": "up"}, {"t": 0.0, "P": 1, "x": [1]}, {"t": 0.5, "P": True}, {"t": 0.6, "P": 2, "V": 100}]
+    items = [item for text in texts for item in lines.take(json.dumps(text))]
+    assert [i.loads.get("P") for i in items if isinstance(i, Sample)] == [1, None, 2]
+    assert items[-1].conditions == {"V": 100}
+    for text in ("[1]", "{", "{" * 5000, '{"t": 1' + "0" * 400 + "}"):
+        assert all(item.kind in ("bad", "connected") for item in lines.take(text) if isinstance(item, Notice))
+
+
+def test_options_are_checked():
+    for options in ({"replay": 0}, {"replay": float("nan")}, {"rate": -1}, {"map": {"Q": "a"}}, {"scales": {"P": 0}}):
+        with pytest.raises(UsageError):
+            SourceOptions(loads={"P": "kW"}, **options)
+    with pytest.raises(UsageError, match="'load' is open"):
+        SourceOptions(loads={"P": "kW", "Fc": "N"}, map={"load": "a"})
+
+
+def test_a_reading_in_other_units_is_converted():
+    found = channels_of(["I_mA", "feed [ipm]", "S [rpm]", "Temp"], SourceOptions(loads={"I": "A"}), "run")
+    sample = found.sample(0.0, [1500.0, 10.0, 3000.0])
+    assert sample.loads["I"] == pytest.approx(1.5)
+    assert sample.conditions == pytest.approx({"fm": 254.0, "n": 3000.0})
