@@ -186,6 +186,7 @@ def test_the_paper_by_the_rule(given):
         ((-2e-3, -0.125, -1.25), "the force of the record falls when the feed rises"),
         ((2e-3, 0.125, -1.25), "not all positive"),
         ((2e-3, 0.02, 1.25), "complex poles"),
+        ((2e-3, 1e200, 1.25), "poles further apart"),
     ],
 )
 def test_estimates_of_no_cut_are_refused(ratios, says):

@@ -553,6 +553,7 @@ def test_a_plant_ten_times_stiffer_is_cut_at_a_feed_above_zero(pf):
     ("fields", "words"),
     [
         ({"servo_time": None}, "has no servo_time"),
+        ({"threshold_time": 3e11}, "above 60 s: the cut would not be controlled"),
         ({"sample_time": None}, "has no sample_time"),
         ({"feed": None}, "has no feed"),
         ({"force_per_feed": None, "process_time": None}, "lacks force_per_feed, process_time"),

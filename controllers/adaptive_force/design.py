@@ -28,6 +28,7 @@ from ...core.errors import UsageError
 
 Array = NDArray[np.float64]
 
+LARGEST_RATIO: Final = 1e9  # of the poles
 SEPARATE: Final = 1e-6  # relative: poles nearer to each other are set apart by this much
 FREQUENCIES: Final = 4000  # of the frequency response from a thousandth of the slower pole to half the sample rate
 OF_DRAWS: Final = 600  # the same for each draw of the estimates
@@ -133,7 +134,7 @@ def refuse_no_plant(ratios: Sequence[float]) -> None:
     Raises
     ------
     UsageError
-        An estimate is not positive, or the poles are complex.
+        An estimate is not positive, or the poles are complex or too far apart.
     """
     named = ", ".join(f"{name} {value:.4g}" for name, value in zip(("m", "alpha", "beta"), ratios, strict=True))
     if not min(ratios) > 0:
@@ -141,10 +142,15 @@ def refuse_no_plant(ratios: Sequence[float]) -> None:
             f"adaptive_force: the estimates {named} are not all positive: the force of the record falls when the feed "
             "rises, or its columns are exchanged. Check the sign of the force and the columns, and identify it again."
         )
-    if ratios[1] ** 2 < 4 * ratios[0] * ratios[2]:
+    if ratios[1] * ratios[1] < 4 * ratios[0] * ratios[2]:
         raise UsageError(
             f"adaptive_force: the estimates {named} give complex poles, which no drive and cut of (2.1) and (2.2) has; "
             "identify a record with a faster change of the feed."
+        )
+    if ratios[1] * ratios[1] > LARGEST_RATIO * ratios[0] * ratios[2]:
+        raise UsageError(
+            f"adaptive_force: the estimates {named} give poles further apart than a factor of {LARGEST_RATIO:g}, which "
+            "no drive and cut has; identify the record again."
         )
 
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ...parameters.sections.force_control import RoughnessSection
 
 FLOOR = 0.1  # of the programmed feed: from feed 0 a multiplicative law cannot recover, and the edge would rub
+LONGEST_WAIT = 60.0
 WAIT = 0.3  # s above the threshold, where the file has no time
 HYSTERESIS: Final = 0.25  # of the threshold, whole width: above a change of the force by 10 % either way
 DRIFT: Final = 0.1  # of the reference, at least the threshold: a more negative force is no drift of the zero
@@ -153,7 +154,7 @@ class ConstantRoughness(Displayable):
             low=low,
             high=high,
             threshold=_threshold(section),
-            wait=WAIT if section.threshold_time is None else section.threshold_time,
+            wait=_wait(section),
             sample_time=sample_time,
             servo_time=servo_time,
             reading=feed,
@@ -311,6 +312,17 @@ def feed_limits(pf: "ParameterFile") -> tuple[float, float]:
     if not low < high:
         raise ParameterError(f"Feeds from {low:g} to {high:g} mm/rev are an empty range; widen the limits of feed.")
     return low, high
+
+
+def _wait(section: "RoughnessSection") -> float:
+    """Time above the threshold before the control begins, s."""
+    wait = WAIT if section.threshold_time is None else section.threshold_time
+    if wait > LONGEST_WAIT:
+        raise ParameterError(
+            f"roughness: threshold_time {wait:g} s is above {LONGEST_WAIT:g} s: the cut would not be controlled. Give "
+            "about three revolutions."
+        )
+    return wait
 
 
 def _needed(section: "RoughnessSection", name: str) -> float:
