@@ -4,6 +4,7 @@ It is the machine of `linuxcnc_machine`, but for the heartbeat of the controller
 plant's own becomes ``fm-source-heartbeat``. The operator clears a fault once, a second after it began.
 """
 
+import json
 import os
 import shutil
 import subprocess
@@ -138,6 +139,146 @@ program.kill()
 program.wait()
 sampler.send_signal(signal.SIGINT)
 sampler.wait()
+sys.exit(0)
+"""
+)
+
+
+WORN_PINS = {"I": "fmwear.0.load", "n": "fmwear.0.n", "fm": "fmwear.0.fm"}
+
+
+@dataclass(frozen=True)
+class WornRun:
+    """A program that cuts until a program beside it calls the tool change.
+
+    Attributes
+    ----------
+    plant : dict
+        Parameters of ``linuxcnc_wear.comp``.
+    command, files : as of `Beside`
+    gauge : sequence of str
+        Words of the command that hands in a gauge reading; ``{}`` is the reading in mm.
+    gauge_at : float
+        um of true wear: the reading is taken after the pass in which it is passed.
+    gauge_error : float
+        Of ln wear.
+    feeds : sequence of float
+        mm/min, of the passes in turn.
+    called : str
+        What the program prints when it calls the change.
+    """
+
+    plant: dict[str, float]
+    command: Sequence[str]
+    files: dict[str, str]
+    gauge: Sequence[str]
+    gauge_at: float
+    gauge_error: float = 0.0
+    feeds: Sequence[float] = (300.0, 380.0)
+    rpm: float = 3000.0
+    pass_seconds: float = 2.5
+    passes: int = 40
+    called: str = "Change the edge"
+    worn: float = 400.0  # um, at which the run ends without a call
+    seconds: float = 120.0
+
+
+def run_worn(run: WornRun, plant: Path) -> dict[str, float | str]:
+    """Wear (um) and seconds of cutting at the call of the tool change, and what was printed.
+
+    ``wear`` is NaN where the change was not called.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="fitmodels-worn-"))
+    try:
+        folder.chmod(0o777)
+        _write_worn(run, folder, plant)
+        inside = ["bash", "-c", _INSIDE, str(folder), str(int(run.seconds + 60)), *_hidden()]
+        said = subprocess.run(
+            [*linuxcnc_machine._namespaces(), *inside],
+            capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=run.seconds + 90,
+        )  # fmt: skip
+        printed = (folder / "printed.txt").read_text() if (folder / "printed.txt").exists() else ""
+        if not (folder / "result.txt").exists():
+            logs = "".join(f"\n{log.name}:\n{log.read_text()}" for log in (folder / "home").glob("*.txt"))
+            raise RuntimeError(f"LinuxCNC did not end as it should.\n{said.stdout}{said.stderr[-4000:]}{logs}{printed}")
+        wear, seconds, gauged = map(float, (folder / "result.txt").read_text().split())
+        return {"wear": wear, "seconds": seconds, "gauged": gauged, "printed": printed, "machine": said.stdout}
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _write_worn(run: WornRun, folder: Path, plant: Path) -> None:
+    (folder / "home").mkdir()
+    shutil.copytree(linuxcnc_machine.MODULES, folder / "modules")
+    shutil.copy(plant, folder / "modules" / "fmwear.so")
+    passes = "".join(
+        f"G1 X{5 + run.feeds[k % len(run.feeds)] / 60 * run.pass_seconds:.4f} F{run.feeds[k % len(run.feeds)]:g}\n"
+        "G0 Z5\nG0 X0\nG4 P0.5\nG0 Z0\n"
+        for k in range(run.passes)
+    )
+    hal = linuxcnc_machine._MACHINE.replace("fmplant", "fmwear")
+    hal += "".join(f"setp fmwear.0.{name} {value!r}\n" for name, value in run.plant.items())
+    wires = (
+        "net velocity motion.current-vel fmwear.0.velocity\nnet turns spindle.0.speed-out-rps fmwear.0.turns\n"
+        "net on spindle.0.on fmwear.0.spindle-on\naddf fmwear.0 servo-thread\naddf motion-controller servo-thread\n"
+    )
+    files = {
+        "machine.ini": linuxcnc_machine._INI, "machine.hal": hal, "fm.hal": "", "wires.hal": wires,
+        "driver.py": _WORN_DRIVER, "tool.tbl": "", "sim.var": "",
+        "program.ngc": f"G21 G90 G17 G64\nS{run.rpm:g} M3\nG4 P2\n{passes}M2\n",
+        "beside.json": json.dumps({
+            "command": list(run.command), "gauge": list(run.gauge), "gauge_at": run.gauge_at, "called": run.called,
+            "error": run.gauge_error, "worn": run.worn, "seconds": run.seconds,
+        }),
+        **run.files,
+    }  # fmt: skip
+    for name, text in files.items():
+        (folder / name).write_text(text)
+        (folder / name).chmod(0o666 if name != "driver.py" else 0o777)
+    (folder / "home").chmod(0o777)
+
+
+_WORN_DRIVER = (
+    linuxcnc_machine._SWITCHED_ON.replace('sampler = subprocess.Popen(["halsampler", "-t", "trace"])\n', "")
+    + """\
+import json
+import math
+
+import hal
+
+component = hal.component("driver")  # hal answers nothing before there is one
+component.ready()
+settings = json.load(open("beside.json"))
+program = subprocess.Popen(
+    settings["command"], stdout=open("printed.txt", "w"), stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL
+)
+begun, handed, gauged, wear = time.time(), [], math.nan, math.nan
+while "watching" not in open("printed.txt").read() and time.time() - begun < 30 and program.poll() is None:
+    time.sleep(0.1)  # it has to see the idle load before the first cut
+do(command.mode, linuxcnc.MODE_AUTO)
+do(command.program_open, "/mnt/program.ngc")
+command.auto(linuxcnc.AUTO_RUN, 0)
+errors = linuxcnc.error_channel()
+while time.time() - begun < settings["seconds"]:
+    now, cutting = hal.get_value("fmwear.0.wear"), hal.get_value("fmwear.0.cutting")
+    if settings["called"] in open("printed.txt").read():
+        wear = now
+        break
+    if now > settings["worn"] or program.poll() is not None:
+        break
+    if math.isnan(gauged) and now > settings["gauge_at"] and not cutting:
+        gauged = now * math.exp(settings["error"])
+        handed.append(subprocess.Popen([word.replace("{}", "%.6g" % (gauged / 1000)) for word in settings["gauge"]]))
+    said = errors.poll()
+    if said:
+        print("LinuxCNC:", said, flush=True)
+    time.sleep(0.05)
+open("result.txt", "w").write("%r %r %r" % (wear, hal.get_value("fmwear.0.seconds"), gauged))
+program.terminate()
+try:
+    program.wait(5)
+except subprocess.TimeoutExpired:
+    program.kill()
 sys.exit(0)
 """
 )
