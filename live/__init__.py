@@ -1,8 +1,9 @@
 """Wear and remaining life beside a running machine.
 
 samples      what a source gives: `Sample`, `Notice`; the steady parts of cuts: `Window`, `CutEnd`
-control      reference and feed limit of the exported controller, by consent and behind its heartbeat
-linuxcnc_control    both ends of the pipe to LinuxCNC's HAL
+controller       the exported HAL controller of a file: what may be written, consent, comparison with HAL
+control          by consent and behind its heartbeat: reference and feed limit of that controller
+linuxcnc_control both ends of the pipe to LinuxCNC's HAL
 live_laws        laws of wear and loads of a parameter file, with the scatter between edges: `LiveLaws`
 exposure         minutes of contact of one edge by setting, and its wear by the law
 edge_state       state of one edge as a Gaussian distribution

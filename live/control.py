@@ -17,7 +17,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal
 
-from ..core.errors import GateError, UsageError
+from ..core.errors import UsageError
+from .controller import (
+    CHANGED,
+    READINGS,
+    STATUS,
+    Controller,
+    Value,
+    controller_of,
+    differences,
+    is_same,
+    require_consent,
+    write_order,
+)
 from .linuxcnc_control import HalLink, Link, Runner
 
 if TYPE_CHECKING:
@@ -25,147 +37,11 @@ if TYPE_CHECKING:
     from ..parameters.exports.loop import LoadLoop
 
 Phase = Literal["checking", "waiting", "tripping", "latched", "writing", "suspended", "refused", "lost"]
-Value = bool | int | float
 
 STEADY: Final = 0.5  # s without a fault before the heartbeat is stopped, and of latched fault after it came back
 TRIP_MARGIN: Final = 0.3  # s after the heartbeat's time, for 20 readings of the pins a second
 TRIALS: Final = 3  # a fault that goes without a reset so often is not latched
 SILENT: Final = 1.0  # s without values of the pins: the machine is lost
-LEAST_SPAN: Final = 0.1  # of the feed range: the upper limit stays so far above the lower one
-SAME: Final = 1e-9  # relative difference of a setting in HAL and in the file
-STATUS: Final = ("fm-fault", "fm-overload", "fm-worn", "fm-dead", "fm-armed", "fm-enable", "fm-cut", "fm-reset")
-READINGS: Final = ("fm-feed", "fm-filtered")
-CHANGED: Final = ("fm.pid.command", "fm.entry.offset", "fm.centre.offset", "fm.pid.maxoutput", "fm.limit.max")
-
-
-@dataclass(frozen=True, slots=True)
-class Controller:
-    """The exported constant-load controller of a parameter file: its settings in HAL, and what may change.
-
-    Attributes
-    ----------
-    settings : mapping
-        Value of each pin and parameter of the HAL export.
-    reference : tuple of float
-        Lowest and highest reference that may be written, unit_load; the highest is that of the file.
-    high : tuple of float
-        Lowest and highest upper limit of the feed, unit_feed; the highest is that of the file.
-    heartbeat : float
-        s without a change of the heartbeat after which the controller trips.
-    """
-
-    loop: "LoadLoop"
-    settings: Mapping[str, Value]
-    reference: tuple[float, float]
-    high: tuple[float, float]
-    heartbeat: float
-
-    def pins(self, reference: float, high: float) -> dict[str, float]:
-        """Values of the pins for a reference and an upper limit of the feed."""
-        loop = self.loop
-        most = high / loop.feed_programmed
-        middle, half = (loop.low + most) / 2, (most - loop.low) / 2
-        return dict(zip(CHANGED, (reference, loop.entry_gain * reference - middle, middle, half, most), strict=True))
-
-    def limits(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each pin that is written."""
-        corners = [self.pins(reference, high) for reference in self.reference for high in self.high]
-        return {pin: (min(c[pin] for c in corners), max(c[pin] for c in corners)) for pin in CHANGED}
-
-
-def controller_of(pf: "ParameterFile") -> Controller:
-    """The HAL controller of a parameter file.
-
-    Raises
-    ------
-    GateError
-        The file has no controller that can be exported to HAL, or one without a heartbeat.
-
-    Examples
-    --------
-    >>> from fitmodels.parameters.published import published
-    >>> try:
-    ...     controller_of(published("CLM-2023"))
-    ... except GateError as error:
-    ...     print(str(error)[:47])
-    the controller has law pi, form incremental_sum
-    """
-    from ..controllers.constant_load_milling.control_laws import loop_of
-
-    return controller_of_loop(loop_of(pf))
-
-
-def controller_of_loop(loop: "LoadLoop") -> Controller:
-    """The HAL controller of a loop; errors as for `controller_of`.
-
-    Examples
-    --------
-    >>> from dataclasses import replace
-    >>> from fitmodels.controllers.constant_load_milling.control_laws import loop_of
-    >>> from fitmodels.parameters.published import published
-    >>> loop = replace(loop_of(published("CLM-2023")), form="position", average=1)
-    >>> controller_of_loop(loop).reference[1]
-    0.24
-    """
-    from ..controllers.exports.hal import settings_of
-
-    if loop.average > 1 or loop.form != "position" or loop.law != "pi":
-        raise GateError(
-            f"the controller has law {loop.law}, form {loop.form} and a moving average of {loop.average} samples, "
-            "which the HAL export does not have; only there are reference and limits pins. Nothing is written."
-        )
-    if not loop.heartbeat:
-        raise GateError(
-            "the controller has no heartbeat (engagement.heartbeat is 0), so that it would not notice the loss of this "
-            "program; set heartbeat to 0.2 s with `fitmodels settings`, export and load it again. Nothing is written."
-        )
-    span = loop.feed_high - loop.feed_low
-    return Controller(
-        loop, {f"fm.{pin}": _value(text) for pin, text in settings_of(loop)},
-        (min(loop.engage_at + loop.hysteresis, loop.reference), loop.reference),
-        (loop.feed_low + LEAST_SPAN * span, loop.feed_high), loop.heartbeat,
-    )  # fmt: skip
-
-
-def _value(text: str) -> Value:
-    if text in ("TRUE", "FALSE"):
-        return text == "TRUE"
-    return int(text, 16) if text.startswith("0x") else float(text)
-
-
-def consent_words(controller: Controller) -> str:
-    """The words that a user repeats to allow writing: what is written, and within which range.
-
-    Examples
-    --------
-    >>> from dataclasses import replace
-    >>> from fitmodels.controllers.constant_load_milling.control_laws import loop_of
-    >>> from fitmodels.parameters.published import published
-    >>> loop = replace(loop_of(published("CLM-2023")), form="position", average=1)
-    >>> consent_words(controller_of_loop(loop))
-    'write reference 0.177 to 0.24 A and feed limit 640 to 1000 mm/min'
-    """
-    loop = controller.loop
-    (least, most), (low, high) = controller.reference, controller.high
-    return (
-        f"write reference {least:.3g} to {most:.3g} {loop.unit_load} and feed limit "
-        f"{low:.4g} to {high:.4g} {loop.unit_feed}"
-    )
-
-
-def require_consent(controller: Controller, given: str) -> None:
-    """Refuse where the given words are not those of `consent_words`, spaces and case apart.
-
-    Raises
-    ------
-    UsageError
-    """
-    words = consent_words(controller)
-    if given.lower().split() != words.lower().split():
-        raise UsageError(
-            f'--write changes the machine, and needs consent to its range: --consent "{words}"; '
-            f'given was "{given[:200]}". Without --write nothing is written.'
-        )
 
 
 def open_control(pf: "ParameterFile", consent: str, reference: float | None = None, python: str = "") -> "Runner":
@@ -187,6 +63,10 @@ def open_control(pf: "ParameterFile", consent: str, reference: float | None = No
     """
     controller = controller_of(pf)
     require_consent(controller, consent)
+    low, high = controller.reference
+    if reference is not None and not low <= reference <= high:
+        unit = controller.loop.unit_load
+        raise UsageError(f"reference {reference:g} {unit}: give {low:.4g} to {high:.4g} {unit}, the range of the file.")
     pins = (*STATUS, *READINGS, *controller.settings)
     link = HalLink(pins, controller.limits(), controller.heartbeat, python or "/usr/bin/python3")
     session = ControlSession(controller, link)
@@ -343,7 +223,7 @@ class ControlSession:
     def _writing(self, now: float, values: Mapping[str, Value]) -> None:
         if reason := _stopped(values):
             return self._go("suspended", now, f"writing is suspended: {reason}")
-        changed = [pin for pin, value in self._written.items() if not _same(values.get(pin), value)]
+        changed = [pin for pin, value in self._written.items() if not is_same(values.get(pin), value)]
         if changed and now - self._written_at > SILENT:
             pin = changed[0]
             was = self._written[pin]
@@ -354,7 +234,11 @@ class ControlSession:
         wanted = self.controller.pins(**self._wanted)
         if values["fm-cut"]:  # the feed limit is five settings, which a closed loop would meet one by one
             wanted = {"fm.pid.command": wanted["fm.pid.command"]}
-        new = {pin: value for pin, value in wanted.items() if not _same(self._written[pin], value)}
+        new = {
+            pin: wanted[pin]
+            for pin in write_order(wanted, self._written)
+            if not is_same(self._written[pin], wanted[pin])
+        }
         if new:
             self._written |= new
             self._written_at = now
@@ -370,30 +254,11 @@ class ControlSession:
             self._go("writing", now, "the controller runs again; writing within the limits")
 
 
-def differences(controller: Controller, values: Mapping[str, Value]) -> list[str]:
-    """Settings in HAL that are not those of the file; what may be written must be inside its limits."""
-    limits, wrong = controller.limits(), []
-    missing = [name for name in (*STATUS, *READINGS, *controller.settings) if name not in values]
-    if missing:
-        return [f"HAL has no {', '.join(missing[:3])}{' and others' if len(missing) > 3 else ''}"]
-    for pin, value in controller.settings.items():
-        seen = values[pin]
-        low, high = limits.get(pin, (value, value))
-        slack = SAME * max(abs(low), abs(high))
-        if not low - slack <= seen <= high + slack:
-            wrong.append(f"{pin} is {seen}, in the file {value}")
-    return wrong
-
-
 def _stopped(values: Mapping[str, Value]) -> str:
     for name, text in (("fm-fault", "the controller is in fault"), ("fm-overload", "the controller has an overload")):
         if values[name]:
             return f"{text}; the operator clears it (fm-reset)"
     return "" if values["fm-enable"] else "the controller is switched off (fm-enable)"
-
-
-def _same(one: Value | None, two: float) -> bool:
-    return one is not None and math.isclose(one, two, rel_tol=SAME, abs_tol=1e-12)
 
 
 def _feed(override: Value | None, loop: "LoadLoop") -> float | None:

@@ -14,14 +14,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fitmodels.core.errors import GateError, UsageError
-from fitmodels.live.control import (
+from fitmodels.live.control import ControlSession, open_control
+from fitmodels.live.controller import (
     CHANGED,
     READINGS,
     STATUS,
-    ControlSession,
     consent_words,
     controller_of,
+    differences,
     require_consent,
+    write_order,
 )
 from fitmodels.live.linuxcnc_control import Beat, HalLink, Runner, Writer
 
@@ -226,6 +228,44 @@ def test_another_controller_is_refused(machine, pin):
     assert pin in session.text
 
 
+@pytest.mark.parametrize("high", [700.0, 1000.0])
+def test_an_interrupted_write_leaves_the_lower_limit_in_reach(export, high):
+    """After each value of a write, the range of the PI reaches the lower limit and not beyond the upper one."""
+    controller = export[0]
+    loop = controller.loop
+    state = controller.pins(0.24, 1700.0 - high)
+    for pin in write_order(wanted := controller.pins(0.2, high), state):
+        state[pin] = wanted[pin]
+        middle, half = state["fm.centre.offset"], state["fm.pid.maxoutput"]
+        assert middle - half <= loop.low + 1e-12
+        assert middle + half <= loop.high + 1e-12
+        assert state["fm.entry.offset"] + middle <= 1e-12  # no rise at entry, as the gain there is 0
+    assert state == wanted
+
+
+def test_a_feed_limit_that_was_written_in_part_is_refused(machine):
+    machine.hal.cells[machine.hal.pins["fm.limit.max"].cell] = 0.8
+    session = ControlSession(machine.controller, machine)
+    machine.run(0.2, session)
+    assert session.phase == "refused"
+    assert "in part" in session.text
+
+
+def test_missing_pins_and_nan_are_refused(export, machine):
+    machine.run(0.1)
+    values = machine.last[1]
+    assert differences(export[0], values) == []
+    assert "HAL has no fm.pid.Igain" in differences(export[0], {k: v for k, v in values.items() if "Igain" not in k})[0]
+    assert "fm.pid.command is nan" in differences(export[0], {**values, "fm.pid.command": math.nan})[0]
+
+
+@pytest.mark.parametrize("reference", [220.0, -0.2, math.nan, 0.0])
+def test_a_reference_out_of_range_is_refused(export, monkeypatch, reference):
+    monkeypatch.setattr("fitmodels.live.control.controller_of", lambda pf: export[0])
+    with pytest.raises(UsageError, match="the range of the file"):
+        open_control(None, consent_words(export[0]), reference)
+
+
 def test_a_value_that_another_changes_ends_writing(machine):
     session = proved(machine)
     machine.hal.cells[machine.hal.pins["fm.pid.command"].cell] = 0.23
@@ -315,7 +355,8 @@ def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
 _PROGRAM = """
 import time
 from pathlib import Path
-from fitmodels.live.control import consent_words, controller_of, open_control
+from fitmodels.live.control import open_control
+from fitmodels.live.controller import consent_words, controller_of
 from fitmodels.parameters import ParameterFile
 
 pf = ParameterFile.model_validate_json(Path("params.json").read_text())
