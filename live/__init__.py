@@ -5,6 +5,7 @@ controller       the exported HAL controller of a file: what may be written, con
 control          by consent and behind its heartbeat: reference and feed limit of that controller
 linuxcnc_control both ends of the pipe to LinuxCNC's HAL
 live_laws        laws of wear and loads of a parameter file, with the scatter between edges: `LiveLaws`
+edge_scatter     scatter between edges and wander within them, from the sums of a parameter file
 exposure         minutes of contact of one edge by setting, and its wear by the law
 edge_state       state of one edge as a Gaussian distribution
 edge_estimate    wear and remaining life of one edge by a Kalman filter: `EdgeEstimate`

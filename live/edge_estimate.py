@@ -166,7 +166,9 @@ class EdgeEstimate:
             if mean is None or not (np.isfinite(mean.ln) and np.isfinite(mean.se)):
                 continue
             expected, H = self._state.load_row(name, self._exposure, self._last)
-            self.innovations[name] = self._state.update(H, mean.ln - expected, max(mean.se, LEAST_SE) ** 2, NOISE_DF)
+            variance = max(mean.se, LEAST_SE) ** 2
+            self.innovations[name] = self._state.update(H, mean.ln - expected, variance, NOISE_DF)
+            self._state.adapt(name, self.innovations[name])
 
     def gauge(self, wear: float, sd_ln: float) -> None:
         """Take in one gauge reading of the wear of this edge.
@@ -247,7 +249,7 @@ class EdgeEstimate:
             raise UsageError("further minutes of contact must be finite and 0 or more.")
         given = self.complete(conditions or {}) if conditions or self._last else self._typical()
         ln_wear, H = self._state.wear_rows(self._exposure, minutes, given)
-        wander = self.laws.assumptions.wear_wander
+        wander = self.laws.scatter.wear_wander
         kept = np.exp(-minutes / wander.minutes)
         H[:, self._state.w] = kept
         variance = ((H @ self._state.P) * H).sum(axis=1) + (1 - kept**2) * wander.sd**2
@@ -287,7 +289,7 @@ class EdgeEstimate:
         variance = float(H @ PH)
         return {
             name: float(PH[u] / (variance * self._state.P[u, u]) ** 0.5) if variance > 0 else 0.0
-            for name, (_, u, _) in self._state.of_load.items()
+            for name, (_, u, _, _) in self._state.of_load.items()
         }
 
     @property
@@ -318,6 +320,7 @@ class EdgeEstimate:
             "last": dict(self._last),
             "assumed": dict(self._assumed),
             "exposure": self._exposure.as_json(),
+            "fast": dict(self._state.fast),
             "mean": self._state.x.tolist(),
             "covariance": self._state.P.tolist(),
         }
@@ -341,7 +344,7 @@ class EdgeEstimate:
                 f"snapshot of {len(x)} states, the laws need {len(found._state.x)}: it was made with another parameter "
                 "file; start a new journal."
             )
-        found._state.x, found._state.P = x, P
+        found._state.x, found._state.P, found._state.fast = x, P, dict(data["fast"])
         found._exposure = Exposure(settings, np.array(data["exposure"]["minutes"], dtype=float))
         found.minutes, found._last = float(data["minutes"]), dict(data["last"])
         found.gauged, found.windows, found.reopened = (int(data[key]) for key in ("gauged", "windows", "reopened"))

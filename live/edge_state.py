@@ -7,8 +7,13 @@ from math import exp, inf, log
 import numpy as np
 
 from ..core.arrays import Array
+from .edge_scatter import FAST
 from .exposure import SOONEST, Exposure
 from .live_laws import TIME, LiveLaws
+
+MEDIAN = 0.6745  # of the absolute value of a standard normal
+ADAPTED = 0.025  # change of the ln of the fast wander with a window
+MOST_WANDER = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +27,9 @@ class Innovation:
 class EdgeState:
     """Deviations of one edge from the mean laws: mean ``x``, shape (n,), and covariance ``P``, shape (n, n).
 
-    Its parts are, of wear: deviations of the parameters, of the time exponent (``delta``), the level ``u`` and the
-    wander ``w``; of each load: deviations of the parameters, the level and the wander (``of_load``).
+    Parts of the state are, of wear: deviations of the parameters, of the time exponent (``delta``), the level ``u`` and
+    the wander ``w``; of each load: deviations of the parameters, the level, the slow and the fast wander (``of_load``).
+    ``fast`` holds the standard deviation of the fast wander of each load, as far as its windows have shown it.
     """
 
     def __init__(self, laws: LiveLaws) -> None:
@@ -32,35 +38,44 @@ class EdgeState:
         self.of_wear = slice(0, at)
         self.delta, self.u, self.w = at, at + 1, at + 2
         at += 3
-        self.of_load: dict[str, tuple[slice, int, int]] = {}
+        self.of_load: dict[str, tuple[slice, int, int, int]] = {}
         for name, law in laws.loads.items():
             p = len(law.theta)
-            self.of_load[name] = slice(at, at + p), at + p, at + p + 1
-            at += p + 2
+            self.of_load[name] = slice(at, at + p), at + p, at + p + 1, at + p + 2
+            at += p + 3
         self.time = 1 + laws.wear.formula.factors.index(TIME)
         low, high = laws.tested
         self.middle = (log(low) + log(high)) / 2 if low > 0 else log(high / 2)
+        self.fast = {name: wander.sd for name, wander in laws.scatter.load_rest.items()}
         self.x, self.P = np.zeros(at), self._prior(at)
 
     def _prior(self, size: int) -> Array:
-        laws, known = self.laws, self.laws.assumptions
+        laws, known = self.laws, self.laws.scatter
         P = np.zeros((size, size))
         P[self.of_wear, self.of_wear] = laws.wear.covariance
-        P[self.delta, self.delta] = (known.exponent_share * laws.wear.theta[self.time]) ** 2
-        P[self.u, self.u] = laws.wear.sd_level**2
+        P[self.delta, self.delta] = known.exponent_sd**2
         P[self.w, self.w] = known.wear_wander.sd**2
         for name, law in laws.loads.items():
-            theta, u, o = self.of_load[name]
-            P[theta, theta], P[u, u], P[o, o] = law.covariance, law.sd_level**2, known.load_wander.sd**2
-            P[u, self.u] = P[self.u, u] = known.level_correlation * law.sd_level * laws.wear.sd_level
+            theta, _, slow, fast = self.of_load[name]
+            P[theta, theta] = law.covariance
+            P[slow, slow], P[fast, fast] = known.load_wander[name].sd ** 2, self.fast[name] ** 2
+        levels = [self.u, *(of[1] for of in self.of_load.values())]
+        sd = np.array([laws.wear.sd_level, *(law.sd_level for law in laws.loads.values())])
+        P[np.ix_(levels, levels)] = known.correlation * np.outer(sd, sd)
         return P
 
     def advance(self, minutes: float) -> None:
         """Let the wanders go on for minutes of contact."""
-        known = self.laws.assumptions
+        known = self.laws.scatter
         self._spread(self.w, known.wear_wander.kept(minutes), known.wear_wander.sd)
-        for _, _, place in self.of_load.values():
-            self._spread(place, known.load_wander.kept(minutes), known.load_wander.sd)
+        for name, (_, _, slow, fast) in self.of_load.items():
+            self._spread(slow, known.load_wander[name].kept(minutes), known.load_wander[name].sd)
+            self._spread(fast, known.load_rest[name].kept(minutes), self.fast[name])
+
+    def adapt(self, name: str, seen: Innovation) -> None:
+        """Follow the size of the deviations of a load: half of them are below .67 sd, whatever the outliers."""
+        step = ADAPTED if abs(seen.value) > MEDIAN * seen.sd else -ADAPTED
+        self.fast[name] = float(np.clip(self.fast[name] * exp(step), FAST.sd, MOST_WANDER))
 
     def _spread(self, place: int, kept: float, sd: float) -> None:
         self.x[place] *= kept
@@ -86,10 +101,10 @@ class EdgeState:
         ln_wear, rows = self.wear_rows(exposure, np.zeros(1), given)
         at = {**given, TIME: max(float(exposure.minutes.sum()), SOONEST), wear.symbol: exp(ln_wear[0])}
         columns = law.columns(at)
-        theta, u, o = self.of_load[name]
+        theta, u, slow, fast = self.of_load[name]
         H = law.slope(wear.symbol, at) * rows[0]
         H[theta] = columns
-        H[u] = H[o] = 1.0
+        H[u] = H[slow] = H[fast] = 1.0
         return float(columns @ law.theta), H
 
     def update(self, H: Array, difference: float, variance: float, df: float = inf) -> Innovation:

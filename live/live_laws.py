@@ -9,8 +9,7 @@ over the minutes t_i at each setting, in any order.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from math import isfinite
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,7 @@ from ..core.arrays import Array, is_positive
 from ..core.errors import UsageError
 from ..core.formula import Formula
 from ..parameters.evaluation import covariance_of
+from .edge_scatter import Assumptions, EdgeScatter, edge_scatter, typical_response
 
 if TYPE_CHECKING:
     from ..parameters import LawSection, ParameterFile
@@ -27,66 +27,6 @@ if TYPE_CHECKING:
 
 TIME = "t"
 FEWEST_DRAWS = 100  # from which a covariance is estimated
-
-
-@dataclass(frozen=True, slots=True)
-class Wander:
-    """Slow random deviation of a logarithm: an Ornstein-Uhlenbeck process in the time of contact.
-
-    Attributes
-    ----------
-    sd : float
-        Standard deviation of the logarithm.
-    minutes : float
-        Time after which its correlation has fallen to 1/e, min of contact.
-    """
-
-    sd: float
-    minutes: float
-
-    def __post_init__(self) -> None:
-        if not (self.sd >= 0 and isfinite(self.sd) and is_positive(self.minutes)):
-            raise UsageError(f"wander of {self.sd:g} over {self.minutes:g} min: give 0 or more, and a time above zero.")
-
-    def kept(self, minutes: float) -> float:
-        """Share of the deviation that is left after a time of contact."""
-        return float(np.exp(-minutes / self.minutes))
-
-
-@dataclass(frozen=True, slots=True)
-class Assumptions:
-    """What a parameter file does not hold and the estimate of an edge needs.
-
-    Attributes
-    ----------
-    exponent_share : float
-        Standard deviation between edges of the time exponent, as a share of the exponent.
-    wear_wander, load_wander : Wander
-        Of ln wear about the curve of its edge, and of ln load about its law at that wear.
-    level_correlation : float
-        Between the level of an edge in wear and in each load.
-
-    Examples
-    --------
-    >>> Assumptions().load_wander.minutes
-    1.0
-    """
-
-    exponent_share: float = 0.05
-    wear_wander: Wander = Wander(0.02, 2.0)
-    load_wander: Wander = Wander(0.02, 1.0)
-    level_correlation: float = 0.0
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """What is assumed, with its numbers."""
-        w, p = self.wear_wander, self.load_wander
-        return (
-            f"assumed: the time exponent of the wear law differs between edges by {100 * self.exponent_share:g} % (sd)",
-            f"assumed: wear wanders by {100 * w.sd:g} % over {w.minutes:g} min, loads by {100 * p.sd:g} % over "
-            f"{p.minutes:g} min",
-            f"assumed: correlation {self.level_correlation:g} between the levels of an edge in wear and in load",
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +105,8 @@ class LiveLaws:
     tested : (float, float)
         Shortest and longest time of contact in the tests, min.
     simulated : bool
-    assumptions : Assumptions
+    scatter : EdgeScatter
+        Of edges about these laws.
     notes : tuple of str
         What was assumed and what was left out, in sentences.
 
@@ -184,7 +125,7 @@ class LiveLaws:
     criterion: float | None
     tested: tuple[float, float]
     simulated: bool
-    assumptions: Assumptions = field(default_factory=Assumptions)
+    scatter: EdgeScatter
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -218,7 +159,7 @@ class LiveLaws:
         UsageError
             The file has no law of wear that grows with time, or a named load has no law that depends on the wear.
         """
-        known, draws = assumptions or Assumptions(), draws or {}
+        draws = draws or {}
         symbol = _wear_symbol(pf, wear)
         law = _live_law(pf.laws[symbol], draws.get(symbol), by, USUAL)
         _check_wear(law)
@@ -239,7 +180,12 @@ class LiveLaws:
         low, high = law.ranges[TIME]
         if not all(name in draws for name in (symbol, *found)):
             notes.append("uncertainty of the laws: covariances of the file, as it has no draws of all laws")
-        return cls(law, found, criterion, (low, high), bool(pf.identity.simulated), known, (*notes, *known.sentences))
+        exponent = float(law.theta[1 + law.formula.factors.index(TIME)])
+        scatter = edge_scatter(
+            pf.laws[symbol], [pf.laws[name] for name in found], exponent, assumptions or Assumptions()
+        )
+        every = (*notes, *scatter.notes)
+        return cls(law, found, criterion, (low, high), bool(pf.identity.simulated), scatter, every)
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -321,8 +267,7 @@ def _live_law(law: "LawSection", draws: "Draws | None", by: str | None, units: M
     if sd is None:
         raise UsageError(f"the law of {law.response} has no residual standard error: the scatter of edges is unknown.")
     if law.error == "additive":
-        typical = law.formula.response_of(theta, np.concatenate([law.formula.columns(_middle(law)), _shifts(law, by)]))
-        sd = sd / float(typical)
+        sd = sd / typical_response(law)
     df = e.df_between if e is not None and e.df_between else max((law.n_edges or law.n) - 1, 3)
     ranges = {f.symbol: (f.low / k, f.high / k) for f, k in zip(law.factors, scales, strict=True)}
     return LiveLaw(
@@ -337,12 +282,6 @@ def _parameters(law: "LawSection", draws: "Draws | None") -> tuple[Array, Array]
         return law.theta, covariance_of(law)
     values = draws.values[:, [draws.names.index(name) for name in names]]
     return np.asarray(values.mean(axis=0)), np.cov(values, rowvar=False)
-
-
-def _middle(law: "LawSection") -> Array:
-    """Middle of the tested range of each factor, in its unit."""
-    ends = [(f.low, f.high) for f in law.factors]
-    return np.array([(low * high) ** 0.5 if low > 0 else (low + high) / 2 for low, high in ends])
 
 
 def _shifts(law: "LawSection", by: str | None) -> Array:

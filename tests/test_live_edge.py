@@ -4,17 +4,18 @@ import json
 from math import inf, log
 
 import numpy as np
+import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.core.errors import UsageError
 from fitmodels.live.decision import change_now, highest
 from fitmodels.live.edge_estimate import EdgeEstimate
-from fitmodels.live.live_laws import Assumptions, LiveLaws, Wander
+from fitmodels.live.edge_scatter import Assumptions, Wander, level_correlation, slope_variance
+from fitmodels.live.live_laws import LiveLaws
 from fitmodels.live.samples import LoadMean, Window
 from fitmodels.parameters.sections.costs import CostsSection
 
 AT = {"V": 150.0, "f": 0.25, "d": 2.0}
-STILL = Assumptions(wear_wander=Wander(0.0, 1.0), load_wander=Wander(0.0, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -71,23 +72,30 @@ def test_many_settings_are_joined_and_memory_stays(laws):
     assert log(edge.wear().median) == pytest.approx(m * np.log(0.1 * np.exp(z @ laws.wear.theta / m).sum()), abs=2e-4)
 
 
-def test_filter_equals_the_regression_on_all_windows(pf):
-    """Without wander the filter is one Gaussian regression: the same mean and variance as solved at once."""
-    laws = LiveLaws.of(pf, assumptions=STILL)
-    edge, rng = EdgeEstimate(laws, 0.3), np.random.default_rng(2)
-    prior, rows, y = edge._state.P.copy(), [], []
-    for at in [AT] * 40 + [{**AT, "f": 0.15}] * 40:
-        seen = {name: edge.expected_ln(name, at)[0] + rng.normal(0, 0.01) for name in laws.loads}
+def test_filter_equals_the_regression_on_all_windows(laws):
+    """One Gaussian regression with all windows at once has the same mean and variance of everything that stays."""
+    edge, rng, rows, y, kind = EdgeEstimate(laws, 0.3), np.random.default_rng(2), [], [], []
+    state, scatter = edge._state, laws.scatter
+    prior = state.P.copy()
+    for k, at in enumerate([AT] * 40 + [{**AT, "f": 0.15}] * 40):
         edge.advance(0.25, at)
         for name in laws.loads:
-            expected, H = edge._state.load_row(name, edge._exposure, at)
-            edge._state.update(H, seen[name] - expected, 0.02**2)
-            rows.append(H), y.append(seen[name] - expected)
-    H = np.array(rows)
+            _, H = state.load_row(name, edge._exposure, at)
+            difference = rng.normal(0, 0.03)
+            state.update(H, difference, 0.02**2)
+            rows.append(H), y.append(difference), kind.append((name, 0.25 * k, H[state.w]))
+    moving = [state.w, *(place for of in state.of_load.values() for place in of[2:])]
+    stays = np.setdiff1d(np.arange(len(prior)), moving)
+    H, prior = np.array(rows)[:, stays], prior[np.ix_(stays, stays)]
     S = H @ prior @ H.T + 0.02**2 * np.eye(len(y))
+    for i, (a, s, k) in enumerate(kind):
+        for j, (b, t, m) in enumerate(kind):
+            S[i, j] += k * m * scatter.wear_wander.sd**2 * scatter.wear_wander.kept(abs(s - t))
+            for wander in (scatter.load_wander[a], scatter.load_rest[a]) if a == b else ():
+                S[i, j] += wander.sd**2 * wander.kept(abs(s - t))
     gain = np.linalg.solve(S, H @ prior).T
-    assert np.abs(edge._state.x - gain @ np.array(y)).max() < 1e-8
-    assert np.abs(edge._state.P - (prior - gain @ H @ prior)).max() < 1e-9
+    assert np.abs(state.x[stays] - gain @ np.array(y)).max() < 1e-9
+    assert np.abs(state.P[np.ix_(stays, stays)] - (prior - gain @ H @ prior)).max() < 1e-10
 
 
 def test_greater_load_means_more_wear_and_a_gauge_reading_tells_the_level(laws):
@@ -167,7 +175,7 @@ def test_reopened_level_is_wide(laws):
     assert any("chipping" in note for note in edge.notes)
 
 
-def test_snapshot_goes_on_bit_for_bit(laws):
+def test_snapshot_goes_on_bit_for_bit(laws, pf):
     edge = EdgeEstimate(laws, 0.3)
     cut(edge, 30)
     edge.gauge(edge.wear().median, 0.02)
@@ -176,7 +184,7 @@ def test_snapshot_goes_on_bit_for_bit(laws):
         cut(one, 20, change=0.01)
     assert again.as_json() == edge.as_json()
     with pytest.raises(UsageError, match="another parameter"):
-        EdgeEstimate.from_json(LiveLaws(laws.wear, {}, 0.3, laws.tested, True), edge.as_json())
+        EdgeEstimate.from_json(LiveLaws.of(pf, loads=[]), edge.as_json())
 
 
 def test_beyond_the_tests_is_said(laws):
@@ -231,3 +239,62 @@ def test_advised_speed_keeps_to_the_risk_the_limits_and_the_tests(laws):
     assert highest(edge, "V", AT, 500.0, 1e-9, limits=(150.0, 200.0)) is None
     top = edge.expected_load("P", AT).high
     assert highest(edge, "V", AT, 1.0, 0.05, loads={"P": top}).value <= 150.0 * 1.01
+
+
+def simulated(seed=3, edges=40, rows=8, exponent_sd=0.03, correlation=0.0):
+    """Wear tests whose edges have their own exponents, and levels that agree with those of the load."""
+    rng = np.random.default_rng(seed)
+    at = np.repeat(np.arange(edges), rows)
+    t = np.tile(np.geomspace(2.0, 20.0, rows), edges)
+    V, f = (np.exp(rng.uniform(-0.6, 0.6, edges))[at] * middle for middle in (100.0, 0.2))
+    u, v = rng.multivariate_normal([0, 0], [[1, correlation], [correlation, 1]], edges).T
+    own = 0.25 + exponent_sd * rng.standard_normal(edges)
+    ln = np.log(0.01 * (V / 100) ** 0.5 * (f / 0.2) ** 0.2) + own[at] * np.log(t) + 0.08 * u[at]
+    wear = np.exp(ln + 0.03 * rng.standard_normal(len(t)))
+    P = 0.5 * V * f**0.6 * wear**0.4 * np.exp(0.06 * v[at] + 0.02 * rng.standard_normal(len(t)))
+    frame = pd.DataFrame({"edge": [f"E{g}" for g in at], "V": V, "f": f, "t": t, "AW": wear, "P": P})
+    runs = datasets.runs_from_frame(frame, judge=False)
+    return parameters.collect(
+        laws=[fit.power_law(runs, "AW", ["V", "f", "t"]), fit.power_law(runs, "P", ["V", "f", "AW"])]
+    )
+
+
+def test_exponents_of_edges_are_found_from_the_sums_of_the_file():
+    laws = simulated(exponent_sd=0.05).laws
+    variance, se, edges = slope_variance(laws["AW"], "t")
+    assert edges == 40
+    assert abs(variance - 0.05**2) < 3 * se
+    none, se, _ = slope_variance(simulated(exponent_sd=0.0).laws["AW"], "t")
+    assert none < 3 * se < 0.05**2
+
+
+@pytest.mark.parametrize("true", [0.6, -0.6])
+def test_correlation_of_levels_is_found_from_the_sums_of_the_file(true):
+    """Part of it only: the coefficient of wear in the law of the load takes up the rest."""
+    pf = simulated(correlation=true)
+    found = level_correlation(pf.laws["AW"], pf.laws["P"])
+    assert 0.15 < found / true < 1.0
+    assert LiveLaws.of(pf).scatter.correlation[0, 1] == pytest.approx(found)
+
+
+def test_a_file_without_sums_says_what_is_assumed():
+    pf = simulated()
+    bare = {name: law.model_copy(update={"sums": None}) for name, law in pf.laws.items()}
+    notes = LiveLaws.of(pf.model_copy(update={"laws": bare})).notes
+    assert any("assumed: sd of the time exponent" in note for note in notes)
+    assert any("assumed: correlation" in note for note in notes)
+    given = LiveLaws.of(pf, assumptions=Assumptions(0.2, Wander(0.05, 3.0), Wander(0.04, 2.0), 0.3)).scatter
+    assert given.wear_wander == Wander(0.05, 3.0)
+    assert given.correlation[0, 1] == pytest.approx(0.3)
+    assert sum("given" in note for note in given.notes) == 4
+
+
+def test_wander_that_windows_show_is_taken_in(laws):
+    """Loads that swing by 10 % between windows widen the interval; steady ones narrow it."""
+    rng, steady, swinging = np.random.default_rng(4), EdgeEstimate(laws, 0.3), EdgeEstimate(laws, 0.3)
+    for _ in range(120):
+        cut(steady, 1)
+        swinging.add(window({name: swinging.expected_ln(name, AT)[0] + rng.normal(0, 0.1) for name in laws.loads}))
+    width = [log(edge.wear().high / edge.wear().low) for edge in (steady, swinging)]
+    assert width[1] > 1.03 * width[0]
+    assert min(swinging._state.fast.values()) > 3 * max(steady._state.fast.values())
