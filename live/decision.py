@@ -72,12 +72,16 @@ def change_now(
     after = estimate.probability_past(next_cut_minutes, conditions)
     goal = f"{wear} {estimate.criterion:g} {unit}"
     when = f"after the next cut of {next_cut_minutes:.3g} min" if next_cut_minutes > 0 else "now"
-    words = f"probability {after:.2g} that the wear is past {goal} {when}"
+    words = f"probability {_probability(after)} that the wear is past {goal} {when}"
     if costs is not None and (by_cost := _by_cost(estimate, next_cut_minutes, conditions, costs, words)) is not None:
         return by_cost
     if after > risk:
         return Advice("change", f"Change the edge: {words}; the limit is {risk:g}.", after)
     return Advice("go on", f"Go on: {words}; the limit is {risk:g}.", after)
+
+
+def _probability(value: float) -> str:
+    return "< 0.001" if value < 0.001 else f"{value:.2g}"
 
 
 def _by_cost(
@@ -156,5 +160,5 @@ def _advice(symbol: Literal["f", "V"], value: float, present: float, past: float
     else:
         text = f"{symbol} {value:.3g} {unit} ({100 * change:+.0f} %)"
     work = f"the work of {minutes:.3g} min at {symbol} {present:.3g}"
-    text += f": probability {past:.2g} of being past the criterion after {work}."
+    text += f": probability {_probability(past)} of being past the criterion after {work}."
     return Advice("feed" if kind == "feed" else "speed", text, past, value)

@@ -62,8 +62,6 @@ class EdgeEstimate:
     laws : LiveLaws
     criterion : float, optional
         Wear at the end of life in the unit of the wear law; that of the file by default.
-    seed : int
-        Not used: nothing is drawn at random.
 
     Raises
     ------
@@ -85,7 +83,7 @@ class EdgeEstimate:
     True
     """
 
-    def __init__(self, laws: LiveLaws, criterion: float | None, seed: int = 1) -> None:
+    def __init__(self, laws: LiveLaws, criterion: float | None = None) -> None:
         self.laws = laws
         found = laws.criterion if criterion is None else criterion
         if found is None or not is_positive(found):

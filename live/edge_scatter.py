@@ -8,7 +8,7 @@ levels of an edge, shrunk towards 0 by its standard error.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, isfinite
+from math import exp, isfinite, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,7 +114,9 @@ class EdgeScatter:
     notes: tuple[str, ...] = ()
 
 
-def edge_scatter(wear: "LawSection", loads: Sequence["LawSection"], exponent: float, given: Assumptions) -> EdgeScatter:
+def scatter_of_edges(
+    wear: "LawSection", loads: Sequence["LawSection"], exponent: float, given: Assumptions
+) -> EdgeScatter:
     """Scatter of edges about the laws of a file.
 
     Parameters
@@ -147,12 +149,15 @@ def _exponent(wear: "LawSection", exponent: float, given: Assumptions) -> tuple[
         sd = EXPONENT_SHARE * exponent
         return sd, f"assumed: {what} {100 * EXPONENT_SHARE:g} % of it, as the file has no sums by edge"
     variance, se, edges = found
-    sd = max(variance, se) ** 0.5  # with few edges a variance of 0 is not known to be 0
+    sd = above_zero(variance, se) ** 0.5
     return sd, f"estimated from {edges} edges: {what} {sd:.2g} ({100 * sd / exponent:.2g} % of it)"
 
 
 def slope_variance(law: "LawSection", symbol: str) -> tuple[float, float, int] | None:
-    """Variance between edges of the exponent of a factor, its standard error, and the edges; None where unknown."""
+    """Variance between edges of the exponent of a factor, its standard error, and the number of edges.
+
+    The estimate may be below 0 by chance. None where the file has no sums, or too few edges.
+    """
     rows = [(one.rows, *sums) for one in law.sums.edges if (sums := _within(law, one, symbol))] if law.sums else []
     rows = [row for row in rows if row[0] > 2]
     if len(rows) < FEWEST_EDGES:
@@ -163,8 +168,20 @@ def slope_variance(law: "LawSection", symbol: str) -> tuple[float, float, int] |
     mean = (Sxx * slopes).sum() / Sxx.sum()
     spread, G = float((Sxx * (slopes - mean) ** 2).sum()), len(rows)
     free = float(Sxx.sum() - (Sxx**2).sum() / Sxx.sum())
-    variance = max((spread - (G - 1) * error) / free, 0.0)
-    return variance, float((2 / (G - 1)) ** 0.5 * (variance + (G - 1) * error / free)), G
+    variance = (spread - (G - 1) * error) / free
+    return variance, float((2 / (G - 1)) ** 0.5 * (max(variance, 0.0) + (G - 1) * error / free)), G
+
+
+def above_zero(value: float, se: float) -> float:
+    """Mean of a quantity that is not below 0, given its normal estimate: what is estimated as 0 need not be 0.
+
+    >>> round(above_zero(0.0, 1.0), 3), round(above_zero(5.0, 1.0), 3)
+    (0.399, 5.0)
+    """
+    from scipy.special import ndtr
+
+    z = value / se if se > 0 else 0.0
+    return float(value * ndtr(z) + se * exp(-z * z / 2) / (2 * pi) ** 0.5) if se > 0 else max(value, 0.0)
 
 
 def _within(law: "LawSection", one: "EdgeSumsSection", symbol: str) -> tuple[float, float, float] | None:
@@ -200,8 +217,8 @@ def _wander(law: "LawSection", given: Wander | None) -> tuple[Wander, float, str
     check = law.checks.get(ORDER)
     if check is None or check.statistic is None or e is None or not e.df_within:
         share, how = WANDER_SHARE, f"assumed, {100 * WANDER_SHARE:g} % of the variance within edges"
-    else:  # one standard error above the estimate, from one spacing back to none
-        lag, how = (max(check.statistic, 0.0) + 1.0) / e.df_within**0.5, "estimated from the correlation of rows"
+    else:  # the correlation one spacing apart, and from it the share at no distance
+        lag, how = above_zero(check.statistic, 1.0) / e.df_within**0.5, "estimated from the correlation of rows"
         share = min(lag * exp(1 / SPACING), 1.0)
     wander = Wander(within * share**0.5, minutes)
     return wander, within * (1 - share) ** 0.5, f"{how}: {name} wanders by {wander.words}"

@@ -19,7 +19,7 @@ from ..core.arrays import Array, is_positive
 from ..core.errors import UsageError
 from ..core.formula import Formula
 from ..parameters.evaluation import covariance_of
-from .edge_scatter import Assumptions, EdgeScatter, edge_scatter, typical_response
+from .edge_scatter import Assumptions, EdgeScatter, scatter_of_edges, typical_response
 
 if TYPE_CHECKING:
     from ..parameters import LawSection, ParameterFile
@@ -181,7 +181,7 @@ class LiveLaws:
         if not all(name in draws for name in (symbol, *found)):
             notes.append("uncertainty of the laws: covariances of the file, as it has no draws of all laws")
         exponent = float(law.theta[1 + law.formula.factors.index(TIME)])
-        scatter = edge_scatter(
+        scatter = scatter_of_edges(
             pf.laws[symbol], [pf.laws[name] for name in found], exponent, assumptions or Assumptions()
         )
         every = (*notes, *scatter.notes)

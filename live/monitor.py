@@ -119,7 +119,7 @@ class Monitor:
     def _new_estimate(self) -> "EdgeEstimate":
         from .edge_estimate import EdgeEstimate
 
-        return EdgeEstimate(self.laws, self.settings.criterion, self.settings.seed + self.edge.number - 1)
+        return EdgeEstimate(self.laws, self.settings.criterion)
 
     def apply(self, record: Record) -> None:
         """Change the state by one record of the journal; kinds that only report are passed over."""
