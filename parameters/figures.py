@@ -4,11 +4,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..core.display import plot
-from ..core.figure_style import BLUE
+from ..core.errors import UsageError
+from ..core.figure_style import BLUE, SERIES
 from ..core.plotting import new_axes, whiskers
 from ..core.rounding import with_unit
 from .draws import Draws
 from .file import ParameterFile
+from .gather.learned import Drift
 from .sections.dynamics import DynamicsSection
 from .sections.law import LawSection
 
@@ -57,4 +59,24 @@ def dynamics_figure(model: DynamicsSection, ax: Axes | None = None) -> Axes:
     time = model.sample_time * np.arange(STEP)
     ax.plot(time, model.simulate(np.ones(STEP)), color=BLUE, drawstyle="steps-post")
     ax.set(xlabel="time [s]", ylabel=with_unit(model.output, model.unit_y), title=f"unit step of {model.input}")
+    return ax
+
+
+@plot.register
+def drift_figure(found: Drift, ax: Axes | None = None, *, law: str | None = None) -> Axes:
+    """Exponents of one law after each batch of edges, with two standard errors; ``law`` by default the first."""
+    known = list(dict.fromkeys(row.response for row in found.rows))
+    law = known[0] if law is None else law
+    rows = [row for row in found.rows if row.response == law]
+    if not rows:
+        raise UsageError(f"law={law!r}: there are {', '.join(known)}.")
+    ax = new_axes(ax)
+    names = list(rows[0].estimates)
+    for j, name in enumerate(names):
+        value, se = np.array([row.estimates[name] for row in rows]).T
+        at = np.arange(len(rows)) + 0.3 * ((j + 0.5) / len(names) - 0.5)
+        ax.errorbar(at, value, 2 * se, fmt="o-", ms=4, lw=1, color=SERIES[j % len(SERIES)], label=name)
+    ax.set_xticks(range(len(rows)), [f"{row.batch}\n{row.edges} edges" for row in rows])
+    ax.set(ylabel="exponent ± 2 standard errors", title=f"law of {law} over batches")
+    ax.legend(frameon=False)
     return ax

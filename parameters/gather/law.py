@@ -109,7 +109,7 @@ def law_section(
     from ...fit import judge
     from ...fit.available import NotAvailable, computed
 
-    data = _section(law)
+    data = fitted_fields(law)
     if law.rows is None:
         data |= judged_fields(judge(law, runs=runs, laws=laws))
         data |= {"sums": sums_of(law)}
@@ -124,7 +124,7 @@ def law_section(
                 "region": lambda: _region(law),
                 "sums": lambda: sums_of(law),
                 "published": lambda: _published(law, tool, work),
-                "alternative": lambda: None if known_other is None else _section(known_other),
+                "alternative": lambda: None if known_other is None else fitted_fields(known_other),
             }
         )
         data |= (made.pop("checks") or {}) | made
@@ -182,7 +182,7 @@ def _compared(found: "Judgement", law: "LawFit", posterior: "Posterior | None") 
     return replace(found, checks={**found.checks, "agreement": check})
 
 
-def _section(law: "LawFit") -> dict[str, Any]:
+def fitted_fields(law: "LawFit") -> dict[str, Any]:
     """Fields of the section that every fit has."""
     params = {str(name): float(value) for name, value in law.params.items()}
     return {
@@ -303,7 +303,7 @@ def judged_fields(found: "Judgement") -> dict[str, Any]:
     from ...fit import NotAvailable
 
     checks = {
-        name: {"reason": check.reason} if isinstance(check, NotAvailable) else _check(check)
+        name: {"reason": check.reason} if isinstance(check, NotAvailable) else check_fields(check)
         for name, check in found.checks.items()
     }
     return {
@@ -315,7 +315,8 @@ def judged_fields(found: "Judgement") -> dict[str, Any]:
     }
 
 
-def _check(check: "Check") -> dict[str, Any]:
+def check_fields(check: "Check") -> dict[str, Any]:
+    """Fields of one check."""
     return {
         "null": check.null,
         "symbol": check.symbol,

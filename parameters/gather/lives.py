@@ -34,11 +34,11 @@ def life_fields(law: "LawFit") -> dict[str, Any] | None:
         "with_scale": dict(zip(law.theta_names, found["with_scale"], strict=True)),
         "longest": float(law.observed.max()),
         "log_likelihood": known(law.life.log_likelihood),
-        "taylor": _taylor(taylor_constants(law), law),
+        "taylor": taylor_fields(taylor_constants(law), law),
     }
 
 
-def _taylor(found: "TaylorConstants | None", law: "LawFit") -> dict[str, Any] | None:
+def taylor_fields(found: "TaylorConstants | None", law: "LawFit") -> dict[str, Any] | None:
     """Taylor's constants, None without V; an end that is not bounded is None."""
     if found is None:
         return None
@@ -74,7 +74,7 @@ def tool_life_section(
         "wear_observed": None if life.law is None or life.law.rows is None else float(life.law.observed.max()),
         "typical": life.typical,
         "typical_at": dict(life.typical_at),
-        "taylor": None if life.law is None else _taylor(life.taylor, life.law),
+        "taylor": None if life.law is None else taylor_fields(life.taylor, life.law),
         "curves": None if curves is None else {k: v for k, v in curves.items() if k != "contradicts"},
         "verdict": None if verdict is None else VerdictSection.of(verdict).model_dump(),
     }
@@ -107,7 +107,7 @@ def _curves(life: "ToolLife") -> dict[str, Any] | None:
         "coefficients": finite(found.law.params),
         "typical": float(one.value),
         "typical_interval": (float(one.low), float(one.high)),
-        "taylor": _taylor(taylor_constants(found.law), found.law),
+        "taylor": taylor_fields(taylor_constants(found.law), found.law),
     }
 
 
