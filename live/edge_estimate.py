@@ -23,7 +23,7 @@ import numpy as np
 
 from ..core.arrays import Array, is_positive
 from ..core.errors import UsageError
-from .edge_state import EdgeState, Innovation
+from .edge_state import EdgeState, Innovation, LawDeviation
 from .exposure import Exposure
 from .live_laws import TIME, LiveLaws
 from .samples import Window
@@ -276,6 +276,10 @@ class EdgeEstimate:
             raise UsageError(f"no law of the load {symbol}; there are {', '.join(self.laws.loads) or 'none'}.")
         expected, H = self._state.load_row(symbol, self._exposure, self.complete(conditions))
         return expected + float(H @ self._state.x), float(H @ self._state.P @ H) ** 0.5
+
+    def law_deviation(self, symbol: str) -> LawDeviation:
+        """Deviation of the ln of a load of this edge from its law."""
+        return self._state.law_deviation(symbol, self._exposure, self._last or self._typical())
 
     def level_correlations(self) -> dict[str, float]:
         """Correlation of ln wear with the own level of this edge in each load, after what was seen.

@@ -24,6 +24,31 @@ class Innovation:
     sd: float
 
 
+@dataclass(frozen=True, slots=True)
+class LawDeviation:
+    """Deviation of the ln of a load of one edge from its law, with what is usual for a new edge.
+
+    Attributes
+    ----------
+    value : float
+        As far as it is known, without wander.
+    sd_edge, sd_law : float
+        Standard deviations between edges, and of the law, which is alike in all edges.
+    slope : float
+        Derivative of the ln load by the ln wear.
+    """
+
+    value: float
+    sd_edge: float
+    sd_law: float
+    slope: float
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of the value of a new edge."""
+        return (self.sd_edge**2 + self.sd_law**2) ** 0.5
+
+
 class EdgeState:
     """Deviations of one edge from the mean laws: mean ``x``, shape (n,), and covariance ``P``, shape (n, n).
 
@@ -106,6 +131,18 @@ class EdgeState:
         H[theta] = columns
         H[u] = H[slow] = H[fast] = 1.0
         return float(columns @ law.theta), H
+
+    def law_deviation(self, name: str, exposure: Exposure, given: Mapping[str, float]) -> LawDeviation:
+        """Deviation of the ln load of this edge from its law."""
+        _, H = self.load_row(name, exposure, given)
+        _, u, o = self.of_load[name]
+        H[self.w] = H[o] = 0.0
+        own = np.zeros(len(H))
+        own[[self.delta, self.u, u]] = H[[self.delta, self.u, u]]
+        prior = self._prior(len(H))
+        edge = float(own @ prior @ own)
+        law = max(float(H @ prior @ H) - edge, 0.0)
+        return LawDeviation(float(H @ self.x), edge**0.5, law**0.5, float(H[self.u]))
 
     def update(self, H: Array, difference: float, variance: float, df: float = inf) -> Innovation:
         """Take in one reading, in Joseph's form, which keeps the covariance positive.

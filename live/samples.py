@@ -64,12 +64,12 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class LoadMean:
-    """Mean of the ln of a load over a window, idle load subtracted where the law is one of cutting alone.
+    """Mean of a load over a window, idle load subtracted where the law is one of cutting alone.
 
     Attributes
     ----------
     ln : float
-        Mean of ln load.
+        Of the mean load.
     se : float
         Its standard error, with the errors of the idle load and of serial correlation.
     samples : int
@@ -91,7 +91,7 @@ class Window:
     contact : float
         Minutes of cutting since the window before it ended (or the cut began), with parts that were not steady.
     conditions : mapping
-        Means of V, f, d and others over ``contact``.
+        Means of V, f, d and others over the steady part, and over parts before it that were in no window.
     loads : mapping
         `LoadMean` by symbol.
     cut : int

@@ -281,7 +281,7 @@ class Windows:
         if self._first and self._carried:
             part, self._carried = self._carried, []
             minutes = sum(b.seconds for b in part) / 60
-            yield Window(part[0].start, part[-1].end, minutes, _conditions(part), {}, self.number)
+            yield Window(part[0].start, part[-1].end, minutes, _conditions(part[1:-1] or part), {}, self.number)
         yield CutEnd(self.last, self.minutes, self.number, lost)
         self._carried = []
         self.proved |= not lost
@@ -334,7 +334,8 @@ class Windows:
                 means[name] = found
         every = [*self._carried, *blocks[:end]]
         minutes = sum(b.seconds for b in every) / 60
-        window = Window(part[0].start, part[-1].end, minutes, _conditions(every), means, self.number)
+        steady = _conditions([*self._carried, *(part[1:-1] or part)])
+        window = Window(part[0].start, part[-1].end, minutes, steady, means, self.number)
         self._carried = list(blocks[end:])
         self.entering = False
         self._first = False

@@ -1,0 +1,248 @@
+"""Whether the laws still hold: chipping of an edge, another tool, another batch of work material.
+
+Chipping and another tool show in the innovations of the estimate, the deviations of loads from what was expected: a
+CUSUM of them, weighted by how much each load grows with wear, with their scatter learned as they come. A batch shows
+over edges only, because within one edge a load that is higher throughout cannot be distinguished from wear: a CUSUM of
+the deviations of finished edges from the laws.
+
+Source: Page 1954, Biometrika 41, 100; Hawkins 1987, J. R. Stat. Soc. D 36, 299 (baseline learned as the edges come).
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp, sqrt
+from statistics import median
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from .edge_estimate import EdgeEstimate
+    from .edge_state import LawDeviation
+
+SLACK = 0.5  # standard deviations, half of the shift that is found soonest
+LIMIT = 8.0  # of the CUSUM of windows
+CLIPPED = 2.0  # standard deviations that a window counts as, at most: four outlying ones in a row give no alarm
+MEMORY = 60  # windows from which the scatter of a load is learned
+ASSUMED = 10.0  # windows that the scatter of the model counts as
+BATCH_LIMIT = 4.0  # of the CUSUM of edges
+FIRST, OTHER = (
+    5,
+    4.0,
+)  # windows of an edge, and standard deviations from the laws, that show another tool
+EDGE_CLIPPED = 3.0  # standard deviations that an edge counts as, at most
+MAD = 1.4826
+
+CHIPPED = (
+    "loads rose at once ({} in the last window): the edge may have chipped. Look at it and gauge it; its level of wear "
+    "is open again."
+)
+DROPPED = (
+    "loads fell at once ({} in the last window): less is cut than the conditions say, or the edge broke. Look at it."
+)
+TOOL = (
+    "loads are far from their laws from the beginning of this edge ({}): another tool, work material or setting than "
+    "those of the parameter file. Its wear is not known."
+)
+SHIFTED = (
+    "loads of the last edges are {} than it is, if the work material or the tools are of another batch (the last edge "
+    "against its laws: {}). Measure the wear of an edge and learn from it."
+)
+
+AlarmKind = Literal["chipping", "drop", "tool", "batch"]
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """A law that no longer holds.
+
+    Attributes
+    ----------
+    kind : str
+        ``"chipping"`` (loads rose at once), ``"drop"`` (they fell), ``"tool"`` (they are far from the laws from the
+        beginning of an edge), ``"batch"`` (those of several edges are shifted).
+    text : str
+        What was seen, with values, and what to do.
+    """
+
+    kind: AlarmKind
+    text: str
+
+
+class ChippingDetector:
+    """Two-sided CUSUM of the standardized deviations of loads.
+
+    Examples
+    --------
+    >>> detector = ChippingDetector()
+    >>> quiet, chipped = [0.4, -0.9, -0.2, 0.8] * 5, [4.0] * 5
+    >>> [detector.add({"P": z}, {"P": 1.0}) for z in [*quiet, *chipped]][-2:]
+    [0, 1]
+    """
+
+    def __init__(self) -> None:
+        self.up = self.down = 0.0
+        self.past: dict[str, deque[float]] = {}
+
+    def add(self, deviations: Mapping[str, float], weights: Mapping[str, float]) -> int:
+        """Take in a window: 1 where loads have risen, -1 where they have fallen, else 0.
+
+        Parameters
+        ----------
+        deviations : mapping of str to float
+            Of the ln of loads from what was expected, in standard deviations.
+        weights : mapping of str to float
+            Deviation of each load at a given change of wear, in standard deviations.
+        """
+        total = norm = 0.0
+        for name, value in deviations.items():
+            past = self.past.setdefault(name, deque(maxlen=MEMORY))
+            z = value / _scale(past)
+            past.append(value)
+            weight = max(weights.get(name, 0.0), 0.0)
+            total += weight * min(max(z, -CLIPPED), CLIPPED)
+            norm += weight * weight
+        if norm == 0:
+            return 0
+        step = total / sqrt(norm)
+        self.up, self.down = max(0.0, self.up + step - SLACK), max(0.0, self.down - step - SLACK)
+        found = 1 if self.up > LIMIT else -1 if self.down > LIMIT else 0
+        if found:
+            self.up = self.down = 0.0
+        return found
+
+    def as_json(self) -> dict[str, Any]:
+        """Exact snapshot."""
+        return {"up": self.up, "down": self.down, "past": {name: list(past) for name, past in self.past.items()}}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "ChippingDetector":
+        """The detector of a snapshot."""
+        found = cls()
+        found.up, found.down = float(data["up"]), float(data["down"])
+        found.past = {name: deque(past, maxlen=MEMORY) for name, past in data["past"].items()}
+        return found
+
+
+def _scale(past: deque[float]) -> float:
+    """Scatter of standardized deviations: 1 by the model, corrected by what was seen."""
+    if len(past) < 2:
+        return 1.0
+    seen = MAD * median(abs(value) for value in past)
+    return sqrt((ASSUMED + len(past) * seen**2) / (ASSUMED + len(past)))
+
+
+class BatchDetector:
+    """Two-sided CUSUM of the deviations of finished edges from their laws, about a baseline that is learned.
+
+    The baseline starts at zero with the uncertainty of the laws: a shift that is there from the first edge is an error
+    of the laws as far as these allow it.
+
+    Examples
+    --------
+    >>> from fitmodels.live.edge_state import LawDeviation
+    >>> detector = BatchDetector()
+    >>> [detector.finish({"P": LawDeviation(d, 0.05, 0.02, 0.3)}) for d in [0.01, -0.02] * 5 + [0.1] * 6]
+    [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0]
+    """
+
+    def __init__(self) -> None:
+        self.up = self.down = 0.0
+        self.edges = 0
+        self.baseline, self.variance = 0.0, 0.0
+
+    def finish(self, deviations: Mapping[str, "LawDeviation"]) -> int:
+        """Take in a finished edge by load: 1 where loads are higher than before, -1 where they are lower, else 0."""
+        known = [one for one in deviations.values() if one.sd_edge > 0]
+        if not known:
+            return 0
+        weights = [1 / one.sd_edge**2 for one in known]
+        mean = sum(w * one.value for w, one in zip(weights, known, strict=True)) / sum(weights)
+        own = 1 / sum(weights)
+        if not self.edges:
+            self.variance = sum(w * one.sd_law for w, one in zip(weights, known, strict=True)) ** 2 / sum(weights) ** 2
+        self.edges += 1
+        z = (mean - self.baseline) / sqrt(self.variance + own)
+        gain = self.variance / (self.variance + own)
+        self.baseline += gain * min(max(mean - self.baseline, -2 * sqrt(own)), 2 * sqrt(own))
+        self.variance *= 1 - gain
+        z = min(max(z, -EDGE_CLIPPED), EDGE_CLIPPED)
+        self.up, self.down = max(0.0, self.up + z - SLACK), max(0.0, self.down - z - SLACK)
+        found = 1 if self.up > BATCH_LIMIT else -1 if self.down > BATCH_LIMIT else 0
+        if found:
+            self.up = self.down = 0.0
+            self.edges, self.baseline = 0, 0.0
+        return found
+
+    def as_json(self) -> dict[str, float]:
+        """Exact snapshot."""
+        return dict(vars(self))
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "BatchDetector":
+        """The detector of a snapshot."""
+        found = cls()
+        vars(found).update({name: data[name] for name in vars(found)})
+        return found
+
+
+class Detection:
+    """What is watched beside the estimate of an edge, over windows and over edges.
+
+    Examples
+    --------
+    >>> Detection.from_json(Detection().as_json()).windows
+    0
+    """
+
+    def __init__(self) -> None:
+        self.chipping, self.batch = ChippingDetector(), BatchDetector()
+        self.windows = 0  # with loads, of this edge
+
+    def add(self, estimate: "EdgeEstimate") -> list[Alarm]:
+        """Alarms of the window that the estimate has just taken in; after ``"chipping"`` reopen its level."""
+        found = {name: one for name, one in estimate.innovations.items() if one.sd > 0}
+        if not found:
+            return []
+        self.windows += 1
+        of_laws = {name: estimate.law_deviation(name) for name in found}
+        alarms = []
+        if self.windows == FIRST and any(abs(one.value) > OTHER * one.sd for one in of_laws.values()):
+            alarms.append(Alarm("tool", TOOL.format(_texts({name: one.value for name, one in of_laws.items()}))))
+        side = self.chipping.add(
+            {name: one.value / one.sd for name, one in found.items()},
+            {name: of_laws[name].slope / one.sd for name, one in found.items()},
+        )
+        if side:
+            kind, text = ("chipping", CHIPPED) if side > 0 else ("drop", DROPPED)
+            alarms.append(Alarm(kind, text.format(_texts({name: one.value for name, one in found.items()}))))
+        return alarms
+
+    def finish(self, estimate: "EdgeEstimate") -> list[Alarm]:
+        """Alarms at the end of an edge; the next window is of a new edge."""
+        used, self.windows = self.windows, 0
+        self.chipping = ChippingDetector()
+        if used < FIRST:
+            return []
+        found = {name: estimate.law_deviation(name) for name in estimate.laws.loads}
+        side = self.batch.finish(found)
+        if not side:
+            return []
+        what = "higher than before: wear is taken as more" if side > 0 else "lower than before: wear is taken as less"
+        return [Alarm("batch", SHIFTED.format(what, _texts({name: one.value for name, one in found.items()})))]
+
+    def as_json(self) -> dict[str, Any]:
+        """Exact snapshot."""
+        return {"windows": self.windows, "chipping": self.chipping.as_json(), "batch": self.batch.as_json()}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "Detection":
+        """The detection of a snapshot."""
+        found = cls()
+        found.windows = int(data["windows"])
+        found.chipping = ChippingDetector.from_json(data["chipping"])
+        found.batch = BatchDetector.from_json(data["batch"])
+        return found
+
+
+def _texts(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {100 * (exp(value) - 1):+.0f} %" for name, value in values.items())
