@@ -11,4 +11,6 @@ edge_state       state of one edge as a Gaussian distribution
 edge_estimate    wear and remaining life of one edge by a Kalman filter: `EdgeEstimate`
 decision         moment to change an edge, and advice of feed and speed
 cuts         samples -> windows and ends of cuts: `Cuts`; its blocks, and the means of its windows, in blocks, windows
+edge_summary     life of one edge as learning needs it: `EdgeSummary`
+learning         new versions of a parameter file, whose laws take in finished edges: `learn`, `learn_file`
 """

@@ -102,6 +102,7 @@ def learn(
     created: str | None = None,
     stem: str = "params",
     certain: bool = False,
+    simulated: bool = False,
 ) -> NewVersion:
     """The next version of a parameter file, whose laws take in finished edges.
 
@@ -123,6 +124,8 @@ def learn(
         Beginning of the name of the file of draws.
     certain : bool
         Take in a wear that is more than five times, or less than a fifth of, what the law gives.
+    simulated : bool
+        Whether an edge is of a simulation: the whole file then counts as simulated.
 
     Raises
     ------
@@ -152,6 +155,14 @@ def learn(
     sections, left_out = _sections(pf, found, edges)
     posterior, content, missing = _posterior(pf, found, dict(draws or {}), stem)
     notes += [*left_out, *missing]
+    identity = pf.identity.model_dump()
+    if simulated:
+        identity = {
+            **identity,
+            "simulated": True,
+            "note": _joined(pf.identity.note, f"version {version}: simulated edges"),
+        }
+        notes.append("Edges of a simulation: the whole file counts as simulated.")
     entry = {
         "version": version, "former_sha256": pf.content_sha256, "created": created, "batch": batch,
         "edges": [edge.edge for edge in edges], "rows": {name: sum(t.rows for t in rows[name]) for name in found},
@@ -164,9 +175,13 @@ def learn(
     provenance = {**pf.provenance.model_dump(), "then": (*pf.provenance.then, *([command] if command else []))}
     new = sealed(
         pf, laws=laws, posterior=posterior, history=[*(one.model_dump() for one in pf.history), entry],
-        provenance=provenance, **sections,
+        provenance=provenance, identity=identity, **sections,
     )  # fmt: skip
     return NewVersion(new, content, (*_lines(pf, found, version), *notes, _size(new)))
+
+
+def _joined(note: str | None, more: str) -> str:
+    return f"{note}; {more}" if note else more
 
 
 def _triangles(
@@ -342,6 +357,7 @@ def learn_file(
     command: str | None = None,
     created: str | None = None,
     certain: bool = False,
+    simulated: bool = False,
 ) -> NewVersion:
     """Write the next version of a parameter file and of its draws beside it; the former files stay as they are.
 
@@ -349,7 +365,7 @@ def learn_file(
     ----------
     path : path-like
         The newest version.
-    edges, batch, conditions, command, created, certain
+    edges, batch, conditions, command, created, certain, simulated
         As in `learn`.
 
     Raises
@@ -368,7 +384,7 @@ def learn_file(
         raise ParameterError(f"{new}: exists, a later version of {path}. Give it as the parameter file instead.")
     found = learn(
         pf, edges, draws=read_draws(pf, Path(path).parent), batch=batch, conditions=conditions, command=command,
-        created=created, stem=new.stem, certain=certain,
+        created=created, stem=new.stem, certain=certain, simulated=simulated,
     )  # fmt: skip
     if found.draws is not None and found.pf.posterior is not None and found.pf.posterior.draws_file:
         write_whole(new.parent / found.pf.posterior.draws_file, found.draws, error=ParameterError)

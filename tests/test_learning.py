@@ -205,6 +205,17 @@ def test_a_concern_of_a_check_that_is_not_computed_again_stays(early):
     assert learn(pf, [finished()]).pf.laws["AW"].verdict.level == "do not use for control"
 
 
+def test_edges_of_a_simulation_make_the_file_simulated(early):
+    measured = early.model_validate(
+        {**early.model_dump(), "identity": {**early.identity.model_dump(), "simulated": False}}
+    )
+    assert learn(measured, [finished()]).pf.identity.simulated is False
+    found = learn(measured, [finished()], simulated=True)
+    assert found.pf.identity.simulated is True
+    assert "version 2: simulated edges" in found.pf.identity.note
+    assert learn(early, [finished()]).pf.identity.simulated is True
+
+
 def test_settings_of_the_former_law_are_left_out(early):
     from fitmodels.parameters.file import sealed
 

@@ -300,7 +300,7 @@ def life_with(pf: "ParameterFile", found: Learned, largest: float) -> dict[str, 
 
 @dataclass(frozen=True, slots=True)
 class DriftRow:
-    """A law after the edges of one batch, and their distance from the law before.
+    """A law after the edges of one batch, and their distance from the first fit.
 
     Attributes
     ----------
@@ -310,8 +310,8 @@ class DriftRow:
     estimates : dict of (value, se)
         Coefficients but the constant, of all edges so far.
     shift, se : float or None
-        Mean distance of the edges of the batch from the law of all batches before, on the scale of its errors; None
-        for the first.
+        Mean distance of the edges of the batch from the law of the first fit, on the scale of its errors; None for
+        that itself.
     """
 
     response: str
@@ -358,7 +358,7 @@ class Drift(Plottable):
             level = "" if row.shift is None or row.se is None else f"{row.shift:+.3f} ± {row.se:.3f}"
             exponents = ", ".join(f"{name} {value:.3f} ± {se:.3f}" for name, (value, se) in row.estimates.items())
             lines.append((row.response, row.batch, str(row.edges), level, exponents))
-        heads = ("law", "batch", "edges", "level against the law before", "exponents of all edges so far")
+        heads = ("law", "batch", "edges", "level against the first fit", "exponents of all edges so far")
         return Display("Drift of the laws over batches", table=TextTable(heads, tuple(lines)))
 
 
@@ -387,14 +387,14 @@ def _drift_of(pf: "ParameterFile", section: LawSection) -> list[DriftRow]:
     all_of = triangles_of(section)
     batches = list(dict.fromkeys(one.batch for one in all_of))
     rows: list[DriftRow] = []
-    before: LawFit | None = None
+    first: LawFit | None = None
     for number, batch in enumerate(batches, start=1):
         own = [one for one in all_of if one.batch == batch]
         law = law_of(pf, section, [one for one in all_of if one.batch in batches[:number]])
-        away = (None, None) if before is None else level_shift(before, own)
+        away = (None, None) if first is None else level_shift(first, own)
         pairs = zip(law.names[1:], law.params.to_numpy()[1:], law.bse.to_numpy()[1:], strict=True)
         estimates = {name: (float(value), float(se)) for name, value, se in pairs}
         n = sum(one.rows for one in own)
         rows.append(DriftRow(section.response, batch or "first fit", len(own), n, estimates, *away))
-        before = law
+        first = law if first is None else first
     return rows
