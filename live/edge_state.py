@@ -135,8 +135,8 @@ class EdgeState:
     def law_deviation(self, name: str, exposure: Exposure, given: Mapping[str, float]) -> LawDeviation:
         """Deviation of the ln load of this edge from its law."""
         _, H = self.load_row(name, exposure, given)
-        _, u, o = self.of_load[name]
-        H[self.w] = H[o] = 0.0
+        _, u, slow, fast = self.of_load[name]
+        H[[self.w, slow, fast]] = 0.0
         own = np.zeros(len(H))
         own[[self.delta, self.u, u]] = H[[self.delta, self.u, u]]
         prior = self._prior(len(H))
