@@ -112,9 +112,16 @@ def test_bad_cells_are_named_and_torn_rows_left_out(tmp_path):
     path = written(tmp_path, "t [s],P [kW],V\n0,1.8,120\n0.02,x,120\n0.04,1.8\n0.06,,120\n0.08,1e999,120\n0.1,1.9,\n")
     samples, notices = read(path)
     assert [s.loads.get("P") for s in samples] == [1.8, None, None, None, 1.9]
-    assert [s.bad for s in samples] == ["", "P is 'x'", "P is absent", "P is 'inf'", ""]
+    assert [s.bad for s in samples] == ["", "P is 'x'", "", "P is 'inf'", ""]
     assert "V" not in samples[-1].conditions
     assert ["line 4" in n.text for n in notices if n.kind == "bad"] == [True]
+
+
+def test_a_run_whose_load_stays_empty_is_noticed_once(tmp_path):
+    path = written(tmp_path, "t [s],P [kW]\n0,1\n" + "".join(f"{k / 2},\n" for k in range(1, 60)))
+    samples, notices = read(path)
+    assert len(samples) == 60
+    assert [n.text for n in notices if n.kind == "bad"] == ["run.csv: no load for 5 s; its cells are empty"]
 
 
 def test_state_tool_and_override(tmp_path):

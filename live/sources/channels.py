@@ -85,9 +85,9 @@ class Channels:
         return "; ".join([", ".join(f"{c.symbol} from {shortened(c.label, 60)!r}" for c in every), *self.notes])
 
     def sample(self, time: float, values: Sequence[Value]) -> Sample:
-        """Reading at a time (s) from the values of ``channels``: numbers, texts where a cell is none, or None.
+        """Reading at a time (s) from the values of ``channels``: numbers, or None where nothing was read.
 
-        A load that is no number is absent and named in ``bad``.
+        A load that is a text, such as a cell that is no number or a bad status, is absent and named in ``bad``.
         """
         loads: dict[str, float] = {}
         conditions: dict[str, float] = {}
@@ -100,9 +100,9 @@ class Channels:
                 state, tool = (state_of(text), tool) if kind == "state" else (state, text)
             elif isinstance(value, float) and isfinite(value):
                 (loads if kind == "load" else conditions)[channel.symbol] = channel.factor * value + channel.shift
-            elif kind == "load":
-                shown = "absent" if value is None else f"{shortened(str(value), 20)!r}"
-                bad = f"{bad}, {channel.symbol} is {shown}" if bad else f"{channel.symbol} is {shown}"
+            elif kind == "load" and value is not None:
+                text = f"{channel.symbol} is {shortened(str(value), 40)!r}"
+                bad = f"{bad}, {text}" if bad else text
         if "override" in conditions:
             _apply_override(conditions)
         if state == "unknown":
@@ -173,22 +173,37 @@ def channels_of(labels: Sequence[str], options: SourceOptions, name: str, units:
             f"{name} gives no load of the laws ({wanted or 'none'}); it has {_list(labels)}. Name it, for "
             f"instance --map {first}={shortened(labels[-1], 30) if labels else 'COLUMN'!s}."
         )
-    made, notes = [], []
-    for symbol, place in found.items():
-        unit = options.units.get(symbol) or (
-            units[place] if place < len(units) and units[place] else heads[place].unit_text
-        )
-        channel, note = _channel(symbol, place, labels[place], unit, options)
+    placed = {symbol: (place, labels[place], _unit_at(place, heads, units)) for symbol, place in found.items()}
+    return _made(placed, options, name, [f"not read: {_list(others)}"] if others else [])
+
+
+def channels_for(places: Mapping[str, tuple[str, str]], options: SourceOptions, name: str) -> Channels:
+    """Quantities of a source whose places are given: symbol -> (node or pin, unit); errors as for `channels_of`.
+
+    Examples
+    --------
+    >>> channels_for({"P": ("ns=2;i=5", "W")}, SourceOptions(loads={"P": "kW"}), "server").loads
+    ('P',)
+    """
+    return _made({symbol: (k, *place) for k, (symbol, place) in enumerate(places.items())}, options, name, [])
+
+
+def _made(
+    placed: Mapping[str, tuple[int, str, str]], options: SourceOptions, name: str, notes: Sequence[str]
+) -> Channels:
+    """Channels by symbol -> (place, label, unit), with what was assumed."""
+    made, said = [], []
+    for symbol, (place, label, unit) in placed.items():
+        channel, note = _channel(symbol, place, label, options.units.get(symbol) or unit, options)
         made.append(channel)
-        notes += [note] if note else []
-    if "override" not in found and (left := [s for s in PROGRAMMED if s in found]):
+        said += [note] if note else []
+    if "override" not in placed and (left := [s for s in PROGRAMMED if s in placed]):
         raise UsageError(f"{name}: {left[0]} is a programmed feed and needs the override: give --map override=...")
-    missing = [symbol for symbol in options.loads if symbol not in found]
-    notes += [f"{name} does not give {', '.join(missing)}: not used"] if missing else []
-    notes += [f"not read: {_list(others)}"] if others else []
+    missing = [symbol for symbol in options.loads if symbol not in placed]
+    said += [f"{name} does not give {', '.join(missing)}: not used"] if missing else []
     clock = next((c for c in made if c.kind == "time"), None)
-    time_unit = options.units.get("time", "") or (_unit_at(clock.place, heads, units) if clock else "")
-    return Channels(tuple(c for c in made if c.kind != "time"), clock, time_unit, tuple(notes))
+    time_unit = (options.units.get("time") or placed["time"][2]) if clock else ""
+    return Channels(tuple(c for c in made if c.kind != "time"), clock, time_unit, (*said, *notes))
 
 
 def _unit_at(place: int, heads: Sequence[Header], units: Sequence[str]) -> str:

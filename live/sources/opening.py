@@ -9,6 +9,7 @@ from typing import Self
 from ...core.errors import UsageError
 from ..samples import Notice, Sample
 from .files import check_file, growing, replayed
+from .opcua import OpcUa
 from .options import SourceOptions
 
 
@@ -57,7 +58,8 @@ def open_source(words: str, options: SourceOptions) -> Source:
     Parameters
     ----------
     words : str
-        A file of CSV or JSON lines, which grows or, with ``options.replay``, is a recorded run.
+        A file of CSV or JSON lines, which grows or, with ``options.replay``, is a recorded run; or the address
+        ``opc.tcp://host:port/path`` of an OPC UA server.
     options : SourceOptions
 
     Raises
@@ -76,8 +78,12 @@ def open_source(words: str, options: SourceOptions) -> Source:
     ...     [item.loads["P"] for item in source if hasattr(item, "loads")]
     [1.8, 1.81]
     """
+    if words.startswith("opc.tcp://"):
+        if options.replay is not None:
+            raise UsageError("--replay goes with a recorded run, not with a server.")
+        return Source(words, OpcUa(words, options).items())
     if match := re.match(r"([a-z][a-z.]+)://", words):
-        raise UsageError(f"--from {words}: no source {match[1]}://; give a file of CSV or JSON lines.")
+        raise UsageError(f"--from {words}: no source {match[1]}://; give a file, or opc.tcp://host:port.")
     path = Path(words)
     check_file(path)
     if options.replay is not None:

@@ -46,6 +46,8 @@ class Lines:
         self._last_said = -SAY_AGAIN
         self._unsaid = 0
         self._said: set[str] = set()
+        self._loaded: float | None = None  # time of the last sample with a load
+        self._missed = False  # a load, for ``silent`` s
         self.samples = 0  # that were read
         self.restart()
 
@@ -134,11 +136,21 @@ class Lines:
         if after is not None and self._clock.last is None and sample.time <= after:
             return
         self.samples += 1
+        yield from self._without_load(sample)
         use, notice = self._clock.take(sample.time, arrival)
         if notice is not None:
             yield notice
         if use:
             yield sample
+
+    def _without_load(self, sample: Sample) -> Iterator[Notice]:
+        """A notice where no sample has held a load for ``silent`` s, once."""
+        if sample.loads or self._loaded is None:
+            self._loaded, self._missed = sample.time, False
+        elif abs(sample.time - self._loaded) > self._options.silent and not self._missed:
+            self._missed = True
+            why = sample.bad or "its cells are empty"
+            yield Notice(wall_time(), "bad", f"{self.name}: no load for {self._options.silent:g} s; {why}")
 
     def _unreadable(self, text: str) -> Iterator[Notice]:
         """A notice on lines that cannot be read, not more often than every 5 s."""
