@@ -35,7 +35,7 @@ COMMANDS = (
         "plan",
         "predict",
     ),
-    *("publish", "reduce", "replay", "roughness", "settings", "simulate", "tune"),
+    *("publish", "reduce", "replay", "roughness", "settings", "simulate", "tune", "watch"),
 )
 DEFECT = 70
 

@@ -45,6 +45,9 @@ GROUPS: Final = {
         "check": "whether params.json is consistent, and its control safe",
         "export": "params.json in the format of a controller",
     },
+    "Watch a running machine": {
+        "watch": "wear and remaining life of the edge in use, from its loads",
+    },
     "Publish": {
         "card": "the model card of params.json for reading, browser and programs",
         "publish": "a site of many cards, or a model repository",

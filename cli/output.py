@@ -5,7 +5,7 @@ import re
 import shutil
 import sys
 from argparse import ArgumentParser
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,6 +15,7 @@ from ..core.verdict import MARKS
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+    from rich.live import Live
 
 NARROWEST, WIDEST = 60, 120  # columns of a terminal; a sentence needs no more than the second
 IN_ASCII = {**{ord(mark.icon): mark.ascii for mark in MARKS.values()}, ord("…"): "..."}  # signs of other encodings
@@ -69,6 +70,19 @@ class Printer:
         """Columns of the output, 60 to 120."""
         return self._console.width
 
+    @property
+    def is_terminal(self) -> bool:
+        """Whether the output is a terminal, and not quiet."""
+        return self._console.is_terminal and not self.quiet
+
+    def renewed(self) -> "Live":
+        """A started display that is renewed in place, for blocks whose text is printable already."""
+        from rich.live import Live
+
+        live = Live(console=self._console, auto_refresh=False, vertical_overflow="crop")
+        live.start()
+        return live
+
     def show(self, block: "RenderableType") -> None:
         """Print one block, unless the output is quiet."""
         if not self.quiet:
@@ -115,6 +129,11 @@ def print_lines(lines: Iterable[str], *, quiet: bool = False) -> None:
     out = Printer(quiet=quiet)
     for line in lines:
         out.show(Text(as_options(line)))
+
+
+def line_writer() -> Callable[[str], None]:
+    """A function that writes lines of JSON to standard output; a reader that has closed the pipe stops nothing."""
+    return _write
 
 
 def print_json(schema: str, facts: Mapping[str, Any], version: int = 1) -> None:

@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 SHOWN_EACH: Final = 0.5  # s between two descriptions that are shown
 CONTACT_EACH: Final = 5.0  # s of the source between two records of an open cut
 ASKED_EACH: Final = 1.0  # s between two looks for requests and for the parameter file
-SAID: Final = ("lost", "gap", "bad", "clock", "replaced", "refused")  # notices that are kept
+REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {"gauge": ("wear", "sd_ln"), "edge": (), "acknowledge": ()}
+SAID: Final = ("connected", "lost", "gap", "bad", "clock", "replaced", "refused")  # notices that are kept
 
 
 class Outlet(Protocol):
@@ -49,17 +51,15 @@ class Watch:
     outlets : iterable of Outlet
     params : Path or None
         The parameter file, to notice that it was replaced.
-    skip_until : float or None
-        Samples up to this time (s) are in the journal already and are passed over: of a file that is read again.
     """
 
     def __init__(
         self, monitor: Monitor, cuts: "Cuts", name: str, *, journal: WatchJournal | None = None,
-        outlets: Iterable[Outlet] = (), params: Path | None = None, skip_until: float | None = None,
+        outlets: Iterable[Outlet] = (), params: Path | None = None,
     ) -> None:  # fmt: skip
         self.monitor, self.cuts, self.journal, self.outlets = monitor, cuts, journal, list(outlets)
         self.now = Reading(source={"name": name, "state": "starting", "text": "", "age": None})
-        self.params, self._stamp, self._skip_until, self._skipped = params, _stamp(params), skip_until, 0
+        self.params, self._stamp = params, _stamp(params)
         self._heard = self._shown = self._asked = time.monotonic()
         self._contact: float | None = None
         self._fault = ""
@@ -125,11 +125,6 @@ class Watch:
 
     def _sample(self, sample: Sample) -> None:
         self._heard = time.monotonic()
-        if self._skip_until is not None:
-            if sample.time <= self._skip_until:
-                self._skipped += 1
-                return
-            self._say_skipped()
         if self._is_other_tool(sample):
             return
         usable = bool(sample.loads) and not sample.bad
@@ -148,7 +143,8 @@ class Watch:
         if notice.kind == "idle":
             self._found(self.cuts.add(notice))
             return
-        self.now.source = {**self.now.source, "state": notice.kind, "text": notice.text}
+        if notice.kind != "end":
+            self.now.source = {**self.now.source, "state": notice.kind, "text": notice.text}
         if notice.kind in SAID:
             self._say_notice(notice)
         self._found(self.cuts.add(notice))
@@ -216,7 +212,7 @@ class Watch:
             self.journal.write_waiting()
             self._check_journal(self.journal)
             for path, request in requests(self.journal.folder):
-                self._request(request)
+                self.record(**request_record(request, self.monitor.time))
                 self.journal.synchronise()
                 remove_request(path)
         stamp = _stamp(self.params)
@@ -225,15 +221,6 @@ class Watch:
             what = "was removed" if stamp is None else "was replaced"
             text = f"{self.params} {what}: this watch goes on with the laws that it has read. Start again for new ones."
             self.record("notice", time=self.monitor.time, text=text)
-
-    def _request(self, request: Mapping[str, Any]) -> None:
-        known = {"gauge": ("wear", "sd_ln"), "edge": (), "acknowledge": ()}.get(str(request.get("kind")))
-        numbers = [request.get(name) for name in known or ()]
-        if known is None or not all(isinstance(value, int | float) and value > 0 for value in numbers):
-            self.record("notice", time=self.monitor.time, text="a request in the folder of the journal is not known.")
-            return
-        named = {name: request[name] for name in (*known, "request", "tool") if name in request}
-        self.record(str(request["kind"]), time=self.monitor.time, **named)
 
     def _check_journal(self, journal: WatchJournal) -> None:
         """Begin a new file where one is full; say once when the disk refuses, and when it takes records again."""
@@ -249,16 +236,8 @@ class Watch:
         elif journal.full:
             journal.rotate(self.monitor.as_json())
 
-    def _say_skipped(self) -> None:
-        if self._skipped:
-            text = f"{self._skipped} samples up to {clock(self._skip_until)} are in the journal and were passed over."
-            self.record("notice", time=self.monitor.time, text=text)
-        self._skip_until = None
-
     def _end(self) -> None:
-        stamp = self.now.time if self.now.time is not None else 0.0
-        self._say_skipped()
-        self._found(self.cuts.add(Notice(stamp, "end", "")))
+        self._found(self.cuts.close())
         self.look_around()
         self.now.state = "stopped"
 
@@ -281,7 +260,46 @@ def _stamp(path: Path | None) -> tuple[int, int] | None:
     return None
 
 
-def open_journal(folder: Path, monitor: Monitor, source: str, *, again: bool) -> tuple[WatchJournal, float | None]:
+def request_record(request: Mapping[str, Any], time: float | None) -> dict[str, Any]:
+    """The record of a request that was left in the folder of a journal; of one that is not known, a notice."""
+    kind = str(request.get("kind"))
+    needed = REQUESTS.get(kind)
+    numbers = [request.get(name) for name in needed or ()]
+    if needed is None or not all(isinstance(value, int | float) and isfinite(value) and value > 0 for value in numbers):
+        return {"kind": "notice", "time": time, "text": "a request in the folder of the journal is not known."}
+    named = {name: request[name] for name in (*needed, "request", "tool") if name in request}
+    return {"kind": kind, "time": time, **named}
+
+
+def take_requests(folder: Path, monitor: Monitor) -> None:
+    """Restore a monitor from the journal of a folder, and take in the requests that are left there.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds a journal, and is locked by the caller.
+    monitor : Monitor
+    """
+    journal, newest = WatchJournal(folder), read_newest(folder)
+    if newest is None:
+        return
+    replay(newest.records, monitor)
+    left = list(requests(folder))
+    if not left:
+        return
+    journal.resume(newest)
+    for _, request in left:
+        record = request_record(request, monitor.time)
+        journal.append(record)
+        monitor.apply(record)
+    journal.close()
+    if journal.fault:
+        raise UsageError(f"{folder}: the journal cannot be written: {journal.fault}; nothing was taken in.")
+    for path, _ in left:
+        remove_request(path)
+
+
+def open_journal(folder: Path, monitor: Monitor, source: str) -> tuple[WatchJournal, float | None]:
     """The journal of a folder, with its state restored into a monitor; a new one begins with the state of now.
 
     Parameters
@@ -291,14 +309,12 @@ def open_journal(folder: Path, monitor: Monitor, source: str, *, again: bool) ->
     monitor : Monitor
     source : str
         Words of the source.
-    again : bool
-        Whether the source is a file that is read from its beginning.
 
     Returns
     -------
     journal : WatchJournal
-    skip_until : float or None
-        Time up to which samples of the same file are in the journal.
+    after : float or None
+        Time of the last record where the source is the same: a file is read on from there.
 
     Raises
     ------
@@ -307,14 +323,14 @@ def open_journal(folder: Path, monitor: Monitor, source: str, *, again: bool) ->
     """
     journal = WatchJournal(folder)
     newest = read_newest(folder)
-    skip_until = None
+    after = None
     begun: list[dict[str, Any]] = []
     if newest is None:
         journal.rotate(monitor.as_json())
     else:
         replay(newest.records, monitor)
         journal.resume(newest)
-        skip_until = monitor.time if again and monitor.source == source else None
+        after = monitor.time if monitor.source == source else None
         lost = f" {newest.missing} of its records are missing." if newest.missing else ""
         text = f"the journal was taken up again; its last record is of {clock(monitor.time)}.{lost}"
         begun.append({"kind": "resumed", "time": monitor.time, "since": monitor.time, "text": text})
@@ -323,7 +339,7 @@ def open_journal(folder: Path, monitor: Monitor, source: str, *, again: bool) ->
         monitor.apply(record)
     if journal.fault:
         raise UsageError(f"{folder}: the journal cannot be written: {journal.fault}; choose another folder.")
-    return journal, skip_until
+    return journal, after
 
 
 def replay(records: Iterable[Mapping[str, Any]], monitor: Monitor) -> None:
