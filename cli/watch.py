@@ -1,0 +1,361 @@
+"""``fitmodels watch``: wear and remaining life of the edge in use, beside a running machine or from a recorded run."""
+
+import argparse
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from ..core.errors import UsageError
+from ..core.files import locked_folder, make_folder
+from .arguments import Parser, constants, measured, pairs, parameter_file
+from .output import Printer, line_writer, output_options, print_json, print_lines
+
+if TYPE_CHECKING:
+    from ..live.monitor import Monitor
+    from ..live.watching import Outlet
+    from ..parameters import ParameterFile
+
+BUSY: Final = "{folder}: another fitmodels watch keeps its journal there; give another folder with --journal."
+SHADOW: Final = "Shadow mode: nothing is written to the machine."
+
+
+def parser() -> Parser:
+    """Arguments of ``fitmodels watch``."""
+    p = Parser(
+        "fitmodels watch",
+        "fitmodels watch params.json --from run.csv --replay 100x",
+        "Estimate wear and remaining life of the edge in use from its loads, beside a running machine or from a\n"
+        "recorded run: cuts and their steady windows are found, and each window updates the estimate. The moment to\n"
+        "change the edge is stated at a risk. Nothing is written to the machine.\n\n"
+        "  run.csv, run.jsonl           a file that grows, or a recorded run (--replay)\n"
+        "  opc.tcp://127.0.0.1:4840     an OPC UA server, with --node P=NODE for each value\n"
+        "  linuxcnc                     LinuxCNC on this machine\n\n"
+        "With --journal and without --from: print the state of the journal, or pass --gauge, --new-edge or\n"
+        "--acknowledge on to the process that watches with it.",
+        main="--from --criterion --risk --journal --gauge --new-edge --page --serve --replay --value --json",
+    )
+    p.add_argument(
+        "params", metavar="PARAMS", help="params.json with a law of wear and laws of loads that depend on it"
+    )
+    p.add_argument("--from", dest="source", metavar="SOURCE", help="where readings come from (default: none)")
+    p.add_argument("--replay", metavar="100x", help="play a recorded run at this speed; max: as fast as possible")
+    output_options(p, "print the last state as JSON (fitmodels.live/1)")
+    group = p.add_argument_group("decision")
+    group.add_argument("--criterion", metavar="VB=0.3mm", help="wear at the end of life (default: of the file)")
+    group.add_argument("--risk", type=float, default=0.05, metavar="P", help="risk of being past it (default: 0.05)")
+    group.add_argument("--least-cost", action="store_true", help="change at least cost, with the costs of the file")
+    group.add_argument("--next-cut", metavar="2.5min", help="time of the next cut (default: median of the cuts)")
+    group.add_argument("--level", type=float, default=0.90, metavar="P", help="of the intervals (default: 0.90)")
+    _edge_options(p)
+    _source_options(p)
+    group = p.add_argument_group("output")
+    group.add_argument("--page", nargs="?", type=int, const=0, metavar="PORT", help="a page on this machine alone")
+    group.add_argument("--serve", metavar="ADDRESS", help="an OPC UA server to read: opc.tcp://127.0.0.1:4841")
+    group.add_argument("--stream", metavar="FILE", help="lines of JSON, fitmodels.live/1; -: standard output")
+    return p
+
+
+def _edge_options(p: Parser) -> None:
+    group = p.add_argument_group("edge")
+    group.add_argument("--journal", metavar="FOLDER", help="keep all records there, and go on after an interruption")
+    group.add_argument("--gauge", metavar="VB=0.21mm", help="a gauge reading of the edge in use")
+    group.add_argument(
+        "--gauge-sd", type=float, default=0.02, metavar="SD", help="of its logarithm (default: 0.02, 2 percent)"
+    )
+    group.add_argument("--new-edge", action="store_true", help="a new edge is in use")
+    group.add_argument("--acknowledge", action="store_true", help="acknowledge the alarms")
+
+
+def _source_options(p: Parser) -> None:
+    group = p.add_argument_group("source")
+    for option in ("map", "node"):
+        words = "column or OPC UA node" if option == "map" else "OPC UA node"
+        group.add_argument(
+            f"--{option}",
+            action="append",
+            metavar="P=NAME",
+            help=f"{words} of a load, of V, f, d, n, state, tool (default: by name)",
+        )
+    group.add_argument("--unit", action="append", metavar="P=W", help="unit of a reading (default: of the header)")
+    group.add_argument("--scale", action="append", metavar="P=0.11", help="factor of a reading (default: none)")
+    group.add_argument(
+        "--value", action="append", metavar="d=2mm", help="a condition that the source does not give (default: none)"
+    )
+    group.add_argument("--rate", type=float, metavar="HZ", help="samples per second of a file without times")
+    group.add_argument("--silent", type=float, default=5.0, metavar="S", help="without a reading: lost (default: 5)")
+    group.add_argument("--from-end", action="store_true", help="pass over what a growing file holds already")
+    group.add_argument(
+        "--whole",
+        action="append",
+        metavar="P",
+        help="load whose law includes the idle load (default: idle is subtracted)",
+    )
+    group.add_argument("--rest", choices=["off", "idle"], help="what a drive load near zero is (default: not assumed)")
+    group.add_argument("--by", metavar="LEVEL", help="level of the category of the laws (default: none)")
+    group.add_argument("--window", type=float, default=10.0, metavar="S", help="length of a window (default: 10)")
+    group.add_argument("--certificate", metavar="FILE", help="of this program, for an OPC UA server elsewhere")
+    group.add_argument("--key", metavar="FILE", help="private key of the certificate")
+    group.add_argument("--server-certificate", metavar="FILE", help="of the OPC UA server")
+    group.add_argument("--user", default="", metavar="NAME", help="of the OPC UA server (default: none)")
+    group.add_argument("--password-file", metavar="FILE", help="password of the user (default: none)")
+    group.add_argument("--python", default="/usr/bin/python3", metavar="PATH", help="Python of LinuxCNC")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Watch, or act on a journal, and return the exit code."""
+    _check(args)
+    pf = parameter_file(args.params)
+    monitor = _monitor(args, pf)
+    asked = _requests(args, pf)
+    if args.source is None:
+        return _without_source(args, monitor, asked)
+    with ExitStack() as stack:
+        return _watch(args, pf, monitor, asked, stack)
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse numbers outside their ranges, and options without the one that they belong to."""
+    for name in ("risk", "level"):
+        value = getattr(args, name)
+        if not 0 < value < 1:
+            raise UsageError(f"--{name} {value:g}: give a probability between 0 and 1, such as {0.05:g}.")
+    if not 1 <= args.window <= 600:
+        raise UsageError(f"--window {args.window:g}: give 1 to 600 s.")
+    if not 0 < args.gauge_sd <= 1:
+        raise UsageError(f"--gauge-sd {args.gauge_sd:g}: give the standard deviation of ln wear, 0.02 for 2 percent.")
+    if args.source is None and args.journal is None:
+        raise UsageError("give a source with --from, or the journal of a watch with --journal.")
+    if args.source is None and any((args.replay, args.page is not None, args.serve, args.stream)):
+        raise UsageError("--replay, --page, --serve and --stream need a source: give one with --from.")
+    if args.stream == "-" and args.json:
+        raise UsageError("--stream - and --json both write to standard output; leave one of them out.")
+
+
+def _monitor(args: argparse.Namespace, pf: "ParameterFile") -> "Monitor":
+    from .. import parameters
+    from ..live.live_laws import LiveLaws
+    from ..live.monitor import Monitor, WatchSettings
+    from ..parameters.file_format import content_sha256
+
+    draws = parameters.read_draws(pf, Path(args.params).parent)
+    laws = LiveLaws.of(pf, draws, by=args.by)
+    if args.least_cost and pf.costs is None:
+        raise UsageError(f"--least-cost: {args.params} has no costs; add them with fitmodels costs {args.params}.")
+    settings = WatchSettings(
+        criterion=_wear(args.criterion, laws.wear.symbol, laws.wear.unit, "--criterion"), risk=args.risk,
+        costs=pf.costs if args.least_cost else None, level=args.level,
+        next_cut=None if args.next_cut is None else measured(args.next_cut, "min", "--next-cut", "2.5min"),
+    )  # fmt: skip
+    identity = {
+        "tool": pf.identity.tool, "work": pf.identity.work, "simulated": bool(pf.identity.simulated),
+        "content": content_sha256(pf),
+    }  # fmt: skip
+    return Monitor(laws, settings, identity)
+
+
+def _wear(words: str | None, symbol: str, unit: str, option: str) -> float | None:
+    """A wear in the unit of its law, named by its symbol or not at all."""
+    if words is None:
+        return None
+    name, equals, value = words.rpartition("=")
+    if equals and name.strip() != symbol:
+        raise UsageError(f"{option} {words}: the wear law of the file is one of {symbol}; give {symbol}={value}.")
+    return measured(value.strip(), unit, option, f"{symbol}=0.3{unit}")
+
+
+def _requests(args: argparse.Namespace, pf: "ParameterFile") -> list[dict[str, Any]]:
+    """What is asked of the edge in use, as requests of the journal."""
+    from ..live.live_laws import LiveLaws
+
+    asked: list[dict[str, Any]] = []
+    if args.new_edge:
+        asked.append({"kind": "edge"})
+    if args.acknowledge:
+        asked.append({"kind": "acknowledge"})
+    if args.gauge is not None:
+        wear = LiveLaws.of(pf, by=args.by).wear
+        value = _wear(args.gauge, wear.symbol, wear.unit, "--gauge")
+        asked.append({"kind": "gauge", "wear": value, "sd_ln": args.gauge_sd})
+    return asked
+
+
+def _without_source(args: argparse.Namespace, monitor: "Monitor", asked: list[dict[str, Any]]) -> int:
+    """Pass requests on to the journal and print its state; a process that watches takes them in."""
+    from ..live.facts import Reading, facts_of
+    from ..live.watch_journal import journal_files, leave_request, read_newest
+    from ..live.watching import replay, take_requests
+
+    folder = Path(args.journal)
+    if not journal_files(folder):
+        raise UsageError(f"{folder}: holds no journal of a watch; begin one with --from SOURCE --journal {folder}.")
+    for request in asked:
+        leave_request(folder, request)
+    try:
+        with locked_folder(folder, BUSY.format(folder=folder), 0.0):
+            take_requests(folder, monitor)
+    except UsageError as busy:
+        if "another fitmodels watch" not in str(busy):
+            raise
+        if asked:
+            print_lines(
+                ["Left for the process that watches with this journal; it takes it in within a second."],
+                quiet=args.quiet,
+            )
+            return 0
+        newest = read_newest(folder)
+        replay([] if newest is None else newest.records, monitor)
+    facts = facts_of(monitor, Reading(time=monitor.time, state="stopped"))
+    _print_state(args, facts)
+    return 0
+
+
+def _watch(
+    args: argparse.Namespace, pf: "ParameterFile", monitor: "Monitor", asked: list[dict[str, Any]], stack: ExitStack
+) -> int:
+    """Watch a source until it ends or the user ends it."""
+    from ..live.cuts import Cuts
+    from ..live.facts import facts_of
+    from ..live.sources import open_source
+    from ..live.watching import Watch, open_journal
+
+    journal, after = None, None
+    if args.journal is not None:
+        folder = Path(args.journal)
+        make_folder(folder)
+        stack.enter_context(locked_folder(folder, BUSY.format(folder=folder), 0.0))
+        journal, after = open_journal(folder, monitor, args.source)
+    source = open_source(args.source, _source(args, monitor, after))
+    stack.callback(source.close)
+    cuts = Cuts(constants=constants(args.value), whole=tuple(args.whole or ()), rest=args.rest, seconds=args.window)
+    out = Printer(quiet=args.quiet or args.json or args.stream == "-")
+    outlets, lines = _outlets(args, out, stack)
+    watch = Watch(monitor, cuts, source.name, journal=journal, outlets=outlets, params=Path(args.params))
+    for line in (*_first_lines(args, monitor), *lines):
+        out.show(line)
+    if out.is_terminal:
+        outlets.append(_screen(out, stack))
+        watch.outlets = outlets
+    for request in asked:
+        watch.record(**{"time": monitor.time, **request})
+    with _stopped() as stopped:
+        watch.run(source, stopped)
+    facts = facts_of(monitor, watch.now)
+    stack.close()
+    if args.json or (args.stream != "-" and not out.is_terminal):
+        _print_state(args, facts)
+    return 0
+
+
+def _source(args: argparse.Namespace, monitor: "Monitor", after: float | None) -> Any:  # noqa: ANN401
+    """Options of the source."""
+    from ..live.sources import SourceOptions
+    from .arguments import values
+
+    named = {**pairs(args.map, "--map", "P=col3"), **pairs(args.node, "--node", "P=NODE")}
+    loads = {name: law.unit for name, law in monitor.laws.loads.items()}
+    return SourceOptions(
+        loads=loads, map=named, units=pairs(args.unit, "--unit", "P=W"), scales=values(args.scale, "--scale"),
+        replay=_speed(args.replay), rate=args.rate, after=after, from_end=args.from_end, silent=args.silent,
+        certificate=args.certificate, key=args.key, server_certificate=args.server_certificate, user=args.user,
+        password_file=args.password_file, python=args.python,
+    )  # fmt: skip
+
+
+def _speed(words: str | None) -> float | None:
+    """The speed of a replay.
+
+    >>> _speed("100x"), _speed("max"), _speed(None)
+    (100.0, inf, None)
+    """
+    if words is None:
+        return None
+    if words == "max":
+        return float("inf")
+    try:
+        speed = float(words.removesuffix("x"))
+    except ValueError:
+        speed = 0.0
+    if not 0 < speed < float("inf"):
+        raise UsageError(f"--replay {words}: give a speed such as 1x or 100x, or max.")
+    return speed
+
+
+def _outlets(args: argparse.Namespace, out: Printer, stack: ExitStack) -> "tuple[list[Outlet], list[str]]":
+    """What shows and passes on the state, and lines that say where."""
+    from ..live.stream import JsonLines, file_writer
+    from ..live.view import PlainLines
+
+    outlets: list[Outlet] = []
+    lines = []
+    if args.stream is not None:
+        outlets.append(JsonLines(line_writer() if args.stream == "-" else file_writer(Path(args.stream))))
+    if args.page is not None:
+        from ..live.page import Page
+
+        page = Page(args.page)
+        outlets.append(page)
+        lines.append(f"Page, for this machine alone: {page.address}")
+    if args.serve is not None:
+        from ..live.server import OpcUaServer, address_of
+
+        server = OpcUaServer(address_of(args.serve))
+        outlets.append(server)
+        lines.append(f"OPC UA server, read-only: {server.address}, object fitmodels")
+    if not out.is_terminal:
+        outlets.append(PlainLines(out.show))
+    for outlet in outlets:
+        stack.callback(outlet.close)
+    return outlets, lines
+
+
+def _screen(out: Printer, stack: ExitStack) -> "Outlet":
+    """The view of a terminal."""
+    from ..live.view import ScreenView
+
+    view = ScreenView(out.renewed())
+    stack.callback(view.close)
+    return view
+
+
+def _first_lines(args: argparse.Namespace, monitor: "Monitor") -> Iterator[str]:
+    """What is watched and what is assumed."""
+    laws, identity = monitor.laws, monitor.identity
+    loads = ", ".join(laws.loads) or "none: the time of contact alone is known"
+    simulated = "; the laws are from simulated tests" if identity["simulated"] else ""
+    yield f"{identity['tool']} on {identity['work']}: wear {laws.wear.symbol}, loads {loads}{simulated}"
+    unit, limit = laws.wear.unit, monitor.estimate.criterion
+    yield f"criterion {laws.wear.symbol} {limit:g} {unit}, risk {monitor.settings.risk:g}"
+    yield from laws.notes
+    yield SHADOW
+    if args.journal is None:
+        yield "No journal: nothing is kept after the end; --journal FOLDER keeps it."
+
+
+@contextmanager
+def _stopped() -> Iterator[Callable[[], bool]]:
+    """Whether the user has ended the command, by Ctrl-C or a signal of the system; a second one ends it at once."""
+    asked: list[int] = []
+
+    def note(number: int, _: object) -> None:
+        if asked:
+            raise KeyboardInterrupt("ended at once; the journal holds all records so far.")
+        asked.append(number)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _print_state(args: argparse.Namespace, facts: dict[str, Any]) -> None:
+    """The state as JSON or as the view of a terminal."""
+    from ..live.view import screen
+
+    if args.json:
+        print_json("live", {name: value for name, value in facts.items() if name != "schema"})
+    else:
+        Printer(quiet=args.quiet).show(screen(facts))
