@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ..parameters import ParameterFile
 
 BUSY: Final = "{folder}: another fitmodels watch keeps its journal there; give another folder with --journal."
-SHADOW: Final = "Shadow mode: nothing is written to the machine."
 
 
 def parser() -> Parser:
@@ -228,10 +227,15 @@ def _watch(
         journal, after = open_journal(folder, monitor, args.source)
     source = open_source(args.source, _source(args, monitor, after))
     stack.callback(source.close)
-    cuts = Cuts(constants=constants(args.value), whole=tuple(args.whole or ()), rest=args.rest, seconds=args.window)
+    given = constants(args.value)
+    cuts = Cuts(constants=given, whole=tuple(args.whole or ()), rest=args.rest, seconds=args.window)
+    if monitor.air is not None:
+        cuts.resume(monitor.air)
     out = Printer(quiet=args.quiet or args.json or args.stream == "-")
     outlets, lines = _outlets(args, out, stack)
-    watch = Watch(monitor, cuts, source.name, journal=journal, outlets=outlets, params=Path(args.params))
+    watch = Watch(
+        monitor, cuts, source.name, journal=journal, outlets=outlets, params=Path(args.params), constants=given
+    )
     for line in (*_first_lines(args, monitor), *lines):
         out.show(line)
     if out.is_terminal:
@@ -321,6 +325,8 @@ def _screen(out: Printer, stack: ExitStack) -> "Outlet":
 
 def _first_lines(args: argparse.Namespace, monitor: "Monitor") -> Iterator[str]:
     """What is watched and what is assumed."""
+    from ..live.facts import SHADOW
+
     laws, identity = monitor.laws, monitor.identity
     loads = ", ".join(laws.loads) or "none: the time of contact alone is known"
     simulated = "; the laws are from simulated tests" if identity["simulated"] else ""
@@ -328,7 +334,7 @@ def _first_lines(args: argparse.Namespace, monitor: "Monitor") -> Iterator[str]:
     unit, limit = laws.wear.unit, monitor.estimate.criterion
     yield f"criterion {laws.wear.symbol} {limit:g} {unit}, risk {monitor.settings.risk:g}"
     yield from laws.notes
-    yield SHADOW
+    yield f"{SHADOW[0].upper()}{SHADOW[1:]}."
     if args.journal is None:
         yield "No journal: nothing is kept after the end; --journal FOLDER keeps it."
 

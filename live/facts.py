@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 Facts = dict[str, Any]
 
 SCHEMA: Final = "fitmodels.live/1"
+SHADOW: Final = "shadow mode: nothing is written to the machine"
 CALENDAR: Final = 1e8  # s: larger times are since 1970, smaller ones since the start of a recorded run
 
 
@@ -35,8 +36,8 @@ class Reading:
         ``name``, ``state``, ``text`` and ``age`` in s.
     journal : mapping
         ``file``, ``records`` and ``fault``.
-    control : str
-        What is written to the machine, and why not where it is not.
+    control : mapping
+        ``phase`` and ``text``: what is written to the machine, and why not where it is not.
     """
 
     time: float | None = None
@@ -46,7 +47,7 @@ class Reading:
     loads: Mapping[str, float] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
     journal: Mapping[str, Any] = field(default_factory=dict)
-    control: str = ""
+    control: Mapping[str, Any] = field(default_factory=lambda: {"phase": "shadow", "text": SHADOW})
 
 
 def clock(time: float | None) -> str:
@@ -102,7 +103,7 @@ def facts_of(monitor: "Monitor", now: Reading) -> Facts:
         "source": dict(now.source),
         "notes": [*(f"{clock(note['time'])} {note['text']}" for note in monitor.notes), *monitor.estimate.notes],
         "journal": dict(now.journal),
-        "control": now.control,
+        "control": dict(now.control),
     }
 
 

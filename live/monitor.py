@@ -104,6 +104,7 @@ class Monitor:
         self.cuts: list[float] = []
         self.cut_minutes = 0.0  # of the open cut, as far as it is applied
         self.open: dict[str, Any] | None = None  # contact that no window holds yet
+        self.air: dict[str, Any] | None = None  # idle levels, as the search for cuts had them before the last cut
         self.lost: dict[str, Any] | None = None  # since when the signal is lost in mid-cut
         self.conditions: dict[str, float] = {}
         self.alarms: list[dict[str, Any]] = []
@@ -250,6 +251,9 @@ class Monitor:
     def _notice(self, record: Record) -> None:
         self.note(self.time, str(record["text"]))
 
+    def _air(self, record: Record) -> None:
+        self.air = dict(record["levels"])
+
     def _source(self, record: Record) -> None:
         self.source = str(record["source"])
 
@@ -341,8 +345,8 @@ class Monitor:
 
 
 _KEPT: Final = (
-    "time", "source", "cuts", "cut_minutes", "open", "lost", "conditions", "alarms", "decisions", "notes", "requests",
-    "expected", "measured",
+    "time", "source", "cuts", "cut_minutes", "open", "air", "lost", "conditions", "alarms", "decisions", "notes",
+    "requests", "expected", "measured",
 )  # fmt: skip
 _ACTS: Final[Mapping[str, Callable[[Monitor, Record], None]]] = {
     "window": Monitor._window,
@@ -357,6 +361,7 @@ _ACTS: Final[Mapping[str, Callable[[Monitor, Record], None]]] = {
     "acknowledge": Monitor._acknowledge,
     "notice": Monitor._notice,
     "source": Monitor._source,
+    "air": Monitor._air,
 }
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlsplit
 
 from ..core.errors import UsageError
-from ..core.text import json_text
+from ..core.text import json_text, printable
 from .facts import Facts
 
 if TYPE_CHECKING:
@@ -181,7 +181,9 @@ class OpcUaServer:
             variant = getattr(ua.VariantType, kind)
             empty: Any = {"String": "", "Boolean": False, "Int64": 0}.get(kind, 0.0)
             node_id = ua.NodeId(f"fitmodels.{name}", index)
-            self._nodes[name] = await parent.add_variable(node_id, f"{index}:{name}", empty, variant)
+            node = await parent.add_variable(node_id, f"{index}:{name}", empty, variant)
+            await node.write_value(ua.DataValue(StatusCode=ua.StatusCode(ua.StatusCodes.BadWaitingForInitialData)))
+            self._nodes[name] = node
 
     async def _publish(self, facts: Facts) -> None:
         from asyncua import ua
@@ -189,13 +191,11 @@ class OpcUaServer:
         try:
             for name, (kind, of) in VALUES.items():
                 value = of(facts)
-                variant = getattr(ua.VariantType, kind)
-                known = ua.StatusCode(ua.StatusCodes.Good if value is not None else ua.StatusCodes.BadNoData)
-                held = (
-                    ua.DataValue(ua.Variant(value, variant), known)
-                    if value is not None
-                    else ua.DataValue(StatusCode_=known)
-                )
+                if value is None:
+                    held = ua.DataValue(StatusCode=ua.StatusCode(ua.StatusCodes.BadNoData))
+                else:
+                    shown = printable(value) if kind == "String" else value
+                    held = ua.DataValue(ua.Variant(shown, getattr(ua.VariantType, kind)))
                 await self._nodes[name].write_value(held)
         finally:
             self._busy = False

@@ -70,8 +70,7 @@ def rows(facts: Facts) -> list[tuple[str, str]]:
         found.append(("at", conditions_words(facts["conditions"])))
     found.append(("contact", f"{facts['cut_minutes']:.2f} min of this edge"))
     found.append(("source", source_words(facts["source"])))
-    if facts["control"]:
-        found.append(("control", facts["control"]))
+    found.append(("control", facts["control"]["text"]))
     if facts["journal"]:
         journal = facts["journal"]
         fault = f"; NOT WRITTEN: {journal['fault']}" if journal.get("fault") else ""

@@ -7,7 +7,7 @@ import numpy as np
 from fitmodels import datasets, fit, parameters
 from fitmodels.live.live_laws import LiveLaws
 from fitmodels.live.monitor import Monitor, WatchSettings, window_record
-from fitmodels.live.samples import LoadMean, Window
+from fitmodels.live.samples import LoadMean, Sample, Window
 
 CONDITIONS = {"V": 150.0, "f": 0.2, "d": 2.0}
 IDENTITY = {"tool": "GC435", "work": "709M40", "content": "abc", "simulated": True}
@@ -42,3 +42,23 @@ def records(n, per_cut=6, seed=1, start=0.0, drift=0.0):
         yield record
         if k % per_cut == per_cut - 1:
             yield {"kind": "cutend", "time": time, "contact": 0.02, "cut": 1 + k // per_cut, "lost": False}
+
+
+def samples(cuts=3, cut=60.0, air=8.0, rate=10.0, start=0.0, idle=0.8, seed=2, tool="", state=True, scale=1.0):
+    """Samples of a machine whose power follows its law: air, and cuts of ``cut`` s."""
+    noise, truth, time = np.random.default_rng(seed), monitor(), start
+    steps = round(rate * (air + cut))
+    for _ in range(cuts):
+        for k in range(steps):
+            cutting = k >= rate * air
+            power = idle
+            if cutting:
+                truth.estimate.advance(1 / rate / 60, CONDITIONS)
+                power += scale * truth.estimate.expected_load("P", CONDITIONS).median
+            said = ("feed" if cutting else "idle") if state else "unknown"
+            yield Sample(round(time, 6), {"P": power * (1 + noise.normal(0, 0.01))}, CONDITIONS, said, tool)
+            time += 1 / rate
+    for _ in range(round(rate * air)):
+        said = "idle" if state else "unknown"
+        yield Sample(round(time, 6), {"P": idle * (1 + noise.normal(0, 0.01))}, CONDITIONS, said, tool)
+        time += 1 / rate

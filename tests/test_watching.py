@@ -1,0 +1,221 @@
+"""The loop of a watch under the worst things: lost signal, jumping clock, another tool, a changed file, a full disk."""
+
+import errno
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from fitmodels.core.errors import UsageError
+from fitmodels.live import watch_journal
+from fitmodels.live.cuts import Cuts
+from fitmodels.live.monitor import Monitor, WatchSettings
+from fitmodels.live.samples import Notice
+from fitmodels.live.watch_journal import WatchJournal, leave_request, read_journal, read_newest
+from fitmodels.live.watching import Watch, open_journal, replay, take_requests
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from live_edges import CONDITIONS, IDENTITY, laws, monitor, samples
+
+sys.path.remove(str(Path(__file__).parent))
+
+
+class Said:
+    """An outlet that keeps what was said."""
+
+    def __init__(self):
+        self.sentences, self.facts = [], None
+
+    def show(self, facts):
+        self.facts = json.loads(json.dumps(facts, allow_nan=False))
+
+    def say(self, facts, sentences, time):
+        self.sentences += sentences
+
+    def close(self):
+        pass
+
+
+def watched(items, folder=None, source="run.csv", **kept):
+    """A watch after its source has ended."""
+    of, journal, said = monitor(), None, Said()
+    if folder is not None:
+        journal, _ = open_journal(folder, of, source)
+    watch = Watch(of, Cuts(), source, journal=journal, outlets=[said], **kept)
+    watch.run(items)
+    watch.said = said
+    return watch
+
+
+def test_a_run_is_watched_and_its_journal_replays_to_the_same_state(tmp_path):
+    watch = watched(samples(), tmp_path)
+    assert watch.monitor.cuts == [pytest.approx(1.0, abs=0.03)] * 3
+    assert watch.monitor.edge.minutes == pytest.approx(3.0, abs=0.05)
+    assert watch.monitor.estimate.windows >= 15
+    other = monitor()
+    replay(read_newest(tmp_path).records, other)
+    assert other.as_json() == watch.monitor.as_json()
+    assert watch.said.facts["state"] == "stopped"
+    assert watch.said.facts["probability_past"] < 0.01
+
+
+@pytest.mark.parametrize("place", [150, 700, 1000, 1999])
+def test_a_process_that_ends_anywhere_goes_on_with_no_cutting_time_lost(tmp_path, place):
+    whole = watched(samples()).monitor
+    items = list(samples())
+    first = Watch(found := monitor(), Cuts(), "run.csv", journal=open_journal(tmp_path, found, "run.csv")[0])
+    for item in items[:place]:
+        first.take(item)
+    first.journal.synchronise()  # and no more: the process is killed here
+    again = monitor()
+    journal, after = open_journal(tmp_path, again, "run.csv")
+    assert after is None or after <= items[place].time
+    cuts = Cuts()
+    if again.air is not None:
+        cuts.resume(again.air)
+    second = Watch(again, cuts, "run.csv", journal=journal)
+    second.run(item for item in items if after is None or item.time > after)
+    assert again.edge.minutes == pytest.approx(whole.edge.minutes, abs=0.15)
+    assert again.edge.minutes > whole.edge.minutes - 0.03
+    assert again.estimate.wear().median == pytest.approx(whole.estimate.wear().median, rel=0.03)
+
+
+def test_a_signal_lost_in_mid_cut_latches_an_alarm_and_its_time_counts_as_cutting():
+    items = list(samples(cuts=2))
+    place = 1100  # in the second cut
+    lost = Notice(items[place].time, "lost", "the server has closed the connection")
+    back = Notice(items[place + 200].time, "connected", "")
+    watch = watched([*items[:place], lost, *[Notice(0.0, "idle")] * 5, back, *items[place + 200 :]])
+    whole = watched(items).monitor
+    assert watch.monitor.edge.minutes == pytest.approx(whole.edge.minutes, abs=0.03)
+    assert [alarm["kind"] for alarm in watch.monitor.alarms] == ["lost"]
+    assert any("counted as cutting" in text for text in watch.said.sentences)
+
+
+def test_a_clock_that_jumps_changes_no_estimate():
+    items = list(samples(cuts=2))
+    whole = watched(items).monitor
+    for jump in (-3600.0, 86400.0):
+        late = [replace(item, time=item.time + jump) for item in items[1100:]]
+        notice = Notice(0.0, "clock", f"times jumped by {jump:g} s")
+        found = watched([*items[:1100], notice, *late]).monitor
+        assert found.edge.minutes == pytest.approx(whole.edge.minutes, abs=0.05)
+        assert found.estimate.wear().median == pytest.approx(whole.estimate.wear().median, rel=0.02)
+        assert any("clock" in note["text"] for note in found.notes)
+
+
+def test_cuts_of_another_tool_are_not_those_of_the_edge():
+    own = list(samples(cuts=1, tool="T1"))
+    other = list(samples(cuts=2, tool="T7", start=own[-1].time + 0.1, scale=3.0))
+    back = list(samples(cuts=1, tool="T1", start=other[-1].time + 0.1))
+    watch = watched([*own, *other, *back])
+    assert watch.monitor.edge.minutes == pytest.approx(2.0, abs=0.05)
+    assert watch.monitor.edge.tool == "T1"
+    assert [text for text in watch.said.sentences if "T7" in text or "is back" in text] != []
+
+
+def test_a_parameter_file_that_is_replaced_or_removed_is_said_and_the_laws_stay(tmp_path):
+    path = tmp_path / "params.json"
+    path.write_text("{}")
+    watch = Watch(monitor(), Cuts(), "run.csv", outlets=[said := Said()], params=path)
+    path.write_text('{"another": 1}')
+    watch.look_around()
+    watch.look_around()
+    path.unlink()
+    watch.look_around()
+    assert ["replaced" in text or "removed" in text for text in said.sentences] == [True, True]
+
+
+def test_a_journal_of_another_tool_or_parameter_file_is_refused_and_stays_as_it_was(tmp_path):
+    watched(samples(cuts=1), tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    for name in ("tool", "content"):
+        other = Monitor(laws(), WatchSettings(criterion=0.3), {**IDENTITY, name: "other"})
+        with pytest.raises(UsageError, match="other"):
+            open_journal(tmp_path, other, "run.csv")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_full_disk_is_an_alarm_and_watching_goes_on(tmp_path, monkeypatch):
+    items, write = list(samples()), watch_journal.os.write
+    monkeypatch.setattr(watch_journal, "RETRY", 0.0)
+    found = monitor()
+    watch = Watch(found, Cuts(), "run.csv", journal=open_journal(tmp_path, found, "run.csv")[0])
+
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for k, item in enumerate(items):
+        if k == 500:
+            monkeypatch.setattr(watch_journal.os, "write", refuse)
+        if k == 1500:
+            assert [alarm["kind"] for alarm in found.alarms] == ["journal"]
+            monkeypatch.setattr(watch_journal.os, "write", write)
+        watch.take(item)
+    watch.run([])
+    assert found.edge.minutes == pytest.approx(3.0, abs=0.05)
+    other = monitor()
+    replay(read_newest(tmp_path).records, other)
+    assert other.as_json() == found.as_json()
+
+
+def test_requests_are_taken_by_the_process_that_watches_and_by_a_later_command(tmp_path):
+    items = list(samples(cuts=2))
+    found = monitor()
+    watch = Watch(found, Cuts(), "run.csv", journal=open_journal(tmp_path, found, "run.csv")[0])
+    for item in items[:900]:
+        watch.take(item)
+    leave_request(tmp_path, {"kind": "gauge", "wear": found.estimate.wear().median, "sd_ln": 0.02})
+    leave_request(tmp_path, {"kind": "gauge", "wear": -1.0, "sd_ln": 0.02})
+    leave_request(tmp_path, {"kind": "shell", "command": "x"})
+    watch.look_around()
+    watch.run(items[900:])
+    assert len(found.edge.gauges) == 1
+    assert not list(tmp_path.glob("request-*"))
+    leave_request(tmp_path, {"kind": "edge"})
+    take_requests(tmp_path, later := monitor())
+    assert later.edge.number == 2
+    assert [record["kind"] for record in read_journal(tmp_path)][-1] == "edge"
+
+
+def test_rotation_in_a_run_leaves_bounded_files_that_replay(tmp_path, monkeypatch):
+    found = monitor()
+    watch = Watch(found, Cuts(), "run.csv", journal=open_journal(tmp_path, found, "run.csv")[0])
+    watch.journal.rotate_at, watch.journal.kept = 3000, 2
+    watch.run(samples())
+    assert len(list(tmp_path.glob("*.jsonl"))) == 2
+    other = monitor()
+    replay(read_newest(tmp_path).records, other)
+    assert other.as_json() == found.as_json()
+
+
+def test_an_outlet_that_fails_is_left_out_and_the_watch_goes_on():
+    class Broken(Said):
+        def show(self, facts):
+            raise OSError(errno.EPIPE, "Broken pipe")
+
+    watch = Watch(monitor(), Cuts(), "run.csv", outlets=[Broken(), kept := Said()])
+    watch.run(samples(cuts=1))
+    assert watch.outlets == [kept]
+    assert kept.facts["cut_minutes"] == pytest.approx(1.0, abs=0.03)
+
+
+def test_loads_that_are_missing_throughout_leave_the_time_of_contact_unknown_and_say_so():
+    items = [replace(item, loads={}, conditions=CONDITIONS) for item in samples(cuts=1)]
+    watch = watched(items)
+    assert watch.said.facts["loads"]["P"]["value"] is None
+
+
+def test_the_journal_class_is_closed_when_the_source_fails(tmp_path):
+    def broken():
+        yield from list(samples(cuts=1))[:300]
+        raise UsageError("the source ended with an error")
+
+    found = monitor()
+    journal = open_journal(tmp_path, found, "run.csv")[0]
+    with pytest.raises(UsageError):
+        Watch(found, Cuts(), "run.csv", journal=journal).run(broken())
+    assert isinstance(journal, WatchJournal)
+    assert read_newest(tmp_path).torn is False
