@@ -227,14 +227,19 @@ def _watch(
         journal, after = open_journal(folder, monitor, args.source)
     source = open_source(args.source, _source(args, monitor, after))
     stack.callback(source.close)
-    given = constants(args.value)
-    cuts = Cuts(constants=given, whole=tuple(args.whole or ()), rest=args.rest, seconds=args.window)
+    cuts = Cuts(constants=constants(args.value), whole=tuple(args.whole or ()), rest=args.rest, seconds=args.window)
     if monitor.air is not None:
         cuts.resume(monitor.air)
     out = Printer(quiet=args.quiet or args.json or args.stream == "-")
     outlets, lines = _outlets(args, out, stack)
     watch = Watch(
-        monitor, cuts, source.name, journal=journal, outlets=outlets, params=Path(args.params), constants=given
+        monitor,
+        cuts,
+        source.name,
+        journal=journal,
+        outlets=outlets,
+        params=Path(args.params),
+        constants=constants(args.value),
     )
     for line in (*_first_lines(args, monitor), *lines):
         out.show(line)

@@ -127,10 +127,10 @@ def _block(start: float, end: float, samples: Sequence[Sample], known: Mapping[s
                     held.setdefault(name, []).append(value)
     conditions = {**known, **{name: sum(held) / len(held) for name, held in given.items()}}
     loads = {name: median(held) for name, held in values.items()}
-    return Block(start, end, values, loads, derived(conditions), _phase(samples, conditions))
+    return Block(start, end, values, loads, _derived(conditions), _phase(samples, conditions))
 
 
-def derived(conditions: dict[str, float]) -> dict[str, float]:
+def _derived(conditions: dict[str, float]) -> dict[str, float]:
     """Conditions with V, f and fz computed where they are not given; a standing spindle has no feed a revolution."""
     for rule in RULES:
         if rule.role not in DERIVED or rule.role in conditions or not all(name in conditions for name in rule.inputs):

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from ..core.errors import FitmodelsError, UsageError
-from .blocks import derived
 from .facts import Facts, Reading, clock, facts_of
 from .monitor import Monitor, window_record
 from .samples import CutEnd, Notice, Sample, Window
@@ -53,19 +52,15 @@ class Watch:
     outlets : iterable of Outlet
     params : Path or None
         The parameter file, to notice that it was replaced.
-    constants : mapping of float
-        Conditions that the source does not give.
     """
 
     def __init__(
         self, monitor: Monitor, cuts: "Cuts", name: str, *, journal: WatchJournal | None = None,
-        outlets: Iterable[Outlet] = (), params: Path | None = None, constants: Mapping[str, float] | None = None,
+        outlets: Iterable[Outlet] = (), params: Path | None = None,
     ) -> None:  # fmt: skip
         self.monitor, self.cuts, self.journal, self.outlets = monitor, cuts, journal, list(outlets)
         self.now = Reading(source={"name": name, "state": "starting", "text": "", "age": None})
         self.params, self._stamp = params, _stamp(params)
-        self.constants: Mapping[str, float] = dict(constants or {})
-        self._given: Mapping[str, float] = {}
         self._heard = self._shown = self._asked = time.monotonic()
         self._contact: float | None = None
         self._fault = ""
@@ -114,7 +109,7 @@ class Watch:
     def facts(self) -> Facts:
         """The description of now."""
         age = time.monotonic() - self._heard
-        self.now.conditions = self._conditions()
+        self.now.conditions = dict(self.cuts.conditions)
         self.now.source = {**self.now.source, "age": round(age, 1)}
         if self.journal is not None:
             journal = self.journal
@@ -143,7 +138,6 @@ class Watch:
             self.now.source = {**self.now.source, "state": "connected", "text": ""}
         elif sample.bad:
             self.now.source = {**self.now.source, "state": "bad", "text": sample.bad}
-        self._given = sample.conditions
         self._found(self.cuts.add(sample))
         self._note_contact(sample.time)
 
@@ -183,7 +177,7 @@ class Watch:
         if cutting and self.now.state not in ("entry", "cutting"):
             self.record("air", levels=self.cuts.as_json())
         self.now.state = self.cuts.state
-        self.now.open = float(self.cuts.minutes)
+        self.now.open = float(self.cuts.contact)
 
     def _note_contact(self, stamp: float) -> None:
         """Keep the minutes of an open cut each few seconds, so that the end of the process loses none."""
@@ -193,11 +187,7 @@ class Watch:
             self._contact = stamp
         if stamp - self._contact >= CONTACT_EACH:
             self._contact = stamp
-            self.record("contact", time=stamp, minutes=self.now.open, conditions=self._conditions())
-
-    def _conditions(self) -> dict[str, float]:
-        """Conditions of now, with V and f computed where the source gives the spindle speed and the feed rate."""
-        return derived({**self.constants, **self._given})
+            self.record("contact", time=stamp, minutes=self.now.open, conditions=dict(self.cuts.conditions))
 
     def _is_other_tool(self, sample: Sample) -> bool:
         """Whether the source names another tool than that of the edge: its cuts are not those of the edge."""
