@@ -13,6 +13,7 @@ from .arguments import Parser, constants, measured, pairs, parameter_file
 from .output import Printer, line_writer, output_options, print_json, print_lines
 
 if TYPE_CHECKING:
+    from ..live.live_laws import LiveLaws
     from ..live.monitor import Monitor
     from ..live.watching import Outlet
     from ..parameters import ParameterFile
@@ -143,15 +144,35 @@ def _monitor(args: argparse.Namespace, pf: "ParameterFile") -> "Monitor":
     if args.least_cost and pf.costs is None:
         raise UsageError(f"--least-cost: {args.params} has no costs; add them with fitmodels costs {args.params}.")
     settings = WatchSettings(
-        criterion=_wear(args.criterion, laws.wear.symbol, laws.wear.unit, "--criterion"), risk=args.risk,
+        criterion=_criterion(args, laws), risk=args.risk,
         costs=pf.costs if args.least_cost else None, level=args.level,
         next_cut=None if args.next_cut is None else measured(args.next_cut, "min", "--next-cut", "2.5min"),
     )  # fmt: skip
     identity = {
         "tool": pf.identity.tool, "work": pf.identity.work, "simulated": bool(pf.identity.simulated),
-        "content": content_sha256(pf),
+        "content": content_sha256(pf.model_dump(exclude_unset=True)),
     }  # fmt: skip
     return Monitor(laws, settings, identity)
+
+
+def _criterion(args: argparse.Namespace, laws: "LiveLaws") -> float:
+    """The wear at the end of life, in the unit of the law: as asked, of the journal, or of the file.
+
+    Raises
+    ------
+    UsageError
+        None of them states it.
+    """
+    from ..live.watch_journal import read_newest
+
+    symbol, unit = laws.wear.symbol, laws.wear.unit
+    newest = None if args.journal is None else read_newest(Path(args.journal))
+    asked = _wear(args.criterion, symbol, unit, "--criterion")
+    kept = newest and newest.records[0]["state"].get("estimate", {}).get("criterion")
+    for known in (asked, kept, laws.criterion):
+        if known is not None:
+            return float(known)
+    raise UsageError(f"{args.params} states no wear at the end of life: give it, as --criterion {symbol}=0.3{unit}.")
 
 
 def _wear(words: str | None, symbol: str, unit: str, option: str) -> float | None:
@@ -205,7 +226,8 @@ def _without_source(args: argparse.Namespace, monitor: "Monitor", asked: list[di
             return 0
         newest = read_newest(folder)
         replay([] if newest is None else newest.records, monitor)
-    facts = facts_of(monitor, Reading(time=monitor.time, state="stopped"))
+    source = {"name": monitor.source, "state": "not watched by this command", "text": "", "age": None}
+    facts = facts_of(monitor, Reading(time=monitor.time, state="stopped", source=source))
     _print_state(args, facts)
     return 0
 
@@ -239,7 +261,6 @@ def _watch(
         journal=journal,
         outlets=outlets,
         params=Path(args.params),
-        constants=constants(args.value),
     )
     for line in (*_first_lines(args, monitor), *lines):
         out.show(line)

@@ -22,6 +22,7 @@ Record = Mapping[str, Any]
 
 SHOWN: Final = 12  # notes and decisions that are kept
 ALARMS: Final = 50
+PAST: Final = 0.5  # probability of being past the criterion, from which it is an alarm
 CUTS: Final = 50  # lengths of the last cuts
 
 
@@ -236,8 +237,7 @@ class Monitor:
         self.edge.tool = str(record["tool"])
 
     def _alarm(self, record: Record) -> None:
-        alarm = {name: record.get(name) for name in ("time", "kind_of_alarm", "text", "latched")}
-        alarm["kind"] = alarm.pop("kind_of_alarm")
+        alarm = {"time": record.get("time"), "kind": record["kind_of_alarm"], "text": record["text"], "latched": True}
         same = [one for one in self.alarms if one["kind"] == alarm["kind"]]
         if same and same[-1]["text"] == alarm["text"]:
             return
@@ -295,16 +295,27 @@ class Monitor:
         """Decide on the moment to change; a decision to change stays until an edge begins or a gauge reading."""
         from .decision import change_now
 
-        if any(one["kind"] == "change" for one in self.decisions):
-            return
         asked = self.settings
         found = change_now(self.estimate, asked.risk, self.next_cut or 0.0, self.conditions, asked.costs)
+        last = self.decisions[-1] if self.decisions else None
         decision = {"time": self.time, "kind": found.kind, "text": found.text, "probability": found.probability}
-        if self.decisions and self.decisions[-1]["kind"] == found.kind:
-            self.decisions[-1] = decision
+        if last is not None and last["kind"] == "change" != found.kind:
             return
-        self.decisions = [*self.decisions[1 - SHOWN :], decision]
-        self._said.append(found.text)
+        if last is not None and last["kind"] == found.kind:
+            self.decisions[-1] = {**decision, "time": last["time"]}
+        else:
+            self.decisions = [*self.decisions[1 - SHOWN :], decision]
+            self._said.append(found.text)
+        past = float(self.estimate.probability_past())
+        if past > PAST:
+            criterion = f"{self.laws.wear.symbol} {format_plain(self.estimate.criterion)} {self.laws.wear.unit}"
+            self._alarm(
+                {
+                    "time": self.time,
+                    "kind_of_alarm": "worn",
+                    "text": f"the wear is more likely past {criterion} than not.",
+                }
+            )
 
     # the state as JSON -----------------------------------------------------------------------------------------------
 
@@ -334,6 +345,8 @@ class Monitor:
         self.expected = {name: (each[0], each[1], each[2]) for name, each in self.expected.items()}
         self.edge = Edge(**state["edge"])
         self.estimate = EdgeEstimate.from_json(self.laws, state["estimate"])
+        if self.settings.criterion is not None:
+            self.estimate.criterion = self.settings.criterion
 
     def _check_identity(self, of: Mapping[str, Any]) -> None:
         for name, what in (("tool", "the tool"), ("work", "the work material"), ("content", "the parameter file")):

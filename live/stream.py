@@ -12,6 +12,7 @@ from ..core.text import json_text
 from .facts import Facts
 
 EACH: Final = 1.0  # s between two lines while nothing is new
+OF_SOURCE: Final = 10.0  # s of the source between two lines of a run that is replayed faster
 LARGEST: Final = 50_000_000  # bytes of a file, after which it is begun anew
 
 
@@ -35,24 +36,31 @@ class JsonLines:
     def __init__(self, write: Callable[[str], object]) -> None:
         self._write = write
         self._last = -EACH
-        self._window: float | None = None
+        self._next: float | None = None
+        self._left: Facts | None = None
 
     def show(self, facts: Facts) -> None:
         """Write a line, if the last one is a second old."""
+        self._left = facts
         if time.monotonic() - self._last >= EACH:
             self._line(facts, ())
 
-    def say(self, facts: Callable[[], Facts], sentences: Sequence[str], _: float | None) -> None:
-        """Write a line with the new sentences."""
-        if sentences:
+    def say(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
+        """Write a line where there are new sentences, or ten seconds of the source have passed."""
+        late = time is not None and (self._next is None or not self._next - OF_SOURCE <= time < self._next)
+        if late and time is not None:
+            self._next = time + OF_SOURCE
+        if sentences or late:
             self._line(facts(), sentences)
 
     def _line(self, facts: Facts, sentences: Sequence[str]) -> None:
-        self._last = time.monotonic()
+        self._last, self._left = time.monotonic(), None
         self._write(json_text({**facts, "said": [*sentences]}, separators=(",", ":")) + "\n")
 
     def close(self) -> None:
-        """End."""
+        """Write the last description, if it is not written yet."""
+        if self._left is not None:
+            self._line(self._left, ())
 
 
 def file_writer(path: Path) -> Callable[[str], object]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from ..core.rounding import decimals, format_plain
-from ..core.text import one_line
+from ..core.text import one_line, printable
 from .facts import Facts, clock
 
 if TYPE_CHECKING:
@@ -107,7 +107,8 @@ def load_words(name: str, load: Facts) -> str:
     if load["expected"] is None:
         return f"{name} {value}"
     ends = _ends(load["low"], load["high"])
-    return f"{name} {value}; last window {load['mean']:.4g}, expected {load['expected']:.4g} ({ends}) {unit}"
+    window = f"window {load['mean']:.4g}, expected {load['expected']:.4g} ({ends}) {unit}"
+    return f"{name} {value} read; cutting load of the last {window}"
 
 
 def conditions_words(conditions: Facts) -> str:
@@ -168,6 +169,16 @@ def _interval(of: Facts, unit: str) -> str:
     return f"{median} {unit}, {of['level'] * 100:.0f} % between {low} and {high}"
 
 
+def _short(of: Facts) -> str:
+    """Median and interval in brackets."""
+    if of["median"] is None:
+        return "not known"
+    if of["low"] is None or of["high"] is None:
+        return format_plain(of["median"])
+    places = decimals(max((of["high"] - of["low"]) / 4, 1e-9))
+    return f"{of['median']:.{places}f} ({of['low']:.{places}f} to {of['high']:.{places}f})"
+
+
 def _ends(low: float | None, high: float | None) -> str:
     return "no interval" if low is None or high is None else f"{low:.4g} to {high:.4g}"
 
@@ -198,13 +209,14 @@ class PlainLines:
 
     def line(self, facts: Facts) -> str:
         """The state on one line."""
-        parts = [f"{facts['clock']}  {facts['state']}", f"{facts['cut_minutes']:.2f} min of contact"]
-        parts.append(wear_words({**facts["wear"], "criterion": None}))
-        if facts["life"] is not None and facts["life"]["median"] is not None:
-            parts.append(f"life {_interval(facts['life'], 'min')}")
+        wear, life = facts["wear"], facts["life"]
+        parts = [f"{facts['clock']}  {facts['state']:<8} {facts['cut_minutes']:6.2f} min"]
+        parts.append(f"{wear['symbol']} {_short(wear)} {wear['unit']}")
+        if life is not None and life["median"] is not None:
+            parts.append(f"life {_short(life)} min")
         if facts["probability_past"] is not None:
-            parts.append(f"past the criterion {probability(facts['probability_past'])}")
-        return one_line("; ".join(parts))
+            parts.append(f"past {probability(facts['probability_past'])}")
+        return printable("  ".join(parts))
 
     def close(self) -> None:
         """End."""

@@ -145,8 +145,8 @@ class Watch:
         if notice.kind == "idle":
             self._found(self.cuts.add(notice))
             return
-        if notice.kind != "end":
-            self.now.source = {**self.now.source, "state": notice.kind, "text": notice.text}
+        text = "" if notice.kind == "connected" else notice.text
+        self.now.source = {**self.now.source, "state": "ended" if notice.kind == "end" else notice.kind, "text": text}
         if notice.kind in SAID:
             self._say_notice(notice)
         self._found(self.cuts.add(notice))
@@ -155,7 +155,7 @@ class Watch:
             self.record("gap", time=self.monitor.time, minutes=0.0, text=text)
 
     def _say_notice(self, notice: Notice) -> None:
-        stamp = self.now.time if self.now.time is not None else notice.time
+        stamp = self.now.time
         text = f"{notice.kind}: {notice.text}" if notice.text else notice.kind
         if notice.kind in ("refused", "lost") and self.now.state in ("entry", "cutting"):
             self.record("alarm", time=stamp, kind_of_alarm=notice.kind, text=text, latched=True)
@@ -201,7 +201,7 @@ class Watch:
             self._other_tool = other
             edge = f"edge {self.monitor.edge.number} (tool {self.monitor.edge.tool})"
             if other:
-                self._found(self.cuts.add(Notice(sample.time, "gap", f"tool {other}")))
+                self._found(self.cuts.add(Notice(sample.time, "replaced", f"tool {other}")))
                 text = f"the source names tool {other}: {edge} is not followed until its tool is back."
             else:
                 text = f"tool {self.monitor.edge.tool} is back: {edge} is followed again."

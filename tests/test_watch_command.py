@@ -1,0 +1,143 @@
+"""``fitmodels watch`` as a user runs it: a recorded run, its journal, requests, and refusals of one sentence."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from fitmodels import parameters
+from fitmodels.cli import main
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from live_edges import parameter_file, samples
+
+sys.path.remove(str(Path(__file__).parent))
+
+HEADER = "time [s],P [kW],V [m/min],f [mm/rev],d [mm],state\n"
+
+
+def row(sample):
+    return f"{sample.time:.2f},{sample.loads['P']:.5f},150,0.2,2,{sample.state}\n"
+
+
+@pytest.fixture
+def shop(tmp_path, monkeypatch):
+    """A folder with a parameter file and a recorded run of three cuts."""
+    monkeypatch.chdir(tmp_path)
+    parameters.write(parameter_file(), "params.json")
+    Path("run.csv").write_text(HEADER + "".join(map(row, samples(rate=5.0))))
+    return tmp_path
+
+
+OPEN = '"kind":"contact","time":9'  # in the second cut
+RUN = ["watch", "params.json", "--from", "run.csv", "--replay", "max", "--criterion", "AW=0.25mm"]
+
+
+def test_a_recorded_run_ends_with_the_state_of_the_edge(shop, capsys):
+    assert main([*RUN, "--journal", "kept", "--stream", "s.jsonl"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "shadow mode: nothing is written to the machine" in out
+    assert "contact   3.0" in out
+    assert max(map(len, out.splitlines())) <= 100
+    lines = [json.loads(line) for line in Path("s.jsonl").read_text().splitlines()]
+    assert lines[-1]["state"] == "stopped"
+    assert main(["watch", "params.json", "--journal", "kept", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["cut_minutes"] == pytest.approx(3.0, abs=0.05)
+    assert facts["wear"]["median"] == pytest.approx(lines[-1]["wear"]["median"])
+
+
+def test_the_same_run_again_adds_nothing_and_a_gauge_reading_narrows_the_wear(shop, capsys):
+    main([*RUN, "--journal", "kept"])
+    capsys.readouterr()
+    main([*RUN, "--journal", "kept", "--json"])
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["cut_minutes"] == pytest.approx(3.0, abs=0.05)
+    wear = facts["wear"]
+    assert main(["watch", "params.json", "--journal", "kept", "--gauge", f"AW={wear['median']}mm", "--json"]) == 0
+    after = json.loads(capsys.readouterr().out)["wear"]
+    assert after["high"] - after["low"] < 0.9 * (wear["high"] - wear["low"])
+    assert main(["watch", "params.json", "--journal", "kept", "--new-edge", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["edge"]["number"] == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["watch", "params.json"], "--from"),
+        ([*RUN[:-1], "VB=0.25mm"], "AW"),
+        ([*RUN[:-1], "AW=0.25kW"], "AW"),
+        (RUN[:-2], "--criterion"),
+        ([*RUN, "--risk", "5"], "probability"),
+        ([*RUN, "--replay", "fast"], "--replay fast"),
+        (["watch", "params.json", "--from", "nowhere.csv", "--criterion", "0.3"], "nowhere.csv"),
+        (["watch", "params.json", "--journal", "nowhere", "--criterion", "0.3"], "holds no journal"),
+        ([*RUN, "--stream", "-", "--json"], "--stream -"),
+        ([*RUN, "--serve", "opc.tcp://0.0.0.0:4841"], "--serve"),
+        ([*RUN, "--least-cost"], "--least-cost"),
+        ([*RUN, "--journal", "run.csv"], "run.csv"),
+        ([*RUN, "--page", "99999"], "--page 99999"),
+    ],
+)
+def test_refusals_are_one_sentence(shop, capsys, words, sentence):
+    assert main(words) in (2, 3)
+    out, err = capsys.readouterr()
+    assert sentence in err
+    assert "Traceback" not in err + out
+    assert "internal error" not in err
+
+
+def test_a_journal_of_another_parameter_file_is_refused(shop, capsys):
+    main([*RUN, "--journal", "kept"])
+    pf = parameter_file()
+    Path("params.json").unlink()
+    parameters.write(
+        pf.model_copy(update={"identity": pf.identity.model_copy(update={"tool": "GC4325"})}), "params.json"
+    )
+    capsys.readouterr()
+    assert main([*RUN, "--journal", "kept"]) == 2
+    assert "GC4325" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+def test_a_watch_that_is_ended_in_mid_cut_goes_on_and_loses_no_cutting(shop, how, capsys):
+    """A growing file; the process is ended in the second cut and started again."""
+    lines = [row(sample) for sample in samples(rate=5.0)]
+    Path("run.csv").write_text(HEADER + "".join(lines[:500]))
+    command = [sys.executable, "-m", "fitmodels", "watch", "params.json", "--from", "run.csv", "--criterion", "0.25"]
+    child = subprocess.Popen([*command, "--journal", "kept"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    journal = Path("kept/watch-000001.jsonl")
+    end = time.monotonic() + 60
+    while time.monotonic() < end and not (journal.exists() and OPEN in journal.read_text()):
+        time.sleep(0.05)
+    os.kill(child.pid, how)
+    error = child.communicate()[1]
+    assert child.returncode == (-9 if how == signal.SIGKILL else 0)
+    assert error == b""
+    with Path("run.csv").open("a") as file:
+        file.writelines(lines[500:])
+    assert main([*RUN, "--journal", "kept", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["cut_minutes"] == pytest.approx(3.0, abs=0.1)
+    assert facts["edge"]["number"] == 1
+
+
+def test_a_second_watch_on_one_journal_is_refused_and_its_requests_reach_the_first(shop, capsys):
+    from fitmodels.core.files import locked_folder
+    from fitmodels.live.watch_journal import requests
+
+    main([*RUN, "--journal", "kept"])
+    capsys.readouterr()
+    with locked_folder(Path("kept"), "held"):
+        assert main([*RUN, "--journal", "kept"]) == 2
+        assert "another fitmodels watch" in capsys.readouterr().err
+        assert main(["watch", "params.json", "--journal", "kept", "--gauge", "AW=0.2mm"]) == 0
+        assert "Left for the process" in capsys.readouterr().out
+    assert [facts["wear"] for _, facts in requests(Path("kept"))] == [0.2]
