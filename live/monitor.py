@@ -42,7 +42,6 @@ class WatchSettings:
         Of the intervals.
     next_cut : float or None
         Minutes of the next cut; None: the median of the cuts of this watch.
-    seed : int
     """
 
     criterion: float | None = None
@@ -50,7 +49,6 @@ class WatchSettings:
     costs: "CostsSection | None" = None
     level: float = 0.90
     next_cut: float | None = None
-    seed: int = 1
 
 
 @dataclass(slots=True)
