@@ -31,7 +31,7 @@ GROUPS: Final = {
         "next": "the further tests that narrow the answer most",
         "simulate": "simulated tests from the laws of a parameter file, to try a plan",
     },
-    "Set up a controller": {
+    "Set up a controller, and watch the machine": {
         "excite": "an excitation signal for the machine",
         "ident": "a model of the machine's dynamics from a recorded run",
         "tune": "PI gains for these dynamics",
@@ -44,8 +44,6 @@ GROUPS: Final = {
         "replay": "the controllers, run on a simulated machine",
         "check": "whether params.json is consistent, and its control safe",
         "export": "params.json in the format of a controller",
-    },
-    "Watch a running machine": {
         "watch": "wear and remaining life of the edge in use, from its loads",
     },
     "Publish": {

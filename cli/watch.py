@@ -26,21 +26,24 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels watch",
         "fitmodels watch params.json --from run.csv --replay 100x",
-        "Estimate wear and remaining life of the edge in use from its loads, beside a running machine or from a\n"
-        "recorded run: cuts and their steady windows are found, and each window updates the estimate. The moment to\n"
-        "change the edge is stated at a risk. Nothing is written to the machine.\n\n"
-        "  run.csv, run.jsonl           a file that grows, or a recorded run (--replay)\n"
+        "Estimate wear and remaining life of the edge in use from its loads, beside a running machine or in a\n"
+        "recorded run, and the moment to change it at a stated risk. Nothing is written to the machine.\n\n"
+        "  run.csv, run.jsonl           a file that grows; a recorded run with --replay\n"
         "  opc.tcp://127.0.0.1:4840     an OPC UA server, with --node P=NODE for each value\n"
         "  linuxcnc                     LinuxCNC on this machine\n\n"
         "With --journal and without --from: print the state of the journal, or pass --gauge, --new-edge or\n"
         "--acknowledge on to the process that watches with it.",
-        main="--from --criterion --risk --journal --gauge --new-edge --page --serve --replay --value --json",
+        main="--from --criterion --risk --journal --gauge --new-edge --page --serve --replay --json",
     )
     p.add_argument(
         "params", metavar="PARAMS", help="params.json with a law of wear and laws of loads that depend on it"
     )
     p.add_argument("--from", dest="source", metavar="SOURCE", help="where readings come from (default: none)")
-    p.add_argument("--replay", metavar="100x", help="play a recorded run at this speed; max: as fast as possible")
+    p.add_argument(
+        "--replay",
+        metavar="100x",
+        help="play a recorded run at this speed; max: as fast as possible (default: it grows)",
+    )
     output_options(p, "print the last state as JSON (fitmodels.live/1)")
     group = p.add_argument_group("decision")
     group.add_argument("--criterion", metavar="VB=0.3mm", help="wear at the end of life (default: of the file)")
@@ -51,16 +54,22 @@ def parser() -> Parser:
     _edge_options(p)
     _source_options(p)
     group = p.add_argument_group("output")
-    group.add_argument("--page", nargs="?", type=int, const=0, metavar="PORT", help="a page on this machine alone")
-    group.add_argument("--serve", metavar="ADDRESS", help="an OPC UA server to read: opc.tcp://127.0.0.1:4841")
-    group.add_argument("--stream", metavar="FILE", help="lines of JSON, fitmodels.live/1; -: standard output")
+    group.add_argument(
+        "--page", nargs="?", type=int, const=0, metavar="PORT", help="a page for this machine alone (default: none)"
+    )
+    group.add_argument(
+        "--serve", metavar="ADDRESS", help="to be read by OPC UA: opc.tcp://127.0.0.1:4841 (default: none)"
+    )
+    group.add_argument("--stream", metavar="FILE", help="lines of JSON; - is standard output (default: none)")
     return p
 
 
 def _edge_options(p: Parser) -> None:
     group = p.add_argument_group("edge")
-    group.add_argument("--journal", metavar="FOLDER", help="keep all records there, and go on after an interruption")
-    group.add_argument("--gauge", metavar="VB=0.21mm", help="a gauge reading of the edge in use")
+    group.add_argument(
+        "--journal", metavar="FOLDER", help="keep all records there, and go on after an interruption (default: none)"
+    )
+    group.add_argument("--gauge", metavar="VB=0.21mm", help="a gauge reading of the edge in use (default: none)")
     group.add_argument(
         "--gauge-sd", type=float, default=0.02, metavar="SD", help="of its logarithm (default: 0.02, 2 percent)"
     )
@@ -83,7 +92,9 @@ def _source_options(p: Parser) -> None:
     group.add_argument(
         "--value", action="append", metavar="d=2mm", help="a condition that the source does not give (default: none)"
     )
-    group.add_argument("--rate", type=float, metavar="HZ", help="samples per second of a file without times")
+    group.add_argument(
+        "--rate", type=float, metavar="HZ", help="samples per second of a file without times (default: none)"
+    )
     group.add_argument("--silent", type=float, default=5.0, metavar="S", help="without a reading: lost (default: 5)")
     group.add_argument("--from-end", action="store_true", help="pass over what a growing file holds already")
     group.add_argument(
@@ -95,9 +106,11 @@ def _source_options(p: Parser) -> None:
     group.add_argument("--rest", choices=["off", "idle"], help="what a drive load near zero is (default: not assumed)")
     group.add_argument("--by", metavar="LEVEL", help="level of the category of the laws (default: none)")
     group.add_argument("--window", type=float, default=10.0, metavar="S", help="length of a window (default: 10)")
-    group.add_argument("--certificate", metavar="FILE", help="of this program, for an OPC UA server elsewhere")
-    group.add_argument("--key", metavar="FILE", help="private key of the certificate")
-    group.add_argument("--server-certificate", metavar="FILE", help="of the OPC UA server")
+    group.add_argument(
+        "--certificate", metavar="FILE", help="of this program, for OPC UA off this machine (default: none)"
+    )
+    group.add_argument("--key", metavar="FILE", help="private key of the certificate (default: none)")
+    group.add_argument("--server-certificate", metavar="FILE", help="of the OPC UA server (default: none)")
     group.add_argument("--user", default="", metavar="NAME", help="of the OPC UA server (default: none)")
     group.add_argument("--password-file", metavar="FILE", help="password of the user (default: none)")
     group.add_argument("--python", default="/usr/bin/python3", metavar="PATH", help="Python of LinuxCNC")
@@ -105,8 +118,8 @@ def _source_options(p: Parser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Watch, or act on a journal, and return the exit code."""
-    _check(args)
     pf = parameter_file(args.params)
+    _check(args)
     monitor = _monitor(args, pf)
     asked = _requests(args, pf)
     if args.source is None:

@@ -41,6 +41,7 @@ ON_PARAMS = (
     "card",
     "tune",
     "replay",
+    "watch",
 )
 PYTHON = re.compile(r"\b[a-z_]{2,}=(?:['\"{\[(]|None|True)|\b[a-z_]+\([^)]*=|\bNone\b")  # an argument or a call
 
@@ -299,6 +300,14 @@ def _records():
     shutil.copy(DOCS / "records-plan.csv", "tests.csv")
 
 
+def _watched():
+    """The fitted file, and a recorded run of one cut."""
+    for path in Path(FITTED).parent.glob("*.[jn][sp]*"):
+        shutil.copy(path, path.name)
+    rows = [f"{k / 5:.1f},{2.5 if 20 <= k < 60 else 0.8 + 0.01 * (k % 3)},150,0.2,2" for k in range(80)]
+    Path("run.csv").write_text("time [s],P [kW],V [m/min],f [mm/rev],d [mm]\n" + "\n".join(rows) + "\n")
+
+
 def _divided():
     """A file of a load law and one of a wear law."""
     whole = published("CLM-2023")
@@ -336,6 +345,7 @@ PREPARED = {  # what the example of a command needs besides data.csv and its res
     "reduce": _records,
     "roughness": lambda: _params(_turning()),
     "settings": lambda: _params(sealed(published("CLM-2023"), load_line=None)),
+    "watch": _watched,
     "tune": lambda: _params(parameters.collect(tool="end mill", work="S45C", dynamics=_plant(), simulated=True)),
 }
 
