@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
 from ..core.files import locked_folder, make_folder
-from .arguments import Parser, constants, measured, pairs, parameter_file
+from .arguments import Parser, constants, measured, parameter_file
 from .output import Printer, line_writer, output_options, print_json, print_lines
+from .watch_options import check_options, criterion_of, edge_options, source_options, source_options_of, wear_of
 
 if TYPE_CHECKING:
-    from ..live.live_laws import LiveLaws
     from ..live.monitor import Monitor
     from ..live.watching import Outlet
     from ..parameters import ParameterFile
@@ -51,8 +51,8 @@ def parser() -> Parser:
     group.add_argument("--least-cost", action="store_true", help="change at least cost, with the costs of the file")
     group.add_argument("--next-cut", metavar="2.5min", help="time of the next cut (default: median of the cuts)")
     group.add_argument("--level", type=float, default=0.90, metavar="P", help="of the intervals (default: 0.90)")
-    _edge_options(p)
-    _source_options(p)
+    edge_options(p)
+    source_options(p)
     group = p.add_argument_group("output")
     group.add_argument(
         "--page", nargs="?", type=int, const=0, metavar="PORT", help="a page for this machine alone (default: none)"
@@ -64,86 +64,16 @@ def parser() -> Parser:
     return p
 
 
-def _edge_options(p: Parser) -> None:
-    group = p.add_argument_group("edge")
-    group.add_argument(
-        "--journal", metavar="FOLDER", help="keep all records there, and go on after an interruption (default: none)"
-    )
-    group.add_argument("--gauge", metavar="VB=0.21mm", help="a gauge reading of the edge in use (default: none)")
-    group.add_argument(
-        "--gauge-sd", type=float, default=0.02, metavar="SD", help="of its logarithm (default: 0.02, 2 percent)"
-    )
-    group.add_argument("--new-edge", action="store_true", help="a new edge is in use")
-    group.add_argument("--acknowledge", action="store_true", help="acknowledge the alarms")
-
-
-def _source_options(p: Parser) -> None:
-    group = p.add_argument_group("source")
-    for option in ("map", "node"):
-        words = "column or OPC UA node" if option == "map" else "OPC UA node"
-        group.add_argument(
-            f"--{option}",
-            action="append",
-            metavar="P=NAME",
-            help=f"{words} of a load, of V, f, d, n, state, tool (default: by name)",
-        )
-    group.add_argument("--unit", action="append", metavar="P=W", help="unit of a reading (default: of the header)")
-    group.add_argument("--scale", action="append", metavar="P=0.11", help="factor of a reading (default: none)")
-    group.add_argument(
-        "--value", action="append", metavar="d=2mm", help="a condition that the source does not give (default: none)"
-    )
-    group.add_argument(
-        "--rate", type=float, metavar="HZ", help="samples per second of a file without times (default: none)"
-    )
-    group.add_argument("--silent", type=float, default=5.0, metavar="S", help="without a reading: lost (default: 5)")
-    group.add_argument("--from-end", action="store_true", help="pass over what a growing file holds already")
-    group.add_argument(
-        "--whole",
-        action="append",
-        metavar="P",
-        help="load whose law includes the idle load (default: idle is subtracted)",
-    )
-    group.add_argument("--rest", choices=["off", "idle"], help="what a drive load near zero is (default: not assumed)")
-    group.add_argument("--by", metavar="LEVEL", help="level of the category of the laws (default: none)")
-    group.add_argument("--window", type=float, default=10.0, metavar="S", help="length of a window (default: 10)")
-    group.add_argument(
-        "--certificate", metavar="FILE", help="of this program, for OPC UA off this machine (default: none)"
-    )
-    group.add_argument("--key", metavar="FILE", help="private key of the certificate (default: none)")
-    group.add_argument("--server-certificate", metavar="FILE", help="of the OPC UA server (default: none)")
-    group.add_argument("--user", default="", metavar="NAME", help="of the OPC UA server (default: none)")
-    group.add_argument("--password-file", metavar="FILE", help="password of the user (default: none)")
-    group.add_argument("--python", default="/usr/bin/python3", metavar="PATH", help="Python of LinuxCNC")
-
-
 def run(args: argparse.Namespace) -> int:
     """Watch, or act on a journal, and return the exit code."""
     pf = parameter_file(args.params)
-    _check(args)
+    check_options(args)
     monitor = _monitor(args, pf)
     asked = _requests(args, pf)
     if args.source is None:
         return _without_source(args, monitor, asked)
     with ExitStack() as stack:
         return _watch(args, pf, monitor, asked, stack)
-
-
-def _check(args: argparse.Namespace) -> None:
-    """Refuse numbers outside their ranges, and options without the one that they belong to."""
-    for name in ("risk", "level"):
-        value = getattr(args, name)
-        if not 0 < value < 1:
-            raise UsageError(f"--{name} {value:g}: give a probability between 0 and 1, such as {0.05:g}.")
-    if not 1 <= args.window <= 600:
-        raise UsageError(f"--window {args.window:g}: give 1 to 600 s.")
-    if not 0 < args.gauge_sd <= 1:
-        raise UsageError(f"--gauge-sd {args.gauge_sd:g}: give the standard deviation of ln wear, 0.02 for 2 percent.")
-    if args.source is None and args.journal is None:
-        raise UsageError("give a source with --from, or the journal of a watch with --journal.")
-    if args.source is None and any((args.replay, args.page is not None, args.serve, args.stream)):
-        raise UsageError("--replay, --page, --serve and --stream need a source: give one with --from.")
-    if args.stream == "-" and args.json:
-        raise UsageError("--stream - and --json both write to standard output; leave one of them out.")
 
 
 def _monitor(args: argparse.Namespace, pf: "ParameterFile") -> "Monitor":
@@ -157,7 +87,7 @@ def _monitor(args: argparse.Namespace, pf: "ParameterFile") -> "Monitor":
     if args.least_cost and pf.costs is None:
         raise UsageError(f"--least-cost: {args.params} has no costs; add them with fitmodels costs {args.params}.")
     settings = WatchSettings(
-        criterion=_criterion(args, laws), risk=args.risk,
+        criterion=criterion_of(args, laws), risk=args.risk,
         costs=pf.costs if args.least_cost else None, level=args.level,
         next_cut=None if args.next_cut is None else measured(args.next_cut, "min", "--next-cut", "2.5min"),
     )  # fmt: skip
@@ -166,36 +96,6 @@ def _monitor(args: argparse.Namespace, pf: "ParameterFile") -> "Monitor":
         "content": content_sha256(pf.model_dump(exclude_unset=True)),
     }  # fmt: skip
     return Monitor(laws, settings, identity)
-
-
-def _criterion(args: argparse.Namespace, laws: "LiveLaws") -> float:
-    """The wear at the end of life, in the unit of the law: as asked, of the journal, or of the file.
-
-    Raises
-    ------
-    UsageError
-        None of them states it.
-    """
-    from ..live.watch_journal import read_newest
-
-    symbol, unit = laws.wear.symbol, laws.wear.unit
-    newest = None if args.journal is None else read_newest(Path(args.journal))
-    asked = _wear(args.criterion, symbol, unit, "--criterion")
-    kept = newest and newest.records[0]["state"].get("estimate", {}).get("criterion")
-    for known in (asked, kept, laws.criterion):
-        if known is not None:
-            return float(known)
-    raise UsageError(f"{args.params} states no wear at the end of life: give it, as --criterion {symbol}=0.3{unit}.")
-
-
-def _wear(words: str | None, symbol: str, unit: str, option: str) -> float | None:
-    """A wear in the unit of its law, named by its symbol or not at all."""
-    if words is None:
-        return None
-    name, equals, value = words.rpartition("=")
-    if equals and name.strip() != symbol:
-        raise UsageError(f"{option} {words}: the wear law of the file is one of {symbol}; give {symbol}={value}.")
-    return measured(value.strip(), unit, option, f"{symbol}=0.3{unit}")
 
 
 def _requests(args: argparse.Namespace, pf: "ParameterFile") -> list[dict[str, Any]]:
@@ -209,7 +109,7 @@ def _requests(args: argparse.Namespace, pf: "ParameterFile") -> list[dict[str, A
         asked.append({"kind": "acknowledge"})
     if args.gauge is not None:
         wear = LiveLaws.of(pf, by=args.by).wear
-        value = _wear(args.gauge, wear.symbol, wear.unit, "--gauge")
+        value = wear_of(args.gauge, wear.symbol, wear.unit, "--gauge")
         asked.append({"kind": "gauge", "wear": value, "sd_ln": args.gauge_sd})
     return asked
 
@@ -260,7 +160,7 @@ def _watch(
         make_folder(folder)
         stack.enter_context(locked_folder(folder, BUSY.format(folder=folder), 0.0))
         journal, after = open_journal(folder, monitor, args.source)
-    source = open_source(args.source, _source(args, monitor, after))
+    source = open_source(args.source, source_options_of(args, monitor, after))
     stack.callback(source.close)
     cuts = Cuts(constants=constants(args.value), whole=tuple(args.whole or ()), rest=args.rest, seconds=args.window)
     if monitor.air is not None:
@@ -289,40 +189,6 @@ def _watch(
     if args.json or (args.stream != "-" and not out.is_terminal):
         _print_state(args, facts)
     return 0
-
-
-def _source(args: argparse.Namespace, monitor: "Monitor", after: float | None) -> Any:  # noqa: ANN401
-    """Options of the source."""
-    from ..live.sources import SourceOptions
-    from .arguments import values
-
-    named = {**pairs(args.map, "--map", "P=col3"), **pairs(args.node, "--node", "P=NODE")}
-    loads = {name: law.unit for name, law in monitor.laws.loads.items()}
-    return SourceOptions(
-        loads=loads, map=named, units=pairs(args.unit, "--unit", "P=W"), scales=values(args.scale, "--scale"),
-        replay=_speed(args.replay), rate=args.rate, after=after, from_end=args.from_end, silent=args.silent,
-        certificate=args.certificate, key=args.key, server_certificate=args.server_certificate, user=args.user,
-        password_file=args.password_file, python=args.python,
-    )  # fmt: skip
-
-
-def _speed(words: str | None) -> float | None:
-    """The speed of a replay.
-
-    >>> _speed("100x"), _speed("max"), _speed(None)
-    (100.0, inf, None)
-    """
-    if words is None:
-        return None
-    if words == "max":
-        return float("inf")
-    try:
-        speed = float(words.removesuffix("x"))
-    except ValueError:
-        speed = 0.0
-    if not 0 < speed < float("inf"):
-        raise UsageError(f"--replay {words}: give a speed such as 1x or 100x, or max.")
-    return speed
 
 
 def _outlets(args: argparse.Namespace, out: Printer, stack: ExitStack) -> "tuple[list[Outlet], list[str]]":
