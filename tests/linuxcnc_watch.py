@@ -5,7 +5,9 @@ plant's own becomes ``fm-source-heartbeat``. The operator clears a fault once, a
 """
 
 import json
+import math
 import os
+import random
 import shutil
 import subprocess
 import sys
@@ -144,7 +146,64 @@ sys.exit(0)
 )
 
 
+WINDOW = (180.0, 220.0)  # um: the change is to be called there; the upper end is the criterion
+RISK = 0.05
+LAW = {"c0": 12.0, "aV": 1.0, "af": 0.5, "m": 0.6, "k": 0.25, "bV": 0.3, "bf": 0.6, "bw": 0.35}  # um, A; t in min
+LEVEL, LOAD_LEVEL, EXPONENT = 0.15, 0.05, 0.05  # sd between edges: of ln wear, of ln load, and of m relative
+MIDDLE = 0.25  # min: the level of an edge is that at this time
 WORN_PINS = {"I": "fmwear.0.load", "n": "fmwear.0.n", "fm": "fmwear.0.fm"}
+
+
+def wear_module(folder: Path) -> Path:
+    """Path of the compiled plant with a hidden wear."""
+    source = folder / "fmwear.comp"
+    shutil.copy(linuxcnc_machine.HERE / "linuxcnc_wear.comp", source)
+    return linuxcnc_machine.compiled(source)
+
+
+def worn_file(folder: Path) -> str:
+    """Parameter file of wear VB and current I from 24 simulated edges, half a minute long."""
+    from fitmodels import datasets, fit, parameters
+
+    rng = np.random.default_rng(7)
+    rows = ["edge,V (m/min),f (mm/rev),t (min),VB (um),I (A)"]
+    for edge in range(24):
+        V, f = rng.choice([70.0, 90.0, 110.0, 130.0]), rng.choice([0.06, 0.09, 0.13])
+        m = LAW["m"] * (1 + EXPONENT * rng.standard_normal())
+        level, load = LEVEL * rng.standard_normal(), LOAD_LEVEL * rng.standard_normal()
+        for t in (0.08, 0.15, 0.25, 0.4, 0.6):
+            wear = LAW["c0"] * V ** LAW["aV"] * f ** LAW["af"] * MIDDLE ** LAW["m"] * (t / MIDDLE) ** m
+            wear *= np.exp(level + 0.03 * rng.standard_normal())
+            current = LAW["k"] * V ** LAW["bV"] * f ** LAW["bf"] * wear ** LAW["bw"]
+            current *= np.exp(load + 0.02 * rng.standard_normal())
+            rows.append(f"{edge + 1},{V:g},{f:g},{t:g},{wear:.5g},{current:.5g}")
+    path = folder / "tests.csv"
+    path.write_text("\n".join(rows) + "\n")
+    runs = datasets.read_runs(path)
+    laws = [fit.power_law(runs, "VB", ["V", "f", "t"]), fit.power_law(runs, "I", ["V", "f", "VB"])]
+    pf = parameters.collect(laws=laws, tool="end mill", work="S45C", simulated=True)
+    return pf.model_dump_json(exclude_none=True)
+
+
+def worn_run(seed: int, params: str) -> "tuple[WornRun, dict[str, float]]":
+    """Run of an edge whose truth is drawn from a seed, and that truth."""
+    draw = random.Random(1000 + seed)  # noqa: S311  a simulation
+    truth = {
+        "level": draw.gauss(0, LEVEL), "load": draw.gauss(0, LOAD_LEVEL), "m": LAW["m"] * (1 + draw.gauss(0, EXPONENT)),
+    }  # fmt: skip
+    plant = {**LAW, "m": truth["m"], "seed": seed}
+    plant["c0"] = LAW["c0"] * MIDDLE ** (LAW["m"] - truth["m"]) * math.exp(truth["level"])
+    plant["k"] = LAW["k"] * math.exp(truth["load"])
+    watch = [sys.executable, "-m", "fitmodels", "watch", "worn.json"]
+    criterion = f"VB={WINDOW[1] / 1000:g}mm"
+    command = [
+        *watch, "--from", "linuxcnc", *(word for pin in WORN_PINS.items() for word in ("--map", "=".join(pin))),
+        "--value", "D=10mm", "--window", "1", "--rest", "idle", "--criterion", criterion, "--risk", f"{RISK:g}",
+        "--next-cut", "2.5s", "--journal", "journal",
+    ]  # fmt: skip
+    gauge = [*watch, "--journal", "journal", "--gauge", "VB={}mm", "--quiet"]
+    files = {"worn.json": params}
+    return WornRun(plant, command, files, gauge, gauge_at=120.0, gauge_error=draw.gauss(0, 0.02)), truth
 
 
 @dataclass(frozen=True)
