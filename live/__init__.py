@@ -4,6 +4,7 @@ samples      what a source gives: `Sample`, `Notice`; the steady parts of cuts: 
 controller       the exported HAL controller of a file: what may be written, consent, comparison with HAL
 control          by consent and behind its heartbeat: reference and feed limit of that controller
 linuxcnc_control both ends of the pipe to LinuxCNC's HAL
+linuxcnc_reader  readings of LinuxCNC as JSON lines, run by the machine's own Python
 live_laws        laws of wear and loads of a parameter file, with the scatter between edges: `LiveLaws`
 edge_scatter     scatter between edges and wander within them, from the sums of a parameter file
 exposure         minutes of contact of one edge by setting, and its wear by the law

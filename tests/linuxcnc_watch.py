@@ -182,7 +182,8 @@ def worn_file(folder: Path) -> str:
     runs = datasets.read_runs(path)
     laws = [fit.power_law(runs, "VB", ["V", "f", "t"]), fit.power_law(runs, "I", ["V", "f", "VB"])]
     pf = parameters.collect(laws=laws, tool="end mill", work="S45C", simulated=True)
-    return pf.model_dump_json(exclude_none=True)
+    parameters.write(pf, folder / "worn.json")
+    return (folder / "worn.json").read_text()
 
 
 def worn_run(seed: int, params: str) -> "tuple[WornRun, dict[str, float]]":
@@ -312,7 +313,7 @@ program = subprocess.Popen(
     settings["command"], stdout=open("printed.txt", "w"), stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL
 )
 begun, handed, gauged, wear = time.time(), [], math.nan, math.nan
-while "watching" not in open("printed.txt").read() and time.time() - begun < 30 and program.poll() is None:
+while "connected" not in open("printed.txt").read() and time.time() - begun < 30 and program.poll() is None:
     time.sleep(0.1)  # it has to see the idle load before the first cut
 do(command.mode, linuxcnc.MODE_AUTO)
 do(command.program_open, "/mnt/program.ngc")

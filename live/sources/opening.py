@@ -59,7 +59,7 @@ def open_source(words: str, options: SourceOptions) -> Source:
     ----------
     words : str
         A file of CSV or JSON lines, which grows or, with ``options.replay``, is a recorded run; or the address
-        ``opc.tcp://host:port/path`` of an OPC UA server.
+        ``opc.tcp://host:port/path`` of an OPC UA server; or ``linuxcnc``, the LinuxCNC of this machine.
     options : SourceOptions
 
     Raises
@@ -82,8 +82,14 @@ def open_source(words: str, options: SourceOptions) -> Source:
         if options.replay is not None:
             raise UsageError("--replay goes with a recorded run, not with a server.")
         return Source(words, OpcUa(words, options).items())
+    if words == "linuxcnc":
+        if options.replay is not None:
+            raise UsageError("--replay goes with a recorded run, not with a machine.")
+        from .linuxcnc import LinuxCnc
+
+        return Source("LinuxCNC", LinuxCnc(options))
     if match := re.match(r"([a-z][a-z.]+)://", words):
-        raise UsageError(f"--from {words}: no source {match[1]}://; give a file, or opc.tcp://host:port.")
+        raise UsageError(f"--from {words}: no source {match[1]}://; give a file, linuxcnc, or opc.tcp://host:port.")
     path = Path(words)
     check_file(path)
     if options.replay is not None:
