@@ -76,6 +76,8 @@ class EdgeSummary:
         Its name, another one for every edge.
     minutes : float
         Of contact so far.
+    gaps : int
+        Times that contact may have been missed: a signal lost in mid-cut, a program that began at a used edge.
 
     Examples
     --------
@@ -95,6 +97,11 @@ class EdgeSummary:
     cells: list[Cell] = field(default_factory=list)
     recent: list[dict[str, Any]] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
+    gaps: int = 0
+
+    def missed(self) -> None:
+        """Note that contact may have been missed, so that ``minutes`` may be too few."""
+        self.gaps += 1
 
     def add(self, window: Window) -> None:
         """Take in a window: its contact, conditions and loads."""
@@ -146,14 +153,15 @@ class EdgeSummary:
             for m in self.marks
         ]  # fmt: skip
         cells = _cells(self.cells)
-        return {"edge": self.edge, "minutes": self.minutes, "cells": cells, "recent": list(self.recent), "marks": marks}
+        own = {"edge": self.edge, "minutes": self.minutes, "gaps": self.gaps}
+        return {**own, "cells": cells, "recent": list(self.recent), "marks": marks}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """The edge that `as_json` wrote."""
         marks = [Mark(**{**mark, "cells": tuple(Cell(*cell) for cell in mark["cells"])}) for mark in data["marks"]]
         cells = [Cell(*cell) for cell in data["cells"]]
-        return cls(data["edge"], data["minutes"], cells, list(data["recent"]), marks)
+        return cls(data["edge"], data["minutes"], cells, list(data["recent"]), marks, data["gaps"])
 
 
 def _cells(cells: Any) -> list[list[Any]]:  # noqa: ANN401
@@ -170,6 +178,27 @@ def _means(windows: list[dict[str, Any]], key: str) -> dict[str, float]:
     names = dict.fromkeys(name for one in windows for name in one[key])
     held = {name: [one[key][name] for one in windows if name in one[key]] for name in names}
     return {name: sum(values) / len(values) for name, values in held.items()}
+
+
+def check_edges(edges: Sequence[EdgeSummary], *, certain: bool) -> None:
+    """Refuse edges without a measurement, and those whose contact is not wholly known unless ``certain``.
+
+    Raises
+    ------
+    UsageError
+        The message names the edge.
+    """
+    if not edges:
+        raise UsageError("no edge is given; learning needs one whose wear was measured.")
+    for edge in edges:
+        if not edge.marks:
+            raise UsageError(f"edge {edge.edge!r} has no measured wear; give it with --measured VB=0.21mm.")
+        if edge.gaps and not certain:
+            raise UsageError(
+                f"edge {edge.edge!r} cut {edge.minutes:.3g} min or more: the signal was lost {edge.gaps} times in cut, "
+                "or the watch began at a used edge. A law of too short a time is wrong; give certain=True if the time "
+                "is right."
+            )
 
 
 def equivalent_row(mark: Mark, exponents: Mapping[str, float], time: float) -> dict[str, float]:

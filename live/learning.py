@@ -20,7 +20,7 @@ from ..core.errors import FitmodelsError, ParameterError, UsageError
 from ..core.files import write_whole
 from ..core.rounding import count
 from ..core.text import json_text
-from .edge_summary import EdgeSummary, law_rows
+from .edge_summary import EdgeSummary, check_edges, law_rows
 
 if TYPE_CHECKING:
     from ..fit.gram_by_edge import EdgeTriangle
@@ -123,7 +123,8 @@ def learn(
     stem : str
         Beginning of the name of the file of draws.
     certain : bool
-        Take in a wear that is more than five times, or less than a fifth of, what the law gives.
+        Take in a wear that is more than five times, or less than a fifth of, what the law gives, and an edge whose
+        contact may have been missed in part.
     simulated : bool
         Whether an edge is of a simulation: the whole file then counts as simulated.
 
@@ -145,6 +146,7 @@ def learn(
     >>> found.pf.laws["AW"].n_edges, found.pf.history[0].rows
     (25, {'AW': 1})
     """
+    check_edges(edges, certain=certain)
     version = pf.history[-1].version + 1 if pf.history else 2
     batch = batch or f"version {version}"
     rows, notes = _triangles(pf, edges, batch, dict(conditions or {}))
@@ -193,8 +195,6 @@ def _triangles(
     found: dict[str, list[EdgeTriangle]] = {}
     notes: dict[str, None] = {}
     for edge in edges:
-        if not edge.marks:
-            raise UsageError(f"edge {edge.edge!r} has no measured wear; give it with --measured VB=0.21mm.")
         for name, law in pf.laws.items():
             rows, why = law_rows(pf, law, edge.marks, given)
             if rows:

@@ -233,6 +233,8 @@ def test_settings_of_the_former_law_are_left_out(early):
         (lambda folder: learn_file(folder / "params.json", [finished("E02")]), "in the law of AW already"),
         (lambda folder: learn_file(folder / "params.json", [finished(wear=160.0)]), "unit right"),
         (lambda folder: learn_file(folder / "params.json", [without_depth()]), "d not known"),
+        (lambda folder: learn_file(folder / "params.json", []), "no edge"),
+        (lambda folder: learn_file(folder / "params.json", [with_gap()]), "12 min or more: the signal was lost 1"),
         (lambda folder: EdgeSummary("W1").measured("AW", 0.2), "not cut yet"),
         (lambda folder: finished(wear=float("nan")), "above zero"),
         (lambda folder: finished().advance(-1.0, {}), "0 or more"),
@@ -243,6 +245,32 @@ def test_what_cannot_be_learned_is_refused_and_nothing_is_written(folder, change
     with pytest.raises((UsageError, ParameterError), match=words):
         change(folder)
     assert sorted(path.name for path in folder.iterdir()) == before
+
+
+def with_gap():
+    edge = finished()
+    edge.missed()
+    return EdgeSummary.from_json(edge.as_json())
+
+
+def test_an_edge_with_a_gap_is_taken_in_where_its_time_is_certain(early):
+    assert learn(early, [with_gap()], certain=True).pf.history[0].edges == ("W1",)
+
+
+def test_an_interrupted_write_leaves_the_former_version_and_can_be_repeated(folder, monkeypatch):
+    """Draws are written before the file that names them."""
+    from fitmodels.parameters import file
+
+    def full(*_, **__):
+        raise ParameterError("no space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(file, "write_whole", full)
+        with pytest.raises(ParameterError, match="no space"):
+            learn_file(folder / "params.json", [finished()])
+    assert not (folder / "params-2.json").exists()
+    assert read(folder / "params.json").history == ()
+    assert read_draws(read(learn_file(folder / "params.json", [finished()]).path), folder)
 
 
 def without_depth():
