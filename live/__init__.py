@@ -11,7 +11,10 @@ exposure         minutes of contact of one edge by setting, and its wear by the 
 edge_state       state of one edge as a Gaussian distribution
 edge_estimate    wear and remaining life of one edge by a Kalman filter: `EdgeEstimate`
 decision         moment to change an edge, and advice of feed and speed
-cuts         samples -> windows and ends of cuts: `Cuts`; its blocks, and the means of its windows, in blocks, windows
+blocks           samples -> blocks of a tenth of a second, with conditions computed
+cuts             blocks -> cuts, by hysteresis about the idle level: `Cuts`
+windows          steady windows of a cut and means of their loads, with standard errors
 edge_summary     life of one edge as learning needs it: `EdgeSummary`
 learning         new versions of a parameter file, whose laws take in finished edges: `learn`, `learn_file`
+detection        chipping, another tool, another batch: `Detection`
 """

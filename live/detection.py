@@ -24,12 +24,12 @@ LIMIT = 8.0  # of the CUSUM of windows
 CLIPPED = 2.0  # standard deviations that a window counts as, at most: four outlying ones in a row give no alarm
 MEMORY = 60  # windows from which the scatter of a load is learned
 ASSUMED = 10.0  # windows that the scatter of the model counts as
-BATCH_LIMIT = 4.0  # of the CUSUM of edges
+BATCH_LIMIT = 3.5  # of the CUSUM of edges
 FIRST, OTHER = (
     5,
     4.0,
 )  # windows of an edge, and standard deviations from the laws, that show another tool
-EDGE_CLIPPED = 3.0  # standard deviations that an edge counts as, at most
+EDGE_CLIPPED, BASELINE_CLIPPED = 3.0, 2.0  # standard deviations that an edge counts as, at most
 MAD = 1.4826
 
 CHIPPED = (
@@ -99,7 +99,7 @@ class ChippingDetector:
             z = value / _scale(past)
             past.append(value)
             weight = max(weights.get(name, 0.0), 0.0)
-            total += weight * min(max(z, -CLIPPED), CLIPPED)
+            total += weight * _clipped(z, CLIPPED)
             norm += weight * weight
         if norm == 0:
             return 0
@@ -134,8 +134,9 @@ def _scale(past: deque[float]) -> float:
 class BatchDetector:
     """Two-sided CUSUM of the deviations of finished edges from their laws, about a baseline that is learned.
 
-    The baseline starts at zero with the uncertainty of the laws: a shift that is there from the first edge is an error
-    of the laws as far as these allow it.
+    Of several loads it uses the one that differs least between edges, as their deviations have the wear in common. The
+    baseline starts at zero with the uncertainty of the laws: a shift that is there from the first edge is an error of
+    the laws as far as these allow it.
 
     Examples
     --------
@@ -147,33 +148,30 @@ class BatchDetector:
 
     def __init__(self) -> None:
         self.up = self.down = 0.0
-        self.edges = 0
-        self.baseline, self.variance = 0.0, 0.0
+        self.load = ""
+        self.baseline = self.variance = 0.0
 
     def finish(self, deviations: Mapping[str, "LawDeviation"]) -> int:
         """Take in a finished edge by load: 1 where loads are higher than before, -1 where they are lower, else 0."""
-        known = [one for one in deviations.values() if one.sd_edge > 0]
-        if not known:
+        known = {name: one for name, one in deviations.items() if one.sd_edge > 0}
+        if not self.load and known:
+            self.load = min(known, key=lambda name: known[name].sd_edge)
+            self.variance = known[self.load].sd_law ** 2
+        if self.load not in known:
             return 0
-        weights = [1 / one.sd_edge**2 for one in known]
-        mean = sum(w * one.value for w, one in zip(weights, known, strict=True)) / sum(weights)
-        own = 1 / sum(weights)
-        if not self.edges:
-            self.variance = sum(w * one.sd_law for w, one in zip(weights, known, strict=True)) ** 2 / sum(weights) ** 2
-        self.edges += 1
-        z = (mean - self.baseline) / sqrt(self.variance + own)
+        value, own = known[self.load].value - self.baseline, known[self.load].sd_edge ** 2
+        z = _clipped(value / sqrt(self.variance + own), EDGE_CLIPPED)
         gain = self.variance / (self.variance + own)
-        self.baseline += gain * min(max(mean - self.baseline, -2 * sqrt(own)), 2 * sqrt(own))
+        self.baseline += gain * _clipped(value, BASELINE_CLIPPED * sqrt(own))
         self.variance *= 1 - gain
-        z = min(max(z, -EDGE_CLIPPED), EDGE_CLIPPED)
         self.up, self.down = max(0.0, self.up + z - SLACK), max(0.0, self.down - z - SLACK)
         found = 1 if self.up > BATCH_LIMIT else -1 if self.down > BATCH_LIMIT else 0
-        if found:
+        if found:  # the baseline of the new batch is open
             self.up = self.down = 0.0
-            self.edges, self.baseline = 0, 0.0
+            self.variance = own
         return found
 
-    def as_json(self) -> dict[str, float]:
+    def as_json(self) -> dict[str, Any]:
         """Exact snapshot."""
         return dict(vars(self))
 
@@ -183,6 +181,10 @@ class BatchDetector:
         found = cls()
         vars(found).update({name: data[name] for name in vars(found)})
         return found
+
+
+def _clipped(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
 
 
 class Detection:
