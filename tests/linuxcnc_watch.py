@@ -151,7 +151,7 @@ RISK = 0.05
 LAW = {"c0": 12.0, "aV": 1.0, "af": 0.5, "m": 0.6, "k": 0.25, "bV": 0.3, "bf": 0.6, "bw": 0.35}  # um, A; t in min
 LEVEL, LOAD_LEVEL, EXPONENT = 0.15, 0.05, 0.05  # sd between edges: of ln wear, of ln load, and of m relative
 MIDDLE = 0.25  # min: the level of an edge is that at this time
-WORN_PINS = {"I": "fmwear.0.load", "n": "fmwear.0.n", "fm": "fmwear.0.fm"}
+WORN_PINS = {"I": "fmwear.0.load"}  # speed and feed are LinuxCNC's own
 
 
 def wear_module(folder: Path) -> Path:

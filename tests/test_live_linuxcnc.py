@@ -1,12 +1,21 @@
-"""LinuxCNC as a source, with a module of the name ``hal`` in its place."""
+"""LinuxCNC as a source: with a module of the name ``hal`` in its place, and whole, with a wear that is hidden."""
 
+import os
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.live.samples import Notice, Sample
 from fitmodels.live.sources import SourceOptions, open_source
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from linuxcnc_machine import lacking
+from linuxcnc_watch import WINDOW, run_worn, wear_module, worn_file, worn_run
+
+sys.path.remove(str(Path(__file__).parent))
 
 HAL = """
 import json, os, time
@@ -138,3 +147,15 @@ def test_a_python_without_linuxcnc_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(DataError, match="no LinuxCNC"):
         open_source("linuxcnc", options())
+
+
+@pytest.mark.consumer
+def test_watch_calls_the_tool_change_of_a_hidden_wear_in_the_whole_machine(tmp_path):
+    """`benchmarks/live_linuxcnc.py` prints 50 such runs."""
+    reason = lacking()
+    if reason:
+        pytest.fail(reason) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(reason)
+    run, _ = worn_run(7, worn_file(tmp_path))
+    found = run_worn(run, wear_module(tmp_path))
+    assert WINDOW[0] <= found["wear"] <= WINDOW[1], found["printed"]
+    assert "gauge reading" in found["printed"]

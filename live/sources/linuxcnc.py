@@ -47,7 +47,9 @@ class LinuxCnc:
         self._options = options
         self._pins = _pins(options)
         own = {symbol: UNITS[symbol] for symbol, pin in self._pins.items() if pin == PINS.get(symbol)}
-        known = replace(options, map={**options.map, **self._pins}, units={**own, **options.units}, rate=None)
+        known = replace(
+            options, map={**options.map, **self._pins}, units={"time": "s", **own, **options.units}, rate=None
+        )
         self._lines = Lines("linuxcnc", known)
         self._answers: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._process: subprocess.Popen[str] | None = None
