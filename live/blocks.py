@@ -1,4 +1,4 @@
-"""Samples gathered into blocks of a tenth of a second, of a revolution or of one sample, the longest of these.
+"""Samples gathered into blocks of a tenth of a second, a revolution or one sample, and the idle level they show.
 
 The longest revolution follows from the spindle speed ``n`` of the samples, or from ``V`` and ``D``. Conditions that the
 laws need are computed as in tables of tests: V from n and D, f from the feed rate and n.
@@ -6,9 +6,9 @@ laws need are computed as in tables of tests: V from n and D, f from the feed ra
 
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from math import isfinite, isnan, pi
-from statistics import median
+from dataclasses import dataclass, field
+from math import inf, isfinite, isnan, pi
+from statistics import fmean, median, stdev
 
 from ..datasets.derived.rules import RULES
 from .samples import Sample, State
@@ -17,6 +17,7 @@ BLOCK = 0.1  # s; five samples at 50 Hz
 GAP = 2.0  # s without a sample, at least, that are a gap
 INTERVALS = 5.0  # usual intervals between samples that are a gap
 BRIDGED = 5.0  # s; a shorter gap within a cut counts as cutting
+SECONDS_OF_DRIFT = 30.0  # s in which the idle level drifts by the noise of a second of air, before it is learned
 DERIVED = ("V", "f", "fz")
 
 
@@ -48,6 +49,93 @@ class Block:
     def seconds(self) -> float:
         """Duration, s."""
         return self.end - self.start
+
+
+@dataclass(slots=True)
+class IdleLevel:
+    """Level of a load in the air and its drift.
+
+    Attributes
+    ----------
+    level : float
+        In the unit of the load.
+    variance : float
+        Of the level at ``time``; infinite before the first second of air.
+    time : float
+        s, middle of the last second of air.
+    mean : float
+        Of that second.
+    reading : float
+        Variance of such a mean, from successive seconds.
+    scatters : list of float
+        Standard deviations of the blocks of the last seconds of air.
+    walk : float
+        Variance that the level gained per second over cuts, mean of the steps seen.
+    steps, seconds : int
+        Steps from which ``walk``, and differences from which ``reading`` was learned.
+    """
+
+    level: float = 0.0
+    variance: float = inf
+    time: float = 0.0
+    mean: float = 0.0
+    reading: float = 0.0
+    scatters: list[float] = field(default_factory=list)
+    walk: float = 0.0
+    steps: int = 0
+    seconds: int = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether two seconds of air have been read."""
+        return len(self.scatters) > 1
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of blocks in a quiet second of air."""
+        return median(self.scatters) if self.scatters else 0.0
+
+    @property
+    def drift(self) -> float:
+        """Variance that the level gains per second; what is assumed before it is learned counts as two steps."""
+        return (2 * self.reading / SECONDS_OF_DRIFT + self.steps * self.walk) / (2 + self.steps)
+
+    def variance_at(self, time: float) -> float:
+        """Variance of the level at a time, s."""
+        return self.variance + self.drift * max(0.0, time - self.time)
+
+    def add(self, values: Sequence[float], time: float, *, follows: bool) -> None:
+        """Take in the blocks of a second of air around ``time`` (s); ``follows``: no cut lies before it."""
+        mean = fmean(values)
+        self.scatters = [*self.scatters, stdev(values)][-30:]
+        if self.variance == inf:
+            self.level, self.reading = mean, stdev(values) ** 2
+            self.variance = self.reading
+        else:
+            if follows:
+                self._learn_reading(mean)
+            else:
+                self._learn_drift(mean, time)
+            before = self.variance_at(time)
+            gain = before / (before + self.reading) if before > 0 else 0.0
+            self.level += gain * (mean - self.level)
+            self.variance = (1 - gain) * before
+        self.mean, self.time = mean, time
+
+    def unsettle(self, variance: float) -> None:
+        """Add to the variance: the level has changed to a value that is not known, as with another spindle speed."""
+        self.variance += variance
+
+    def _learn_reading(self, mean: float) -> None:
+        half = (mean - self.mean) ** 2 / 2
+        self.seconds += 1
+        self.reading += (min(half, 10 * self.reading) - self.reading) / min(self.seconds + 1, 30)
+
+    def _learn_drift(self, mean: float, time: float) -> None:
+        step = max(0.0, (mean - self.level) ** 2 - self.variance - self.reading)
+        rate = min(step / max(time - self.time, 1.0), 30 * self.drift)
+        self.steps = min(self.steps + 1, 20)
+        self.walk += (rate - self.walk) / self.steps
 
 
 class Gap(float):

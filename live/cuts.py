@@ -15,9 +15,9 @@ from typing import Any, Literal
 
 from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, SETTLED, STARTING
 from ..datasets.signals.options import DRIVEN, ReduceOptions
-from .blocks import BLOCK, BRIDGED, Block, Blocks, Gap
+from .blocks import BLOCK, BRIDGED, Block, Blocks, Gap, IdleLevel
 from .samples import CutEnd, Notice, Sample, Window
-from .windows import CHANGED, IdleLevel, MeanNoise, Windows
+from .windows import CHANGED, Windows
 
 SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle
 SHORTEST = ReduceOptions().shortest
@@ -71,6 +71,7 @@ class Cuts:
         self._blocks, self._windows = Blocks(constants), Windows(self.idle, whole, seconds)
         self._rest, self._believed = rest, True
         self._speeds: dict[str, float] = {}
+        self._heard = False  # whether a load was ever read
         self._forget()
 
     def _forget(self) -> None:
@@ -129,25 +130,15 @@ class Cuts:
 
     def as_json(self) -> dict[str, Any]:
         """Idle levels and noise, with which `resume` follows a cut after a restart."""
-        return {
-            "number": self._windows.number,
-            "proved": self._windows.proved,
-            "believed": self._believed,
-            "speeds": self._speeds,
-            "idle": {name: asdict(level) for name, level in self.idle.items()},
-            "noise": {name: asdict(noise) for name, noise in self._windows.noise.items()},
-            "reach": {name: list(reach) for name, reach in self._windows.reach.items()},
-        }
+        idle = {name: asdict(level) for name, level in self.idle.items()}
+        return {"believed": self._believed, "speeds": self._speeds, "idle": idle, "windows": self._windows.as_json()}
 
     def resume(self, data: Mapping[str, Any]) -> None:
         """Take over idle levels and noise of `as_json`; the variance of the levels grows with the time since."""
-        windows = self._windows
-        windows.number, windows.proved, self._believed = data["number"], data["proved"], data["believed"]
-        self._speeds = dict(data["speeds"])
+        self._believed, self._speeds = bool(data["believed"]), dict(data["speeds"])
         self.idle.clear()
         self.idle.update({name: IdleLevel(**level) for name, level in data["idle"].items()})
-        windows.noise = {name: MeanNoise(**noise) for name, noise in data["noise"].items()}
-        windows.reach = {name: deque(reach, maxlen=10) for name, reach in data["reach"].items()}
+        self._windows.resume(data["windows"])
 
     def close(self) -> list[Found]:
         """What is left at the end of a source: a cut that has not ended is lost."""
@@ -173,6 +164,10 @@ class Cuts:
         yield from self._step(replace(centre, loads=loads))
 
     def _step(self, block: Block) -> Iterator[Found]:
+        if not (self._heard or block.loads):
+            yield from self._unheard(block)
+            return
+        self._heard = True
         if not self._cut:
             self._at_speed(block)
         if self._believed and block.phase in ("off", "idle"):
@@ -183,6 +178,16 @@ class Cuts:
             self._in_start(block)
         else:
             yield from self._in_air(block)
+
+    def _unheard(self, block: Block) -> Iterator[Found]:
+        """No load was ever read: what the machine says of its feed is all there is, and all of it counts."""
+        if block.phase == "feed":
+            if not self._cut:
+                self._cut, self._lead = True, ""
+                self._windows.begin("")
+            yield from self._windows.add(block)
+        elif self._cut:
+            yield from self._end()
 
     def _said(self, block: Block) -> Iterator[Found]:
         """The machine says that it does not cut: so it is, unless the load contradicts for long."""

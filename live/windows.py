@@ -8,9 +8,10 @@ independent. The idle level enters every window of a cut alike.
 
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from math import inf, log, sqrt
 from statistics import fmean, median, stdev
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,9 @@ from ..core.arrays import Array
 from ..datasets.signals.cuts import MERGED, SETTLED, settled_blocks
 from ..datasets.signals.options import DRIVEN
 from ..datasets.signals.statistics import PARTS, batch_variance
-from .blocks import BLOCK, Block
+from .blocks import BLOCK, Block, IdleLevel
 from .samples import CutEnd, LoadMean, Notice, Window
 
-SECONDS_OF_DRIFT = 30.0  # s in which the idle level drifts by the noise of a second of air, before it is learned
 OUTLYING = 6.0  # standard deviations, from the median absolute deviation, from which a value is left out
 CERTAIN = 3.0  # standard errors by which a cut exceeds idle
 OWN = 1.0  # weight of the scatter of a window beside that of a window before it
@@ -34,93 +34,6 @@ CHANGED = 0.03  # relative change of a condition that begins another window
 STEADY = 0.5  # s for which it stays so
 LEAST = 1.0  # s of a window
 QUIETER = 2.0  # ratio of the scatters of cut and air that shows which is which
-
-
-@dataclass(slots=True)
-class IdleLevel:
-    """Level of a load in the air and its drift.
-
-    Attributes
-    ----------
-    level : float
-        In the unit of the load.
-    variance : float
-        Of the level at ``time``; infinite before the first second of air.
-    time : float
-        s, middle of the last second of air.
-    mean : float
-        Of that second.
-    reading : float
-        Variance of such a mean, from successive seconds.
-    scatters : list of float
-        Standard deviations of the blocks of the last seconds of air.
-    walk : float
-        Variance that the level gained per second over cuts, mean of the steps seen.
-    steps, seconds : int
-        Steps from which ``walk``, and differences from which ``reading`` was learned.
-    """
-
-    level: float = 0.0
-    variance: float = inf
-    time: float = 0.0
-    mean: float = 0.0
-    reading: float = 0.0
-    scatters: list[float] = field(default_factory=list)
-    walk: float = 0.0
-    steps: int = 0
-    seconds: int = 0
-
-    @property
-    def known(self) -> bool:
-        """Whether two seconds of air have been read."""
-        return len(self.scatters) > 1
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of blocks in a quiet second of air."""
-        return median(self.scatters) if self.scatters else 0.0
-
-    @property
-    def drift(self) -> float:
-        """Variance that the level gains per second; what is assumed before it is learned counts as two steps."""
-        return (2 * self.reading / SECONDS_OF_DRIFT + self.steps * self.walk) / (2 + self.steps)
-
-    def variance_at(self, time: float) -> float:
-        """Variance of the level at a time, s."""
-        return self.variance + self.drift * max(0.0, time - self.time)
-
-    def add(self, values: Sequence[float], time: float, *, follows: bool) -> None:
-        """Take in the blocks of a second of air around ``time`` (s); ``follows``: no cut lies before it."""
-        mean = fmean(values)
-        self.scatters = [*self.scatters, stdev(values)][-30:]
-        if self.variance == inf:
-            self.level, self.reading = mean, stdev(values) ** 2
-            self.variance = self.reading
-        else:
-            if follows:
-                self._learn_reading(mean)
-            else:
-                self._learn_drift(mean, time)
-            before = self.variance_at(time)
-            gain = before / (before + self.reading) if before > 0 else 0.0
-            self.level += gain * (mean - self.level)
-            self.variance = (1 - gain) * before
-        self.mean, self.time = mean, time
-
-    def unsettle(self, variance: float) -> None:
-        """Add to the variance: the level has changed to a value that is not known, as with another spindle speed."""
-        self.variance += variance
-
-    def _learn_reading(self, mean: float) -> None:
-        half = (mean - self.mean) ** 2 / 2
-        self.seconds += 1
-        self.reading += (min(half, 10 * self.reading) - self.reading) / min(self.seconds + 1, 30)
-
-    def _learn_drift(self, mean: float, time: float) -> None:
-        step = max(0.0, (mean - self.level) ** 2 - self.variance - self.reading)
-        rate = min(step / max(time - self.time, 1.0), 30 * self.drift)
-        self.steps = min(self.steps + 1, 20)
-        self.walk += (rate - self.walk) / self.steps
 
 
 @dataclass(slots=True)
@@ -255,6 +168,18 @@ class Windows:
         """Minutes of cutting since the last window."""
         return sum(b.seconds for part in (self._carried, self._segment) for b in part) / 60
 
+    def as_json(self) -> dict[str, Any]:
+        """Snapshot without the cut of the moment."""
+        noise = {name: asdict(noise) for name, noise in self.noise.items()}
+        reach = {name: list(reach) for name, reach in self.reach.items()}
+        return {"number": self.number, "proved": self.proved, "noise": noise, "reach": reach}
+
+    def resume(self, data: Mapping[str, Any]) -> None:
+        """Take over what `as_json` gave."""
+        self.number, self.proved = int(data["number"]), bool(data["proved"])
+        self.noise = {name: MeanNoise(**noise) for name, noise in data["noise"].items()}
+        self.reach = {name: deque(reach, maxlen=10) for name, reach in data["reach"].items()}
+
     def begin(self, lead: str) -> None:
         """Begin a cut, which was found on the load ``lead``."""
         self.number += 1
@@ -315,7 +240,8 @@ class Windows:
     def _window(self, blocks: Sequence[Block], *, leaving: bool) -> Iterator[Window | Notice]:
         """The window of a part of a cut, without entry and exit; blocks that are in none are carried on."""
         first, end = 0, len(blocks)
-        loads = [abs(b.loads.get(self._lead, 0.0) - self.idle[self._lead].level) for b in blocks]
+        idle = self.idle[self._lead].level if self._lead in self.idle else 0.0
+        loads = [abs(b.loads.get(self._lead, idle) - idle) for b in blocks]
         run = max(1, round(SETTLED / (blocks[0].seconds if blocks else 1.0)))
         if len(blocks) > 2 * run and self.entering:
             first = settled_blocks(np.array(loads), run)

@@ -244,3 +244,14 @@ def test_equal_times_and_conditions_given_once_are_kept():
     found = watch(Cuts(), (np.floor(t * 25) / 25, load), conditions=given)
     assert windows(found)[0].conditions == pytest.approx(AT)
     assert [end.lost for end in ends(found)] == [False]
+
+
+def test_without_any_load_the_feed_of_the_machine_counts():
+    t = np.arange(0, 60, 0.1)
+    found, cuts = [], Cuts()
+    for x in t:
+        found += cuts.add(Sample(float(x), {}, AT, "feed" if 10 <= x < 45 else "idle"))
+    found += cuts.close()
+    assert contact(found) == pytest.approx(35, abs=0.5)
+    assert windows(found)[0].conditions == pytest.approx(AT)
+    assert windows(found)[0].loads == {}
