@@ -2,17 +2,21 @@
 
 import json
 import os
+import socket
+import struct
+import subprocess
+import sys
 import threading
 import time
 
 import pytest
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.live.samples import Notice, Sample
-from fitmodels.live.sources import SourceOptions, open_source
+from fitmodels.live.sources import SourceOptions, open_source, streams
 from fitmodels.live.sources.channels import channels_of
 from fitmodels.live.sources.clock import Clock, Stamps
+from fitmodels.live.sources.files import Tail
 from fitmodels.live.sources.rows import Lines
-from fitmodels.live.sources.tail import Tail
 
 P = SourceOptions(loads={"P": "kW"})
 
@@ -295,3 +299,52 @@ def test_a_reading_in_other_units_is_converted():
     sample = found.sample(0.0, [1500.0, 10.0, 3000.0])
     assert sample.loads["I"] == pytest.approx(1.5)
     assert sample.conditions == pytest.approx({"fm": 254.0, "n": 3000.0})
+
+
+def accepted(server, data, reset=False):
+    """Send bytes to the next client and end its connection."""
+    client, _ = server.accept()
+    with client:
+        client.sendall(data)
+        if reset:
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+
+
+@pytest.mark.parametrize("family", ["tcp", "unix"])
+def test_a_socket_that_ends_is_lost_and_connected_again(tmp_path, monkeypatch, family):
+    monkeypatch.setattr(streams, "AGAIN", 0.1)
+    monkeypatch.chdir(tmp_path)
+    made = socket.socket(socket.AF_UNIX if family == "unix" else socket.AF_INET)
+    with made as server:
+        server.bind("s" if family == "unix" else ("127.0.0.1", 0))
+        server.listen()
+        words = "unix:s" if family == "unix" else f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with open_source(words, P) as source:
+            client = threading.Thread(target=accepted, args=(server, b"t [s],P [W]\n0,1000\n.02,2000\n.04,30", True))
+            client.start()
+            items = until(source, lambda items: "lost" in kinds(items))
+            client.join()
+            assert loads(items) == [1, 2]
+            client = threading.Thread(
+                target=accepted, args=(server, b'{"t": 5, "P_W": 4000}\n{"t": 5.02, "P_W": 4000}\n')
+            )
+            client.start()
+            items = until(source, lambda items: len(loads(items)) == 2)
+            client.join()
+    assert loads(items) == [4, 4]
+    assert "bad" not in kinds(items)
+
+
+def test_standard_input_ends(tmp_path):
+    code = (
+        "from fitmodels.live.sources import *\n"
+        "print([getattr(i, 'kind', '') or i.loads for i in open_source('-', SourceOptions(loads={'P': 'kW'}))])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], input="t,P [kW]\n0,1\n.1,2\n", capture_output=True, text=True)
+    assert run.stdout == "['connected', {'P': 1.0}, 'connected', {'P': 2.0}, 'end']\n", run.stderr
+
+
+@pytest.mark.parametrize("words", ["tcp://192.168.0.10:5000", "tcp://127.0.0.1", "tcp://127.0.0.1:0", "tcp://a.b:5"])
+def test_lines_of_another_computer_are_refused(words):
+    with pytest.raises(UsageError, match=r"port|ssh -L"):
+        open_source(words, P)

@@ -5,7 +5,8 @@ options      what a source is asked for: `SourceOptions`
 channels     columns, keys or nodes -> the quantities of a `Sample`
 clock        time stamps, gaps and jumps of clocks
 rows         lines of CSV or JSON -> samples
-files        a growing file, and a recorded run at any speed; tail: the lines of a growing file
+files        a growing file, and a recorded run at any speed
+streams      lines from standard input or a socket
 opcua        a client of an OPC UA server; opcua_nodes: its nodes; merging: values of single nodes -> samples
 """
 

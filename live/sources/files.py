@@ -1,23 +1,154 @@
 """A growing file, and a recorded run at any speed."""
 
+import os
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from math import isinf
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 from ...core.bounded import open_regular
-from ...core.errors import DataError, FitmodelsError, UsageError
+from ...core.errors import DataError, UsageError
 from ...core.files import cause
 from ...core.suggestions import near_path
 from ..samples import Notice, Sample
 from .options import SourceOptions
-from .rows import LONGEST, Lines
-from .tail import Tail
+from .rows import IDLE, LONGEST, Feed, Lines, decoded
 
 POLL: Final = 0.1  # s between two looks at a growing file
-IDLE: Final = 0.5  # s without a reading, after which the monitor gets its turn
+CHUNK: Final = 262_144  # bytes read at once
+MARK: Final = 64  # bytes at the beginning, and before the place of reading, that show whether the file is the same
+LONGEST_LINE: Final = 1_000_000  # bytes without an end of line
 Items = Iterator[Sample | Notice]
+
+
+class Tail:
+    r"""Complete lines of a file that grows; a line without its end is left for the next time.
+
+    The file is held open, so that rows written before it was renamed are read to the end. Another file under its name
+    is seen by its inode, a file that was cut by its size, one that was rewritten by its first 64 bytes and by the last
+    64 that were read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "run.csv")
+    >>> _ = path.write_bytes(b"t,P\n0,1.8\n0.1,1.")
+    >>> tail = Tail(path)
+    >>> tail.poll()
+    ([b't,P', b'0,1.8'], '')
+    >>> _ = path.write_bytes(b"t,P\n0,1.8\n0.1,1.9\n")
+    >>> tail.poll()
+    ([b'0.1,1.9'], '')
+    >>> tail.close()
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.missing = ""  # reason why the file cannot be read now
+        self.caught_up: bool  # whether all was read at the last poll
+        self._stack = ExitStack()
+        self._file: BinaryIO | None = None
+        self._begin()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stack.close()
+        self._file = None
+
+    def poll(self) -> tuple[list[bytes], str]:
+        """Complete lines that were added, and what happened to the file: empty, or one sentence."""
+        if self._file is None and not self._open():
+            return [], ""
+        file = self._file
+        assert file is not None  # noqa: S101  opened above
+        try:
+            status = os.fstat(file.fileno())
+            if reason := self._changed(file, status.st_size):
+                return [], self._again(reason)
+            data = os.pread(file.fileno(), CHUNK, self._offset)
+            if data:
+                return self._taken(file, data, status.st_size)
+            return [], self._successor(status)
+        except OSError as error:
+            self.close()
+            self.missing = f"cannot be read: {cause(error)}"
+            return [], ""
+
+    def skip(self) -> None:
+        """Go on behind the last complete line that is there."""
+        if self._file is None:
+            return
+        number, size = self._file.fileno(), os.fstat(self._file.fileno()).st_size
+        if size > self._offset:
+            start = max(self._offset, size - CHUNK)
+            self._offset = start + os.pread(number, size - start, start).rfind(b"\n") + 1
+            self._before, self._pending = os.pread(number, MARK, max(0, self._offset - MARK)), b""
+
+    def _begin(self) -> None:
+        self._offset = 0
+        self._head = self._before = self._pending = b""
+        self._exhausted = self.caught_up = False
+
+    def _open(self) -> bool:
+        try:
+            self._file = self._stack.enter_context(open_regular(self.path, "stream"))
+        except (OSError, DataError) as error:
+            self.missing = cause(error) if isinstance(error, OSError) else str(error)
+            return False
+        self._begin()
+        self.missing = ""
+        return True
+
+    def _changed(self, file: BinaryIO, size: int) -> str:
+        """Reason why the open file is no continuation of what was read; empty where it is."""
+        if size < self._offset:
+            return f"was cut to {size} bytes"
+        if size > self._offset and self._offset:
+            head = os.pread(file.fileno(), len(self._head), 0)
+            before = os.pread(file.fileno(), len(self._before), self._offset - len(self._before))
+            if (head, before) != (self._head, self._before):
+                return "was rewritten"
+        return ""
+
+    def _again(self, reason: str) -> str:
+        """Read the open file from its beginning."""
+        torn = f"; {len(self._pending)} bytes of a torn line are left out" if self._pending else ""
+        self._begin()
+        return f"{self.path.name} {reason}: it is read from its beginning{torn}"
+
+    def _taken(self, file: BinaryIO, data: bytes, size: int) -> tuple[list[bytes], str]:
+        self._exhausted = False
+        self._offset += len(data)
+        self._head = os.pread(file.fileno(), min(MARK, self._offset), 0)
+        self._before = (self._before + data)[-MARK:]
+        self.caught_up = self._offset >= size
+        *lines, self._pending = (self._pending + data).split(b"\n")
+        if len(self._pending) > LONGEST_LINE:
+            self._pending = self._pending[:LONGEST_LINE]  # too long for a line: it is refused as one
+        return [line.removesuffix(b"\r") for line in lines], ""
+
+    def _successor(self, status: os.stat_result) -> str:
+        """Go on with another file under the name, once the open one gave nothing twice."""
+        self.caught_up = True
+        try:
+            named = self.path.stat()
+        except OSError as error:
+            self.missing = cause(error)
+            return ""
+        self.missing = ""
+        if (named.st_dev, named.st_ino) == (status.st_dev, status.st_ino) or not named.st_size:
+            return ""  # the same file, or one that nobody has begun to write
+        if not self._exhausted:
+            self._exhausted = True
+            return ""
+        torn = f"; {len(self._pending)} bytes of a torn line are left out" if self._pending else ""
+        self.close()
+        self._stack = ExitStack()
+        return (
+            f"another file has the name {self.path.name}: it is read from its beginning{torn}" if self._open() else ""
+        )
 
 
 def check_file(path: Path) -> None:
@@ -42,87 +173,32 @@ def check_file(path: Path) -> None:
         raise DataError(f"{path}: {cause(error)}.") from None
 
 
-def decoded(line: bytes) -> str:
-    """A line of UTF-8, or of Windows-1252 where it is none."""
-    try:
-        return line.decode("utf-8")
-    except UnicodeDecodeError:
-        return line.decode("cp1252", "replace")
-
-
 def growing(path: Path, options: SourceOptions) -> Items:
     """Readings of a file that grows; a file that goes, or gives nothing for ``silent`` s, is lost until it comes back.
 
     The first header has to name a load of the laws (FitmodelsError); a later one that does not is refused in a notice.
     """
-    return _Growing(path, options).items()
-
-
-class _Growing:
-    def __init__(self, path: Path, options: SourceOptions) -> None:
-        self._path, self._options = path, options
-        self._tail = Tail(path)
-        self._lines = Lines(path.name, options)
-        self._refused = False  # the header of the present file was not understood
-        self._lost = False
-        self._last = self._given = time.monotonic()  # of a reading, and of anything
-
-    def items(self) -> Items:
-        try:
-            if self._options.from_end:
-                yield from self._header()
-            while True:
-                live = self._tail.caught_up
-                lines, event = self._tail.poll()
-                if event:
-                    self._lines.restart()
-                    self._refused = False
-                    yield Notice(time.time(), "replaced", event)
-                now = time.monotonic()
-                for line in lines:
-                    for item in self._take(line, now if live else None):
-                        self._given = time.monotonic()
-                        yield item
-                yield from self._quiet()
-                if not lines:
-                    time.sleep(POLL)
-        finally:
-            self._tail.close()
-
-    def _header(self) -> Items:
-        """What the header holds; rows that are there already are left out."""
-        lines, _ = self._tail.poll()
-        items = [item for line in lines for item in self._take(line, None)]
-        self._tail.skip()
-        yield from (item for item in items if isinstance(item, Notice) and item.kind == "connected")
-
-    def _take(self, line: bytes, arrival: float | None) -> Items:
-        if self._refused:
-            return
-        try:
-            for item in self._lines.take(decoded(line), arrival):
-                if isinstance(item, Sample):
-                    self._last = time.monotonic()
-                    if self._lost:
-                        self._lost = False
-                        yield Notice(time.time(), "connected", f"{self._path.name} gives readings again")
-                yield item
-        except FitmodelsError as error:
-            if self._lines.samples < 2:  # units of times without a unit are known from the second
-                raise
-            self._refused = True
-            yield Notice(time.time(), "refused", f"{error} Its rows are not read.")
-
-    def _quiet(self) -> Items:
-        """Notices of a file that gives nothing."""
-        now = time.monotonic()
-        if not self._lost and now - self._last >= self._options.silent:
-            self._lost, self._given = True, now
-            why = self._tail.missing or "it does not grow"
-            yield Notice(time.time(), "lost", f"{self._path.name}: no reading for {now - self._last:.1f} s; {why}")
-        elif now - self._given >= IDLE:
-            self._given = now
-            yield Notice(time.time(), "idle")
+    tail, feed = Tail(path), Feed(path.name, options)
+    try:
+        if options.from_end:
+            lines, _ = tail.poll()
+            items = [item for line in lines for item in feed.take(line, None)]
+            tail.skip()
+            yield from (item for item in items if isinstance(item, Notice) and item.kind == "connected")
+        while True:
+            live = tail.caught_up
+            lines, event = tail.poll()
+            if event:
+                feed.restart()
+                yield Notice(time.time(), "replaced", event)
+            arrival = time.monotonic() if live else None
+            for line in lines:
+                yield from feed.take(line, arrival)
+            yield from feed.quiet(tail.missing or "it does not grow")
+            if not lines:
+                time.sleep(POLL)
+    finally:
+        tail.close()
 
 
 def replayed(path: Path, options: SourceOptions) -> Items:

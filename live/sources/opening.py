@@ -11,6 +11,7 @@ from ..samples import Notice, Sample
 from .files import check_file, growing, replayed
 from .opcua import OpcUa
 from .options import SourceOptions
+from .streams import from_socket, standard_input
 
 
 class Source:
@@ -59,7 +60,8 @@ def open_source(words: str, options: SourceOptions) -> Source:
     ----------
     words : str
         A file of CSV or JSON lines, which grows or, with ``options.replay``, is a recorded run; or the address
-        ``opc.tcp://host:port/path`` of an OPC UA server; or ``linuxcnc``, the LinuxCNC of this machine.
+        ``opc.tcp://host:port/path`` of an OPC UA server; or ``linuxcnc``, the LinuxCNC of this machine; or lines of
+        CSV or JSON from ``-``, standard input, or a socket, ``tcp://127.0.0.1:port`` or ``unix:/path``.
     options : SourceOptions
 
     Raises
@@ -78,18 +80,16 @@ def open_source(words: str, options: SourceOptions) -> Source:
     ...     [item.loads["P"] for item in source if hasattr(item, "loads")]
     [1.8, 1.81]
     """
-    if words.startswith("opc.tcp://"):
-        if options.replay is not None:
-            raise UsageError("--replay goes with a recorded run, not with a server.")
-        return Source(words, OpcUa(words, options).items())
-    if words == "linuxcnc":
+    live = _live(words, options)
+    if live is not None:
         if options.replay is not None:
             raise UsageError("--replay goes with a recorded run, not with a machine.")
-        from .linuxcnc import LinuxCnc
-
-        return Source("LinuxCNC", LinuxCnc(options))
+        return live
     if match := re.match(r"([a-z][a-z.]+)://", words):
-        raise UsageError(f"--from {words}: no source {match[1]}://; give a file, linuxcnc, or opc.tcp://host:port.")
+        raise UsageError(
+            f"--from {words}: no source {match[1]}://; give a file, -, linuxcnc, opc.tcp://host:port, "
+            "tcp://127.0.0.1:port or unix:/path."
+        )
     path = Path(words)
     check_file(path)
     if options.replay is not None:
@@ -97,3 +97,18 @@ def open_source(words: str, options: SourceOptions) -> Source:
     if options.rate is not None:
         raise UsageError("--rate goes with a recorded run: the rows of a growing file need times. Add --replay 1x.")
     return Source(path.name, growing(path, options))
+
+
+def _live(words: str, options: SourceOptions) -> Source | None:
+    """Source that is a machine or a stream; None for the name of a file."""
+    if words.startswith("opc.tcp://"):
+        return Source(words, OpcUa(words, options).items())
+    if words == "linuxcnc":
+        from .linuxcnc import LinuxCnc
+
+        return Source("LinuxCNC", LinuxCnc(options))
+    if words == "-":
+        return Source("standard input", standard_input(options))
+    if words.startswith(("tcp://", "unix:")):
+        return Source(words, from_socket(words, options))
+    return None

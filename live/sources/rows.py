@@ -4,6 +4,7 @@ import csv
 import json
 import re
 from collections.abc import Iterator, Sequence
+from time import monotonic
 from time import time as wall_time
 from typing import Any, Final
 
@@ -18,6 +19,7 @@ from .options import SourceOptions
 MOST_HEADER_LINES: Final = 50  # lines above the header
 LONGEST: Final = 65_536  # characters of a line
 MOST_KEYS: Final = 1000  # of a JSON object, nested ones counted
+IDLE: Final = 0.5  # s without a reading, after which the monitor gets its turn
 SAY_AGAIN: Final = 5.0  # s between two notices on unreadable lines
 _COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
@@ -160,6 +162,67 @@ class Lines:
             others = f" ({self._unsaid} lines in all)" if self._unsaid > 1 else ""
             self._last_said, self._unsaid = now, 0
             yield Notice(now, "bad", f"{self.name}: {text}; left out{others}")
+
+
+class Feed:
+    """Lines of a source that may fall silent: samples, and notices on silence and on headers that cannot be used.
+
+    The first header has to name a load of the laws (FitmodelsError); a later one that does not is refused in a notice.
+    """
+
+    def __init__(self, name: str, options: SourceOptions) -> None:
+        self.name, self._silent = name, options.silent
+        self._lines = Lines(name, options)
+        self._refused = False  # the header of the present file was not understood
+        self._lost = False
+        self._last = self._given = monotonic()  # of a reading, and of anything
+
+    def restart(self) -> None:
+        """Begin another file or connection, with a header of its own."""
+        self._lines.restart()
+        self._refused = False
+
+    def take(self, line: bytes, arrival: float | None) -> Iterator[Sample | Notice]:
+        """What a line holds; ``arrival`` as for `Lines`."""
+        if self._refused:
+            return
+        try:
+            for item in self._lines.take(decoded(line), arrival):
+                self._given = monotonic()
+                if isinstance(item, Sample):
+                    self._last = self._given
+                    if self._lost:
+                        self._lost = False
+                        yield Notice(wall_time(), "connected", f"{self.name} gives readings again")
+                yield item
+        except FitmodelsError as error:
+            if self._lines.samples < 2:  # the unit of times without one is known from the second
+                raise
+            self._refused = True
+            yield Notice(wall_time(), "refused", f"{error} Its rows are not read.")
+
+    def lose(self, reason: str) -> Iterator[Notice]:
+        """A notice that the source is lost, once."""
+        if not self._lost:
+            self._lost, self._given = True, monotonic()
+            yield Notice(wall_time(), "lost", f"{self.name}: {reason}")
+
+    def quiet(self, reason: str) -> Iterator[Notice]:
+        """Notices of a source that gives nothing; it is lost after ``silent`` s, for a reason."""
+        now = monotonic()
+        if not self._lost and now - self._last >= self._silent:
+            yield from self.lose(f"no reading for {now - self._last:.1f} s; {reason}")
+        elif now - self._given >= IDLE:
+            self._given = now
+            yield Notice(wall_time(), "idle")
+
+
+def decoded(line: bytes) -> str:
+    """A line of UTF-8, or of Windows-1252 where it is none."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", "replace")
 
 
 class _Csv:
