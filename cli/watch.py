@@ -79,7 +79,8 @@ def run(args: argparse.Namespace) -> int:
 def _monitor(args: argparse.Namespace, pf: "ParameterFile") -> "Monitor":
     from .. import parameters
     from ..live.live_laws import LiveLaws
-    from ..live.monitor import Monitor, WatchSettings
+    from ..live.monitor import Monitor
+    from ..live.watch_edge import WatchSettings
     from ..parameters.file_format import content_sha256
 
     draws = parameters.read_draws(pf, Path(args.params).parent)
@@ -138,7 +139,8 @@ def _without_source(args: argparse.Namespace, monitor: "Monitor", asked: list[di
             )
             return 0
         newest = read_newest(folder)
-        replay([] if newest is None else newest.records, monitor)
+        if newest is not None:
+            replay(newest.records, monitor)
     source = {"name": monitor.source, "state": "not watched by this command", "text": "", "age": None}
     facts = facts_of(monitor, Reading(time=monitor.time, state="stopped", source=source))
     _print_state(args, facts)

@@ -90,7 +90,7 @@ def facts_of(monitor: "Monitor", now: Reading) -> Facts:
         "work": monitor.identity.get("work", ""),
         "simulated": bool(monitor.identity.get("simulated")),
         "state": now.state,
-        "edge": {"number": monitor.edge.number, "tool": monitor.edge.tool, "gauges": len(monitor.edge.gauges)},
+        "edge": {"number": monitor.edge.number, "tool": monitor.edge.tool, "gauges": monitor.edge.gauges},
         "cut_minutes": monitor.edge.minutes + now.open,
         "conditions": dict(now.conditions) or conditions,
         "loads": _loads(monitor, now),

@@ -5,16 +5,17 @@ give the same state again. What is shown but not kept (the last reading, the sta
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
 from statistics import median
 from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import FitmodelsError, UsageError
 from ..core.rounding import format_plain
-from .samples import LoadMean, Window
+from .detection import Detection
+from .edge_summary import EdgeSummary
+from .samples import Window
+from .watch_edge import Edge, WatchSettings, window_of
 
 if TYPE_CHECKING:
-    from ..parameters.sections.costs import CostsSection
     from .edge_estimate import EdgeEstimate
     from .live_laws import LiveLaws
 
@@ -22,54 +23,9 @@ Record = Mapping[str, Any]
 
 SHOWN: Final = 12  # notes and decisions that are kept
 ALARMS: Final = 50
+FINISHED: Final = 12  # edges that are kept for learning
 PAST: Final = 0.5  # probability of being past the criterion, from which it is an alarm
 CUTS: Final = 50  # lengths of the last cuts
-
-
-@dataclass(frozen=True, slots=True)
-class WatchSettings:
-    """What was asked of a watch.
-
-    Attributes
-    ----------
-    criterion : float or None
-        Wear at which the edge is worn out, in the unit of the wear law; None: that of the parameter file.
-    risk : float
-        Largest probability of being past the criterion at the end of the next cut.
-    costs : CostsSection or None
-        Given: the edge is changed at least cost in place of a risk.
-    level : float
-        Of the intervals.
-    next_cut : float or None
-        Minutes of the next cut; None: the median of the cuts of this watch.
-    """
-
-    criterion: float | None = None
-    risk: float = 0.05
-    costs: "CostsSection | None" = None
-    level: float = 0.90
-    next_cut: float | None = None
-
-
-@dataclass(slots=True)
-class Edge:
-    """What is known of the edge in use besides its estimate.
-
-    Attributes
-    ----------
-    number : int
-    tool : str
-        Name that the source gives the tool; empty where it gives none.
-    minutes : float
-        Time of contact, min.
-    gauges : list of dict
-        ``minutes`` and ``wear`` of each reading.
-    """
-
-    number: int = 1
-    tool: str = ""
-    minutes: float = 0.0
-    gauges: list[dict[str, float]] = field(default_factory=list)
 
 
 class Monitor:
@@ -94,6 +50,10 @@ class Monitor:
         ``time``, ``kind``, ``text`` and ``probability``, the newest last.
     notes : list of dict
         ``time`` and ``text`` of what was assumed or happened.
+    label : str
+        Beginning of the names of edges in parameter files that learn from them.
+    finished : list of dict
+        `Edge.as_json` of the edges before, the newest last.
     """
 
     def __init__(self, laws: "LiveLaws", settings: WatchSettings, identity: Mapping[str, Any]) -> None:
@@ -111,7 +71,10 @@ class Monitor:
         self.notes: list[dict[str, Any]] = []
         self.requests: list[str] = []
         self._said: list[str] = []
+        self.label = ""
+        self.finished: list[dict[str, Any]] = []
         self.edge = Edge()
+        self.detection = Detection()
         self.estimate: EdgeEstimate = self._new_estimate()
         self.expected: dict[str, tuple[float, float, float]] = {}
         self.measured: dict[str, float] = {}
@@ -151,9 +114,13 @@ class Monitor:
         self.open = None
         self._expect(window)
         self.estimate.add(window)
+        for alarm in self.detection.add(self.estimate):
+            self._alarm({"time": self.time, "kind_of_alarm": alarm.kind, "text": alarm.text})
+            if alarm.kind == "chipping":
+                self.estimate.reopen()
+        self.edge.summary.add(window)
         self.conditions = dict(window.conditions)
         self.cut_minutes += window.contact
-        self.edge.minutes += window.contact
         self._decide()
 
     def _expect(self, window: Window) -> None:
@@ -214,22 +181,31 @@ class Monitor:
     def _advance(self, minutes: float) -> None:
         if minutes > 0:
             self.estimate.advance(minutes, self.conditions)
-            self.edge.minutes += minutes
+            self.edge.summary.advance(minutes, self.conditions)
 
     def _gauge(self, record: Record) -> None:
-        self.estimate.gauge(float(record["wear"]), float(record["sd_ln"]))
-        self.edge.gauges.append({"minutes": self.edge.minutes, "wear": float(record["wear"])})
+        wear, symbol = float(record["wear"]), self.laws.wear.symbol
+        self.estimate.gauge(wear, float(record["sd_ln"]))
+        self.edge.summary.measured(symbol, wear)
+        self.edge.gauges += 1
         self.decisions = [one for one in self.decisions if one["kind"] != "change"]
-        self.note(self.time, f"gauge reading {format_plain(float(record['wear']))} {self.laws.wear.unit} taken in.")
+        self.alarms = [one for one in self.alarms if one["kind"] != "worn"]
+        self.note(self.time, f"gauge reading {symbol} {format_plain(wear)} {self.laws.wear.unit} taken in.")
         self._decide()
 
     def _begin_edge(self, record: Record) -> None:
-        self.edge = Edge(self.edge.number + 1, str(record.get("tool", "")))
+        shifted = self.detection.finish(self.estimate)
+        if self.edge.minutes > 0:
+            self.finished = [*self.finished[1 - FINISHED :], self.edge.as_json()]
+        number = self.edge.number + 1
+        self.edge = Edge(number, str(record.get("tool", "")), summary=EdgeSummary(str(number)))
         self.estimate = self._new_estimate()
-        self.alarms = [one for one in self.alarms if one["kind"] in ("journal",)]
+        self.alarms = [one for one in self.alarms if one["kind"] in ("journal", "batch")]
         self.decisions, self.open, self.lost, self.cut_minutes = [], None, None, 0.0
         self.expected, self.measured = {}, {}
-        self.note(self.time, f"edge {self.edge.number} begins.")
+        self.note(self.time, f"edge {number} begins.")
+        for alarm in shifted:
+            self._alarm({"time": self.time, "kind_of_alarm": alarm.kind, "text": alarm.text})
 
     def _tool(self, record: Record) -> None:
         self.edge.tool = str(record["tool"])
@@ -323,12 +299,19 @@ class Monitor:
         return {
             "identity": self.identity,
             **kept,
-            "edge": asdict(self.edge),
+            "edge": self.edge.as_json(),
+            "detection": self.detection.as_json(),
             "estimate": self.estimate.as_json(),
         }
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any], *, cut: bool = False) -> None:
         """Take a snapshot as the state.
+
+        Parameters
+        ----------
+        state : mapping
+        cut : bool
+            Whether the edge has cut after the snapshot: its laws are then to be the same.
 
         Raises
         ------
@@ -337,27 +320,34 @@ class Monitor:
         """
         from .edge_estimate import EdgeEstimate
 
-        self._check_identity(state["identity"])
+        self._check_identity(state, cut=cut)
         for name in _KEPT:
             setattr(self, name, state[name])
         self.expected = {name: (each[0], each[1], each[2]) for name, each in self.expected.items()}
-        self.edge = Edge(**state["edge"])
+        self.edge, self.detection = Edge.from_json(state["edge"]), Detection.from_json(state["detection"])
+        if state["identity"].get("content") != self.identity.get("content"):  # new laws for a new edge
+            self.estimate = self._new_estimate()
+            return
         self.estimate = EdgeEstimate.from_json(self.laws, state["estimate"])
         if self.settings.criterion is not None:
             self.estimate.criterion = self.settings.criterion
 
-    def _check_identity(self, of: Mapping[str, Any]) -> None:
-        for name, what in (("tool", "the tool"), ("work", "the work material"), ("content", "the parameter file")):
+    def _check_identity(self, state: Mapping[str, Any], *, cut: bool) -> None:
+        of, names = state["identity"], {"tool": "the tool", "work": "the work material"}
+        if cut or state["edge"]["summary"]["minutes"]:
+            names["content"] = "the parameter file"
+        for name, what in names.items():
             if of.get(name) != self.identity.get(name):
                 raise UsageError(
                     f"the journal is of another edge: {what} there is {of.get(name)!r}, and here "
-                    f"{self.identity.get(name)!r}. Give the same parameter file, or another folder with --journal."
+                    f"{self.identity.get(name)!r}. Give the same parameter file, begin a new edge with it first "
+                    "(--new-edge), or give another folder with --journal."
                 )
 
 
 _KEPT: Final = (
     "time", "source", "cuts", "cut_minutes", "open", "air", "lost", "conditions", "alarms", "decisions", "notes",
-    "requests", "expected", "measured",
+    "requests", "expected", "measured", "label", "finished",
 )  # fmt: skip
 _ACTS: Final[Mapping[str, Callable[[Monitor, Record], None]]] = {
     "window": Monitor._window,
@@ -374,22 +364,3 @@ _ACTS: Final[Mapping[str, Callable[[Monitor, Record], None]]] = {
     "source": Monitor._source,
     "air": Monitor._air,
 }
-
-
-def window_record(window: Window) -> dict[str, Any]:
-    """A window as a record of the journal.
-
-    Examples
-    --------
-    >>> window = Window(0.0, 10.0, 0.2, {"V": 120.0}, {"P": LoadMean(0.5, 0.01, 500)}, cut=3)
-    >>> window_of(window_record(window)) == window
-    True
-    """
-    return {"kind": "window", "time": window.end, **asdict(window)}
-
-
-def window_of(record: Record) -> Window:
-    """The window of a record of the journal."""
-    loads = {name: LoadMean(**mean) for name, mean in record["loads"].items()}
-    start, end, contact = (float(record[name]) for name in ("start", "end", "contact"))
-    return Window(start, end, contact, dict(record["conditions"]), loads, int(record["cut"]))

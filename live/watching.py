@@ -1,6 +1,7 @@
 """The loop of a watch: from the source through cuts to the monitor, its journal, and what shows it."""
 
 import os
+import secrets
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -11,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from ..core.errors import FitmodelsError, UsageError
 from .facts import Facts, Reading, clock, facts_of
-from .monitor import Monitor, window_record
+from .monitor import Monitor
 from .samples import CutEnd, Notice, Sample, Window
+from .watch_edge import window_record
 from .watch_journal import WatchJournal, read_newest, remove_request, requests
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ SHOWN_EACH: Final = 0.5  # s between two descriptions that are shown
 CONTACT_EACH: Final = 5.0  # s of the source between two records of an open cut
 ASKED_EACH: Final = 1.0  # s between two looks for requests and for the parameter file
 REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {"gauge": ("wear", "sd_ln"), "edge": (), "acknowledge": ()}
+OF_EDGE: Final = ("window", "cutend", "contact", "gap", "gauge")  # records that depend on the laws
 SAID: Final = ("connected", "lost", "gap", "bad", "clock", "replaced", "refused")  # notices that are kept
 
 
@@ -104,6 +107,8 @@ class Watch:
                 self.journal.append({"kind": "said", "time": self.monitor.time, "text": each})
         self._each(lambda outlet: outlet.say(self.facts, said, self.monitor.time))
         if self.journal is not None:
+            if kind == "edge":
+                self.journal.rotate(self.monitor.as_json())
             self._check_journal(self.journal)
 
     def facts(self) -> Facts:
@@ -298,6 +303,8 @@ def take_requests(folder: Path, monitor: Monitor) -> None:
         record = request_record(request, monitor.time)
         journal.append(record)
         monitor.apply(record)
+        if record["kind"] == "edge":
+            journal.rotate(monitor.as_json())
     journal.close()
     if journal.fault:
         raise UsageError(f"{folder}: the journal cannot be written: {journal.fault}; nothing was taken in.")
@@ -332,10 +339,13 @@ def open_journal(folder: Path, monitor: Monitor, source: str) -> tuple[WatchJour
     after = None
     begun: list[dict[str, Any]] = []
     if newest is None:
+        monitor.label = f"{folder.resolve().name}-{secrets.token_hex(2)}"
         journal.rotate(monitor.as_json())
     else:
         replay(newest.records, monitor)
         journal.resume(newest)
+        if newest.records[0]["state"]["identity"] != monitor.identity:
+            journal.rotate(monitor.as_json())
         after = monitor.time if monitor.source == source else None
         lost = f" {newest.missing} of its records are missing." if newest.missing else ""
         text = f"the journal was taken up again; its last record is of {clock(monitor.time)}.{lost}"
@@ -348,7 +358,7 @@ def open_journal(folder: Path, monitor: Monitor, source: str) -> tuple[WatchJour
     return journal, after
 
 
-def replay(records: Iterable[Mapping[str, Any]], monitor: Monitor) -> None:
+def replay(records: Sequence[Mapping[str, Any]], monitor: Monitor) -> None:
     """Bring a monitor to the state that the records of a journal give, the first a snapshot.
 
     Raises
@@ -356,9 +366,8 @@ def replay(records: Iterable[Mapping[str, Any]], monitor: Monitor) -> None:
     UsageError
         They are of another tool, work material or parameter file.
     """
-    for record in records:
-        if record.get("kind") == "snapshot":
-            monitor.restore(record["state"])
-        else:
-            monitor.apply(record)
+    first, *others = records
+    monitor.restore(first["state"], cut=any(record["kind"] in OF_EDGE for record in others))
+    for record in others:
+        monitor.apply(record)
     monitor.take_said()

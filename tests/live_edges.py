@@ -6,8 +6,9 @@ from math import log
 import numpy as np
 from fitmodels import datasets, fit, parameters
 from fitmodels.live.live_laws import LiveLaws
-from fitmodels.live.monitor import Monitor, WatchSettings, window_record
+from fitmodels.live.monitor import Monitor
 from fitmodels.live.samples import LoadMean, Sample, Window
+from fitmodels.live.watch_edge import WatchSettings, window_record
 
 CONDITIONS = {"V": 150.0, "f": 0.2, "d": 2.0}
 IDENTITY = {"tool": "GC435", "work": "709M40", "content": "abc", "simulated": True}

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from fitmodels.core.errors import UsageError
 from fitmodels.live.facts import Reading, facts_of
-from fitmodels.live.monitor import Monitor, WatchSettings
+from fitmodels.live.monitor import Monitor
+from fitmodels.live.watch_edge import WatchSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -10,8 +10,9 @@ import pytest
 from fitmodels.core.errors import UsageError
 from fitmodels.live import watch_journal
 from fitmodels.live.cuts import Cuts
-from fitmodels.live.monitor import Monitor, WatchSettings
+from fitmodels.live.monitor import Monitor
 from fitmodels.live.samples import Notice
+from fitmodels.live.watch_edge import WatchSettings
 from fitmodels.live.watch_journal import WatchJournal, leave_request, read_journal, read_newest
 from fitmodels.live.watching import Watch, open_journal, replay, take_requests
 
@@ -172,12 +173,25 @@ def test_requests_are_taken_by_the_process_that_watches_and_by_a_later_command(t
     leave_request(tmp_path, {"kind": "shell", "command": "x"})
     watch.look_around()
     watch.run(items[900:])
-    assert len(found.edge.gauges) == 1
+    assert found.edge.gauges == 1
     assert not list(tmp_path.glob("request-*"))
     leave_request(tmp_path, {"kind": "edge"})
     take_requests(tmp_path, later := monitor())
     assert later.edge.number == 2
-    assert [record["kind"] for record in read_journal(tmp_path)][-1] == "edge"
+    assert [record["kind"] for record in read_journal(tmp_path)][-2:] == ["edge", "snapshot"]
+    assert later.finished[-1]["gauges"] == 1
+
+
+def test_a_new_edge_may_have_new_laws_and_one_that_has_cut_may_not(tmp_path):
+    watched(samples(cuts=1), tmp_path)
+    leave_request(tmp_path, {"kind": "edge"})
+    take_requests(tmp_path, monitor())
+    learned = Monitor(laws(), WatchSettings(criterion=0.3), {**IDENTITY, "content": "version 2"})
+    journal, _ = open_journal(tmp_path, learned, "run.csv")
+    assert learned.edge.number == 2
+    Watch(learned, Cuts(), "run.csv", journal=journal).run(samples(cuts=1))
+    with pytest.raises(UsageError, match="parameter file"):
+        open_journal(tmp_path, monitor(), "run.csv")
 
 
 def test_rotation_in_a_run_leaves_bounded_files_that_replay(tmp_path, monkeypatch):

@@ -1,0 +1,90 @@
+"""The edge in use and the settings of a watch, and windows as records of its journal."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from .edge_summary import EdgeSummary
+from .samples import LoadMean, Window
+
+if TYPE_CHECKING:
+    from ..parameters.sections.costs import CostsSection
+
+
+@dataclass(frozen=True, slots=True)
+class WatchSettings:
+    """What was asked of a watch.
+
+    Attributes
+    ----------
+    criterion : float or None
+        Wear at which the edge is worn out, in the unit of the wear law; None: that of the parameter file.
+    risk : float
+        Largest probability of being past the criterion at the end of the next cut.
+    costs : CostsSection or None
+        Given: the edge is changed at least cost in place of a risk.
+    level : float
+        Of the intervals.
+    next_cut : float or None
+        Minutes of the next cut; None: the median of the cuts of this watch.
+    """
+
+    criterion: float | None = None
+    risk: float = 0.05
+    costs: "CostsSection | None" = None
+    level: float = 0.90
+    next_cut: float | None = None
+
+
+@dataclass(slots=True)
+class Edge:
+    """What is known of the edge in use besides its estimate.
+
+    Attributes
+    ----------
+    number : int
+    tool : str
+        Name that the source gives the tool; empty where it gives none.
+    gauges : int
+        Readings of its wear that were taken in.
+    summary : EdgeSummary
+        Contact, conditions and loads, from which the laws can learn.
+    """
+
+    number: int = 1
+    tool: str = ""
+    gauges: int = 0
+    summary: EdgeSummary = field(default_factory=lambda: EdgeSummary("1"))
+
+    @property
+    def minutes(self) -> float:
+        """Time of contact, min."""
+        return self.summary.minutes
+
+    def as_json(self) -> dict[str, Any]:
+        """Exact copy as data of JSON."""
+        return {"number": self.number, "tool": self.tool, "gauges": self.gauges, "summary": self.summary.as_json()}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "Edge":
+        """The edge that `as_json` wrote."""
+        return cls(data["number"], data["tool"], data["gauges"], EdgeSummary.from_json(data["summary"]))
+
+
+def window_record(window: Window) -> dict[str, Any]:
+    """A window as a record of the journal.
+
+    Examples
+    --------
+    >>> window = Window(0.0, 10.0, 0.2, {"V": 120.0}, {"P": LoadMean(0.5, 0.01, 500)}, cut=3)
+    >>> window_of(window_record(window)) == window
+    True
+    """
+    return {"kind": "window", "time": window.end, **asdict(window)}
+
+
+def window_of(record: Mapping[str, Any]) -> Window:
+    """The window of a record of the journal."""
+    loads = {name: LoadMean(**mean) for name, mean in record["loads"].items()}
+    start, end, contact = (float(record[name]) for name in ("start", "end", "contact"))
+    return Window(start, end, contact, dict(record["conditions"]), loads, int(record["cut"]))
