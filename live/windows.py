@@ -31,6 +31,7 @@ PAIRS = 5  # of neighbouring windows, at least
 NORMAL = 0.4549  # median of the square of a standard normal variate
 MAD = 1.4826
 CHANGED = 0.03  # relative change of a condition that begins another window
+OF_MACHINE = ("n", "fm", "D")  # they change with V and f, or are compensated
 STEADY = 0.5  # s for which it stays so
 LEAST = 1.0  # s of a window
 QUIETER = 2.0  # ratio of the scatters of cut and air that shows which is which
@@ -204,9 +205,7 @@ class Windows:
         segment, self._segment = self._segment, []
         yield from self._window(segment, leaving=True)
         if self._first and self._carried:
-            part, self._carried = self._carried, []
-            minutes = sum(b.seconds for b in part) / 60
-            yield Window(part[0].start, part[-1].end, minutes, _conditions(part[1:-1] or part), {}, self.number)
+            yield self._without_loads()
         yield CutEnd(self.last, self.minutes, self.number, lost)
         self._carried = []
         self.proved |= not lost
@@ -224,6 +223,8 @@ class Windows:
         if not before or sum(b.seconds for b in after) < STEADY - BLOCK / 2:
             return 0
         for name, old in _conditions(before).items():
+            if name in OF_MACHINE:
+                continue
             steps = [b.conditions[name] - old for b in after if name in b.conditions]
             if steps and min(map(abs, steps)) > CHANGED * abs(old) and min(steps) * max(steps) > 0:
                 if name == "V":
@@ -250,6 +251,8 @@ class Windows:
         part = blocks[first:end]
         if sum(b.seconds for b in part) < LEAST - BLOCK / 2:
             self._carried += blocks
+            if sum(b.seconds for b in self._carried) > 2 * self.seconds:
+                yield self._without_loads()
             return
         means: dict[str, LoadMean] = {}
         for name in dict.fromkeys(name for b in part for name in b.loads):
@@ -268,6 +271,12 @@ class Windows:
         self._pair(window)
         yield window
 
+    def _without_loads(self) -> Window:
+        """A window of what was cut in none: its time counts."""
+        part, self._carried, self._first = self._carried, [], False
+        minutes = sum(b.seconds for b in part) / 60
+        return Window(part[0].start, part[-1].end, minutes, _conditions(part[1:-1] or part), {}, self.number)
+
     def _load(self, name: str, part: Sequence[Block]) -> LoadMean | Notice | None:
         """Mean of a load over a window, or why there is none; None where that was said before."""
         if name not in self.idle or not self.idle[name].known:
@@ -275,6 +284,12 @@ class Windows:
         values = [b.values[name] for b in part if name in b.values]
         if len(values) < 4 or len(values) < len(part) / 2:
             return None
+        if self.idle[name].noise > 0 and all(min(part) == max(part) == values[0][0] for part in values):
+            return self._once(
+                f"stuck {name}",
+                f"{name} stands still at {values[0][0]:.4g} in the cut and did not when idle: the signal may be stuck. "
+                "Cutting time counts without this load.",
+            )
         if not self.proved:
             loads = [b.loads[name] for b in part if name in b.loads]
             self.proved = stdev(loads) > QUIETER * self.idle[name].noise

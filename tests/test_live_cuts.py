@@ -255,3 +255,25 @@ def test_without_any_load_the_feed_of_the_machine_counts():
     assert contact(found) == pytest.approx(35, abs=0.5)
     assert windows(found)[0].conditions == pytest.approx(AT)
     assert windows(found)[0].loads == {}
+
+
+def test_a_load_that_is_stuck_is_refused():
+    t, load = signal([(6, 0.8), (12, 1.8), (6, 0.8), (20, 1.8), (6, 0.8)])
+    load[(t > 26) & (t < 44)] = 1.8123
+    found = watch(Cuts(seconds=5.0), (t, load))
+    stuck = [w for w in windows(found) if w.start > 31 and w.end < 44]
+    assert stuck
+    assert not any(w.loads for w in stuck)
+    assert "P stands still at 1.812 in the cut" in texts(found)[0]
+    assert contact(found) == pytest.approx(32, abs=1)
+
+
+def test_conditions_that_never_stand_still_give_windows_without_loads():
+    t, load = signal([(6, 0.8), (120, 1.8), (6, 0.8)])
+    feeds = [{"V": 120.0, "f": 0.2 if int(x) % 2 else 0.4} for x in t]
+    found = watch(Cuts(), (t, load), conditions=feeds)
+    assert len(windows(found)) > 4
+    assert contact(found) == pytest.approx(120, abs=1)
+    assert np.average([w.conditions["f"] for w in windows(found)], weights=[w.contact for w in windows(found)]) == (
+        pytest.approx(0.3, abs=0.03)
+    )
