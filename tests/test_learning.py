@@ -304,6 +304,12 @@ def test_a_file_of_an_earlier_version_says_that_it_has_no_sums(early):
         learn(early.model_copy(update={"laws": laws}), [finished()])
 
 
+def test_sums_that_are_not_those_of_the_law_are_refused(early):
+    other = early.laws["AW"].model_copy(update={"coefficients": {**early.laws["AW"].coefficients, "V": 0.6}})
+    with pytest.raises(ParameterError, match="do not give its coefficients: V"):
+        learn(early.model_copy(update={"laws": {**early.laws, "AW": other}}), [finished()])
+
+
 def test_names_of_versions(early):
     entry = {"version": 3, "edges": ["W1"]}
     later = early.model_validate({**early.model_dump(), "history": [entry]})

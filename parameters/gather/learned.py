@@ -11,6 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from ...core.arrays import Array
 from ...core.display import Display, Plottable, TextTable
@@ -22,17 +23,17 @@ from ..sections.law import LawSection
 from ..sections.law_parts import LawCheck
 from .law import check_fields, edge_sums, fitted_fields
 from .lives import taylor_fields, tool_life_section
+from .posterior import priors_of
 
 if TYPE_CHECKING:
     from ...core.display import Frame
     from ...fit import LawFit
     from ...fit.bayes.posterior import Posterior
-    from ...fit.bayes.priors import Prior, Priors
     from ...fit.gram_by_edge import EdgeTriangle
     from ..file import ParameterFile
-    from ..sections.posterior import LawPosterior
 
 RECOMPUTED: Final = ("exponents", "predictive use", "collinearity", "number of edges")  # whatever the rows are
+ROUNDING: Final = 1e-8  # relative difference of a parameter
 OF_EDGES: Final = ("single edges", "prediction", "even scatter of edges", "normality of edges", "agreement")
 
 
@@ -145,6 +146,7 @@ def learned_law(
             "edge another name."
         )
     before, law = law_with(pf, section), law_with(pf, section, more)
+    _check_sums(section, before)
     shift, se = level_shift(before, more)
     checks, kept = _checks(section, law, laws)
     data = {**section.model_dump(), **fitted_fields(law), **_unchanged(section), "checks": checks}
@@ -161,15 +163,19 @@ def learned_law(
     }
     try:
         found = LawSection.model_validate(data)
-    except ValueError as error:
-        raise ParameterError(f"the law of {law.response} cannot be written: {_words(error, data)}.") from None
+    except ValidationError as error:
+        raise ParameterError(f"the law of {law.response} cannot be written: {schema_message(error, data)}.") from None
     return Learned(found, law, shift, se, len(more))
 
 
-def _words(error: ValueError, data: Mapping[str, Any]) -> str:
-    from pydantic import ValidationError
-
-    return schema_message(error, dict(data)) if isinstance(error, ValidationError) else str(error)
+def _check_sums(section: LawSection, law: "LawFit") -> None:
+    """Refuse sums that do not give the coefficients of the law, as of a file that was put together by hand."""
+    away = np.abs(law.theta - section.theta) > ROUNDING * np.maximum(np.abs(section.theta), 1.0)
+    if away.any():
+        raise ParameterError(
+            f"the sums by edge of {section.response} do not give its coefficients: "
+            f"{law.theta_names[int(away.argmax())]} is another. Fit its data again."
+        )
 
 
 def _unchanged(section: LawSection) -> dict[str, Any]:
@@ -240,19 +246,6 @@ def _sentences(checks: Mapping[str, Mapping[str, Any]], section: LawSection) -> 
     now = [str(check["verdict"]) for check in checks.values() if check["verdict"]]
     held = [str(check["verdict"]) for check in checks.values() if check["verdict"] and check["concern"]]
     return tuple(dict.fromkeys((*held, *(words for words in section.verdicts if words in now))))[:6]
-
-
-def priors_of(section: "LawPosterior") -> "Priors | None":
-    """Priors of a posterior of a file, None where one is of a kind that a fit does not have."""
-    from ...fit.bayes.priors import Beta, Flat, HalfT, Normal, Priors
-
-    kinds: dict[str, type[Prior]] = {kind.name: kind for kind in (Normal, HalfT, Beta, Flat)}
-    if any(prior.distribution not in kinds for prior in section.priors.values()):
-        return None
-    of = {name: kinds[prior.distribution](**prior.numbers) for name, prior in section.priors.items()}
-    units = {name: prior.unit for name, prior in section.priors.items()}
-    sources = {name: prior.source for name, prior in section.priors.items()}
-    return Priors(of, section.prior_set or "given", units, sources)
 
 
 def posterior_with(pf: "ParameterFile", law: "LawFit") -> "Posterior | str":

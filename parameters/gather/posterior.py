@@ -13,6 +13,8 @@ from ..draws import Draws, packed
 if TYPE_CHECKING:
     from ...fit import NotAvailable
     from ...fit.bayes.posterior import Posterior
+    from ...fit.bayes.priors import Prior, Priors
+    from ..sections.posterior import LawPosterior
 
 DRAWS_FILE = "draws.npz"
 
@@ -107,3 +109,16 @@ def _prior(post: "Posterior", name: str) -> dict[str, Any]:
         "unit": post.priors.units.get(name, ""),
         "source": post.priors.sources.get(name, ""),
     }
+
+
+def priors_of(section: "LawPosterior") -> "Priors | None":
+    """Priors of a posterior of a file, None where one is of a kind that a fit does not have."""
+    from ...fit.bayes.priors import Beta, Flat, HalfT, Normal, Priors
+
+    kinds: dict[str, type[Prior]] = {kind.name: kind for kind in (Normal, HalfT, Beta, Flat)}
+    if any(prior.distribution not in kinds for prior in section.priors.values()):
+        return None
+    of = {name: kinds[prior.distribution](**prior.numbers) for name, prior in section.priors.items()}
+    units = {name: prior.unit for name, prior in section.priors.items()}
+    sources = {name: prior.source for name, prior in section.priors.items()}
+    return Priors(of, section.prior_set or "given", units, sources)
