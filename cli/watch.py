@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
 from ..core.files import locked_folder, make_folder
-from .arguments import Parser, constants, measured, parameter_file
+from .arguments import Parser, constants, measured, parameter_file, typed
 from .output import Printer, line_writer, output_options, print_json, print_lines
 from .watch_options import check_options, criterion_of, edge_options, source_options, source_options_of, wear_of
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..parameters import ParameterFile
 
 BUSY: Final = "{folder}: another fitmodels watch keeps its journal there; give another folder with --journal."
+LEFT: Final = "Left for the process that watches with this journal; it takes it in within a second."
 
 
 def parser() -> Parser:
@@ -70,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
     check_options(args)
     monitor = _monitor(args, pf)
     asked = _requests(args, pf)
+    if args.measured is not None:
+        return _learn(args, pf, monitor)
     if args.source is None:
         return _without_source(args, monitor, asked)
     with ExitStack() as stack:
@@ -118,32 +121,83 @@ def _requests(args: argparse.Namespace, pf: "ParameterFile") -> list[dict[str, A
 def _without_source(args: argparse.Namespace, monitor: "Monitor", asked: list[dict[str, Any]]) -> int:
     """Pass requests on to the journal and print its state; a process that watches takes them in."""
     from ..live.facts import Reading, facts_of
-    from ..live.watch_journal import journal_files, leave_request, read_newest
-    from ..live.watching import replay, take_requests
+    from ..live.watch_journal import journal_files
 
     folder = Path(args.journal)
     if not journal_files(folder):
         raise UsageError(f"{folder}: holds no journal of a watch; begin one with --from SOURCE --journal {folder}.")
-    for request in asked:
-        leave_request(folder, request)
-    try:
-        with locked_folder(folder, BUSY.format(folder=folder), 0.0):
-            take_requests(folder, monitor)
-    except UsageError as busy:
-        if "another fitmodels watch" not in str(busy):
-            raise
+    if not _pass_on(folder, monitor, asked):
         if asked:
-            print_lines(
-                ["Left for the process that watches with this journal; it takes it in within a second."],
-                quiet=args.quiet,
-            )
+            print_lines([LEFT], quiet=args.quiet)
             return 0
-        newest = read_newest(folder)
-        if newest is not None:
-            replay(newest.records, monitor)
+        _restore(folder, monitor)
+    said = monitor.take_said()
     source = {"name": monitor.source, "state": "not watched by this command", "text": "", "age": None}
     facts = facts_of(monitor, Reading(time=monitor.time, state="stopped", source=source))
+    if not args.json:
+        print_lines(said, quiet=args.quiet)
     _print_state(args, facts)
+    return 0
+
+
+def _pass_on(folder: Path, monitor: "Monitor", asked: list[dict[str, Any]]) -> bool:
+    """Leave requests at a journal, and take them in; False where another process watches, which takes them in."""
+    from ..live.watch_journal import leave_request
+    from ..live.watching import take_requests
+
+    for request in asked:
+        leave_request(folder, request)
+    busy = BUSY.format(folder=folder)
+    try:
+        with locked_folder(folder, busy, 0.0):
+            take_requests(folder, monitor)
+    except UsageError as failure:
+        if str(failure) != busy:
+            raise
+        return False
+    return True
+
+
+def _restore(folder: Path, monitor: "Monitor") -> None:
+    """The state of a journal that another process may be writing."""
+    from ..live.watch_journal import read_newest
+    from ..live.watching import replay
+
+    newest = read_newest(folder)
+    if newest is None:
+        raise UsageError(f"{folder}: holds no journal of a watch; begin one with --from SOURCE --journal {folder}.")
+    replay(newest.records, monitor)
+
+
+def _learn(args: argparse.Namespace, pf: "ParameterFile", monitor: "Monitor") -> int:
+    """Write the next version of the parameter file from a measured edge, and begin a new edge in the journal."""
+    from datetime import UTC, datetime
+
+    from ..live.learning import learn_file, parse_measured
+    from ..live.watch_edge import Edge
+
+    folder = Path(args.journal)
+    _restore(folder, monitor)
+    edges = {edge.number: edge for edge in (*map(Edge.from_json, monitor.finished), monitor.edge) if edge.minutes > 0}
+    number = args.edge if args.edge is not None else max(edges, default=0)
+    if number not in edges:
+        cut = ", ".join(map(str, edges)) or "none"
+        raise UsageError(f"{folder}: edge {number} has not cut; edges that have: {cut}. Choose one with --edge.")
+    summary = edges[number].summary
+    summary.edge = f"{monitor.label} {number}"
+    summary.measured(*parse_measured(pf, args.measured))
+    new = learn_file(
+        args.params, [summary], batch=args.batch, conditions=constants(args.value), command=typed(args.words),
+        created=datetime.now(UTC).date().isoformat(), certain=args.certain,
+    )  # fmt: skip
+    lines = list(new.lines)
+    if number == monitor.edge.number and not _pass_on(folder, monitor, [{"kind": "edge"}]):
+        lines.append(LEFT)
+    if args.json:
+        print_json("watch-learned", {"file": str(new.path), "edge": summary.edge, "lines": lines})
+    else:
+        out = Printer(quiet=args.quiet)
+        out.wrote("\n".join(lines), *([] if new.path is None else [new.path]))
     return 0
 
 

@@ -24,6 +24,13 @@ def edge_options(p: Parser) -> None:
         "--gauge-sd", type=float, default=0.02, metavar="SD", help="of its logarithm (default: 0.02, 2 percent)"
     )
     group.add_argument("--new-edge", action="store_true", help="a new edge is in use")
+    words = "wear of the finished edge: write the next version of PARAMS, whose laws learn from it (default: none)"
+    group.add_argument("--measured", metavar="VB=0.21mm", help=words)
+    group.add_argument(
+        "--edge", type=int, metavar="N", help="number of the edge that was measured (default: the last one that cut)"
+    )
+    group.add_argument("--batch", default="", metavar="NAME", help="delivery that it is of (default: the version)")
+    group.add_argument("--certain", action="store_true", help="learn from it although it is doubted")
     group.add_argument("--acknowledge", action="store_true", help="acknowledge the alarms")
 
 
@@ -81,6 +88,10 @@ def check_options(args: argparse.Namespace) -> None:
         raise UsageError("give a source with --from, or the journal of a watch with --journal.")
     if args.source is None and any((args.replay, args.page is not None, args.serve, args.stream)):
         raise UsageError("--replay, --page, --serve and --stream need a source: give one with --from.")
+    if args.measured is not None and (args.source is not None or args.journal is None):
+        raise UsageError("--measured needs the journal of the edge, --journal FOLDER, and no source.")
+    if args.measured is None and (args.edge is not None or args.batch or args.certain):
+        raise UsageError("--edge, --batch and --certain belong to --measured.")
     if args.stream == "-" and args.json:
         raise UsageError("--stream - and --json both write to standard output; leave one of them out.")
 

@@ -141,6 +141,7 @@ class Monitor:
         self.cut_minutes += contact
         if lost:
             self.lost = {"since": float(record["time"]), "cut": self.cut_minutes, "conditions": dict(self.conditions)}
+            self.edge.summary.gaps += 1
             self.note(self.time, "the signal was lost in mid-cut: the cut may go on unseen.")
             return
         self._finish_cut()
@@ -161,6 +162,7 @@ class Monitor:
             self._advance(self.open["minutes"])
             self.cut_minutes += self.open["minutes"]
             since = float(record["since"])
+            self.edge.summary.gaps += 1
             self.lost = {"since": since, "cut": self.cut_minutes, "conditions": dict(self.conditions)}
             self.open = None
         self.note(self.time, str(record["text"]))

@@ -141,3 +141,37 @@ def test_a_second_watch_on_one_journal_is_refused_and_its_requests_reach_the_fir
         assert main(["watch", "params.json", "--journal", "kept", "--gauge", "AW=0.2mm"]) == 0
         assert "Left for the process" in capsys.readouterr().out
     assert [facts["wear"] for _, facts in requests(Path("kept"))] == [0.2]
+
+
+def test_a_measured_edge_gives_the_next_version_and_a_new_edge_begins_with_it(shop, capsys):
+    main([*RUN, "--journal", "kept"])
+    before = Path("params.json").read_bytes()
+    capsys.readouterr()
+    command = ["watch", "params.json", "--journal", "kept", "--measured", "AW=140um"]
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    assert "Written: params-2.json; params.json is unchanged." in out
+    assert Path("params.json").read_bytes() == before
+    learned = parameters.read("params-2.json")
+    assert learned.laws["AW"].n_edges == parameter_file().laws["AW"].n_edges + 1
+    assert [edge.startswith("kept-") for edge in learned.history[0].edges] == [True]
+    assert main(command) == 3
+    assert "params-2.json" in capsys.readouterr().err
+    assert main(["watch", "params-2.json", *RUN[2:], "--journal", "kept", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["edge"]["number"], facts["cut_minutes"]) == (2, 0.0)
+
+
+def test_options_of_learning_need_their_measurement_and_an_edge_that_has_cut(shop, capsys):
+    main([*RUN, "--journal", "kept"])
+    capsys.readouterr()
+    for words, sentence in (
+        (["--journal", "kept", "--batch", "B2"], "--measured"),
+        (["--journal", "kept", "--measured", "AW=0.2mm", "--edge", "7"], "edge 7"),
+        (["--journal", "kept", "--measured", "VB=0.2mm"], "VB"),
+        (["--journal", "kept", "--measured", "AW=0.2kg"], "kg"),
+        (["--measured", "AW=0.2mm"], "--journal"),
+    ):
+        assert main(["watch", "params.json", *words]) in (2, 3)
+        assert sentence in capsys.readouterr().err
+    assert not Path("params-2.json").exists()
