@@ -144,13 +144,14 @@ def main():
     parser.add_argument("--pool", type=int, default=300, help="edges of which runs are drawn")
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=2026)
+    parser.add_argument("--factors", type=float, nargs="*", default=FACTORS, help="of the wear, of chipping")
     args = parser.parse_args()
     pf, draws = live_edges.fitted()
     print(f"SIMULATED: {args.edges} edges, seed {args.seed}")
     print("loads     wear    within 3 min   median   false an hour   another tool, an edge")
     with progress_bar(lines=False) as step:
         for names in (("P", "Fxz"), ("P",)):
-            for factor in FACTORS:
+            for factor in args.factors:
                 chipping(args, pf, draws, names, factor, step)
         print(f"\nSIMULATED: {args.pool} edges with each shift, {args.runs} runs; stated risk {RISK:.0%}")
         print("                 false alarms  edges until found  share that overran  edges that overran  share of")

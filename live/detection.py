@@ -199,6 +199,7 @@ class Detection:
     def __init__(self) -> None:
         self.chipping, self.batch = ChippingDetector(), BatchDetector()
         self.windows = 0  # with loads, of this edge
+        self.slopes: dict[str, float] = {}  # of ln load by ln wear, as the edge began
 
     def add(self, estimate: "EdgeEstimate") -> list[Alarm]:
         """Alarms of the window that the estimate has just taken in; after ``"chipping"`` reopen its level."""
@@ -206,13 +207,16 @@ class Detection:
         if not found:
             return []
         self.windows += 1
-        of_laws = {name: estimate.law_deviation(name) for name in found}
+        for name in found.keys() - self.slopes.keys():
+            self.slopes[name] = estimate.law_deviation(name).slope
         alarms = []
-        if self.windows == FIRST and any(abs(one.value) > OTHER * one.sd for one in of_laws.values()):
-            alarms.append(Alarm("tool", TOOL.format(_texts({name: one.value for name, one in of_laws.items()}))))
+        if self.windows == FIRST:
+            of_laws = {name: estimate.law_deviation(name) for name in found}
+            if any(abs(one.value) > OTHER * one.sd for one in of_laws.values()):
+                alarms.append(Alarm("tool", TOOL.format(_texts({name: one.value for name, one in of_laws.items()}))))
         side = self.chipping.add(
             {name: one.value / one.sd for name, one in found.items()},
-            {name: of_laws[name].slope / one.sd for name, one in found.items()},
+            {name: self.slopes[name] / one.sd for name, one in found.items()},
         )
         if side:
             kind, text = ("chipping", CHIPPED) if side > 0 else ("drop", DROPPED)
@@ -221,7 +225,7 @@ class Detection:
 
     def finish(self, estimate: "EdgeEstimate") -> list[Alarm]:
         """Alarms at the end of an edge; the next window is of a new edge."""
-        used, self.windows = self.windows, 0
+        used, self.windows, self.slopes = self.windows, 0, {}
         self.chipping = ChippingDetector()
         if used < FIRST:
             return []
@@ -234,13 +238,14 @@ class Detection:
 
     def as_json(self) -> dict[str, Any]:
         """Exact snapshot."""
-        return {"windows": self.windows, "chipping": self.chipping.as_json(), "batch": self.batch.as_json()}
+        chipping, batch = self.chipping.as_json(), self.batch.as_json()
+        return {"windows": self.windows, "slopes": dict(self.slopes), "chipping": chipping, "batch": batch}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Detection":
         """The detection of a snapshot."""
         found = cls()
-        found.windows = int(data["windows"])
+        found.windows, found.slopes = int(data["windows"]), dict(data["slopes"])
         found.chipping = ChippingDetector.from_json(data["chipping"])
         found.batch = BatchDetector.from_json(data["batch"])
         return found
