@@ -11,7 +11,16 @@ from ..core.errors import UsageError
 from ..core.files import locked_folder, make_folder
 from .arguments import Parser, constants, measured, parameter_file, typed
 from .output import Printer, line_writer, output_options, print_json, print_lines
-from .watch_options import check_options, criterion_of, edge_options, source_options, source_options_of, wear_of
+from .watch_options import (
+    check_options,
+    control_of,
+    control_options,
+    criterion_of,
+    edge_options,
+    source_options,
+    source_options_of,
+    wear_of,
+)
 
 if TYPE_CHECKING:
     from ..live.monitor import Monitor
@@ -28,7 +37,7 @@ def parser() -> Parser:
         "fitmodels watch",
         "fitmodels watch params.json --from run.csv --replay 100x",
         "Estimate wear and remaining life of the edge in use from its loads, beside a running machine or in a\n"
-        "recorded run, and the moment to change it at a stated risk. Nothing is written to the machine.\n\n"
+        "recorded run, and the moment to change it at a stated risk. Nothing is written without --write.\n\n"
         "  run.csv, run.jsonl           a file that grows; a recorded run with --replay\n"
         "  opc.tcp://127.0.0.1:4840     an OPC UA server, with --node P=NODE for each value\n"
         "  linuxcnc                     LinuxCNC on this machine\n\n"
@@ -54,6 +63,7 @@ def parser() -> Parser:
     group.add_argument("--level", type=float, default=0.90, metavar="P", help="of the intervals (default: 0.90)")
     edge_options(p)
     source_options(p)
+    control_options(p)
     group = p.add_argument_group("output")
     group.add_argument(
         "--page", nargs="?", type=int, const=0, metavar="PORT", help="a page for this machine alone (default: none)"
@@ -205,11 +215,15 @@ def _watch(
     args: argparse.Namespace, pf: "ParameterFile", monitor: "Monitor", asked: list[dict[str, Any]], stack: ExitStack
 ) -> int:
     """Watch a source until it ends or the user ends it."""
+    from ..live.control import ControlOutlet
     from ..live.cuts import Cuts
     from ..live.facts import facts_of
     from ..live.sources import open_source
     from ..live.watching import Watch, open_journal
 
+    control = control_of(args, pf)
+    if control is not None:
+        stack.callback(control.close)
     journal, after = None, None
     if args.journal is not None:
         folder = Path(args.journal)
@@ -231,6 +245,10 @@ def _watch(
         outlets=outlets,
         params=Path(args.params),
     )
+    if control is not None:
+        outlets.append(ControlOutlet(control, watch))
+        watch.now.control = control.session.facts()
+        watch.outlets = outlets
     for line in (*_first_lines(args, monitor), *lines):
         out.show(line)
     if out.is_terminal:
@@ -240,6 +258,9 @@ def _watch(
         watch.record(**{"time": monitor.time, **request})
     with _stopped() as stopped:
         watch.run(source, stopped)
+    if control is not None:
+        control.close()
+        watch.now.control = control.session.facts()
     facts = facts_of(monitor, watch.now)
     stack.close()
     if args.json or (args.stream != "-" and not out.is_terminal):
@@ -295,7 +316,10 @@ def _first_lines(args: argparse.Namespace, monitor: "Monitor") -> Iterator[str]:
     unit, limit = laws.wear.unit, monitor.estimate.criterion
     yield f"criterion {laws.wear.symbol} {limit:g} {unit}, risk {monitor.settings.risk:g}"
     yield from laws.notes
-    yield f"{SHADOW[0].upper()}{SHADOW[1:]}."
+    if args.write:
+        yield "Writing reference and feed limit, once the controller was seen to trip by its heartbeat."
+    else:
+        yield f"{SHADOW[0].upper()}{SHADOW[1:]}."
     if args.journal is None:
         yield "No journal: nothing is kept after the end; --journal FOLDER keeps it."
 

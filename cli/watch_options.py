@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
-from .arguments import Parser, measured, pairs
+from .arguments import Parser, measured, pairs, parameter_file
 
 if TYPE_CHECKING:
+    from ..live.linuxcnc_control import Runner
     from ..live.live_laws import LiveLaws
     from ..live.monitor import Monitor
     from ..live.sources import SourceOptions
+    from ..parameters import ParameterFile
 
 
 def edge_options(p: Parser) -> None:
@@ -72,6 +74,48 @@ def source_options(p: Parser) -> None:
     group.add_argument("--user", default="", metavar="NAME", help="of the OPC UA server (default: none)")
     group.add_argument("--password-file", metavar="FILE", help="password of the user (default: none)")
     group.add_argument("--python", default="/usr/bin/python3", metavar="PATH", help="Python of LinuxCNC")
+
+
+def control_options(p: Parser) -> None:
+    """Add the options of control by consent."""
+    group = p.add_argument_group("control")
+    group.add_argument(
+        "--write", action="store_true", help="write reference and feed limit of the HAL export of the file to LinuxCNC"
+    )
+    group.add_argument("--consent", default="", metavar="WORDS", help="consent, in the words that --write prints")
+    group.add_argument("--reference", metavar="0.22A", help="load that the controller holds (default: of the file)")
+    group.add_argument("--controller", metavar="FILE", help="params.json of the HAL export (default: PARAMS)")
+
+
+def control_of(args: argparse.Namespace, pf: "ParameterFile") -> "Runner | None":
+    """Connection with the controller, None without ``--write``.
+
+    Raises
+    ------
+    UsageError
+        The source is not LinuxCNC, or the consent is not that of the range.
+    GateError
+        The file has no controller with a heartbeat that HAL can hold.
+    """
+    if not args.write:
+        for name in ("consent", "reference", "controller"):
+            if getattr(args, name):
+                raise UsageError(f"--{name} goes with --write; without it nothing is written.")
+        return None
+    if args.source != "linuxcnc":
+        raise UsageError(
+            f"--write needs --from linuxcnc and the HAL export of the file: {args.source} has no controller whose "
+            "heartbeat can be seen to trip. Nothing is written."
+        )
+    from ..live.control import open_control
+    from ..live.controller import controller_of, require_consent
+
+    of = pf if args.controller is None else parameter_file(args.controller)
+    controller = controller_of(of)
+    require_consent(controller, args.consent)
+    unit = controller.loop.unit_load
+    reference = None if args.reference is None else measured(args.reference, unit, "--reference", f"0.22{unit}")
+    return open_control(of, args.consent, reference, args.python)
 
 
 def check_options(args: argparse.Namespace) -> None:

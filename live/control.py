@@ -13,9 +13,9 @@ controller goes to its own safe state. `ControlSession` needs no LinuxCNC; `live
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from ..core.errors import UsageError
 from .controller import (
@@ -35,6 +35,7 @@ from .linuxcnc_control import HalLink, Link, Runner
 if TYPE_CHECKING:
     from ..parameters import ParameterFile
     from ..parameters.exports.loop import LoadLoop
+    from .watching import Watch
 
 Phase = Literal["checking", "waiting", "tripping", "latched", "writing", "suspended", "refused", "lost"]
 
@@ -44,17 +45,17 @@ TRIALS: Final = 3  # a fault that goes without a reset so often is not latched
 SILENT: Final = 1.0  # s without values of the pins: the machine is lost
 
 
-def open_control(pf: "ParameterFile", consent: str, reference: float | None = None, python: str = "") -> "Runner":
-    """Connection with the controller of a parameter file on this machine, an outlet of a watch.
+def open_control(pf: "ParameterFile", consent: str, reference: float | None, python: str) -> "Runner":
+    """Connection with the controller of a parameter file on this machine.
 
     Parameters
     ----------
     consent : str
         `consent_words`.
-    reference : float, optional
-        Load that the controller holds, unit_load; that of the file by default.
+    reference : float or None
+        Load that the controller holds, unit_load; None: that of the file.
     python : str
-        Of LinuxCNC; ``/usr/bin/python3`` by default.
+        Of LinuxCNC.
 
     Raises
     ------
@@ -68,10 +69,44 @@ def open_control(pf: "ParameterFile", consent: str, reference: float | None = No
         unit = controller.loop.unit_load
         raise UsageError(f"reference {reference:g} {unit}: give {low:.4g} to {high:.4g} {unit}, the range of the file.")
     pins = (*STATUS, *READINGS, *controller.settings)
-    link = HalLink(pins, controller.limits(), controller.heartbeat, python or "/usr/bin/python3")
+    link = HalLink(pins, controller.limits(), controller.heartbeat, python)
     session = ControlSession(controller, link)
     session.request(reference=reference)
     return Runner(session)
+
+
+class ControlOutlet:
+    """Control as an outlet of a watch: signs of life go to the session, its sentences to the records of the watch.
+
+    Parameters
+    ----------
+    runner : Runner
+    watch : Watch
+        Its description gets the facts of the session; what changes is recorded, the end of writing as an alarm.
+    """
+
+    def __init__(self, runner: Runner, watch: "Watch") -> None:
+        self._runner, self._watch = runner, watch
+        self._phase = ""
+
+    def show(self, facts: Mapping[str, Any]) -> None:
+        """Take a sign of life of the main loop, and pass on what changed."""
+        session, watch = self._runner.session, self._watch
+        watch.now.control = session.facts()
+        phase = str(watch.now.control["phase"])
+        for text in self._runner.take():
+            watch.record("notice", time=watch.monitor.time, text=f"control: {text}")
+        if phase != self._phase and phase in ("suspended", "refused", "lost"):
+            text = f"control: {watch.now.control['text']}"
+            watch.record("alarm", time=watch.monitor.time, kind_of_alarm="control", text=text, latched=True)
+        self._phase = phase
+
+    def say(self, facts: Callable[[], Mapping[str, Any]], sentences: Sequence[str], time: float | None) -> None:
+        """Nothing: `show` follows."""
+
+    def close(self) -> None:
+        """End the heartbeat."""
+        self._runner.close()
 
 
 @dataclass(slots=True)
@@ -145,6 +180,9 @@ class ControlSession:
 
     def close(self) -> None:
         """End: the heartbeat stops, and the controller goes to its safe state."""
+        if self.phase not in ("refused", "lost"):
+            safe = "the controller goes to fault, its lower limit of the feed, until it is reset"
+            self._go("lost", math.nan, f"ended with the program: without its heartbeat {safe}")
         self.link.close()
 
     def facts(self) -> dict[str, object]:

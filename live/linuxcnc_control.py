@@ -26,7 +26,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
     from typing import TextIO
 
 Hal = Any  # the module hal of LinuxCNC, which has no types
@@ -328,7 +328,7 @@ class Session(Protocol):
 
 
 class Runner:
-    """A thread that steps a session 20 times a second while the main loop gives signs of life; an outlet of a watch.
+    """A thread that steps a session 20 times a second while the main loop gives signs of life.
 
     Where the main loop hangs for `STALL` s, the session is not stepped, the heartbeat ends and the controller trips.
     """
@@ -339,14 +339,6 @@ class Runner:
         self._alive, self._ended = time.monotonic(), threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
-
-    def show(self, facts: Mapping[str, Any]) -> None:
-        """Sign of life of the main loop, at least each second."""
-        self._alive = time.monotonic()
-
-    def say(self, facts: Callable[[], Mapping[str, Any]], sentences: Sequence[str], at: float | None) -> None:
-        """Sign of life of the main loop."""
-        self._alive = time.monotonic()
 
     def take(self) -> tuple[str, ...]:
         """Sign of life of the main loop; returns what changed since the last call, in sentences."""

@@ -35,6 +35,8 @@ class Beside:
         s after the first contact at which SIGKILL (``"kill"``) or SIGSTOP (``"stop"``) is sent to it.
     resets : int
         Faults that the operator clears.
+    ready : str
+        What the program prints before the cut begins: the machine waits for it, half a minute at most.
     """
 
     command: Sequence[str]
@@ -42,6 +44,7 @@ class Beside:
     kill_at: float = 1e9
     signal: str = "KILL"
     resets: int = 1
+    ready: str = ""
 
 
 def run_beside(run: Run, beside: Beside, plant: Path) -> tuple[dict[str, np.ndarray], str]:
@@ -60,14 +63,16 @@ def run_beside(run: Run, beside: Beside, plant: Path) -> tuple[dict[str, np.ndar
         wires = wires.replace("net fm-heartbeat fmplant", "net fm-source-heartbeat fmplant")
         (folder / "wires.hal").write_text(wires.replace("net fm-reset fmplant.0.reset\n", ""))
         (folder / "driver.py").write_text(_DRIVER)
-        settings = [*beside.command, "", repr(beside.kill_at), beside.signal, str(beside.resets)]
+        program = (folder / "program.ngc").read_text()
+        (folder / "program.ngc").write_text(program.replace(f"G4 P{run.dwell:g}\n", f"G4 P{run.dwell:g}\nM0\n"))
+        settings = [*beside.command, "", repr(beside.kill_at), beside.signal, str(beside.resets), beside.ready]
         for name, text in {**beside.files, "beside.txt": "\n".join(settings)}.items():
             (folder / name).write_text(text)
             (folder / name).chmod(0o666)
-        inside = ["bash", "-c", _INSIDE, str(folder), str(int(run.duration + 60)), *_hidden()]
+        inside = ["bash", "-c", _INSIDE, str(folder), str(int(run.duration + 90)), *_hidden()]
         said = subprocess.run(
             [*linuxcnc_machine._namespaces(), *inside],
-            capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=run.duration + 90,
+            capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=run.duration + 120,
         )  # fmt: skip
         printed = folder / "printed.txt"
         words = printed.read_text() if printed.exists() else ""
@@ -108,7 +113,7 @@ def get(name):
 
 
 duration, override = map(float, open("run.txt").read().split())
-*words, _, kill_at, name, resets = open("beside.txt").read().split("\\n")
+*words, _, kill_at, name, resets, ready = open("beside.txt").read().split("\\n")
 printed = open("printed.txt", "w")
 program = subprocess.Popen(words, stdout=printed, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
 do(command.feedrate, override)
@@ -117,7 +122,13 @@ do(command.program_open, "/mnt/program.ngc")
 command.auto(linuxcnc.AUTO_RUN, 0)
 errors = linuxcnc.error_channel()
 kill_at, resets, fault_since = float(kill_at), int(resets), None
+begun, waiting = time.time(), True
 while True:
+    state.poll()
+    if waiting and state.paused:
+        if ready in " ".join(open("printed.txt").read().split()) or time.time() - begun > 30:
+            waiting = False
+            command.auto(linuxcnc.AUTO_RESUME)
     now = float(get(("getp", "fmplant.0.seconds")) or 0)
     if now >= kill_at:
         kill_at = 1e9

@@ -6,6 +6,7 @@ The controller is the HAL export in the evaluator of `hal_evaluator`, one period
 
 import math
 import os
+import re
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fitmodels import parameters
 from fitmodels.core.errors import GateError, UsageError
 from fitmodels.live.control import ControlSession, open_control
 from fitmodels.live.controller import (
@@ -32,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from hal_evaluator import Hal
 from linuxcnc_faults import Scenario, exported, machine_file, run_of
 from linuxcnc_machine import lacking, plant_module
-from linuxcnc_watch import Beside, run_beside
+from linuxcnc_watch import Beside, run_beside, worn_file
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -263,7 +265,7 @@ def test_missing_pins_and_nan_are_refused(export, machine):
 def test_a_reference_out_of_range_is_refused(export, monkeypatch, reference):
     monkeypatch.setattr("fitmodels.live.control.controller_of", lambda pf: export[0])
     with pytest.raises(UsageError, match="the range of the file"):
-        open_control(None, consent_words(export[0]), reference)
+        open_control(None, consent_words(export[0]), reference, sys.executable)
 
 
 def test_a_value_that_another_changes_ends_writing(machine):
@@ -352,43 +354,62 @@ def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
     assert steps[-1] is None
 
 
-_PROGRAM = """
-import time
-from pathlib import Path
-from fitmodels.live.control import open_control
-from fitmodels.live.controller import consent_words, controller_of
-from fitmodels.parameters import ParameterFile
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Folder with worn.json, whose laws `watch` needs, and control.json, of the exported controller."""
+    folder = tmp_path_factory.mktemp("files")
+    worn_file(folder)
+    parameters.write(machine_file(), folder / "control.json")
+    return folder
 
-pf = ParameterFile.model_validate_json(Path("params.json").read_text())
-runner = open_control(pf, consent_words(controller_of(pf)), 0.22)
-while True:
-    for text in runner.take():
-        print(text, flush=True)
-    time.sleep(0.2)
-"""
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--write", "--from", "run.csv"], "has no controller whose heartbeat can be seen to trip"),
+        (["--write", "--from", "linuxcnc"], "no settings of milling at constant load|has no"),
+        (["--write", "--from", "linuxcnc", "--controller", "control.json"], '--consent "write reference 0.177 to'),
+        (["--write", "--from", "linuxcnc", "--controller", "control.json", "--consent", "yes"], "given was .yes."),
+        (["--from", "linuxcnc", "--consent", "yes"], "--consent goes with --write"),
+        (["--from", "linuxcnc", "--reference", "0.2A"], "--reference goes with --write"),
+    ],
+)  # fmt: skip
+def test_the_command_refuses_to_write_and_says_why(files, monkeypatch, capsys, words, said):
+    from fitmodels.cli import main
+
+    monkeypatch.chdir(files)
+    monkeypatch.setenv("COLUMNS", "300")
+    assert main(["watch", "worn.json", "--criterion", "0.2mm", *words]) in (2, 3, 5)
+    assert re.search(said, capsys.readouterr().err)
+
+
 KILLED = 3.5  # s after contact
 HEARTBEAT, DEADLINE = 0.2, 0.5  # s
 
 
 @pytest.mark.consumer
-def test_the_whole_machine_holds_the_written_reference_and_death_ends_in_the_safe_state(tmp_path):
+def test_the_whole_machine_holds_the_written_reference_and_death_ends_in_the_safe_state(files, tmp_path):
     """Killed, the program's end is seen within the heartbeat; stopped (SIGSTOP), within the deadline more."""
     reason = lacking()
     if reason:
         pytest.fail(reason) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(reason)
     pf = machine_file()
     loop = controller_of(pf).loop
-    run = run_of(Scenario("watch", "control", wear=60.0, dwell=9.0, duration=5.5), pf, exported(pf, "hal", tmp_path)[0])
-    files = {"program.py": _PROGRAM, "params.json": pf.model_dump_json(exclude_none=True)}
+    run = run_of(Scenario("watch", "control", wear=60.0, duration=5.5), pf, exported(pf, "hal", tmp_path)[0])
+    texts = {name: (files / name).read_text() for name in ("worn.json", "control.json")}
+    command = [
+        sys.executable, "-m", "fitmodels", "watch", "worn.json", "--from", "linuxcnc", "--map", "I=fm-load",
+        "--value", "D=2mm", "--criterion", "VB=0.22mm", "--journal", "journal", "--write", "--reference", "0.22A",
+        "--controller", "control.json", "--consent", consent_words(controller_of(pf)),
+    ]  # fmt: skip
     plant = plant_module(tmp_path)
     signals = {"KILL": 0.0, "STOP": DEADLINE}
+    programs = [Beside(command, texts, KILLED, signal, 2, "written: reference") for signal in signals]
     with ThreadPoolExecutor(2) as pool:
-        runs = [
-            pool.submit(run_beside, run, Beside((sys.executable, "program.py"), files, KILLED, signal, 2), plant)
-            for signal in signals
-        ]
+        runs = [pool.submit(run_beside, run, program, plant) for program in programs]
     for (signal, later), done in zip(signals.items(), runs, strict=True):
         trace, printed = done.result()
+        printed = " ".join(printed.split())
         assert "proved: tripped" in printed, printed
         assert "written: reference 0.22 A" in printed
         held = (trace["seconds"] > 2.5) & (trace["seconds"] < KILLED)
