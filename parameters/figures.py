@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from ..core.display import plot
 from ..core.errors import UsageError
 from ..core.figure_style import BLUE, SERIES
-from ..core.plotting import new_axes, whiskers
+from ..core.plotting import LEGEND, new_axes, whiskers
 from ..core.rounding import with_unit
 from .draws import Draws
 from .file import ParameterFile
@@ -78,5 +78,7 @@ def drift_figure(found: Drift, ax: Axes | None = None, *, law: str | None = None
         ax.errorbar(at, value, 2 * se, fmt="o-", ms=4, lw=1, color=SERIES[j % len(SERIES)], label=name)
     ax.set_xticks(range(len(rows)), [f"{row.batch}\n{row.edges} edges" for row in rows])
     ax.set(ylabel="exponent ± 2 standard errors", title=f"law of {law} over batches")
-    ax.legend(frameon=False)
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + 0.12 * (high - low))  # room for the legend
+    ax.legend(loc="upper center", ncols=len(names), **LEGEND)
     return ax
