@@ -10,7 +10,8 @@ edge_scatter     scatter between edges and wander within them, from the sums of 
 exposure         minutes of contact of one edge by setting, and its wear by the law
 edge_state       state of one edge as a Gaussian distribution
 edge_estimate    wear and remaining life of one edge by a Kalman filter: `EdgeEstimate`
-decision         moment to change an edge, and advice of feed and speed
+decision         moment to change an edge
+advice           feed and speed within limits, with their probability: `advise`
 blocks           samples -> blocks of a tenth of a second, with conditions computed
 cuts             blocks -> cuts, by hysteresis about the idle level: `Cuts`
 windows          steady windows of a cut and means of their loads, with standard errors

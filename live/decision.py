@@ -1,7 +1,7 @@
-"""Moment to change an edge at a stated risk or at least cost, and advice of feed and speed."""
+"""Moment to change an edge, at a stated risk or at least cost."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -14,9 +14,6 @@ from .edge_estimate import EdgeEstimate
 if TYPE_CHECKING:
     from ..parameters.sections.costs import CostsSection
 
-STEPS = 121  # of feed or speed in the tested range
-GAIN = 0.02  # least relative change that is advised
-
 
 @dataclass(frozen=True, slots=True)
 class Advice:
@@ -24,19 +21,19 @@ class Advice:
 
     Attributes
     ----------
-    kind : {"change", "go on", "feed", "speed", "gauge"}
+    kind : {"change", "go on", "feed", "speed", "load", "cost"}
     text : str
         One sentence with its numbers.
     probability : float
         That the wear is past the criterion at the end of the cut that the text speaks of.
-    value : float or None
-        Of feed or speed, in mm/rev or m/min.
+    settings : mapping of float
+        V in m/min and f in mm/rev that are advised.
     """
 
-    kind: Literal["change", "go on", "feed", "speed", "gauge"]
+    kind: Literal["change", "go on", "feed", "speed", "load", "cost"]
     text: str
     probability: float
-    value: float | None = None
+    settings: Mapping[str, float] = field(default_factory=dict)
 
 
 def change_now(
@@ -72,7 +69,7 @@ def change_now(
     after = estimate.probability_past(next_cut_minutes, conditions)
     goal = f"{wear} {estimate.criterion:g} {unit}"
     when = f"after the next cut of {next_cut_minutes:.3g} min" if next_cut_minutes > 0 else "now"
-    words = f"probability {_probability(after)} that the wear is past {goal} {when}"
+    words = f"probability {probability_words(after)} that the wear is past {goal} {when}"
     if costs is not None and (by_cost := _by_cost(estimate, next_cut_minutes, conditions, costs, words)) is not None:
         return by_cost
     if after > risk:
@@ -80,15 +77,25 @@ def change_now(
     return Advice("go on", f"Go on: {words}; the limit is {risk:g}.", after)
 
 
-def _probability(value: float) -> str:
+def probability_words(value: float) -> str:
+    """A probability with two digits.
+
+    >>> probability_words(7e-11), probability_words(0.0512)
+    ('< 0.001', '0.051')
+    """
     return "< 0.001" if value < 0.001 else f"{value:.2g}"
+
+
+def cost_of_change(costs: "CostsSection") -> float:
+    """Cost of an edge and of the time in which it is changed."""
+    return costs.price_of_edge + costs.per_minute * costs.change
 
 
 def _by_cost(
     estimate: EdgeEstimate, minutes: float, conditions: Mapping[str, float] | None, costs: "CostsSection", words: str
 ) -> Advice | None:
     """The decision of least cost; None where the file does not state the cost of a failure."""
-    planned = costs.price_of_edge + costs.per_minute * costs.change
+    planned = cost_of_change(costs)
     if costs.failure is None or not is_positive(planned) or not is_positive(costs.failure):
         return None
     fresh = EdgeEstimate(estimate.laws, estimate.criterion)
@@ -106,59 +113,3 @@ def _by_cost(
     if loss > rate * step:
         return Advice("change", f"Change the edge, at least cost: {numbers}; {words}.", after)
     return Advice("go on", f"Go on, at least cost: {numbers}; {words}.", after)
-
-
-def highest(
-    estimate: EdgeEstimate,
-    symbol: Literal["f", "V"],
-    conditions: Mapping[str, float],
-    minutes: float,
-    risk: float = 0.05,
-    limits: tuple[float, float] | None = None,
-    loads: Mapping[str, float] | None = None,
-) -> Advice | None:
-    """Highest feed or speed with which the work ahead is cut at the risk, and within limits of the loads.
-
-    The work is what the given conditions would cut in ``minutes``; a higher feed or speed shortens the time of contact
-    in proportion. Only tested feeds and speeds are advised.
-
-    Parameters
-    ----------
-    estimate : EdgeEstimate
-    symbol : {"f", "V"}
-    conditions : mapping of float
-    minutes : float
-        Of contact, of the work ahead.
-    risk : float
-    limits : (float, float), optional
-        Of the machine, mm/rev or m/min.
-    loads : mapping of float, optional
-        Highest load by symbol, in the units of the laws: the 95 % end of its interval stays below it.
-
-    Returns
-    -------
-    Advice or None
-        None where no tested value keeps to the risk and the limits.
-    """
-    given = estimate.complete(conditions)
-    low, high = estimate.laws.wear.ranges.get(symbol, (given[symbol], given[symbol]))
-    if limits is not None:
-        low, high = max(low, limits[0]), min(high, limits[1])
-    for value in np.geomspace(high, low, STEPS) if low < high else ():
-        at = {**given, symbol: float(value)}
-        past = estimate.probability_past(minutes * given[symbol] / float(value), at)
-        if past <= risk and all(estimate.expected_load(s, at, 0.9).high <= top for s, top in (loads or {}).items()):
-            return _advice(symbol, float(value), given[symbol], past, minutes)
-    return None
-
-
-def _advice(symbol: Literal["f", "V"], value: float, present: float, past: float, minutes: float) -> Advice:
-    unit, kind = ("mm/rev", "feed") if symbol == "f" else ("m/min", "speed")
-    change = value / present - 1
-    if abs(change) < GAIN:
-        text = f"Keep {symbol} {present:.3g} {unit}"
-    else:
-        text = f"{symbol} {value:.3g} {unit} ({100 * change:+.0f} %)"
-    work = f"the work of {minutes:.3g} min at {symbol} {present:.3g}"
-    text += f": probability {_probability(past)} of being past the criterion after {work}."
-    return Advice("feed" if kind == "feed" else "speed", text, past, value)

@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.core.errors import UsageError
-from fitmodels.live.decision import change_now, highest
+from fitmodels.live.advice import Bounds, advise, highest
+from fitmodels.live.decision import change_now
 from fitmodels.live.edge_estimate import EdgeEstimate
 from fitmodels.live.edge_scatter import Assumptions, Wander, level_correlation, slope_variance
 from fitmodels.live.live_laws import LiveLaws
@@ -228,17 +229,48 @@ def test_dearer_failures_bring_the_change_forward(laws):
     assert minutes(200.0) < minutes(20.0) < EdgeEstimate(laws, 0.3).life(AT).high
 
 
-def test_advised_speed_keeps_to_the_risk_the_limits_and_the_tests(laws):
+def test_advised_feed_and_speed_keep_to_the_risk_the_limits_and_the_tests(pf, laws):
     edge = EdgeEstimate(laws, 0.3)
     cut(edge, 60)
-    found = highest(edge, "V", AT, 8.0, 0.05)
-    assert found is not None
-    assert found.probability <= 0.05
-    assert 50.0 <= found.value <= 200.0
-    assert highest(edge, "V", AT, 8.0, 0.05, limits=(50.0, 120.0)).value == pytest.approx(120.0)
-    assert highest(edge, "V", AT, 500.0, 1e-9, limits=(150.0, 200.0)) is None
-    top = edge.expected_load("P", AT).high
-    assert highest(edge, "V", AT, 1.0, 0.05, loads={"P": top}).value <= 150.0 * 1.01
+    bounds = Bounds.of(pf, laws)
+    found = {one.kind: one for one in advise(edge, bounds, AT, 8.0)}
+    assert set(found) == {"feed", "speed"}
+    assert all(one.probability <= 0.05 for one in found.values())
+    assert 50.0 <= found["speed"].settings["V"] <= 200.0
+    limits = {"speed": {"low": 1.0, "high": 2.0, "unit": "m/s"}, "power": {"value": 1000.0, "unit": "W"}}
+    narrow = Bounds.of(parameters.ParameterFile.model_validate({**pf.model_dump(), "limits": limits}), laws)
+    assert narrow.ranges["V"] == pytest.approx((60.0, 120.0))
+    assert narrow.loads == {"P": pytest.approx(1.0)}
+    for one in advise(edge, narrow, AT, 8.0):
+        at = {**AT, **one.settings}
+        assert edge.expected_load("P", at).high <= 1.0
+    assert highest(edge, "V", Bounds({"V": (150.0, 200.0)}), AT, 500.0, 1e-9) is None
+    for minutes, risk in ((0.0, 0.05), (8.0, 5.0)):
+        with pytest.raises(UsageError):
+            advise(edge, bounds, AT, minutes, risk)
+
+
+def test_advised_feed_holds_the_reference_load_and_is_lowered_as_the_edge_wears(laws):
+    bounds, feeds = Bounds({"f": (0.06, 0.6)}, reference={"Fxz": 700.0}), []
+    for windows in (20, 150):
+        edge = EdgeEstimate(laws, 0.3)
+        cut(edge, windows)
+        one = next(one for one in advise(edge, bounds, AT, 5.0) if one.kind == "load")
+        assert edge.expected_load("Fxz", {**AT, **one.settings}).median == pytest.approx(700.0, rel=0.01)
+        feeds.append(one.settings["f"])
+    assert feeds[1] < feeds[0]
+
+
+def test_least_cost_is_near_taylors_speed(laws):
+    """With time paid alone the speed is highest; with dear edges it is lower."""
+    bounds, edge, speeds = Bounds({"V": (60.0, 200.0), "f": (0.1, 0.4)}), EdgeEstimate(laws, 0.3), []
+    cut(edge, 12)
+    for price in (0.01, 100.0):
+        costs = CostsSection(currency="EUR", machine=60.0, edge=price, change=0.1)
+        one = next(one for one in advise(edge, bounds, AT, 5.0, costs=costs) if one.kind == "cost")
+        speeds.append(one.settings["V"])
+        assert one.settings["f"] == pytest.approx(0.4)
+    assert speeds[0] > 1.3 * speeds[1]
 
 
 def simulated(seed=3, edges=40, rows=8, exponent_sd=0.03, correlation=0.0):
