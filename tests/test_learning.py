@@ -113,6 +113,25 @@ def test_independent_rows_are_one_group_and_take_in_rows(tmp_path):
     np.testing.assert_allclose(found.law.cov_theta, whole.cov_theta, rtol=1e-10)
 
 
+def test_a_law_by_material_takes_in_an_edge_of_one_level(runs):
+    table = pd.DataFrame({name: runs.data[name].to_numpy() for name in ("edge", "V", "f", "d", "t", "AW")})
+    names = sorted(table["edge"].unique())
+    table["material"] = np.where(table["edge"].isin(names[::2]), "A", "B")
+    law = fit.power_law(datasets.runs_from_frame(table), "AW", FACTORS["AW"], by="material")
+    pf = parameters.collect(laws=[law], tool="GC435", work="709M40", simulated=True)
+    edge = EdgeSummary("W1")
+    edge.advance(12.0, {"V": 100.0, "f": 0.2, "d": 2.0})
+    edge.measured("AW", 0.17)
+    with pytest.raises(UsageError, match=r"level of material \(A, B\) is not given"):
+        learn(pf, [edge])
+    row = {"V": 100.0, "f": 0.2, "d": 2.0, "t": 12.0, "AW": 0.17, "edge": "W1", "material": "B"}
+    more = datasets.runs_from_frame(pd.concat([table, pd.DataFrame([row])], ignore_index=True))
+    whole = fit.power_law(more, "AW", FACTORS["AW"], by="material")
+    found = learn(pf, [edge], conditions={"material": "B"}).pf.laws["AW"]
+    assert found.by.shifts["B"] == pytest.approx(float(whole.params["material[B]"]), rel=1e-10)
+    np.testing.assert_allclose(found.uncertainty.matrix, whole.edges.cov_theta, rtol=1e-8)
+
+
 def test_sums_of_ill_conditioned_columns_keep_the_digits_of_a_qr():
     """Filip-like: products of unshifted columns would lose all of these digits."""
     rng = np.random.default_rng(5)
