@@ -8,7 +8,7 @@ that of the published laws themselves (AC-2016), and 25 files are fitted to test
 with a gauge error of 3 %: this weakens the coefficient of wear in the laws of load, so that intervals are too wide.
 
 Truth and readings come from another generator (Philox) than any of the estimate, which draws nothing, and wear is
-integrated in steps of 10 s. Every edge has its own levels, an own time exponent (sd 5 %), wander of wear and loads of 1
+integrated in steps of 30 s. Every edge has its own levels, an own time exponent (sd 5 %), wander of wear and loads of 1
 to 3 % over 1 to 4 and 0.5 to 3 min, noise of a window of 1 to 5 % whose stated standard error is wrong by 20 %, 10 %
 outlying windows, changes of feed every 3 to 10 min. Cuts last 0.5 to 3 min; the edge is changed before the cut at whose
 end the probability of being past the criterion exceeds the risk.
@@ -37,7 +37,7 @@ from fitmodels.parameters.draws import Draws
 from scipy.signal import lfilter
 
 CRITERION = 0.3
-STEP = 1 / 6  # min
+STEP = 0.5  # min
 LONGEST = 120.0  # min, median life by the published law of the conditions that are drawn
 WEAR, LOADS = "AW", ("P", "Fxz")
 MODES = {"P + Fxz": LOADS, "Fxz": ("Fxz",), "P": ("P",), "law alone": ()}
@@ -48,7 +48,7 @@ MIDDLE = np.log(np.sqrt(2.0 * 20.0))  # ln t at which the level of an edge is de
 
 @dataclass
 class Truth:
-    """Hidden truth of one edge, and what its machine gives, in steps of 10 s."""
+    """Hidden truth of one edge, and what its machine gives, in steps of 30 s."""
 
     conditions: list
     wear: np.ndarray
@@ -62,7 +62,7 @@ class Truth:
 
 
 def wandering(rng, n, wander, start=None):
-    """Ornstein-Uhlenbeck process in steps of 10 s, shape (n,)."""
+    """Ornstein-Uhlenbeck process in steps of 30 s, shape (n,)."""
     kept = wander.kept(STEP)
     noise = rng.standard_normal(n) * wander.sd * np.sqrt(1 - kept**2)
     noise[0] = rng.standard_normal() * wander.sd if start is None else start
@@ -112,10 +112,10 @@ def test_rows(rng):
     rows, plan = [], gc435.gc435_rows(int(rng.integers(1, 1000))).groupby("edge")[["V", "f", "d"]].first()
     for name, *at in plan.itertuples():
         laws, at = laws_of_edge(rng), dict(zip(("V", "f", "d"), at, strict=True))
-        smooth = grown(0.0, at, laws[WEAR], STEP * np.arange(1, 121))
-        wear = smooth * np.exp(wandering(rng, 120, true_wander(rng)))
-        loads = true_loads(rng, laws, [at] * 120, wear)
-        for k in range(11, 120, 12):
+        smooth = grown(0.0, at, laws[WEAR], STEP * np.arange(1, 41))
+        wear = smooth * np.exp(wandering(rng, 40, true_wander(rng)))
+        loads = true_loads(rng, laws, [at] * 40, wear)
+        for k in range(3, 40, 4):
             read = {WEAR: wear[k] * np.exp(GAUGE * rng.standard_normal())}
             read |= {load: np.exp(loads[load][k] + 0.02 * rng.standard_normal()) for load in LOADS}
             rows.append({"edge": name, **at, "t": STEP * (k + 1), **read})
@@ -170,7 +170,7 @@ def true_edge(rng, pf, draws=None, more=1.0):
 
 def remaining(rng, truth, k):
     """Minutes until the wear first passes the criterion at the conditions of step k."""
-    n, at = 3 * len(truth.wear) + 600, truth.conditions[k]
+    n, at = 3 * len(truth.wear) + 200, truth.conditions[k]
     wear = grown(truth.smooth[k], at, truth.law, STEP * np.arange(n))
     wander = wandering(rng, n, truth.wander, np.log(truth.wear[k] / truth.smooth[k]))
     past = np.flatnonzero(wear * np.exp(wander) >= CRITERION)

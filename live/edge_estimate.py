@@ -159,11 +159,12 @@ class EdgeEstimate:
                 f"Loads of the first {BEFORE_TESTS * self.laws.tested[0]:g} min were not used: no test was that short."
             )
             return
+        rows = self._state.wear_rows(self._exposure, np.zeros(1), self._last)
         for name in self.laws.loads:
             mean = window.loads.get(name)
             if mean is None or not (np.isfinite(mean.ln) and np.isfinite(mean.se)):
                 continue
-            expected, H = self._state.load_row(name, self._exposure, self._last)
+            expected, H = self._state.load_row(name, self._exposure, self._last, rows)
             variance = max(mean.se, LEAST_SE) ** 2
             self.innovations[name] = self._state.update(H, mean.ln - expected, variance, NOISE_DF)
             self._state.adapt(name, self.innovations[name])

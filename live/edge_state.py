@@ -91,22 +91,21 @@ class EdgeState:
 
     def advance(self, minutes: float) -> None:
         """Let the wanders go on for minutes of contact."""
-        known = self.laws.scatter
-        self._spread(self.w, known.wear_wander.kept(minutes), known.wear_wander.sd)
+        known, kept, added = self.laws.scatter, np.ones(len(self.x)), np.zeros(len(self.x))
+        wanders = [(self.w, known.wear_wander, known.wear_wander.sd)]
         for name, (_, _, slow, fast) in self.of_load.items():
-            self._spread(slow, known.load_wander[name].kept(minutes), known.load_wander[name].sd)
-            self._spread(fast, known.load_rest[name].kept(minutes), self.fast[name])
+            wanders.append((slow, known.load_wander[name], known.load_wander[name].sd))
+            wanders.append((fast, known.load_rest[name], self.fast[name]))
+        for place, wander, sd in wanders:
+            kept[place] = wander.kept(minutes)
+            added[place] = (1 - kept[place] ** 2) * sd * sd
+        self.x = self.x * kept
+        self.P = self.P * kept * kept[:, None] + np.diag(added)
 
     def adapt(self, name: str, seen: Innovation) -> None:
         """Follow the size of the deviations of a load: half of them are below .67 sd, whatever the outliers."""
         step = ADAPTED if abs(seen.value) > MEDIAN * seen.sd else -ADAPTED
         self.fast[name] = float(np.clip(self.fast[name] * exp(step), FAST.sd, MOST_WANDER))
-
-    def _spread(self, place: int, kept: float, sd: float) -> None:
-        self.x[place] *= kept
-        self.P[place, :] *= kept
-        self.P[:, place] *= kept
-        self.P[place, place] += (1 - kept * kept) * sd * sd
 
     def wear_rows(self, exposure: Exposure, more: Array, given: Mapping[str, float]) -> tuple[Array, Array]:
         """Values of ln wear at the mean laws, (R,), and derivatives by the state, (R, n), after minutes (R,)."""
@@ -120,10 +119,16 @@ class EdgeState:
         H[:, self.u] = H[:, self.w] = 1.0
         return ln_wear, H
 
-    def load_row(self, name: str, exposure: Exposure, given: Mapping[str, float]) -> tuple[float, Array]:
-        """Value of the ln load at the mean laws, and its derivatives by the state, (n,)."""
+    def load_row(
+        self,
+        name: str,
+        exposure: Exposure,
+        given: Mapping[str, float],
+        wear_rows: tuple[Array, Array] | None = None,
+    ) -> tuple[float, Array]:
+        """Value of the ln load at the mean laws, and its derivatives by the state, (n,); ``wear_rows`` where known."""
         law, wear = self.laws.loads[name], self.laws.wear
-        ln_wear, rows = self.wear_rows(exposure, np.zeros(1), given)
+        ln_wear, rows = wear_rows or self.wear_rows(exposure, np.zeros(1), given)
         at = {**given, TIME: max(float(exposure.minutes.sum()), SOONEST), wear.symbol: exp(ln_wear[0])}
         columns = law.columns(at)
         theta, u, slow, fast = self.of_load[name]

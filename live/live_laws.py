@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ..parameters.draws import Draws
 
 TIME = "t"
+ONE = np.ones(1)
 FEWEST_DRAWS = 100  # from which a covariance is estimated
 
 
@@ -68,7 +69,8 @@ class LiveLaw:
     def columns(self, given: Mapping[str, float]) -> Array:
         """Columns of the law at given factors, shape (p,), in the usual units."""
         X = np.array([given[name] for name in self.formula.factors]) * self.scales
-        return np.concatenate([self.formula.columns(X), self.shifts])
+        plain = np.concatenate([ONE, np.log(X)]) if self.formula.name == "power" else self.formula.columns(X)
+        return np.concatenate([plain, self.shifts])
 
     def slope(self, symbol: str, given: Mapping[str, float]) -> float:
         """Derivative of the ln of the response by the ln of one factor."""
