@@ -18,6 +18,9 @@ GAP = 2.0  # s without a sample, at least, that are a gap
 INTERVALS = 5.0  # usual intervals between samples that are a gap
 BRIDGED = 5.0  # s; a shorter gap within a cut counts as cutting
 SECONDS_OF_DRIFT = 30.0  # s in which the idle level drifts by the noise of a second of air, before it is learned
+LONGEST = 3.0  # s of a revolution that is averaged over
+SPEEDS = ("n", "V")
+OTHER_SPEED = 0.03  # relative change
 DERIVED = ("V", "f", "fz")
 
 
@@ -32,7 +35,7 @@ class Block:
     values : mapping of str to sequence of float
         Every reading by load.
     loads, conditions : mapping of str to float
-        Medians of the loads (no short peak counts) and means of the conditions.
+        Means.
     phase : State
         What the machine says of itself, or what speed and feed of zero say: ``"off"``, ``"idle"``, ``"feed"``,
         ``"unknown"``.
@@ -122,6 +125,12 @@ class IdleLevel:
             self.variance = (1 - gain) * before
         self.mean, self.time = mean, time
 
+    def change_speed(self, ratio: float, *, proportional: bool) -> None:
+        """Follow another spindle speed: the level changes in proportion, or stays; neither is certain."""
+        change = (ratio - 1) * self.level
+        self.level += change if proportional else 0.0
+        self.unsettle(change**2 / 4)
+
     def unsettle(self, variance: float) -> None:
         """Add to the variance: the level has changed to a value that is not known, as with another spindle speed."""
         self.variance += variance
@@ -198,11 +207,11 @@ class Blocks:
 
 
 def _revolution(conditions: Mapping[str, float]) -> float:
-    """Duration of a revolution, s; 0 where it is not known, and at most one second."""
+    """Duration of a revolution, s; 0 where it is not known, and at most `LONGEST`."""
     n = conditions.get("n", 0.0)
     if not n and conditions.get("D", 0.0) > 0:
         n = 1000 * conditions.get("V", 0.0) / (pi * conditions["D"])
-    return min(60 / n, 1.0) if n > 0 else 0.0
+    return min(60 / n, LONGEST) if n > 0 else 0.0
 
 
 def _block(start: float, end: float, samples: Sequence[Sample], known: Mapping[str, float]) -> Block:
@@ -214,7 +223,7 @@ def _block(start: float, end: float, samples: Sequence[Sample], known: Mapping[s
                 if isfinite(value):
                     held.setdefault(name, []).append(value)
     conditions = {**known, **{name: sum(held) / len(held) for name, held in given.items()}}
-    loads = {name: median(held) for name, held in values.items()}
+    loads = {name: fmean(held) for name, held in values.items()}
     return Block(start, end, values, loads, _derived(conditions), _phase(samples, conditions))
 
 
@@ -236,3 +245,17 @@ def _phase(samples: Sequence[Sample], conditions: Mapping[str, float]) -> State:
     if said == "idle" or any(conditions.get(name) == 0 for name in ("f", "fm", "fz")):
         return "idle"
     return said
+
+
+def speed_ratio(conditions: Mapping[str, float], before: Mapping[str, float]) -> tuple[float, Mapping[str, float]]:
+    """Ratio of the spindle speed to that before, 1 where it is not another one, and the speed to compare with next.
+
+    >>> speed_ratio({"n": 1200.0}, {"n": 800.0}), speed_ratio({"n": 810.0}, {"n": 800.0})
+    ((1.5, {'n': 1200.0}), (1.0, {'n': 800.0}))
+    """
+    now = {name: conditions[name] for name in SPEEDS if conditions.get(name, 0.0) > 0}
+    name = next(iter(now), "")
+    if name not in before:
+        return 1.0, now or before
+    ratio = now[name] / before[name]
+    return (ratio, now) if abs(ratio - 1) > OTHER_SPEED else (1.0, before)

@@ -15,9 +15,9 @@ from typing import Any, Literal
 
 from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, SETTLED, STARTING
 from ..datasets.signals.options import DRIVEN, ReduceOptions
-from .blocks import BLOCK, BRIDGED, Block, Blocks, Gap, IdleLevel
+from .blocks import BLOCK, BRIDGED, Block, Blocks, Gap, IdleLevel, speed_ratio
 from .samples import CutEnd, Notice, Sample, Window
-from .windows import CHANGED, Windows
+from .windows import AGAINST, FALLEN, INTERRUPTED, Windows
 
 SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle
 SHORTEST = ReduceOptions().shortest
@@ -25,7 +25,7 @@ THRESHOLD = ReduceOptions().threshold
 COARSE = 0.002  # of the idle level, below which no load is seen
 ENDING = ("lost", "clock", "replaced", "end")  # notices after which a cut cannot be followed
 CONTRADICTED = 5.0  # s of a load above idle while the machine says that it does not cut
-SPEEDS = ("n", "V")
+OFTEN = 6  # excursions too short for a cut, within twelve seconds
 SILENT = 1.0  # s without a reading in a cut, after which the signal is lost
 
 Found = Window | CutEnd | Notice
@@ -48,13 +48,14 @@ class Cuts:
 
     Examples
     --------
+    >>> from math import exp
     >>> from fitmodels.live.samples import Sample
     >>> cuts, found = Cuts(seconds=5.0), []
     >>> for k in range(1500):
     ...     load, state = (1.8, "feed") if 250 <= k < 1250 else (0.8, "idle")
     ...     found += cuts.add(Sample(k / 50, {"P": load + 0.01 * (-1) ** (k // 5)}, {"V": 120, "f": 0.2}, state))
-    >>> [(round(w.start, 1), round(w.contact, 3), round(w.loads["P"].ln, 2)) for w in found[:2]]
-    [(5.0, 0.082, -0.0), (9.9, 0.082, -0.0)]
+    >>> [(round(w.start), round(w.contact, 3), round(exp(w.loads["P"].ln), 2)) for w in found[:2]]
+    [(5, 0.082, 1.0), (10, 0.082, 1.0)]
     >>> type(found[-1]).__name__, cuts.state
     ('CutEnd', 'idle')
     """
@@ -70,8 +71,9 @@ class Cuts:
         self.idle: dict[str, IdleLevel] = {}
         self._blocks, self._windows = Blocks(constants), Windows(self.idle, whole, seconds)
         self._rest, self._believed = rest, True
-        self._speeds: dict[str, float] = {}
-        self._heard = False  # whether a load was ever read
+        self._speeds: Mapping[str, float] = {}
+        self._short: list[float] = []  # s, beginnings of excursions too short for a cut
+        self._mute = 0.0  # s without a load
         self._forget()
 
     def _forget(self) -> None:
@@ -122,16 +124,21 @@ class Cuts:
             return list(self._lost()) if item.kind in ENDING else []
         found: list[Found] = []
         for block in self._blocks.add(item):
-            if isinstance(block, Gap):
-                found += [] if 0 < block <= BRIDGED else self._lost()
-            else:
+            if not isinstance(block, Gap):
                 found += self._smoothed(block)
+            elif not 0 < block <= BRIDGED:
+                found += self._lost()
         return found
 
     def as_json(self) -> dict[str, Any]:
         """Idle levels and noise, with which `resume` follows a cut after a restart."""
         idle = {name: asdict(level) for name, level in self.idle.items()}
-        return {"believed": self._believed, "speeds": self._speeds, "idle": idle, "windows": self._windows.as_json()}
+        return {
+            "believed": self._believed,
+            "speeds": dict(self._speeds),
+            "idle": idle,
+            "windows": self._windows.as_json(),
+        }
 
     def resume(self, data: Mapping[str, Any]) -> None:
         """Take over idle levels and noise of `as_json`; the variance of the levels grows with the time since."""
@@ -164,10 +171,12 @@ class Cuts:
         yield from self._step(replace(centre, loads=loads))
 
     def _step(self, block: Block) -> Iterator[Found]:
-        if not (self._heard or block.loads):
+        self._mute = 0.0 if block.loads else self._mute + block.seconds
+        if not block.loads and self._unseen(block):
             yield from self._unheard(block)
             return
-        self._heard = True
+        if self._cut and not self._lead and block.loads:
+            yield from self._end()
         if not self._cut:
             self._at_speed(block)
         if self._believed and block.phase in ("off", "idle"):
@@ -179,8 +188,14 @@ class Cuts:
         else:
             yield from self._in_air(block)
 
+    def _unseen(self, block: Block) -> bool:
+        """Whether no load shows what the machine does: none was ever read, or none for a second while it feeds."""
+        if not self.idle or (self._cut and not self._lead):
+            return True
+        return not self._cut and block.phase == "feed" and self._mute > SILENT
+
     def _unheard(self, block: Block) -> Iterator[Found]:
-        """No load was ever read: what the machine says of its feed is all there is, and all of it counts."""
+        """What the machine says of its feed is all there is, and all of it counts."""
         if block.phase == "feed":
             if not self._cut:
                 self._cut, self._lead = True, ""
@@ -215,33 +230,20 @@ class Cuts:
         """A load that stays above idle shows contact, whatever the machine says: a column may be dead."""
         span, self._against = self._against, []
         self._believed, self._stopped, self._lead, self._sign = False, False, name, 1.0
-        yield Notice(
-            span[0].start,
-            "refused",
-            f"{name} is {median([b.loads[name] for b in span if name in b.loads]):.4g} for {CONTRADICTED:g} s, idle "
-            f"was {self.idle[name].level:.4g}, and the machine says {span[-1].phase}: from here cuts follow from the "
-            "load alone. Check how state, spindle speed and feed are mapped.",
-        )
+        level, idle = median([b.loads[name] for b in span if name in b.loads]), self.idle[name].level
+        text = AGAINST.format(name, level, CONTRADICTED, idle, span[-1].phase)
+        yield Notice(span[0].start, "refused", text)
         yield from self._begin(span)
 
     def _at_speed(self, block: Block) -> None:
         """The idle level of a drive changes with the spindle speed: power in proportion, the rest by what is read."""
-        now = {name: block.conditions[name] for name in SPEEDS if block.conditions.get(name, 0.0) > 0}
-        name = next(iter(now), "")
-        before = self._speeds.get(name, 0.0)
-        if not name or (before and abs(now[name] / before - 1) <= CHANGED):
+        ratio, self._speeds = speed_ratio(block.conditions, self._speeds)
+        if ratio == 1:
             return
-        self._speeds = now
-        if not before:
-            return
-        ratio = now[name] / before
         self._second, self._air_from, self._follows = [], block.end, False
         self._air.clear()
-        for key, idle in self.idle.items():
-            if key in DRIVEN:
-                change = (ratio - 1) * idle.level
-                idle.level += change if key == "P" else 0.0
-                idle.unsettle(change**2 / 4)
+        for name in self.idle.keys() & set(DRIVEN):
+            self.idle[name].change_speed(ratio, proportional=name == "P")
 
     def _in_air(self, block: Block) -> Iterator[Found]:
         name, away = self._furthest(block.loads)
@@ -253,23 +255,24 @@ class Cuts:
                 self._lead, self._sign, self._level = name, 1.0 if away > 0 else -1.0, 0.0
                 self._air.clear()
             self._span.append(block)
-            self._level = median([abs(b.loads.get(name, 0.0) - self.idle[name].level) for b in self._span])
+            self._level = abs(median([b.loads[name] for b in self._span if name in b.loads]) - self.idle[name].level)
             if sum(b.seconds for b in self._span) >= SHORTEST:
                 yield from self._confirmed()
         else:
-            self._span = []
+            span, self._span = self._span, []
             self._air_from, self._second = block.end, []
+            self._short = [*self._short[1 - OFTEN :], span[0].start]
+            if len(self._short) == OFTEN and block.end - self._short[0] < 2 * OFTEN * SHORTEST:
+                yield from self._windows.once("short", block.end, INTERRUPTED.format(name, SHORTEST))
 
     def _furthest(self, levels: Mapping[str, float]) -> tuple[str, float]:
         """The load furthest from idle by its threshold, or the one that has left it, and how far it is."""
         known = {name: value - self.idle[name].level for name, value in levels.items() if self._known(name)}
         if not known:
             return "", 0.0
-        lead = (
-            self._lead
-            if self._span and self._lead in known
-            else max(known, key=lambda k: abs(known[k]) / self._high(k))
-        )
+        if self._span and self._lead in known:
+            return self._lead, known[self._lead]
+        lead = max(known, key=lambda name: abs(known[name]) / self._high(name))
         return lead, known[lead]
 
     def _known(self, name: str) -> bool:
@@ -335,12 +338,7 @@ class Cuts:
         if not self._windows.proved:
             minutes = (span[0].start - self._since) / 60
             yield CutEnd(span[0].start, minutes, self._windows.number, lost=True)
-            yield Notice(
-                span[0].start,
-                "refused",
-                f"{name} fell from {old:.4g} to {new:.4g}, the lowest level so far: the {60 * minutes:.0f} s before "
-                "are counted as cutting, without their loads. Connect while the machine idles, or map its state.",
-            )
+            yield Notice(span[0].start, "refused", FALLEN.format(name, old, new, 60 * minutes))
         self.idle.clear()
         self._since, self._second, self._follows = span[0].start, [], False
 

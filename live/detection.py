@@ -219,8 +219,8 @@ class Detection:
             {name: self.slopes[name] / one.sd for name, one in found.items()},
         )
         if side:
-            kind, text = ("chipping", CHIPPED) if side > 0 else ("drop", DROPPED)
-            alarms.append(Alarm(kind, text.format(_texts({name: one.value for name, one in found.items()}))))
+            text = _texts({name: one.value for name, one in found.items()})
+            alarms.append(Alarm("chipping", CHIPPED.format(text)) if side > 0 else Alarm("drop", DROPPED.format(text)))
         return alarms
 
     def finish(self, estimate: "EdgeEstimate") -> list[Alarm]:

@@ -7,7 +7,7 @@ independent. The idle level enters every window of a cut alike.
 """
 
 from collections import deque
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import inf, log, sqrt
 from statistics import fmean, median, stdev
@@ -24,6 +24,7 @@ from .blocks import BLOCK, Block, IdleLevel
 from .samples import CutEnd, LoadMean, Notice, Window
 
 OUTLYING = 6.0  # standard deviations, from the median absolute deviation, from which a value is left out
+FREQUENT = 0.15  # share of values far off from which they are no outliers
 CERTAIN = 3.0  # standard errors by which a cut exceeds idle
 OWN = 1.0  # weight of the scatter of a window beside that of a window before it
 MEMORY = 20.0  # windows that the scatter is averaged over, at most
@@ -35,6 +36,31 @@ OF_MACHINE = ("n", "fm", "D")  # they change with V and f, or are compensated
 STEADY = 0.5  # s for which it stays so
 LEAST = 1.0  # s of a window
 QUIETER = 2.0  # ratio of the scatters of cut and air that shows which is which
+
+INTERRUPTED = (
+    "{} leaves idle again and again for less than {:g} s, which counts as air: if the cut is interrupted, give the "
+    "spindle speed (n, or V and D) at the source or with --value."
+)
+AGAINST = (
+    "{} is {:.4g} for {:g} s, idle was {:.4g}, and the machine says {}: from here cuts follow from the load alone. "
+    "Check how state, spindle speed and feed are mapped."
+)
+FALLEN = (
+    "{} fell from {:.4g} to {:.4g}, the lowest level so far: the {:.0f} s before are counted as cutting, without their "
+    "loads. Connect while the machine idles, or map its state."
+)
+STUCK = (
+    "{} stands still at {:.4g} in the cut and did not when idle: the signal may be stuck. Cutting time counts without "
+    "this load."
+)
+UNPROVED = (
+    "{} is {:.4g} and was {:.4g} before: whether that was idle is seen when it returns there; until then cutting time "
+    "counts and loads do not."
+)
+BELOW = (
+    "{} is {:.4g} in the cut and {:.4g} when idle: a cut must exceed idle. Reverse its sign at the source, or map "
+    "another channel. Cutting time counts without this load."
+)
 
 
 @dataclass(slots=True)
@@ -101,9 +127,10 @@ def plain_mean(parts: Sequence[Sequence[float]]) -> PlainMean:
 
 
 def _near(values: Array) -> NDArray[np.bool_]:
+    """Which values are no outliers; all of them where many lie far off, as in an interrupted cut."""
     off = np.abs(values - np.median(values))
-    spread = MAD * float(np.median(off))
-    return off <= OUTLYING * spread if spread > 0 else np.ones(len(values), dtype=bool)
+    near: NDArray[np.bool_] = off <= OUTLYING * MAD * float(np.median(off))
+    return near if near.mean() >= 1 - FREQUENT else np.ones(len(values), dtype=np.bool_)
 
 
 def load_mean(mean: PlainMean, idle: tuple[float, float], noise: MeanNoise, seconds: float) -> LoadMean | None:
@@ -208,7 +235,7 @@ class Windows:
             yield self._without_loads()
         yield CutEnd(self.last, self.minutes, self.number, lost)
         self._carried = []
-        self.proved |= not lost
+        self.proved |= not lost and self._lead != ""
 
     def silent(self, seconds: float) -> bool:
         """Whether the load of the cut has not been read for so long."""
@@ -256,10 +283,8 @@ class Windows:
             return
         means: dict[str, LoadMean] = {}
         for name in dict.fromkeys(name for b in part for name in b.loads):
-            found = self._load(name, part)
-            if isinstance(found, Notice):
-                yield found
-            elif found is not None:
+            found = yield from self._load(name, part)
+            if found is not None:
                 means[name] = found
         every = [*self._carried, *blocks[:end]]
         minutes = sum(b.seconds for b in every) / 60
@@ -277,38 +302,26 @@ class Windows:
         minutes = sum(b.seconds for b in part) / 60
         return Window(part[0].start, part[-1].end, minutes, _conditions(part[1:-1] or part), {}, self.number)
 
-    def _load(self, name: str, part: Sequence[Block]) -> LoadMean | Notice | None:
-        """Mean of a load over a window, or why there is none; None where that was said before."""
-        if name not in self.idle or not self.idle[name].known:
-            return None
+    def _load(self, name: str, part: Sequence[Block]) -> Generator[Notice, None, LoadMean | None]:
+        """Mean of a load over a window; None where there is none, with a notice the first time."""
+        idle = self.idle.get(name, IdleLevel())
         values = [b.values[name] for b in part if name in b.values]
-        if len(values) < 4 or len(values) < len(part) / 2:
+        if not idle.known or len(values) < 4 or len(values) < len(part) / 2:
             return None
-        if self.idle[name].noise > 0 and all(min(part) == max(part) == values[0][0] for part in values):
-            return self._once(
-                f"stuck {name}",
-                f"{name} stands still at {values[0][0]:.4g} in the cut and did not when idle: the signal may be stuck. "
-                "Cutting time counts without this load.",
-            )
-        if not self.proved:
-            loads = [b.loads[name] for b in part if name in b.loads]
-            self.proved = stdev(loads) > QUIETER * self.idle[name].noise
-        mean, idle, start, end = plain_mean(values), self.idle[name], part[0].start, part[-1].end
-        level = (0.0, 0.0) if name in self.whole else (idle.level, idle.variance_at((start + end) / 2))
+        mean, start, end = plain_mean(values), part[0].start, part[-1].end
+        if idle.noise > 0 and all(min(each) == max(each) == values[0][0] for each in values):
+            yield from self.once(f"stuck {name}", end, STUCK.format(name, mean.value))
+            return None
+        self.proved = self.proved or stdev([b.loads[name] for b in part if name in b.loads]) > QUIETER * idle.noise
         if mean.value > idle.level and not self.proved:
-            return self._once(
-                f"unproved {name}",
-                f"{name} is {mean.value:.4g} and was {idle.level:.4g} before: whether that was idle is seen when it "
-                "returns there; until then cutting time counts and loads do not.",
-            )
+            yield from self.once(f"unproved {name}", end, UNPROVED.format(name, mean.value, idle.level))
+            return None
+        level = (0.0, 0.0) if name in self.whole else (idle.level, idle.variance_at((start + end) / 2))
         found = load_mean(mean, level, self.noise.setdefault(name, MeanNoise()), end - start)
         above = mean.value - idle.level
         if found is None or above <= 0:
-            return self._once(
-                f"below {name}",
-                f"{name} is {mean.value:.4g} in the cut and {idle.level:.4g} when idle: a cut must exceed idle. "
-                "Reverse its sign at the source, or map another channel. Cutting time counts without this load.",
-            )
+            yield from self.once(f"below {name}", end, BELOW.format(name, mean.value, idle.level))
+            return None
         self.reach.setdefault(name, deque(maxlen=10)).append(above)
         return found
 
@@ -321,12 +334,11 @@ class Windows:
             seconds = (before.end - before.start + window.end - window.start) / 2
             self.noise[name].add_pair(window.loads[name].ln - before.loads[name].ln, seconds)
 
-    def _once(self, key: str, text: str) -> Notice | None:
+    def once(self, key: str, time: float, text: str) -> Iterator[Notice]:
         """A notice of what cannot be used, the first time."""
-        if key in self._said:
-            return None
-        self._said.add(key)
-        return Notice(self.last, "refused", text)
+        if key not in self._said:
+            self._said.add(key)
+            yield Notice(time, "refused", text)
 
 
 def _conditions(blocks: Sequence[Block]) -> dict[str, float]:

@@ -277,3 +277,21 @@ def test_conditions_that_never_stand_still_give_windows_without_loads():
     assert np.average([w.conditions["f"] for w in windows(found)], weights=[w.contact for w in windows(found)]) == (
         pytest.approx(0.3, abs=0.03)
     )
+
+
+def test_a_feed_without_readings_counts_until_they_are_back():
+    t, load = signal([(6, 0.8), (40, 1.8), (6, 0.8)])
+    said = ["idle" if x < 6 or x >= 46 else "feed" for x in t]
+    bad = ["BadSensorFailure" if 20 <= x < 35 else "" for x in t]
+    found = watch(Cuts(), (t, load), state=said, bad=bad)
+    assert contact(found) == pytest.approx(40, abs=2.5)
+    assert [end.lost for end in ends(found)] == [True, False, False]
+
+
+def test_an_interrupted_cut_is_found_with_the_spindle_speed_and_named_without():
+    t, load = signal([(12, 0.8), (40, 1.8), (12, 0.8)])
+    load = np.where((t % 1 < 0.6) & (load > 1), 0.8, load)  # 60 revolutions a minute, in the work for .4 of each
+    assert "leaves idle again and again" in texts(watch(Cuts(), (t, load)))[0]
+    found = watch(Cuts(constants={"n": 60.0}), (t, load))
+    assert contact(found) == pytest.approx(40, abs=2)
+    assert [exp(w.loads["P"].ln) for w in windows(found) if w.loads] == pytest.approx([0.4] * 4, abs=0.03)
