@@ -1,4 +1,6 @@
-"""An OPC UA server of a machine for tests, as a process of its own: ``python opcua_machine.py PORT``.
+"""An OPC UA server of a machine for tests, as a process of its own: ``python opcua_machine.py PORT [model] [FOLDER]``.
+
+With a folder it only takes connections that are signed and encrypted; it reads its certificate and key there.
 
 It writes a load that rises by .001 kW every 20 ms. Commands are lines on standard input: ``bad NAME``,
 ``uncertain NAME``, ``good NAME``, ``clock SECONDS``, ``hold``, ``go``, ``set NAME VALUE``. It prints ``ready``, and
@@ -17,12 +19,17 @@ PERIOD = 0.02  # s
 STATUS = {"bad": ua.StatusCodes.BadSensorFailure, "uncertain": ua.StatusCodes.UncertainSensorNotAccurate}
 
 
-async def main(port, model):
+async def main(port, model, folder):
     logging.disable(logging.CRITICAL)
     server = Server()
     await server.init()
     server.set_endpoint(f"opc.tcp://127.0.0.1:{port}")
-    server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+    if folder:
+        await server.set_application_uri("urn:fitmodels:test:server")
+        await server.load_certificate(f"{folder}/server.pem")
+        await server.load_private_key(f"{folder}/server-key.pem")
+    kind = ua.SecurityPolicyType
+    server.set_security_policy([kind.Basic256Sha256_SignAndEncrypt if folder else kind.NoSecurity])
     index = await server.register_namespace("urn:fitmodels:test")
     machine = await server.nodes.objects.add_object(index, "Machine")
     spindle = await machine.add_object(index, "Spindle")
@@ -96,4 +103,4 @@ async def run(server, values):
 
 
 if __name__ == "__main__":
-    asyncio.run(main(int(sys.argv[1]), "model" in sys.argv))
+    asyncio.run(main(int(sys.argv[1]), "model" in sys.argv, next((word for word in sys.argv[2:] if "/" in word), "")))

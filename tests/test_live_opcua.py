@@ -7,10 +7,16 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import rsa
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+from cryptography.x509.oid import NameOID
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.live.samples import Notice, Sample
 from fitmodels.live.sources import SourceOptions, opcua, open_source
@@ -247,6 +253,35 @@ def test_a_wrong_node_is_refused_with_a_remedy(running, nodes, message):
 def test_an_open_connection_off_the_loopback_is_refused(url, options, message):
     with pytest.raises(UsageError, match=message):
         check_security(url, SourceOptions(loads={"P": "kW"}, **options))
+
+
+def certificate(folder, name):
+    """Write a self-signed certificate and its key."""
+    key = rsa.generate_private_key(65537, 2048)
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    uri = x509.SubjectAlternativeName([x509.UniformResourceIdentifier(f"urn:fitmodels:test:{name}")])
+    now = datetime.now(UTC)
+    made = x509.CertificateBuilder(
+        subject, subject, key.public_key(), x509.random_serial_number(), now - timedelta(1), now + timedelta(1)
+    )
+    made = made.add_extension(uri, critical=False).sign(key, SHA256())
+    (folder / f"{name}.pem").write_bytes(made.public_bytes(Encoding.PEM))
+    text = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    (folder / f"{name}-key.pem").write_bytes(text)
+    return {"certificate": folder / f"{name}.pem", "key": folder / f"{name}-key.pem"}
+
+
+def test_a_connection_is_signed_and_encrypted(tmp_path):
+    """Only with the certificate of the server: another one, and none, are not connected."""
+    certificate(tmp_path, "server")
+    own = certificate(tmp_path, "client")
+    with machine(str(tmp_path)) as made:
+        with source(made.url, **own, server_certificate=tmp_path / "server.pem") as items:
+            assert len(powers(until(items, samples(10)))) == 10
+        with source(made.url, **own, server_certificate=tmp_path / "client.pem") as items:
+            until(items, kind("lost"))
+        with source(made.url) as items:
+            until(items, kind("lost"))
 
 
 def test_loads_of_different_times_are_not_lost_and_not_mixed():
