@@ -3,14 +3,17 @@
 With a folder it only takes connections that are signed and encrypted; it reads its certificate and key there.
 
 It writes a load that rises by .001 kW every 20 ms. Commands are lines on standard input: ``bad NAME``,
-``uncertain NAME``, ``good NAME``, ``clock SECONDS``, ``hold``, ``go``, ``set NAME VALUE``. It prints ``ready``, and
-after each command ``done``.
+``uncertain NAME``, ``good NAME``, ``clock SECONDS``, ``hold``, ``go``, ``set NAME VALUE``, and
+``play FILE BEGUN`` in place of the rising load: rows ``seconds,W,state`` of a run that begun at that time, s
+since 1970, with the times of that run; what is past is left out. It prints ``ready``, and ``done`` after each command.
 """
 
 import asyncio
 import logging
 import sys
+import time
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 from asyncua import Server, ua
 
@@ -37,6 +40,7 @@ async def main(port, model, folder):
         "power": await spindle.add_variable(ua.NodeId("power", index), "Power", 1000.0),
         "force": await spindle.add_variable(ua.NodeId("force", index), "Force", 500.0),
         "speed": await spindle.add_variable(ua.NodeId("speed", index), "Speed", 120.0),
+        "word": await machine.add_variable(ua.NodeId("state", index), "State", "idle"),
         "feed": await spindle.add_variable(ua.NodeId("feed", index), "Feed", 0.2),
     }
     unit = ua.EUInformation(DisplayName=ua.LocalizedText("W"))
@@ -52,6 +56,10 @@ async def main(port, model, folder):
         )
         tool = await (await machine.add_object(tools, "Tools")).add_object(tools, "Tool1")
         values["tool"] = await tool.add_variable(tools, "ControlIdentifier1", ua.UInt32(7))
+    if "wait" in sys.argv:  # until the one before it is gone
+        sys.stdout.write("waits\n")
+        sys.stdout.flush()
+        sys.stdin.readline()
     async with server:
         sys.stdout.write("ready\n")
         sys.stdout.flush()
@@ -61,11 +69,11 @@ async def main(port, model, folder):
 async def run(server, values):
     loop, lines = asyncio.get_running_loop(), asyncio.Queue()
     loop.add_reader(sys.stdin.fileno(), lambda: lines.put_nowait(sys.stdin.readline()))
-    shift, held, bad, k, due = 0.0, False, {}, 0, loop.time()
+    shift, held, bad, k, due, rows = 0.0, False, {}, 0, loop.time(), None
     numbers = {"power": 1000.0, "force": 500.0}
 
-    async def write(name, value, status=0):
-        stamp = datetime.now(UTC) + timedelta(seconds=shift)
+    async def write(name, value, status=0, at=None):
+        stamp = (datetime.now(UTC) if at is None else datetime.fromtimestamp(at, UTC)) + timedelta(seconds=shift)
         variant = None if status == STATUS["bad"] else ua.Variant(value, ua.VariantType.Double)
         given = ua.DataValue(variant, ua.StatusCode(ua.UInt32(status)), SourceTimestamp=stamp, ServerTimestamp=stamp)
         await server.write_attribute_value(values[name].nodeid, given)
@@ -89,11 +97,21 @@ async def run(server, values):
                 kind = (await values[rest[0]].read_data_value()).Value.VariantType
                 value = float(rest[1]) if kind == ua.VariantType.Double else int(rest[1])
                 await values[rest[0]].write_value(ua.Variant(value, kind))
+            elif command == "play":
+                begun = float(rest[1])
+                rows = [line.split(",") for line in Path(rest[0]).read_text().splitlines()]
+                rows = [row for row in rows if float(row[0]) > (time.time() - begun)]
             else:
                 held = command == "hold"
             sys.stdout.write("done\n")
             sys.stdout.flush()
-        if not held:
+        if rows is not None:
+            while rows and float(rows[0][0]) <= (time.time() - begun):
+                seconds, watts, word = rows.pop(0)
+                if "power" not in bad:
+                    await write("power", float(watts), at=begun + float(seconds))
+                await values["word"].write_value(word)
+        elif not held:
             k += 1
             for name, start in numbers.items():
                 if name not in bad:

@@ -125,6 +125,20 @@ def test_every_value_comes_once_with_units_and_the_companion_model(running):
     assert "kW is assumed" not in first  # its engineering unit is W
 
 
+def test_a_connection_that_lasts_is_not_taken_for_lost(running, monkeypatch):
+    monkeypatch.setattr(opcua, "BEHIND", 0.3)
+    monkeypatch.setattr(opcua, "CHECK", 0.1)
+    with source(running.url) as items:
+        assert kinds(until(items, samples(100))) == ["connected"]
+
+
+def test_a_subscription_that_gives_nothing_is_lost(running, monkeypatch):
+    monkeypatch.setattr(opcua, "BEHIND", 0.3)
+    monkeypatch.setattr(opcua._Handler, "datachange_notification", lambda *_: None)
+    with source(running.url) as items:
+        assert "no notification" in until(items, kind("lost"))[-1].text
+
+
 def test_state_and_override_of_the_model(running):
     nodes = {**NODES, "f": "none", "f_set": "Machine/Spindle/Feed"}
     with source(running.url, map=nodes) as items:
@@ -186,6 +200,7 @@ def test_clocks_that_are_set_are_noticed(running):
             assert kinds(until(items, samples(20))) == []
 
 
+@pytest.mark.slow
 def test_a_server_that_is_killed_or_hangs_is_lost_and_comes_back(monkeypatch):
     monkeypatch.setattr(opcua, "ANSWER", 0.8)
     monkeypatch.setattr(opcua, "AGAIN", 0.2)
@@ -271,6 +286,7 @@ def certificate(folder, name):
     return {"certificate": folder / f"{name}.pem", "key": folder / f"{name}-key.pem"}
 
 
+@pytest.mark.slow
 def test_a_connection_is_signed_and_encrypted(tmp_path):
     """Only with the certificate of the server: another one, and none, are not connected."""
     certificate(tmp_path, "server")

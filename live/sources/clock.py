@@ -1,10 +1,10 @@
 """Times of a source: stamps as s, gaps, and jumps of its clock."""
 
 import re
+import time as times
 from collections import deque
 from datetime import UTC, datetime
 from statistics import median
-from time import time as wall_time
 
 from ...core.errors import DataError, UsageError
 from ...core.text import shortened
@@ -18,6 +18,12 @@ LATE = 1.0  # s: a row that is so much too early is out of order, and left out
 MOST_LATE = 10  # rows in a row, after which the clock was set back
 _DAY = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)")
 _EPOCHS = {"s": (1e9, 1e10, 1.0), "ms": (1e12, 1e13, 1e-3), "us": (1e15, 1e16, 1e-6)}  # since 1970, from 2001 to 2286
+
+
+def arrival_time() -> float:
+    """Time by a clock that is never set and goes on while the computer is suspended, s."""
+    boot = getattr(times, "CLOCK_BOOTTIME", None)
+    return times.monotonic() if boot is None else times.clock_gettime(boot)
 
 
 class Clock:
@@ -68,7 +74,7 @@ class Clock:
                 set_forward = arrival is not None and arrival - time < least - JUMP
                 if set_forward:
                     return True, self._set(last, time)
-                return True, Notice(wall_time(), "gap", f"no samples for {step:.3g} s")
+                return True, Notice(times.time(), "gap", f"no samples for {step:.3g} s")
         return True, None
 
     def _limit(self) -> float | None:
@@ -88,7 +94,9 @@ class Clock:
         self._late, self._delay = 0, -float("inf")
         self._steps.clear()
         how = f"back by {last - time:.3g}" if time < last else f"forward by {time - last:.3g}"
-        return Notice(wall_time(), "clock", f"the clock of the source was set {how} s; the time between does not count")
+        return Notice(
+            times.time(), "clock", f"the clock of the source was set {how} s; the time between does not count"
+        )
 
 
 class Stamps:

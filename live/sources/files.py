@@ -13,6 +13,7 @@ from ...core.errors import DataError, UsageError
 from ...core.files import cause
 from ...core.suggestions import near_path
 from ..samples import Notice, Sample
+from .clock import arrival_time
 from .options import SourceOptions
 from .rows import IDLE, LONGEST, Feed, Lines, decoded
 
@@ -191,7 +192,7 @@ def growing(path: Path, options: SourceOptions) -> Items:
             if event:
                 feed.restart()
                 yield Notice(time.time(), "replaced", event)
-            arrival = time.monotonic() if live else None
+            arrival = arrival_time() if live else None
             for line in lines:
                 yield from feed.take(line, arrival)
             yield from feed.quiet(tail.missing or "it does not grow")

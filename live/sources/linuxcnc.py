@@ -16,6 +16,7 @@ from typing import IO, Any, Final, Self
 
 from ...core.errors import DataError, UsageError
 from ..samples import Notice, Sample
+from .clock import arrival_time
 from .options import SourceOptions
 from .rows import Lines
 
@@ -129,7 +130,7 @@ class LinuxCnc:
         if self._lost:
             self._lost = ""
             yield Notice(time.time(), "connected", "linuxcnc gives readings again")
-        yield from self._lines.take(line, time.monotonic())
+        yield from self._lines.take(line, arrival_time())
 
     def _silent(self, seconds: float) -> Iterator[Notice]:
         yield Notice(time.time(), "idle")

@@ -30,7 +30,7 @@ class Reading:
     bad : str
         Name of the status; empty where it is good.
     arrival : float
-        s, monotonic.
+        s, as `arrival_time`.
     first : bool
         Whether it is the value that was there when we connected.
     """
@@ -41,6 +41,15 @@ class Reading:
     bad: str
     arrival: float
     first: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What a server holds for a node: time (s since 1970, None without one), value, and status where it is bad."""
+
+    time: float | None
+    value: Value
+    bad: str
 
 
 class Merger:
@@ -56,7 +65,6 @@ class Merger:
         self._loads = [k for k, c in enumerate(channels.channels) if c.kind == "load"]
         self._held: list[Value] = [None] * len(channels.channels)
         self._bad: dict[int, str] = {}
-        self._seen: dict[int, float] = {}  # place -> time of its last reading
         self._pending: list[Reading] = []
         self._clock = Clock()
         self._last: tuple[float, float] | None = None  # time and arrival of the last sample
@@ -71,7 +79,6 @@ class Merger:
         out: list[Sample | Notice] = []
         if self._pending and abs(reading.time - self._pending[-1].time) > SET:
             out = self.take(float("inf"))
-        self._seen[reading.place] = reading.time
         out += self._quality(reading)
         self._pending.append(reading)
         return out
@@ -88,22 +95,30 @@ class Merger:
             out += self._sample(group)
         return out
 
-    def confirm(self, times: Sequence[float | None], server: float, arrival: float) -> list[Sample | Notice]:
-        """A sample of values that did not change, after the server was asked for them.
+    def confirm(self, held: Sequence[Held], server: float, arrival: float) -> list[Sample | Notice]:
+        """A sample of loads that did not change, after the server was asked for them.
+
+        A node gives no notification where only its time changes.
 
         Parameters
         ----------
-        times : sequence
-            Time of the value that the server holds, s, for each place; None without one.
+        held : sequence of Held
+            What the server holds for each place.
         server : float
             Time of the server, s.
         arrival : float
-            s, monotonic.
+            s, as `arrival_time`.
         """
-        fresh = [k for k in self._loads if times[k] is not None and times[k] != self._seen.get(k)]
-        if fresh or self._pending or (self._last and arrival - self._last[1] < SET / 2):
+        same = all(self._held[k] == (held[k].bad or held[k].value) for k in self._loads)
+        if not same or self._pending or (self._last and arrival - self._last[1] < SET / 2):
             return []  # readings are on their way
-        time = server if self._last is None else self._last[0] + arrival - self._last[1]
+        newest = max((held[k].time or 0.0 for k in self._loads), default=0.0)
+        if self._last is None:
+            time = server
+        elif newest > self._last[0]:
+            time = newest
+        else:
+            time = self._last[0] + arrival - self._last[1]
         return self._given(time, arrival, self._loads)
 
     def reconnected(self) -> None:

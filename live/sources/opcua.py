@@ -9,6 +9,7 @@ import logging
 import os
 import threading
 import time
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,7 +26,8 @@ from ...core.files import cause
 from ...core.text import one_line, shortened
 from ..samples import Notice, Sample
 from .channels import Channels, channels_for
-from .merging import Merger, Reading
+from .clock import arrival_time
+from .merging import Held, Merger, Reading
 from .opcua_nodes import Nodes, find_nodes, value_of
 from .options import SourceOptions
 
@@ -51,7 +53,7 @@ class _Connected:
 
 @dataclass(frozen=True, slots=True)
 class _Checked:
-    times: Sequence[float | None]
+    held: Sequence[Held]
     server: float
     arrival: float
 
@@ -245,8 +247,8 @@ class OpcUa:
         await subscription.subscribe_data_change(nodes, queuesize=QUEUE, sampling_interval=0.0)
         return handler
 
-    async def _check(self, client: "Client", found: Nodes, order: Sequence[str]) -> Sequence[float | None]:
-        """Ask for the times of all values and of the server."""
+    async def _check(self, client: "Client", found: Nodes, order: Sequence[str]) -> Sequence[Held]:
+        """Ask for all values and the time of the server."""
         from asyncua import ua
 
         clock = client.get_node(ua.ObjectIds.Server_ServerStatus_CurrentTime)
@@ -255,9 +257,9 @@ class OpcUa:
         *values, now = results
         server = now.Value.Value if now.Value is not None else None
         stamp = _seconds(server) if isinstance(server, datetime) else time.time()
-        times = [_time_of(value, None) for value in values]
-        self._put(_Checked(times, stamp, time.monotonic()))
-        return times
+        held = [_held(symbol, value, found) for symbol, value in zip(order, values, strict=True)]
+        self._put(_Checked(held, stamp, arrival_time()))
+        return held
 
 
 class _Handler:
@@ -266,32 +268,32 @@ class _Handler:
     def __init__(self, put: Callable[[object], None], found: Nodes, order: Sequence[str]) -> None:
         self._put, self._found, self._order = put, found, order
         self.places: dict[Any, int] = {}
-        self._times: dict[int, float] = {}
-        self._behind: float | None = None
+        self._given = Counter[int]()  # notifications by place
+        self._before: tuple[float, Sequence[Held], Counter[int]] | None = None
 
-    def compare(self, times: Sequence[float | None]) -> None:
-        """TimeoutError where the server has held newer values than the notifications gave for 2 s."""
-        behind = any(held is not None and held > self._times.get(k, held) for k, held in enumerate(times))
+    def compare(self, held: Sequence[Held]) -> None:
+        """ConnectionError where a value of the server changed and no notification of it came, for 2 s."""
         now = time.monotonic()
-        self._behind = (self._behind or now) if behind and times else None
-        if self._behind is not None and now - self._behind > BEHIND:
-            raise TimeoutError
+        if self._before is not None and now - self._before[0] < BEHIND:
+            return
+        if self._before is not None:
+            _, former, given = self._before
+            pairs = enumerate(zip(former, held, strict=True))
+            if any(
+                (old.value, old.bad) != (new.value, new.bad) and given[k] == self._given[k] for k, (old, new) in pairs
+            ):
+                raise ConnectionError(0, f"no notification of values that changed {BEHIND:g} s ago")
+        self._before = now, held, self._given.copy()
 
     def datachange_notification(self, node: Any, value: Any, data: Any) -> None:  # noqa: ANN401  of asyncua
         """Pass one value on."""
         place = self.places.get(node)
         if place is None:
             return
-        answer: ua.DataValue = data.monitored_item.Value
-        status = answer.StatusCode
-        bad = "" if status is None or status.is_good() else status.name
-        symbol = self._order[place]
-        seen = None if answer.Value is None else value_of(symbol, answer.Value.Value, self._found.modelled)
-        if not bad and seen is None:
-            bad = "no value"
-        moment = _time_of(answer, time.time())
-        self._put(Reading(place, moment or time.time(), seen, bad, time.monotonic(), place not in self._times))
-        self._times[place] = moment or 0.0
+        held = _held(self._order[place], data.monitored_item.Value, self._found)
+        moment = time.time() if held.time is None else held.time
+        self._put(Reading(place, moment, held.value, held.bad, arrival_time(), not self._given[place]))
+        self._given[place] += 1
 
     def status_change_notification(self, status: Any) -> None:  # noqa: ANN401  of asyncua
         """Nothing: the values are asked for twice a second."""
@@ -325,7 +327,7 @@ class _Consumer:
             elif isinstance(item, _Checked):
                 yield from self._checked(self._merger, item)
         if self._merger is not None:
-            yield from self._merger.take(time.monotonic())
+            yield from self._merger.take(arrival_time())
 
     def _connected(self, item: _Connected) -> Notice:
         if self._merger is None or item.channels != self._channels:
@@ -335,8 +337,8 @@ class _Consumer:
         return Notice(time.time(), "connected", item.text)
 
     def _checked(self, merger: Merger, item: _Checked) -> Items:
-        yield from merger.take(time.monotonic())
-        yield from merger.confirm(item.times, item.server, item.arrival)
+        yield from merger.take(arrival_time())
+        yield from merger.confirm(item.held, item.server, item.arrival)
 
 
 def _seconds(stamp: datetime) -> float:
@@ -344,17 +346,22 @@ def _seconds(stamp: datetime) -> float:
     return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
 
 
-def _time_of(value: "ua.DataValue", otherwise: float | None) -> float | None:
-    """Source time, or that of the server, in s."""
-    stamp = value.SourceTimestamp or value.ServerTimestamp
-    return otherwise if stamp is None else _seconds(stamp)
+def _held(symbol: str, answer: "ua.DataValue", found: Nodes) -> Held:
+    """Time (of the source, otherwise of the server), value and quality of a node."""
+    stamp = answer.SourceTimestamp or answer.ServerTimestamp
+    status = answer.StatusCode
+    bad = "" if status is None or status.is_good() else status.name
+    value = None if answer.Value is None else value_of(symbol, answer.Value.Value, found.modelled)
+    if value is None and not bad:
+        bad = "no value"
+    return Held(None if stamp is None else _seconds(stamp), None if bad else value, bad)
 
 
 def _reason(error: Exception) -> str:
     if isinstance(error, TimeoutError):
         return f"no answer for {ANSWER:g} s"
     if isinstance(error, OSError):
-        return os.strerror(error.errno).lower() if error.errno else cause(error)
+        return os.strerror(error.errno).lower() if error.errno else one_line(error.strerror or error)[:200]
     return one_line(f"{type(error).__name__}: {error}")[:200]
 
 

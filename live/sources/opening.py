@@ -80,11 +80,10 @@ def open_source(words: str, options: SourceOptions) -> Source:
     ...     [item.loads["P"] for item in source if hasattr(item, "loads")]
     [1.8, 1.81]
     """
-    live = _live(words, options)
-    if live is not None:
+    if words in ("-", "linuxcnc") or words.startswith(("opc.tcp://", "tcp://", "unix:")):
         if options.replay is not None:
             raise UsageError("--replay goes with a recorded run, not with a machine.")
-        return live
+        return _live(words, options)
     if match := re.match(r"([a-z][a-z.]+)://", words):
         raise UsageError(
             f"--from {words}: no source {match[1]}://; give a file, -, linuxcnc, opc.tcp://host:port, "
@@ -99,8 +98,8 @@ def open_source(words: str, options: SourceOptions) -> Source:
     return Source(path.name, growing(path, options))
 
 
-def _live(words: str, options: SourceOptions) -> Source | None:
-    """Source that is a machine or a stream; None for the name of a file."""
+def _live(words: str, options: SourceOptions) -> Source:
+    """Source that is a machine or a stream."""
     if words.startswith("opc.tcp://"):
         return Source(words, OpcUa(words, options).items())
     if words == "linuxcnc":
@@ -109,6 +108,4 @@ def _live(words: str, options: SourceOptions) -> Source | None:
         return Source("LinuxCNC", LinuxCnc(options))
     if words == "-":
         return Source("standard input", standard_input(options))
-    if words.startswith(("tcp://", "unix:")):
-        return Source(words, from_socket(words, options))
-    return None
+    return Source(words, from_socket(words, options))

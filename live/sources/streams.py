@@ -10,6 +10,7 @@ from typing import Final
 from ...core.errors import UsageError
 from ...core.text import shortened
 from ..samples import Notice
+from .clock import arrival_time
 from .files import LONGEST_LINE, Items
 from .options import SourceOptions
 from .rows import Feed
@@ -81,7 +82,7 @@ def _lines(name: str, opener: Opener, options: SourceOptions, *, ends: bool = Fa
             *lines, pending = (pending + (data or b"")).split(b"\n")
             pending = pending[:LONGEST_LINE]
             for line in lines:
-                yield from feed.take(line.removesuffix(b"\r"), time.monotonic())
+                yield from feed.take(line.removesuffix(b"\r"), arrival_time())
             yield from feed.quiet("the connection gives nothing" if file >= 0 else "there is no connection")
     finally:
         if file >= 0:
