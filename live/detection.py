@@ -40,8 +40,8 @@ DROPPED = (
     "loads fell at once ({} in the last window): less is cut than the conditions say, or the edge broke. Look at it."
 )
 TOOL = (
-    "loads are far from their laws from the beginning of this edge ({}): another tool, work material or setting than "
-    "those of the parameter file. Its wear is not known."
+    "loads are far from their laws from the beginning of this edge ({} in the last window): another tool, work "
+    "material, setting or unit than those of the parameter file. Its wear is not known."
 )
 SHIFTED = (
     "loads of the last edges are {} than it is, if the work material or the tools are of another batch (the last edge "
@@ -199,6 +199,8 @@ class Detection:
     def __init__(self) -> None:
         self.chipping, self.batch = ChippingDetector(), BatchDetector()
         self.windows = 0  # with loads, of this edge
+        self.far = 0  # of its first windows, those far from what was expected
+        self.foreign = False  # whether another tool was seen
         self.slopes: dict[str, float] = {}  # of ln load by ln wear, as the edge began
 
     def add(self, estimate: "EdgeEstimate") -> list[Alarm]:
@@ -209,25 +211,31 @@ class Detection:
         self.windows += 1
         for name in found.keys() - self.slopes.keys():
             self.slopes[name] = estimate.law_deviation(name).slope
-        alarms = []
-        if self.windows == FIRST:
-            of_laws = {name: estimate.law_deviation(name) for name in found}
-            if any(abs(one.value) > OTHER * one.sd for one in of_laws.values()):
-                alarms.append(Alarm("tool", TOOL.format(_texts({name: one.value for name, one in of_laws.items()}))))
-        side = self.chipping.add(
-            {name: one.value / one.sd for name, one in found.items()},
-            {name: self.slopes[name] / one.sd for name, one in found.items()},
-        )
-        if side:
-            text = _texts({name: one.value for name, one in found.items()})
-            alarms.append(Alarm("chipping", CHIPPED.format(text)) if side > 0 else Alarm("drop", DROPPED.format(text)))
-        return alarms
+        z = {name: one.value / one.sd for name, one in found.items()}
+        if self.windows <= FIRST:
+            self.far += any(abs(value) > OTHER for value in z.values())
+        if self.windows == FIRST and self._is_foreign(estimate):
+            self.foreign = True
+            return [Alarm("tool", TOOL.format(_texts({name: one.value for name, one in found.items()})))]
+        if self.foreign:
+            return []
+        side = self.chipping.add(z, {name: self.slopes[name] / one.sd for name, one in found.items()})
+        if not side:
+            return []
+        text = _texts({name: one.value for name, one in found.items()})
+        return [Alarm("chipping", CHIPPED.format(text)) if side > 0 else Alarm("drop", DROPPED.format(text))]
+
+    def _is_foreign(self, estimate: "EdgeEstimate") -> bool:
+        """Whether the first windows were far from what was expected, or what they gave is far from the laws."""
+        of_laws = [estimate.law_deviation(name) for name in self.slopes]
+        return self.far >= FIRST - 1 or any(abs(one.value) > OTHER * one.sd for one in of_laws)
 
     def finish(self, estimate: "EdgeEstimate") -> list[Alarm]:
         """Alarms at the end of an edge; the next window is of a new edge."""
-        used, self.windows, self.slopes = self.windows, 0, {}
+        used, foreign = self.windows, self.foreign
+        self.windows, self.far, self.foreign, self.slopes = 0, 0, False, {}
         self.chipping = ChippingDetector()
-        if used < FIRST:
+        if used < FIRST or foreign:
             return []
         found = {name: estimate.law_deviation(name) for name in estimate.laws.loads}
         side = self.batch.finish(found)
@@ -239,17 +247,19 @@ class Detection:
     def as_json(self) -> dict[str, Any]:
         """Exact snapshot."""
         chipping, batch = self.chipping.as_json(), self.batch.as_json()
-        return {"windows": self.windows, "slopes": dict(self.slopes), "chipping": chipping, "batch": batch}
+        edge = {"windows": self.windows, "far": self.far, "foreign": self.foreign, "slopes": dict(self.slopes)}
+        return {**edge, "chipping": chipping, "batch": batch}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Detection":
         """The detection of a snapshot."""
         found = cls()
-        found.windows, found.slopes = int(data["windows"]), dict(data["slopes"])
+        found.windows, found.far = int(data["windows"]), int(data["far"])
+        found.foreign, found.slopes = bool(data["foreign"]), dict(data["slopes"])
         found.chipping = ChippingDetector.from_json(data["chipping"])
         found.batch = BatchDetector.from_json(data["batch"])
         return found
 
 
 def _texts(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {100 * (exp(value) - 1):+.0f} %" for name, value in values.items())
+    return ", ".join(f"{name} {100 * (exp(min(value, 30.0)) - 1):+.3g} %" for name, value in values.items())

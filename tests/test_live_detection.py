@@ -59,6 +59,11 @@ def test_loads_far_from_their_laws_from_the_beginning_are_of_another_tool():
     assert edge(shift=log(0.4), n=30)[0][1].kind == "tool"
 
 
+@pytest.mark.parametrize("factor", [1000.0, 1 / 60, 3.0])
+def test_a_wrong_unit_is_no_chipping(factor):
+    assert [(k, alarm.kind) for k, alarm in edge(shift=log(factor), n=60)] == [(10, "tool")]
+
+
 @pytest.mark.parametrize(("shift", "words"), [(0.15, "higher than before"), (-0.15, "lower than before")])
 def test_a_shifted_batch_is_found_over_edges(shift, words):
     detection, found = Detection(), []
