@@ -299,6 +299,9 @@ class EdgeEstimate:
     def notes(self) -> tuple[str, ...]:
         """What was assumed for this edge, what is extrapolated, and what loads cannot show."""
         found = [*self._assumed.values(), *self.laws.beyond(self._last, self.minutes)]
+        if self.criterion > self.laws.largest_wear * (1 + 1e-6):
+            most = f"{self.laws.largest_wear:.3g} {self.laws.wear.unit}"
+            found.append(f"EXTRAPOLATED: the criterion {self.criterion:g} is beyond the largest wear tested ({most}).")
         strong = [f"{name} {r:.2f}" for name, r in self.level_correlations().items() if r < -0.7]
         if strong and not self.gauged and self.windows:
             found.append(
@@ -315,6 +318,7 @@ class EdgeEstimate:
         """Exact snapshot of the estimate; the laws are not in it."""
         return {
             "schema": SCHEMA,
+            "laws": self.laws.fingerprint,
             "criterion": self.criterion,
             "minutes": self.minutes,
             "gauged": self.gauged,
@@ -339,17 +343,30 @@ class EdgeEstimate:
         """
         if data.get("schema") != SCHEMA:
             raise UsageError(f"snapshot of schema {data.get('schema')!r}: it must be {SCHEMA}; start a new journal.")
-        found = cls(laws, float(data["criterion"]))
-        x, P = np.array(data["mean"], dtype=float), np.array(data["covariance"], dtype=float)
-        settings = np.array(data["exposure"]["settings"], dtype=float).reshape(-1, len(laws.wear.theta))
-        if x.shape != found._state.x.shape or P.shape != found._state.P.shape:
+        if data.get("laws") != laws.fingerprint:
             raise UsageError(
-                f"snapshot of {len(x)} states, the laws need {len(found._state.x)}: it was made with another parameter "
-                "file; start a new journal."
+                f"snapshot of the laws {data.get('laws')}, these are {laws.fingerprint}: it was made with another "
+                "parameter file; start a new journal."
             )
-        found._state.x, found._state.P, found._state.fast = x, P, dict(data["fast"])
-        found._exposure = Exposure(settings, np.array(data["exposure"]["minutes"], dtype=float))
-        found.minutes, found._last = float(data["minutes"]), dict(data["last"])
+        try:
+            return cls._restored(laws, data)
+        except (KeyError, TypeError, ValueError) as error:
+            raise UsageError(f"snapshot that cannot be read ({error!r}): start a new journal.") from None
+
+    @classmethod
+    def _restored(cls, laws: LiveLaws, data: Mapping[str, Any]) -> "EdgeEstimate":
+        found = cls(laws, float(data["criterion"]))
+        state, exposure = found._state, data["exposure"]
+        x, P = np.array(data["mean"], dtype=float), np.array(data["covariance"], dtype=float)
+        minutes = np.array(exposure["minutes"], dtype=float)
+        settings = np.array(exposure["settings"], dtype=float).reshape(len(minutes), len(laws.wear.theta))
+        if x.shape != state.x.shape or P.shape != state.P.shape:
+            raise ValueError(f"{len(x)} states, and {len(state.x)} are needed")
+        if not np.isfinite(np.concatenate([x, P.ravel(), settings.ravel(), minutes])).all():
+            raise ValueError("values that are not finite")
+        state.x, state.P, state.fast = x, P, {name: float(data["fast"][name]) for name in laws.loads}
+        found._exposure = Exposure(settings, minutes)
+        found.minutes, found._last = float(data["minutes"]), {k: float(v) for k, v in data["last"].items()}
         found.gauged, found.windows, found.reopened = (int(data[key]) for key in ("gauged", "windows", "reopened"))
         found._assumed = dict(data["assumed"])
         return found

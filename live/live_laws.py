@@ -10,6 +10,7 @@ over the minutes t_i at each setting, in any order.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -190,6 +191,21 @@ class LiveLaws:
         return cls(law, found, criterion, (low, high), bool(pf.identity.simulated), scatter, every)
 
     @property
+    def fingerprint(self) -> str:
+        """First digits of the SHA-256 of all numbers: a state is of use with the same laws alone."""
+        digest = sha256()
+        for law in (self.wear, *self.loads.values()):
+            digest.update(f"{law.symbol} {law.unit} {law.formula.factors} {law.sd_level!r} {law.df!r}".encode())
+            digest.update(np.concatenate([law.theta, law.covariance.ravel(), law.shifts, law.scales]).tobytes())
+        return digest.hexdigest()[:16]
+
+    @property
+    def largest_wear(self) -> float:
+        """Largest wear in the tests of the loads, in the unit of the wear law; infinite where no load names it."""
+        known = [law.ranges[self.wear.symbol][1] for law in self.loads.values()]
+        return max(known, default=float("inf"))
+
+    @property
     def conditions(self) -> tuple[str, ...]:
         """Symbols of the conditions that the laws need, such as V, f and d."""
         own = {TIME, self.wear.symbol}
@@ -253,6 +269,9 @@ def _load_fault(pf: "ParameterFile", name: str, wear: str) -> str:
     law = pf.laws[name]
     if wear not in law.formula.factors:
         return f"the law of {name} does not depend on {wear}: this load does not show wear."
+    if law.coefficients.get(wear, 1.0) <= 0:
+        power = law.coefficients[wear]
+        return f"the law of {name} falls with {wear} (exponent {power:.2g}): it does not give the wear."
     if not (law.logarithmic and law.formula.linearisable):
         return (
             f"the law of {name} is {law.form.replace('_', ' ')}, not linear in ln {name}: it is not used for the wear."

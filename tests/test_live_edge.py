@@ -185,7 +185,11 @@ def test_snapshot_goes_on_bit_for_bit(laws, pf):
         cut(one, 20, change=0.01)
     assert again.as_json() == edge.as_json()
     with pytest.raises(UsageError, match="another parameter"):
-        EdgeEstimate.from_json(LiveLaws.of(pf, loads=[]), edge.as_json())
+        EdgeEstimate.from_json(LiveLaws.of(pf, loads=["P"]), edge.as_json())
+    broken = [{"minutes": "many"}, {"mean": [1.0]}, {"covariance": None}, {"exposure": {}}, {"fast": {}}]
+    for part in broken:
+        with pytest.raises(UsageError, match="cannot be read"):
+            EdgeEstimate.from_json(laws, {**edge.as_json(), **part})
 
 
 def test_beyond_the_tests_is_said(laws):
@@ -193,6 +197,18 @@ def test_beyond_the_tests_is_said(laws):
     edge.advance(30.0, {**AT, "V": 300.0})
     assert any("V 300 (tested 50 to 200)" in note for note in edge.notes)
     assert any("times the longest test" in note for note in edge.notes)
+    assert any("largest wear tested" in note for note in EdgeEstimate(laws, 0.6).notes)
+    assert not any("largest wear tested" in note for note in EdgeEstimate(laws, 0.3).notes)
+
+
+def test_load_that_falls_with_wear_is_not_used(pf):
+    law = pf.laws["P"].model_copy(update={"coefficients": {**pf.laws["P"].coefficients, "AW": -0.1}})
+    turned = pf.model_copy(update={"laws": {**pf.laws, "P": law}})
+    found = LiveLaws.of(turned)
+    assert tuple(found.loads) == ("Fxz",)
+    assert any("falls with AW" in note for note in found.notes)
+    with pytest.raises(UsageError, match="falls with AW"):
+        LiveLaws.of(turned, loads=["P"])
 
 
 def test_laws_that_cannot_serve_are_refused_by_name(pf):
