@@ -75,13 +75,13 @@ def prepare(out: Path, source: str, options: BatchOptions, force: bool = False) 
             _free_or_ours(out, source, force)  # another batch may have ended before the lock
             for folder in {(out / name).parent for files in written(out).values() for name in files}:
                 recover(folder)
-            if force:
-                _clear(out)
-            else:
+            if not force:
                 _unchanged_by_others(out)
             for path in (out / RECORDS).glob(".fitmodels-*.tmp"):  # of a process that was killed
                 path.unlink()
-            _write_manifest(out, source, options)
+            _write_manifest(out, source, options)  # where the disk is full, nothing has been removed yet
+            if force:
+                _clear(out)
             yield
     except BaseException:
         if new:
@@ -243,8 +243,7 @@ def _clear(out: Path) -> None:
     _remove(out, {name for files in written(out).values() for name in files} | set(_claimed(out)))
     for path in (out / RECORDS).glob("*.json"):
         path.unlink()
-    for rest in (MADE, MANIFEST):
-        (out / rest).unlink(missing_ok=True)
+    (out / MADE).unlink(missing_ok=True)
 
 
 def _claimed(out: Path) -> list[str]:

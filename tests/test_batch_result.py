@@ -455,6 +455,23 @@ def test_force_takes_away_what_batch_wrote_and_nothing_else(out):
     assert not (out / "pairs/GC4325_42CrMo4").exists()
 
 
+def test_force_on_a_full_disk_removes_nothing(out, monkeypatch):
+    """It once removed the former results before the manifest, and then refused its own folder as a foreign one."""
+    record(out, KEY, outcome(A), folder_names([A]))
+    (out / "pairs/card.toml").write_text("mine")
+
+    def full(*_, **__):
+        raise UsageError("manifest.json: cannot be written: no space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(place, "write_whole", full)
+        with pytest.raises(UsageError, match="no space"), prepare(out, "lab", replace(Options(), seed=3), force=True):
+            pass
+    assert recorded(out, KEY, folder_names([A])) is not None
+    with prepare(out, "lab", replace(Options(), seed=3), force=True):
+        assert [path.name for path in (out / "pairs").iterdir()] == ["card.toml"]
+
+
 def test_a_list_of_files_that_leads_elsewhere_is_not_followed(out, tmp_path):
     (tmp_path / "mine").write_text("mine")
     (out / place.MADE).write_text(json.dumps(["../mine", str(tmp_path / "mine"), 7]))
