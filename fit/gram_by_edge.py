@@ -99,11 +99,12 @@ def edge_triangles(law: LawFit) -> tuple[EdgeTriangle, ...] | NotAvailable:
     W = np.column_stack([law.design[:, 1:], y])
     if law.edge is None:
         return (edge_triangle("", W),)
-    names = law.edge.astype(str)
-    known = np.unique(names)
+    known, number = np.unique(law.edge.astype(str), return_inverse=True)
     if len(known) > MOST_EDGES:
         return NotAvailable(f"{len(known)} edges; sums by edge are kept of at most {MOST_EDGES}")
-    return tuple(edge_triangle(str(name), W[names == name]) for name in known)
+    order = np.argsort(number, kind="stable")
+    parts = np.split(W[order], np.cumsum(np.bincount(number))[:-1])
+    return tuple(edge_triangle(str(name), rows) for name, rows in zip(known, parts, strict=True))
 
 
 def _not_linear(law: LawFit) -> str:
