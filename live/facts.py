@@ -95,7 +95,7 @@ def facts_of(monitor: "Monitor", now: Reading) -> Facts:
         "conditions": dict(now.conditions) or conditions,
         "loads": _loads(monitor, now),
         "wear": {"symbol": laws.wear.symbol, "unit": laws.wear.unit, "criterion": monitor.estimate.criterion}
-        | _interval(lambda: monitor.estimate.wear(monitor.settings.level), monitor),
+        | _wear(monitor, now),
         **_forecast(monitor, now, conditions),
         "decision": monitor.decisions[-1] if monitor.decisions else None,
         "advice": list(monitor.decisions),
@@ -105,6 +105,13 @@ def facts_of(monitor: "Monitor", now: Reading) -> Facts:
         "journal": dict(now.journal),
         "control": dict(now.control),
     }
+
+
+def _wear(monitor: "Monitor", now: Reading) -> Facts:
+    """Interval of the wear; none of an edge that has not cut."""
+    if monitor.edge.minutes + now.open <= 0:
+        return {"median": None, "low": None, "high": None, "level": monitor.settings.level, "reason": "new edge"}
+    return _interval(lambda: monitor.estimate.wear(monitor.settings.level), monitor)
 
 
 def _loads(monitor: "Monitor", now: Reading) -> Facts:

@@ -137,6 +137,7 @@ class Monitor:
     def _cut_end(self, record: Record) -> None:
         contact, lost = float(record["contact"]), bool(record.get("lost"))
         self.open = None
+        self.conditions = dict(record.get("conditions") or self.conditions)
         self._advance(contact)
         self.cut_minutes += contact
         if lost:

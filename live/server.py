@@ -24,7 +24,7 @@ NAMESPACE: Final = "urn:fitmodels:watch"
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 PORT: Final = 4841
 EXTRA: Final = "--serve needs asyncua: pip install 'fitmodels[live]'."
-STARTED: Final = 10.0  # s within which the server starts
+STARTED: Final = 60.0  # s within which the server starts
 
 
 def _of(*path: str) -> Callable[[Facts], Any]:

@@ -81,7 +81,8 @@ def rows(facts: Facts) -> list[tuple[str, str]]:
 def wear_words(wear: Facts) -> str:
     """Median and interval of the wear, and the criterion."""
     end = "" if wear["criterion"] is None else f"; criterion {format_plain(wear['criterion'])} {wear['unit']}"
-    return f"{wear['symbol']} {_interval(wear, wear['unit'])}{end}"
+    value = "new edge, no contact yet" if wear.get("reason") == "new edge" else _interval(wear, wear["unit"])
+    return f"{wear['symbol']} {value}{end}"
 
 
 def life_words(life: Facts | None) -> str:
@@ -211,7 +212,9 @@ class PlainLines:
         """The state on one line."""
         wear, life = facts["wear"], facts["life"]
         parts = [f"{facts['clock']}  {facts['state']:<8} {facts['cut_minutes']:6.2f} min"]
-        parts.append(f"{wear['symbol']} {_short(wear)} {wear['unit']}")
+        parts.append(
+            "new edge" if wear.get("reason") == "new edge" else f"{wear['symbol']} {_short(wear)} {wear['unit']}"
+        )
         if life is not None and life["median"] is not None:
             parts.append(f"life {_short(life)} min")
         if facts["probability_past"] is not None:

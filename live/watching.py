@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 SHOWN_EACH: Final = 0.5  # s between two descriptions that are shown
 CONTACT_EACH: Final = 5.0  # s of the source between two records of an open cut
+CONDITIONS_EACH: Final = 1.0  # s of the source between two looks at the conditions
 ASKED_EACH: Final = 1.0  # s between two looks for requests and for the parameter file
 REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {"gauge": ("wear", "sd_ln"), "edge": (), "acknowledge": ()}
 OF_EDGE: Final = ("window", "cutend", "contact", "gap", "gauge")  # records that depend on the laws
@@ -68,6 +69,9 @@ class Watch:
         self._contact: float | None = None
         self._fault = ""
         self._other_tool = ""
+        self._windows = 0  # of the open cut
+        self._at: Mapping[str, float] = {}  # last conditions that the laws can use
+        self._at_time = float("-inf")
 
     def run(self, source: Iterable[Sample | Notice], stopped: Callable[[], bool] = lambda: False) -> None:
         """Watch until the source ends or ``stopped`` gives true; the journal is complete then."""
@@ -143,7 +147,12 @@ class Watch:
             self.now.source = {**self.now.source, "state": "connected", "text": ""}
         elif sample.bad:
             self.now.source = {**self.now.source, "state": "bad", "text": sample.bad}
-        self._found(self.cuts.add(sample))
+        found = self.cuts.add(sample)
+        if not found and abs(sample.time - self._at_time) >= CONDITIONS_EACH:
+            self._at_time = sample.time
+            if not self.monitor.laws.missing(self.cuts.conditions):
+                self._at = self.cuts.conditions
+        self._found(found)
         self._note_contact(sample.time)
 
     def _notice(self, notice: Notice) -> None:
@@ -172,9 +181,11 @@ class Watch:
         for each in found:
             if isinstance(each, Window):
                 self.record(**window_record(each))
+                self._windows += 1
                 self._contact = each.end
             elif isinstance(each, CutEnd):
-                self.record("cutend", **asdict(each))
+                self.record("cutend", **asdict(each), conditions={} if self._windows else dict(self._at))
+                self._windows = 0
                 self._contact = None
             else:
                 self._say_notice(each)
