@@ -1,6 +1,7 @@
 """Growing files and recorded runs: no row torn, doubled or lost; what happened is a notice."""
 
 import json
+import math
 import os
 import socket
 import struct
@@ -10,13 +11,15 @@ import threading
 import time
 
 import pytest
-from fitmodels.core.errors import DataError, UsageError
+from fitmodels.core.errors import DataError, FitmodelsError, UsageError
 from fitmodels.live.samples import Notice, Sample
 from fitmodels.live.sources import SourceOptions, open_source, streams
 from fitmodels.live.sources.channels import channels_of
 from fitmodels.live.sources.clock import Clock, Stamps
 from fitmodels.live.sources.files import Tail
 from fitmodels.live.sources.rows import Lines
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 P = SourceOptions(loads={"P": "kW"})
 
@@ -348,3 +351,53 @@ def test_standard_input_ends(tmp_path):
 def test_lines_of_another_computer_are_refused(words):
     with pytest.raises(UsageError, match=r"port|ssh -L"):
         open_source(words, P)
+
+
+def test_what_the_journal_holds_is_left_out_and_a_clock_set_back_hides_nothing(tmp_path):
+    """Rows that were there are told by their times, rows that are written now are new whatever their times are."""
+    path = written(tmp_path, "t [s],P [kW]\n0,1\n1,2\n2,3\n")
+    with open_source(str(path), SourceOptions(loads={"P": "kW"}, after=5.0)) as source:
+        items = until(source, lambda items: len(items) > 2 and items[-1].kind == "idle")
+        assert loads(items) == []
+        assert "left out" in items[1].text
+        with path.open("a") as file:
+            file.write("3,4\n")
+        items = until(source, lambda items: loads(items) == [4])
+    assert kinds(items) == ["clock"]
+
+
+CELLS = st.one_of(
+    st.text(max_size=8), st.floats(width=32).map(str), st.sampled_from(["P [kW]", "t [s]", "1,5", '"', "{}"])
+)
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@given(rows=st.lists(st.lists(CELLS, max_size=5), max_size=12), mark=st.sampled_from(",;\t"), good=st.booleans())
+def test_lines_of_any_text_give_samples_notices_or_an_error_of_ours(rows, mark, good):
+    lines = Lines("run", SourceOptions(loads={"P": "kW"}, silent=1.0))
+    try:
+        for line in [*(["t [s]" + mark + "P [kW]"] if good else []), *map(mark.join, rows)]:
+            for item in lines.take(line, 0.0):
+                assert isinstance(item, (Sample, Notice))
+                if isinstance(item, Sample):
+                    assert all(math.isfinite(value) for value in (item.time, *item.loads.values()))
+    except FitmodelsError:
+        pass
+
+
+PLAIN = st.one_of(st.none(), st.booleans(), st.floats(), st.text(max_size=5), st.integers())
+NESTED = st.recursive(
+    PLAIN, lambda x: st.lists(x, max_size=3) | st.dictionaries(st.text(max_size=4), x, max_size=4), max_leaves=10
+)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(value=NESTED)
+def test_json_of_any_kind_gives_samples_notices_or_an_error_of_ours(value):
+    lines = Lines("tcp", SourceOptions(loads={"P": "kW"}))
+    for data in ({"t": 0, "P": 1}, value, {"t": 1, "P": value}, {"t": value, "P": 1}):
+        try:
+            for item in lines.take(json.dumps(data)):
+                assert isinstance(item, Notice) or math.isfinite(item.time)
+        except FitmodelsError:
+            pass

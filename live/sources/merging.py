@@ -60,8 +60,8 @@ class Merger:
     changed: `confirm` repeats loads that the server was asked for and that are still the same.
     """
 
-    def __init__(self, channels: Channels, after: float | None = None) -> None:
-        self._channels, self._after = channels, after
+    def __init__(self, channels: Channels) -> None:
+        self._channels = channels
         self._loads = [k for k, c in enumerate(channels.channels) if c.kind == "load"]
         self._held: list[Value] = [None] * len(channels.channels)
         self._bad: dict[int, str] = {}
@@ -168,8 +168,6 @@ class Merger:
 
     def _given(self, time: float, arrival: float, places: Sequence[int]) -> list[Sample | Notice]:
         """A sample of some loads and all that is held."""
-        if self._after is not None and self._clock.last is None and time <= self._after:
-            return []
         use, notice = self._clock.take(time, arrival)
         out: list[Sample | Notice] = [notice] if notice else []
         if use:

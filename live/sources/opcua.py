@@ -137,7 +137,7 @@ class OpcUa:
         """
         thread = threading.Thread(target=self._thread, daemon=True, name="OPC UA")
         thread.start()
-        consumer = _Consumer(self._options)
+        consumer = _Consumer()
         given = time.monotonic()
         try:
             while True:
@@ -302,8 +302,7 @@ class _Handler:
 class _Consumer:
     """What the thread gives, as samples."""
 
-    def __init__(self, options: SourceOptions) -> None:
-        self._options = options
+    def __init__(self) -> None:
         self._merger: Merger | None = None
         self._channels: Channels | None = None
 
@@ -331,7 +330,7 @@ class _Consumer:
 
     def _connected(self, item: _Connected) -> Notice:
         if self._merger is None or item.channels != self._channels:
-            self._merger = Merger(item.channels, self._options.after)
+            self._merger = Merger(item.channels)
         self._merger.reconnected()
         self._channels = item.channels
         return Notice(time.time(), "connected", item.text)

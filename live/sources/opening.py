@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -83,7 +84,7 @@ def open_source(words: str, options: SourceOptions) -> Source:
     if words in ("-", "linuxcnc") or words.startswith(("opc.tcp://", "tcp://", "unix:")):
         if options.replay is not None:
             raise UsageError("--replay goes with a recorded run, not with a machine.")
-        return _live(words, options)
+        return _live(words, replace(options, after=None))  # a machine gives nothing twice
     if match := re.match(r"([a-z][a-z.]+)://", words):
         raise UsageError(
             f"--from {words}: no source {match[1]}://; give a file, -, linuxcnc, opc.tcp://host:port, "

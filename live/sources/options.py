@@ -37,7 +37,7 @@ class SourceOptions:
     rate : float or None
         Samples per second of a recorded run without times, Hz.
     after : float or None
-        Samples up to this time are not given again, s by the clock of the source.
+        Samples of a file up to this time are not given again, s by the clock of the source.
     from_end : bool
         Rows that a growing file already holds are left out.
     silent : float

@@ -50,6 +50,7 @@ class Lines:
         self._said: set[str] = set()
         self._loaded: float | None = None  # time of the last sample with a load
         self._missed = False  # a load, for ``silent`` s
+        self._skipped = False  # samples that the journal holds
         self.samples = 0  # that were read
         self.restart()
 
@@ -134,9 +135,14 @@ class Lines:
         return self._stamps.seconds(clock)
 
     def _sample(self, sample: Sample, arrival: float | None) -> Iterator[Sample | Notice]:
-        after = self._options.after
-        if after is not None and self._clock.last is None and sample.time <= after:
+        if self._known(sample, arrival):
+            if not self._skipped:
+                self._skipped = True
+                yield Notice(wall_time(), "connected", f"{self.name}: readings that the journal holds are left out")
             return
+        if self._options.after is not None and self._clock.last is None and sample.time <= self._options.after:
+            text = f"times are {self._options.after - sample.time:.3g} s before those of the journal"
+            yield Notice(wall_time(), "clock", f"{text}: the clock of the source was set back")
         self.samples += 1
         yield from self._without_load(sample)
         use, notice = self._clock.take(sample.time, arrival)
@@ -144,6 +150,11 @@ class Lines:
             yield notice
         if use:
             yield sample
+
+    def _known(self, sample: Sample, arrival: float | None) -> bool:
+        """Whether the journal holds a sample: not one that was written just now, whatever its time is."""
+        after = self._options.after
+        return after is not None and self._clock.last is None and sample.time <= after and arrival is None
 
     def _without_load(self, sample: Sample) -> Iterator[Notice]:
         """A notice where no sample has held a load for ``silent`` s, once."""
