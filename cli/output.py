@@ -194,6 +194,7 @@ WHOLE: Final = {  # other advice in terms of Python, and the same in terms of th
     "they need the diameter, at={'D': ...} in mm": "they need the diameter, which is not in the file",
     "use scale='log'": "use --form second-order",
     "or None for no limit": "or leave it out",
+    "certain=True": "--certain",
 }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.arrays import is_positive
 from ..core.errors import ParameterError, UsageError
+from ..core.rounding import count
 from .samples import Window
 
 if TYPE_CHECKING:
@@ -135,9 +136,9 @@ class EdgeSummary:
         if not is_positive(wear):
             raise UsageError(f"{symbol}={wear:g}: a measured wear is above zero.")
         if not self.minutes > 0:
-            raise UsageError(f"edge {self.edge!r} has not cut yet: a wear law has no row at t = 0.")
+            raise UsageError(f"a new edge has no wear: edge {self.edge!r} has not cut yet; measure it after a cut.")
         if len(self.marks) >= MOST_MARKS:
-            raise UsageError(f"edge {self.edge!r} has {MOST_MARKS} measurements; no more are kept.")
+            raise UsageError(f"at most {MOST_MARKS} measurements are kept of one edge, and {self.edge!r} has them.")
         last = [one for one in self.recent if one["at"] >= (1 - LAST_SHARE) * self.minutes]
         last = last if len(last) >= FEWEST else self.recent[-FEWEST:]
         cells = tuple(Cell(cell.minutes, dict(cell.ln)) for cell in self.cells)
@@ -192,12 +193,12 @@ def check_edges(edges: Sequence[EdgeSummary], *, certain: bool) -> None:
         raise UsageError("no edge is given; learning needs one whose wear was measured.")
     for edge in edges:
         if not edge.marks:
-            raise UsageError(f"edge {edge.edge!r} has no measured wear; give it with --measured VB=0.21mm.")
+            raise UsageError(f"no measured wear of edge {edge.edge!r}; give it with --measured VB=0.21mm.")
         if edge.gaps and not certain:
             raise UsageError(
-                f"edge {edge.edge!r} cut {edge.minutes:.3g} min or more: the signal was lost {edge.gaps} times in cut, "
-                "or the watch began at a used edge. A law of too short a time is wrong; give certain=True if the time "
-                "is right."
+                f"the contact of edge {edge.edge!r} is {edge.minutes:.3g} min or more: the signal was lost in a cut, "
+                f"or the watch began at a used edge ({count(edge.gaps, 'time')}). A law of too short a time is wrong; "
+                "give certain=True if the time is right."
             )
 
 

@@ -313,17 +313,16 @@ def _lines(pf: "ParameterFile", found: "Mapping[str, Learned]", version: int) ->
 
 
 def _not_computed_again(found: "Mapping[str, Learned]") -> list[str]:
-    """Checks that keep their result of the rows of the first fit, laws with the same ones together."""
-    kept: dict[str, list[str]] = {}
-    for name, of in found.items():
+    """Checks that keep their result of the rows of the first fit."""
+    kept: dict[str, None] = {}
+    for of in found.values():
         verdict = of.section.verdict
-        titles = [text.split(":")[0] for text in (verdict.not_checked if verdict else ()) if "as sums only" in text]
-        kept.setdefault("; ".join(titles), []).append(name)
-    return [
-        f"Not computed again for {', '.join(names)}, results of the rows of the first fit: {titles}."
-        for titles, names in kept.items()
-        if titles
-    ]
+        kept |= {
+            text.split(":")[0]: None for text in (verdict.not_checked if verdict else ()) if "as sums only" in text
+        }
+    if not kept:
+        return []
+    return [f"Not computed again, results of the rows of the first fit: {'; '.join(kept)}."]
 
 
 def _size(pf: "ParameterFile") -> str:

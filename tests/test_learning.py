@@ -249,11 +249,14 @@ def test_settings_of_the_former_law_are_left_out(early):
     ("change", "words"),
     [
         (lambda folder: learn_file(folder / "params.json", [EdgeSummary("W1")]), "no measured wear"),
-        (lambda folder: learn_file(folder / "params.json", [finished("E02")]), "in the law of AW already"),
+        (lambda folder: learn_file(folder / "params.json", [finished("E02")]), "the law of AW has edge 'E02' already"),
         (lambda folder: learn_file(folder / "params.json", [finished(wear=160.0)]), "unit right"),
         (lambda folder: learn_file(folder / "params.json", [without_depth()]), "d not known"),
         (lambda folder: learn_file(folder / "params.json", []), "no edge"),
-        (lambda folder: learn_file(folder / "params.json", [with_gap()]), "12 min or more: the signal was lost 1"),
+        (
+            lambda folder: learn_file(folder / "params.json", [with_gap()]),
+            "12 min or more: the signal was lost",
+        ),
         (lambda folder: EdgeSummary("W1").measured("AW", 0.2), "not cut yet"),
         (lambda folder: finished(wear=float("nan")), "above zero"),
         (lambda folder: finished().advance(-1.0, {}), "0 or more"),

@@ -142,7 +142,7 @@ def learned_law(
     known = {one.edge for one in triangles_of(section)}
     if twice := next((one.edge for one in more if one.edge in known), None):
         raise ParameterError(
-            f"edge {twice!r} is in the law of {section.response} already, so it is not added again. Give a further "
+            f"the law of {section.response} has edge {twice!r} already, so it is not added again. Give a further "
             "edge another name."
         )
     before, law = law_with(pf, section), law_with(pf, section, more)
