@@ -5,12 +5,13 @@ laws need are computed as in tables of tests: V from n and D, f from the feed ra
 """
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf, isfinite, isnan, pi
+from math import inf, isfinite, isnan, nan, pi
 from statistics import fmean, median, stdev
 
 from ..datasets.derived.rules import RULES
+from ..datasets.signals.cuts import SETTLED
 from .samples import Sample, State
 
 BLOCK = 0.1  # s; five samples at 50 Hz
@@ -18,6 +19,7 @@ GAP = 2.0  # s without a sample, at least, that are a gap
 INTERVALS = 5.0  # usual intervals between samples that are a gap
 BRIDGED = 5.0  # s; a shorter gap within a cut counts as cutting
 SECONDS_OF_DRIFT = 30.0  # s in which the idle level drifts by the noise of a second of air, before it is learned
+FEWEST = 3  # blocks of a second of air
 LONGEST = 3.0  # s of a revolution that is averaged over
 SPEEDS = ("n", "V")
 OTHER_SPEED = 0.03  # relative change
@@ -245,6 +247,83 @@ def _phase(samples: Sequence[Sample], conditions: Mapping[str, float]) -> State:
     if said == "idle" or any(conditions.get(name) == 0 for name in ("f", "fm", "fz")):
         return "idle"
     return said
+
+
+class Air:
+    """Idle levels of all loads, from the air between cuts.
+
+    Attributes
+    ----------
+    idle : dict of str to IdleLevel
+        By load.
+    begun : float
+        s, from which these levels are assumed; NaN before.
+    """
+
+    def __init__(self) -> None:
+        self.idle: dict[str, IdleLevel] = {}
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing of the moment; the levels stay."""
+        self.begun = nan
+        self._waiting: deque[Block] = deque()  # the last moment, which may be the ramp of a cut
+        self._second: list[Block] = []
+        self.begin(-inf)
+
+    def begin(self, time: float, *, follows: bool = False) -> None:
+        """Air begins at a time (s); ``follows``: it goes on, after something too short for a cut."""
+        self._from, self._second = time, []
+        self._follows = follows
+        self._waiting.clear()
+
+    def leave(self) -> None:
+        """A load leaves its level: what was read in the last moment may be the ramp of a cut."""
+        self._waiting.clear()
+
+    def add(self, block: Block, only: Collection[str] | None = None) -> None:
+        """Take in a block of air, but the last moments before a cut and the first after one."""
+        self._waiting.append(block)
+        while block.end - self._waiting[0].end > SETTLED:
+            earlier = self._waiting.popleft()
+            if earlier.start >= self._from + SETTLED:
+                self._second.append(earlier)
+        if sum(b.seconds for b in self._second) >= 1.0 - BLOCK / 2 and len(self._second) >= FEWEST:
+            second, self._second = self._second, []
+            self._learn(second, only, follows=self._follows)
+            self._follows = True
+
+    def _learn(self, blocks: Sequence[Block], only: Collection[str] | None, *, follows: bool) -> None:
+        time = (blocks[0].start + blocks[-1].end) / 2
+        self.begun = blocks[0].start if isnan(self.begun) else self.begun
+        for name in blocks[-1].loads.keys() if only is None else blocks[-1].loads.keys() & only:
+            values = [b.loads[name] for b in blocks if name in b.loads]
+            if len(values) >= FEWEST:
+                self.idle.setdefault(name, IdleLevel()).add(values, time, follows=follows)
+
+    def leap(self, block: Block) -> bool:
+        """Whether a load leaves the few blocks read so far, from which the levels are then taken."""
+        few = [*self._second, *self._waiting]
+        for name, value in block.loads.items():
+            values, idle = [b.loads[name] for b in few if name in b.loads], self.idle.get(name)
+            if idle is not None and _leaps(value, idle.level, idle.noise):
+                idle.scatters = [*idle.scatters, idle.noise]
+                return True
+            if idle is None and len(values) >= FEWEST and _leaps(value, median(values), stdev(values)):
+                self.assume(few)
+                return True
+        return False
+
+    def assume(self, blocks: Sequence[Block]) -> None:
+        """Take blocks as air whatever was taken before."""
+        self.idle.clear()
+        self.begun = blocks[0].start
+        for follows in (False, True):
+            self._learn(blocks, None, follows=follows)
+
+
+def _leaps(value: float, level: float, noise: float) -> bool:
+    return abs(value - level) > max(10 * noise, abs(level) / 2)
 
 
 def speed_ratio(conditions: Mapping[str, float], before: Mapping[str, float]) -> tuple[float, Mapping[str, float]]:

@@ -9,15 +9,15 @@ before that, cutting time counts and loads do not. A load that stands near zero 
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, replace
-from math import isnan, sqrt
+from math import sqrt
 from statistics import median
 from typing import Any, Literal
 
-from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, SETTLED, STARTING
+from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, STARTING
 from ..datasets.signals.options import DRIVEN, ReduceOptions
-from .blocks import BLOCK, BRIDGED, Block, Blocks, Gap, IdleLevel, speed_ratio
+from .blocks import BLOCK, BRIDGED, FEWEST, SPEEDS, Air, Block, Blocks, Gap, IdleLevel, speed_ratio
 from .samples import CutEnd, Notice, Sample, Window
-from .windows import AGAINST, FALLEN, INTERRUPTED, Windows
+from .windows import AGAINST, FALLEN, INTERRUPTED, RESTING, Windows
 
 SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle
 SHORTEST = ReduceOptions().shortest
@@ -26,6 +26,7 @@ COARSE = 0.002  # of the idle level, below which no load is seen
 ENDING = ("lost", "clock", "replaced", "end")  # notices after which a cut cannot be followed
 CONTRADICTED = 5.0  # s of a load above idle while the machine says that it does not cut
 OFTEN = 6  # excursions too short for a cut, within twelve seconds
+ZERO = 0.02  # share of a load below which its idle level may be that of a spindle that stands
 SILENT = 1.0  # s without a reading in a cut, after which the signal is lost
 
 Found = Window | CutEnd | Notice
@@ -68,7 +69,8 @@ class Cuts:
         rest: Literal["off", "idle"] | None = None,
         seconds: float = 10.0,
     ) -> None:
-        self.idle: dict[str, IdleLevel] = {}
+        self._air = Air()
+        self.idle = self._air.idle
         self._blocks, self._windows = Blocks(constants), Windows(self.idle, whole, seconds)
         self._rest, self._believed = rest, True
         self._speeds: Mapping[str, float] = {}
@@ -79,17 +81,14 @@ class Cuts:
     def _forget(self) -> None:
         """Nothing of the moment: no cut, no air."""
         self._ahead: deque[Block] = deque()
-        self._air: deque[Block] = deque()  # the last moment of air, which may be the ramp of a cut
-        self._second: list[Block] = []  # of air
-        self._follows = False  # whether air lies before it
-        self._air_from = float("-inf")
+        self._air.forget()
         self._span: list[Block] = []  # away from idle, not yet a cut
         self._against: list[Block] = []  # away from idle while the machine says that it does not cut
         self._below: list[Block] = []  # back at idle, not yet the end of the cut
         self._cut = self._stopped = False
         self._started: list[Block] = []  # of a spindle
+        self._standing: float | None = None  # level before it
         self._lead, self._sign, self._level = "", 1.0, 0.0
-        self._since = float("nan")  # s, from which an idle level is assumed that is not proved
 
     @property
     def number(self) -> int:
@@ -222,9 +221,9 @@ class Cuts:
         if block.phase == "idle":
             self._windows.proved = True
         if at_rest:
-            self._rest_in_air(block, at_rest)
+            self._air.add(block, at_rest)
         else:
-            self._air_from, self._follows = block.end, False
+            self._air.begin(block.end)
 
     def _contradicted(self, name: str) -> Iterator[Found]:
         """A load that stays above idle shows contact, whatever the machine says: a column may be dead."""
@@ -240,27 +239,28 @@ class Cuts:
         ratio, self._speeds = speed_ratio(block.conditions, self._speeds)
         if ratio == 1:
             return
-        self._second, self._air_from, self._follows = [], block.end, False
-        self._air.clear()
+        self._air.begin(block.end)
         for name in self.idle.keys() & set(DRIVEN):
             self.idle[name].change_speed(ratio, proportional=name == "P")
 
     def _in_air(self, block: Block) -> Iterator[Found]:
         name, away = self._furthest(block.loads)
+        if not name and self._air.leap(block):
+            name, away = self._furthest(block.loads)
         high = self._high(name) if name else float("inf")
         if not self._span and abs(away) <= high:
-            self._rest_in_air(block)
+            self._air.add(block)
         elif not self._span or away * self._sign > self._left(abs(self._level), high):
             if not self._span:
                 self._lead, self._sign, self._level = name, 1.0 if away > 0 else -1.0, 0.0
-                self._air.clear()
+                self._air.leave()
             self._span.append(block)
             self._level = abs(median([b.loads[name] for b in self._span if name in b.loads]) - self.idle[name].level)
             if sum(b.seconds for b in self._span) >= SHORTEST:
                 yield from self._confirmed()
         else:
             span, self._span = self._span, []
-            self._air_from, self._second = block.end, []
+            self._air.begin(block.end, follows=True)
             self._short = [*self._short[1 - OFTEN :], span[0].start]
             if len(self._short) == OFTEN and block.end - self._short[0] < 2 * OFTEN * SHORTEST:
                 yield from self._windows.once("short", block.end, INTERRUPTED.format(name, SHORTEST))
@@ -290,57 +290,48 @@ class Cuts:
         """Distance from idle at which a cut of this level has ended."""
         return max(LEFT * level, min(high / 2, level / 2))
 
-    def _rest_in_air(self, block: Block, only: Collection[str] | None = None) -> None:
-        """Take a block of air into the idle levels, but the last moments before a cut and the first after one."""
-        self._air.append(block)
-        while self._air and block.end - self._air[0].end > SETTLED:
-            earlier = self._air.popleft()
-            if earlier.start >= self._air_from + SETTLED:
-                self._second.append(earlier)
-        if sum(b.seconds for b in self._second) < 1.0 - BLOCK / 2 or len(self._second) < 4:
-            return
-        second, self._second = self._second, []
-        time = (second[0].start + second[-1].end) / 2
-        for name in second[-1].loads.keys() if only is None else second[-1].loads.keys() & only:
-            values = [b.loads[name] for b in second if name in b.loads]
-            if len(values) > 3:
-                self.idle.setdefault(name, IdleLevel()).add(values, time, follows=self._follows)
-        if isnan(self._since):
-            self._since = second[0].start
-        self._follows = True
-
     def _confirmed(self) -> Iterator[Found]:
         """A load has been away from idle for as long as a cut."""
-        span, self._span, self._second = self._span, [], []
+        span, self._span = self._span, []
         idle, new = self.idle[self._lead], median([b.loads[self._lead] for b in span if self._lead in b.loads])
         driven = self._lead in DRIVEN
         said = span[-1].phase == "feed" and self._windows.proved
         if self._sign < 0 and not said and (driven or abs(new) < abs(idle.level)):
             yield from self._fallen(span, new)
-        elif driven and not self._windows.proved and self._rest != "idle" and abs(idle.level) < OFF * abs(new):
-            self._started = span
+        elif driven and self._may_start(span[-1]) and abs(idle.level) < OFF * abs(new):
+            self._started, self._standing = span, idle.level
         else:
+            if driven and self._rest is None and not said and abs(idle.level) < ZERO * abs(new):
+                yield from self._windows.once("rest", span[0].start, RESTING.format(self._lead, idle.level))
             yield from self._begin(span)
 
+    def _may_start(self, block: Block) -> bool:
+        """Whether a load that leaves a level near zero may be that of a spindle that starts."""
+        running = any(block.conditions.get(name, 0.0) > 0 for name in SPEEDS)
+        return not self._windows.proved and (self._rest == "off" or (self._rest is None and not running))
+
     def _begin(self, span: list[Block]) -> Iterator[Found]:
-        self._cut, self._follows, self._second, self._below = True, False, [], []
+        self._cut, self._below = True, []
         self._windows.begin(self._lead)
         for block in span:
             yield from self._windows.add(block)
 
     def _fallen(self, span: list[Block], new: float) -> Iterator[Found]:
         """The load fell below the level that was taken as idle: the spindle stopped, or that level was another one."""
-        name, old = self._lead, self.idle[self._lead].level
-        self._air_from = span[0].start
+        name, old, begun = self._lead, self.idle[self._lead].level, self._air.begun
+        self._air.begin(span[0].start)
         if name in DRIVEN and self._windows.proved and abs(new) < OFF * abs(old):
             self._stopped = True
             return
         if not self._windows.proved:
-            minutes = (span[0].start - self._since) / 60
-            yield CutEnd(span[0].start, minutes, self._windows.number, lost=True)
+            minutes = (span[0].start - begun) / 60
+            yield Window(begun, span[0].start, minutes, dict(span[0].conditions), {}, self._windows.number)
+            yield CutEnd(span[0].start, 0.0, self._windows.number, lost=True)
             yield Notice(span[0].start, "refused", FALLEN.format(name, old, new, 60 * minutes))
+            if self._standing is not None and abs(new - self._standing) < OFF * abs(old):
+                self._rest = self._rest or "idle"
         self.idle.clear()
-        self._since, self._second, self._follows = span[0].start, [], False
+        self._air.begun, self._standing = span[0].start, None
 
     def _in_start(self, block: Block) -> None:
         """The spindle stands, or has just started: its surge is no cut."""
@@ -358,21 +349,20 @@ class Cuts:
         passed = block.end - self._started[0].start
         near = [abs(b.loads.get(name, idle.level) - idle.level) for b in self._started[-5:]]
         if self._windows.proved and (passed > STARTING or (passed > SHORTEST and max(near) < self._high(name))):
-            self._started, self._air_from, self._follows = [], block.end, False
+            self._started = []
+            self._air.begin(block.end)
         elif not self._windows.proved and passed > STARTING:
             self._assume_idle(name)
 
     def _assume_idle(self, name: str) -> None:
         """Take the lowest second after a start as idle."""
-        started, self._started = self._started, []
-        values = [b.loads[name] for b in started if name in b.loads]
-        size = max(4, len(values) // round(STARTING))
-        low = min((values[k : k + size] for k in range(0, len(values) - size + 1, size)), key=median)
-        self.idle.clear()
-        self.idle[name] = IdleLevel()
-        for part in (low, low):
-            self.idle[name].add(part, started[-1].end, follows=True)
-        self._since, self._air_from, self._follows = started[0].start, started[-1].end, False
+        started, self._started = [b for b in self._started if name in b.loads], []
+        size = max(FEWEST, len(started) // round(STARTING))
+        parts = [started[k : k + size] for k in range(0, len(started) - size + 1, size)]
+        if parts:
+            self._air.assume(min(parts, key=lambda part: median([b.loads[name] for b in part])))
+            self._air.begun = started[0].start
+            self._air.begin(started[-1].end)
 
     def _in_cut(self, block: Block) -> Iterator[Found]:
         if self._lead not in block.loads:
@@ -385,7 +375,6 @@ class Cuts:
         if away < self._left(self._level, self._high(self._lead)):
             self._below.append(block)
             if sum(b.seconds for b in self._below) >= MERGED:
-                self._air_from = self._below[0].start
                 yield from self._end()
             return
         below, self._below = self._below, []
@@ -394,4 +383,5 @@ class Cuts:
 
     def _end(self, *, lost: bool = False) -> Iterator[Found]:
         yield from self._windows.close(lost=lost)
+        self._air.begin(self._windows.last)
         self._cut, self._below, self._level = False, [], 0.0

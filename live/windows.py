@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Array
-from ..datasets.signals.cuts import MERGED, SETTLED, settled_blocks
+from ..datasets.signals.cuts import MERGED, OFF, SETTLED, settled_blocks
 from ..datasets.signals.options import DRIVEN
 from ..datasets.signals.statistics import PARTS, batch_variance
 from .blocks import BLOCK, Block, IdleLevel
@@ -48,6 +48,10 @@ AGAINST = (
 FALLEN = (
     "{} fell from {:.4g} to {:.4g}, the lowest level so far: the {:.0f} s before are counted as cutting, without their "
     "loads. Connect while the machine idles, or map its state."
+)
+RESTING = (
+    "{} rests at {:.3g}, which is taken as idle, because the spindle turns there by its speed or nothing "
+    "else is known: if it stands there, give --rest off."
 )
 STUCK = (
     "{} stands still at {:.4g} in the cut and did not when idle: the signal may be stuck. Cutting time counts without "
@@ -312,7 +316,9 @@ class Windows:
         if idle.noise > 0 and all(min(each) == max(each) == values[0][0] for each in values):
             yield from self.once(f"stuck {name}", end, STUCK.format(name, mean.value))
             return None
-        self.proved = self.proved or stdev([b.loads[name] for b in part if name in b.loads]) > QUIETER * idle.noise
+        loads = [b.loads[name] for b in part if name in b.loads]
+        small = abs(idle.level) < OFF * abs(mean.value)  # of the load: no other cut was so light
+        self.proved = self.proved or small or stdev(loads) > QUIETER * idle.noise
         if mean.value > idle.level and not self.proved:
             yield from self.once(f"unproved {name}", end, UNPROVED.format(name, mean.value, idle.level))
             return None

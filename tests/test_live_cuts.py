@@ -167,12 +167,36 @@ def test_off_idle_and_cut_of_a_drive_are_three_states():
         (20, 2.3),
         (6, 0.8),
     ]
-    found = watch(cuts, signal([*spindle, (6, 0.01)]))
+    found = watch(cuts, signal([*spindle, (6, 0.01)]), conditions={})
     used = [round(exp(w.loads["P"].ln), 1) for w in windows(found) if w.loads]
     assert used[-2:] == [1.5, 1.5]
     assert set(used) == {1.0, 1.5}
     assert contact(found) == pytest.approx(40, abs=1.0)
     assert cuts.idle["P"].level == pytest.approx(0.8, abs=0.02)
+
+
+@pytest.mark.parametrize("air", [5, 20])
+@pytest.mark.parametrize("rate", [1.0, 2.0, 50.0])
+def test_a_run_from_a_small_idle_load_has_all_its_cuts(air, rate):
+    """Power 0.15 kW when idle, about 4 kW in the cut, V given; in W."""
+    scale = 1000.0
+    t, load = signal([(air, 0.15), (120, 4.0)] * 3 + [(air, 0.15)], rate=rate)
+    found = watch(Cuts(), (t, scale * load))
+    assert texts(found) == []
+    assert len(ends(found)) == 3
+    assert contact(found) == pytest.approx(360, abs=6)
+    assert [exp(w.loads["P"].ln) / scale for w in windows(found) if w.loads] == pytest.approx(
+        [3.85] * len([w for w in windows(found) if w.loads]), rel=0.02
+    )
+    assert len([w for w in windows(found) if w.loads]) >= 30
+
+
+def test_a_load_near_zero_at_rest_without_speed_is_learned_from_the_first_cut():
+    t, load = signal([(10, 0.01), (60, 2.0)] * 3 + [(10, 0.01)])
+    found = watch(Cuts(), (t, load), conditions={"f": 0.2})
+    assert contact(found) == pytest.approx(180, abs=3)
+    assert [exp(w.loads["P"].ln) for w in windows(found) if w.loads] == pytest.approx([1.99] * 12, abs=0.02)
+    assert "are counted as cutting, without their loads" in texts(found)[0]
 
 
 def test_a_spindle_that_stands_by_its_speed_is_off():
