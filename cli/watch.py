@@ -215,6 +215,7 @@ def _watch(
     args: argparse.Namespace, pf: "ParameterFile", monitor: "Monitor", asked: list[dict[str, Any]], stack: ExitStack
 ) -> int:
     """Watch a source until it ends or the user ends it."""
+    from ..live.advice import Bounds
     from ..live.control import ControlOutlet
     from ..live.cuts import Cuts
     from ..live.facts import facts_of
@@ -245,6 +246,7 @@ def _watch(
         outlets=outlets,
         params=Path(args.params),
     )
+    watch.bounds = Bounds.of(pf, monitor.laws)
     if control is not None:
         outlets.append(ControlOutlet(control, watch))
         watch.now.control = control.session.facts()

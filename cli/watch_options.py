@@ -8,6 +8,7 @@ from ..core.errors import UsageError
 from .arguments import Parser, measured, pairs, parameter_file
 
 if TYPE_CHECKING:
+    from ..live.control import ControlSession
     from ..live.linuxcnc_control import Runner
     from ..live.live_laws import LiveLaws
     from ..live.monitor import Monitor
@@ -87,7 +88,7 @@ def control_options(p: Parser) -> None:
     group.add_argument("--controller", metavar="FILE", help="params.json of the HAL export (default: PARAMS)")
 
 
-def control_of(args: argparse.Namespace, pf: "ParameterFile") -> "Runner | None":
+def control_of(args: argparse.Namespace, pf: "ParameterFile") -> "Runner[ControlSession] | None":
     """Connection with the controller, None without ``--write``.
 
     Raises

@@ -17,7 +17,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Literal
 
+import numpy as np
+
 from ..core.errors import UsageError
+from ..datasets.units import convert
 from .controller import (
     CHANGED,
     READINGS,
@@ -45,7 +48,7 @@ TRIALS: Final = 3  # a fault that goes without a reset so often is not latched
 SILENT: Final = 1.0  # s without values of the pins: the machine is lost
 
 
-def open_control(pf: "ParameterFile", consent: str, reference: float | None, python: str) -> "Runner":
+def open_control(pf: "ParameterFile", consent: str, reference: float | None, python: str) -> "Runner[ControlSession]":
     """Connection with the controller of a parameter file on this machine.
 
     Parameters
@@ -85,13 +88,14 @@ class ControlOutlet:
         Its description gets the facts of the session; what changes is recorded, the end of writing as an alarm.
     """
 
-    def __init__(self, runner: Runner, watch: "Watch") -> None:
+    def __init__(self, runner: "Runner[ControlSession]", watch: "Watch") -> None:
         self._runner, self._watch = runner, watch
         self._phase = ""
 
     def show(self, facts: Mapping[str, Any]) -> None:
         """Take a sign of life of the main loop, and pass on what changed."""
         session, watch = self._runner.session, self._watch
+        self._follow(facts)
         watch.now.control = session.facts()
         phase = str(watch.now.control["phase"])
         for text in self._runner.take():
@@ -100,6 +104,14 @@ class ControlOutlet:
             text = f"control: {watch.now.control['text']}"
             watch.record("alarm", time=watch.monitor.time, kind_of_alarm="control", text=text, latched=True)
         self._phase = phase
+
+    def _follow(self, facts: Mapping[str, Any]) -> None:
+        """Ask for the highest feed that was advised as the upper limit of the feed."""
+        session, n = self._runner.session, facts["conditions"].get("n")
+        feeds = [one for one in facts["advice"] if one["kind"] == "feed" and "f" in one.get("settings", {})]
+        if feeds and n:
+            unit = session.controller.loop.unit_feed
+            session.request(high=float(convert(np.array([feeds[-1]["settings"]["f"] * n]), "mm/min", unit)[0]))
 
     def say(self, facts: Callable[[], Mapping[str, Any]], sentences: Sequence[str], time: float | None) -> None:
         """Nothing: `show` follows."""

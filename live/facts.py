@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from ..core.errors import FitmodelsError
 
 if TYPE_CHECKING:
+    from .advice import Bounds
     from .monitor import Monitor
 
 Facts = dict[str, Any]
@@ -38,6 +39,8 @@ class Reading:
         ``file``, ``records`` and ``fault``.
     control : mapping
         ``phase`` and ``text``: what is written to the machine, and why not where it is not.
+    advice : list of dict
+        ``time``, ``kind``, ``text``, ``probability`` and ``settings`` for the next cut, as of the end of the last.
     """
 
     time: float | None = None
@@ -48,6 +51,7 @@ class Reading:
     source: Mapping[str, Any] = field(default_factory=dict)
     journal: Mapping[str, Any] = field(default_factory=dict)
     control: Mapping[str, Any] = field(default_factory=lambda: {"phase": "shadow", "text": SHADOW})
+    advice: list[dict[str, Any]] = field(default_factory=list)
 
 
 def clock(time: float | None) -> str:
@@ -98,7 +102,7 @@ def facts_of(monitor: "Monitor", now: Reading) -> Facts:
         | _wear(monitor, now),
         **_forecast(monitor, now, conditions),
         "decision": monitor.decisions[-1] if monitor.decisions else None,
-        "advice": list(monitor.decisions),
+        "advice": [*monitor.decisions, *now.advice],
         "alarms": [*monitor.alarms],
         "source": dict(now.source),
         "notes": [*(f"{clock(note['time'])} {note['text']}" for note in monitor.notes), *monitor.estimate.notes],
@@ -112,6 +116,23 @@ def _wear(monitor: "Monitor", now: Reading) -> Facts:
     if monitor.edge.minutes + now.open <= 0:
         return {"median": None, "low": None, "high": None, "level": monitor.settings.level, "reason": "new edge"}
     return _interval(lambda: monitor.estimate.wear(monitor.settings.level), monitor)
+
+
+def advice_of(monitor: "Monitor", bounds: "Bounds | None") -> list[Facts]:
+    """Advice of feed and speed for the next cut; none where its length or its conditions are not known."""
+    from .advice import advise
+
+    minutes, asked = monitor.next_cut, monitor.settings
+    if bounds is None or not minutes or not monitor.conditions:
+        return []
+    try:
+        found = advise(monitor.estimate, bounds, monitor.conditions, minutes, asked.risk, asked.costs)
+    except FitmodelsError:
+        return []
+    return [
+        {"time": monitor.time, "kind": one.kind, "text": one.text, "probability": one.probability,
+         "settings": dict(one.settings)} for one in found
+    ]  # fmt: skip
 
 
 def _loads(monitor: "Monitor", now: Reading) -> Facts:

@@ -23,7 +23,7 @@ import sys
 import threading
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -327,13 +327,16 @@ class Session(Protocol):
         """End."""
 
 
-class Runner:
+Stepped = TypeVar("Stepped", bound=Session)
+
+
+class Runner(Generic[Stepped]):
     """A thread that steps a session 20 times a second while the main loop gives signs of life.
 
     Where the main loop hangs for `STALL` s, the session is not stepped, the heartbeat ends and the controller trips.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Stepped) -> None:
         self.session = session
         self._texts: deque[str] = deque()
         self._alive, self._ended = time.monotonic(), threading.Event()

@@ -15,6 +15,7 @@ BEYOND: Final = 1.25  # end of the gauge, as a multiple of the criterion
 LINE_EACH: Final = 60.0  # s of the source between two plain lines
 STYLES: Final = {"change": "bold red", "go on": "green"}
 NOTES: Final = 4
+ADVICE: Final = 2  # lines
 
 
 def screen(facts: Facts) -> "RenderableType":
@@ -69,6 +70,7 @@ def rows(facts: Facts) -> list[tuple[str, str]]:
     if facts["conditions"]:
         found.append(("at", conditions_words(facts["conditions"])))
     found.append(("contact", f"{facts['cut_minutes']:.2f} min of this edge"))
+    found += [("advice", one["text"]) for one in facts["advice"] if "settings" in one][:ADVICE]
     found.append(("source", source_words(facts["source"])))
     found.append(("control", facts["control"]["text"]))
     if facts["journal"]:

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from ..core.errors import FitmodelsError, UsageError
-from .facts import Facts, Reading, clock, facts_of
+from .facts import Facts, Reading, advice_of, clock, facts_of
 from .monitor import Monitor
 from .samples import CutEnd, Notice, Sample, Window
 from .watch_edge import window_record
 from .watch_journal import WatchJournal, read_newest, remove_request, requests
 
 if TYPE_CHECKING:
+    from .advice import Bounds
     from .cuts import Cuts
 
 SHOWN_EACH: Final = 0.5  # s between two descriptions that are shown
@@ -67,6 +68,7 @@ class Watch:
         self.params, self._stamp = params, _stamp(params)
         self._heard = self._shown = self._asked = time.monotonic()
         self._contact: float | None = None
+        self.bounds: Bounds | None = None  # of the advice; None: no advice
         self._fault = ""
         self._other_tool = ""
         self._windows = 0  # of the open cut
@@ -187,6 +189,7 @@ class Watch:
                 self.record("cutend", **asdict(each), conditions={} if self._windows else dict(self._at))
                 self._windows = 0
                 self._contact = None
+                self.now.advice = advice_of(self.monitor, self.bounds)
             else:
                 self._say_notice(each)
         cutting = self.cuts.state in ("entry", "cutting")

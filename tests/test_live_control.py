@@ -11,12 +11,13 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from fitmodels import parameters
 from fitmodels.core.errors import GateError, UsageError
-from fitmodels.live.control import ControlSession, open_control
+from fitmodels.live.control import ControlOutlet, ControlSession, open_control
 from fitmodels.live.controller import (
     CHANGED,
     READINGS,
@@ -352,6 +353,32 @@ def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
     assert len(steps) > 2
     runner.close()
     assert steps[-1] is None
+
+
+def test_the_feed_limit_follows_the_highest_feed_that_is_advised(machine):
+    session = proved(machine)
+
+    class Stepped:
+        def take(self):
+            return ("text",)
+
+    class Watch:
+        now, monitor, records = SimpleNamespace(control={}), SimpleNamespace(time=1.0), []
+
+        def record(self, kind, **facts):
+            self.records.append((kind, facts["text"]))
+
+    stepped, watch = Stepped(), Watch()
+    stepped.session = session
+    outlet = ControlOutlet(stepped, watch)
+    advice = [{"kind": "go on"}, {"kind": "feed", "settings": {"f": 0.1}}, {"kind": "speed", "settings": {"V": 90.0}}]
+    outlet.show({"conditions": {"n": 8000.0}, "advice": advice})
+    assert watch.now.control["feed_limit"]["wanted"] == pytest.approx(800.0)
+    outlet.show({"conditions": {}, "advice": advice[:1]})
+    assert watch.now.control["feed_limit"]["wanted"] == pytest.approx(800.0)
+    session.close()
+    outlet.show({"conditions": {}, "advice": []})
+    assert [kind for kind, _ in watch.records] == ["notice", "notice", "notice", "alarm"]
 
 
 @pytest.fixture(scope="module")
