@@ -23,6 +23,7 @@ from fitmodels.live.sources import SourceOptions, opcua, open_source
 from fitmodels.live.sources.channels import channels_for
 from fitmodels.live.sources.merging import Merger, Reading
 from fitmodels.live.sources.opcua import check_security
+from fitmodels.live.sources.opcua_nodes import _nearest
 
 pytest.importorskip("asyncua")
 SCRIPT = Path(__file__).parent / "opcua_machine.py"
@@ -137,6 +138,14 @@ def test_a_subscription_that_gives_nothing_is_lost(running, monkeypatch):
     monkeypatch.setattr(opcua._Handler, "datachange_notification", lambda *_: None)
     with source(running.url) as items:
         assert "no notification" in until(items, kind("lost"))[-1].text
+
+
+def test_of_several_nodes_the_nearest_is_taken():
+    paths = ["A/Monitoring/MachineTool/O", "A/Monitoring/Channel1/O", "B/Monitoring/Channel1/O"]
+    nodes = [(path, None) for path in paths]
+    assert _nearest(nodes, ["A/Monitoring/Channel1/ChannelState", "A/Power"]) == [nodes[1]]
+    assert _nearest(nodes, ["A/Power"]) == nodes[:2]
+    assert _nearest(nodes, ["ns=2;s=power"]) == nodes
 
 
 def test_state_and_override_of_the_model(running):

@@ -79,7 +79,6 @@ class Merger:
         out: list[Sample | Notice] = []
         if self._pending and abs(reading.time - self._pending[-1].time) > SET:
             out = self.take(float("inf"))
-        out += self._quality(reading)
         self._pending.append(reading)
         return out
 
@@ -157,14 +156,16 @@ class Merger:
         return all(k in places or k in self._bad for k in self._loads)
 
     def _sample(self, group: Sequence[Reading]) -> list[Sample | Notice]:
-        loads = []
+        loads: list[Reading] = []
+        notices: list[Sample | Notice] = []
         for reading in group:
+            notices += self._quality(reading)
             self._held[reading.place] = reading.bad or reading.value
             if reading.place in self._loads and not reading.first:
                 loads.append(reading)
         if not loads:
-            return []
-        return self._given(loads[0].time, loads[-1].arrival, [reading.place for reading in loads])
+            return notices
+        return notices + self._given(loads[0].time, loads[-1].arrival, [reading.place for reading in loads])
 
     def _given(self, time: float, arrival: float, places: Sequence[int]) -> list[Sample | Notice]:
         """A sample of some loads and all that is held."""

@@ -5,7 +5,7 @@ the spindle, the override of the feed, and the tool where its list has only one.
 """
 
 import re
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -170,6 +170,7 @@ async def _add_model(client: "Client", found: Nodes, options: SourceOptions) -> 
         nodes = next((there[label] for label in labels if label in there), [])
         if not nodes or symbol in options.map:
             continue
+        nodes = _nearest(nodes, [found.labels[near] for near in ("state", *options.loads) if near in found.labels])
         if len(nodes) == 1:
             found.labels[symbol], found.nodes[symbol] = nodes[0]
             added.add(symbol)
@@ -177,6 +178,21 @@ async def _add_model(client: "Client", found: Nodes, options: SourceOptions) -> 
             paths = ", ".join(path for path, _ in nodes[:4])
             found.notes.append(f"{symbol}: {len(nodes)} nodes of the machine-tool model ({paths}): choose with --node")
     found.modelled = frozenset(added)
+
+
+def _nearest(nodes: "list[tuple[str, Node]]", paths: Sequence[str]) -> "list[tuple[str, Node]]":
+    """Nodes that share most of their path with the first of some paths that tells them apart."""
+    for path in paths:
+        parts = path.split("/")
+        shared = [_common(other.split("/"), parts) for other, _ in nodes]
+        nodes = [node for node, length in zip(nodes, shared, strict=True) if length == max(shared)]
+    return nodes
+
+
+def _common(one: Sequence[str], two: Sequence[str]) -> int:
+    """Number of first parts that two paths share."""
+    same = [a == b for a, b in zip(one, two, strict=False)]
+    return same.index(False) if False in same else len(same)
 
 
 async def _unit(node: "Node") -> str:
