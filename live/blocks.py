@@ -19,6 +19,7 @@ GAP = 2.0  # s without a sample, at least, that are a gap
 INTERVALS = 5.0  # usual intervals between samples that are a gap
 BRIDGED = 5.0  # s; a shorter gap within a cut counts as cutting
 SECONDS_OF_DRIFT = 30.0  # s in which the idle level drifts by the noise of a second of air, before it is learned
+FOLLOWED = 0.3  # share of a step of the idle level that is followed in a second, at least
 FEWEST = 3  # blocks of a second of air
 LONGEST = 3.0  # s of a revolution that is averaged over
 SPEEDS = ("n", "V")
@@ -122,9 +123,9 @@ class IdleLevel:
             else:
                 self._learn_drift(mean, time)
             before = self.variance_at(time)
-            gain = before / (before + self.reading) if before > 0 else 0.0
+            gain = max(before / (before + self.reading), FOLLOWED) if before > 0 else 0.0
             self.level += gain * (mean - self.level)
-            self.variance = (1 - gain) * before
+            self.variance = (1 - gain) ** 2 * before + gain**2 * self.reading
         self.mean, self.time = mean, time
 
     def change_speed(self, ratio: float, *, proportional: bool) -> None:

@@ -27,6 +27,7 @@ ENDING = ("lost", "clock", "replaced", "end")  # notices after which a cut canno
 CONTRADICTED = 5.0  # s of a load above idle while the machine says that it does not cut
 OFTEN = 6  # excursions too short for a cut, within twelve seconds
 ZERO = 0.02  # share of a load below which its idle level may be that of a spindle that stands
+FIRST_CUT = 0.03  # of the idle level that the first cut exceeds
 SILENT = 1.0  # s without a reading in a cut, after which the signal is lost
 
 Found = Window | CutEnd | Notice
@@ -281,7 +282,7 @@ class Cuts:
     def _high(self, name: str) -> float:
         """Distance from idle at which a cut begins."""
         idle, reach = self.idle[name], self._windows.reach.get(name)
-        usual = THRESHOLD * median(reach) if reach else 0.0
+        usual = THRESHOLD * median(reach) if reach else FIRST_CUT * abs(idle.level)
         sd = sqrt(idle.noise**2 + idle.reading + idle.variance)
         return max(NOISE * sd, usual, COARSE * abs(idle.level), 1e-12)
 
