@@ -79,6 +79,8 @@ class EdgeSummary:
         Of contact so far.
     gaps : int
         Times that contact may have been missed: a signal lost in mid-cut, a program that began at a used edge.
+    chips : int
+        Alarms of chipping: the wear is then not that of the law alone.
 
     Examples
     --------
@@ -99,6 +101,7 @@ class EdgeSummary:
     recent: list[dict[str, Any]] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
     gaps: int = 0
+    chips: int = 0
 
     def missed(self) -> None:
         """Note that contact may have been missed, so that ``minutes`` may be too few."""
@@ -154,7 +157,7 @@ class EdgeSummary:
             for m in self.marks
         ]  # fmt: skip
         cells = _cells(self.cells)
-        own = {"edge": self.edge, "minutes": self.minutes, "gaps": self.gaps}
+        own = {"edge": self.edge, "minutes": self.minutes, "gaps": self.gaps, "chips": self.chips}
         return {**own, "cells": cells, "recent": list(self.recent), "marks": marks}
 
     @classmethod
@@ -162,7 +165,7 @@ class EdgeSummary:
         """The edge that `as_json` wrote."""
         marks = [Mark(**{**mark, "cells": tuple(Cell(*cell) for cell in mark["cells"])}) for mark in data["marks"]]
         cells = [Cell(*cell) for cell in data["cells"]]
-        return cls(data["edge"], data["minutes"], cells, list(data["recent"]), marks, data["gaps"])
+        return cls(data["edge"], data["minutes"], cells, list(data["recent"]), marks, data["gaps"], data["chips"])
 
 
 def _cells(cells: Any) -> list[list[Any]]:  # noqa: ANN401
@@ -182,7 +185,7 @@ def _means(windows: list[dict[str, Any]], key: str) -> dict[str, float]:
 
 
 def check_edges(edges: Sequence[EdgeSummary], *, certain: bool) -> None:
-    """Refuse edges without a measurement, and those whose contact is not wholly known unless ``certain``.
+    """Refuse edges without a measurement and, unless ``certain``, those that chipped or whose contact is not all known.
 
     Raises
     ------
@@ -194,6 +197,11 @@ def check_edges(edges: Sequence[EdgeSummary], *, certain: bool) -> None:
     for edge in edges:
         if not edge.marks:
             raise UsageError(f"no measured wear of edge {edge.edge!r}; give it with --measured VB=0.21mm.")
+        if edge.chips and not certain:
+            raise UsageError(
+                f"a chipped edge is none of the wear law: {edge.edge!r} had {count(edge.chips, 'alarm')} of chipping."
+                " Leave it out, or give certain=True if it did not chip."
+            )
         if edge.gaps and not certain:
             raise UsageError(
                 f"the contact of edge {edge.edge!r} is {edge.minutes:.3g} min or more: the signal was lost in a cut, "

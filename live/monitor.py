@@ -117,6 +117,7 @@ class Monitor:
         for alarm in self.detection.add(self.estimate):
             self._alarm({"time": self.time, "kind_of_alarm": alarm.kind, "text": alarm.text})
             if alarm.kind == "chipping":
+                self.edge.summary.chips += 1
                 self.estimate.reopen()
         self.edge.summary.add(window)
         self.conditions = dict(window.conditions)

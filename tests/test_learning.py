@@ -257,6 +257,7 @@ def test_settings_of_the_former_law_are_left_out(early):
             lambda folder: learn_file(folder / "params.json", [with_gap()]),
             "12 min or more: the signal was lost",
         ),
+        (lambda folder: learn_file(folder / "params.json", [chipped()]), "1 alarm of chipping"),
         (lambda folder: EdgeSummary("W1").measured("AW", 0.2), "not cut yet"),
         (lambda folder: finished(wear=float("nan")), "above zero"),
         (lambda folder: finished().advance(-1.0, {}), "0 or more"),
@@ -272,6 +273,12 @@ def test_what_cannot_be_learned_is_refused_and_nothing_is_written(folder, change
 def with_gap():
     edge = finished()
     edge.missed()
+    return EdgeSummary.from_json(edge.as_json())
+
+
+def chipped():
+    edge = finished()
+    edge.chips += 1
     return EdgeSummary.from_json(edge.as_json())
 
 
