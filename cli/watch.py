@@ -4,6 +4,7 @@ import argparse
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -79,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
     """Watch, or act on a journal, and return the exit code."""
     pf = parameter_file(args.params)
     check_options(args)
+    if args.drift is not None:
+        return _drift(args, pf)
     monitor = _monitor(args, pf)
     asked = _requests(args, pf)
     if args.measured is not None:
@@ -208,6 +211,36 @@ def _learn(args: argparse.Namespace, pf: "ParameterFile", monitor: "Monitor") ->
     else:
         out = Printer(quiet=args.quiet)
         out.wrote("\n".join(lines), *([] if new.path is None else [new.path]))
+    return 0
+
+
+def _drift(args: argparse.Namespace, pf: "ParameterFile") -> int:
+    """Print the exponents of the laws over batches, and draw them where a file is named."""
+    from io import BytesIO
+
+    from rich.table import Table
+
+    from ..core.files import write_whole
+    from ..core.plotting import save_figure
+    from ..parameters.gather.learned import drift
+
+    found = drift(pf)
+    if args.json:
+        print_json("watch-drift", {"rows": [asdict(row) for row in found.rows]})
+        return 0
+    out, table = Printer(quiet=args.quiet), Table(box=None, header_style="bold")
+    for head in ("law", "batch", "edges", "level against the first fit", "exponents of all edges so far"):
+        table.add_column(head)
+    for row in found.rows:
+        level = "" if row.shift is None or row.se is None else f"{row.shift:+.3f} ± {row.se:.3f}"
+        exponents = ", ".join(f"{name} {value:.3f} ± {se:.3f}" for name, (value, se) in row.estimates.items())
+        table.add_row(row.response, row.batch, str(row.edges), level, exponents)
+    out.show(table)
+    if args.drift:
+        with BytesIO() as held:
+            save_figure(found.plot().figure, held, format="png", dpi=110, metadata={"Software": None})
+            write_whole(args.drift, held.getvalue())
+        out.wrote(f"Figure: {args.drift}", args.drift)
     return 0
 
 

@@ -34,6 +34,8 @@ def edge_options(p: Parser) -> None:
     )
     group.add_argument("--batch", default="", metavar="NAME", help="delivery that it is of (default: the version)")
     group.add_argument("--certain", action="store_true", help="learn from it although it is doubted")
+    words = "show the exponents of the laws over the batches they learned from, with a figure where PNG is given"
+    group.add_argument("--drift", nargs="?", const="", metavar="PNG", help=f"{words} (default: no)")
     group.add_argument("--acknowledge", action="store_true", help="acknowledge the alarms")
 
 
@@ -129,7 +131,7 @@ def check_options(args: argparse.Namespace) -> None:
         raise UsageError(f"--window {args.window:g}: give 1 to 600 s.")
     if not 0 < args.gauge_sd <= 1:
         raise UsageError(f"--gauge-sd {args.gauge_sd:g}: give the standard deviation of ln wear, 0.02 for 2 percent.")
-    if args.source is None and args.journal is None:
+    if args.source is None and args.journal is None and args.drift is None:
         raise UsageError("give a source with --from, or the journal of a watch with --journal.")
     if args.source is None and any((args.replay, args.page is not None, args.serve, args.stream)):
         raise UsageError("--replay, --page, --serve and --stream need a source: give one with --from.")

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import FitmodelsError
@@ -173,6 +173,8 @@ def _interval(of: Any, monitor: "Monitor") -> Facts:  # noqa: ANN401
     except FitmodelsError as reason:
         return {"median": None, "low": None, "high": None, "level": monitor.settings.level, "reason": str(reason)}
     ends = {name: getattr(found, name) for name in ("median", "low", "high")}
+    beyond = {"reason": "the law reaches the criterion at no time that it can state"} if ends["median"] == inf else {}
     return {name: float(value) if isfinite(value) else None for name, value in ends.items()} | {
-        "level": monitor.settings.level
+        "level": monitor.settings.level,
+        **beyond,
     }

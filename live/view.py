@@ -106,12 +106,12 @@ def risk_words(facts: Facts) -> str | None:
 def load_words(name: str, load: Facts) -> str:
     """Last reading, mean of the last window and expected value of a load."""
     unit = load["unit"]
-    value = "no reading" if load["value"] is None else f"{load['value']:.4g} {unit}"
+    value = "no reading" if load["value"] is None else f"{load['value']:.4g} {unit} read"
     if load["expected"] is None:
         return f"{name} {value}"
     ends = _ends(load["low"], load["high"])
     window = f"window {load['mean']:.4g}, expected {load['expected']:.4g} ({ends}) {unit}"
-    return f"{name} {value} read; cutting load of the last {window}"
+    return f"{name} {value}; cutting load of the last {window}"
 
 
 def conditions_words(conditions: Facts) -> str:
@@ -165,8 +165,10 @@ def gauge(wear: Facts, width: int = BAR) -> str:
 def _interval(of: Facts, unit: str) -> str:
     if of["median"] is None:
         return f"not known{': ' + of['reason'] if of.get('reason') else ''}"
-    if of["low"] is None or of["high"] is None:
+    if of["low"] is None:
         return f"{format_plain(of['median'])} {unit}"
+    if of["high"] is None:
+        return f"{format_plain(of['median'])} {unit}, {of['level'] * 100:.0f} % above {format_plain(of['low'])}"
     places = decimals(max((of["high"] - of["low"]) / 4, 1e-9))
     low, median, high = (f"{of[name]:.{places}f}" for name in ("low", "median", "high"))
     return f"{median} {unit}, {of['level'] * 100:.0f} % between {low} and {high}"
@@ -213,7 +215,7 @@ class PlainLines:
     def line(self, facts: Facts) -> str:
         """The state on one line."""
         wear, life = facts["wear"], facts["life"]
-        parts = [f"{facts['clock']}  {facts['state']:<8} {facts['cut_minutes']:6.2f} min"]
+        parts = [f"{facts['clock']}  {facts['state']:<8} {facts['cut_minutes']:5.2f} min"]
         parts.append(
             "new edge" if wear.get("reason") == "new edge" else f"{wear['symbol']} {_short(wear)} {wear['unit']}"
         )

@@ -191,7 +191,7 @@ def recorded_run() -> list[list[str]]:
     rows = [["# simulated: no measurement"], ["time [s]", "P [kW]", "V [m/min]", "f [mm/rev]", "state"]]
     noise, V, f, d, contact = np.random.default_rng(26), 200.0, 0.3, 2.0, 0.0
     for k in range(10 * 110 + 20):
-        cutting, power = 20 <= k % 110 and k < 1100, 0.9
+        cutting, power = k % 110 >= 20 and k < 1100, 0.9
         if cutting:
             contact += 1 / 60
             wear = 1.04 * 0.00762 * V**0.577 * f**0.168 * d**0.248 * contact**0.245
