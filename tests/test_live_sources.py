@@ -13,7 +13,7 @@ import time
 import pytest
 from fitmodels.core.errors import DataError, FitmodelsError, UsageError
 from fitmodels.live.samples import Notice, Sample
-from fitmodels.live.sources import SourceOptions, open_source, streams
+from fitmodels.live.sources import Source, SourceOptions, open_source, streams
 from fitmodels.live.sources.channels import channels_of
 from fitmodels.live.sources.clock import Clock, Stamps
 from fitmodels.live.sources.files import Tail
@@ -351,6 +351,20 @@ def test_standard_input_ends(tmp_path):
 def test_lines_of_another_computer_are_refused(words):
     with pytest.raises(UsageError, match=r"port|ssh -L"):
         open_source(words, P)
+
+
+def test_notices_are_limited_but_not_those_that_end_a_cut():
+    items = [Notice(0.0, kind, "x") for kind in ("bad", "connected", "clock") for _ in range(100)]
+    given = list(Source("x", iter(items)))
+    assert kinds(given).count("clock") == 100
+    assert len(given) == 100 + 20 + 1
+    assert "left out for a minute" in given[20].text
+
+
+def test_numbers_beyond_every_limit_are_no_readings(tmp_path):
+    samples, notices = read(written(tmp_path, "t [min],P [kW]\n0,1\n1e999,1\n1e307,1\n1,1e307\n2,1\n"))
+    assert [len(s.loads) for s in samples if s.time < 1e6] == [1, 1, 1]
+    assert "bad" in kinds(notices)
 
 
 def test_what_the_journal_holds_is_left_out_and_a_clock_set_back_hides_nothing(tmp_path):

@@ -98,8 +98,8 @@ class Channels:
             if kind == "state" or kind == "tool":
                 text = "" if value is None else f"{value:g}" if isinstance(value, float) else value.strip()
                 state, tool = (state_of(text), tool) if kind == "state" else (state, text)
-            elif isinstance(value, float) and isfinite(value):
-                (loads if kind == "load" else conditions)[channel.symbol] = channel.factor * value + channel.shift
+            elif isinstance(value, float) and isfinite(x := channel.factor * value + channel.shift):
+                (loads if kind == "load" else conditions)[channel.symbol] = x
             elif kind == "load" and value is not None:
                 text = f"{channel.symbol} is {shortened(str(value), 40)!r}"
                 bad = f"{bad}, {text}" if bad else text

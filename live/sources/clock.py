@@ -4,6 +4,7 @@ import re
 import time as times
 from collections import deque
 from datetime import UTC, datetime
+from math import isfinite
 from statistics import median
 
 from ...core.errors import DataError, UsageError
@@ -142,7 +143,8 @@ class Stamps:
             Times rise by 1 or more and name no unit.
         """
         if isinstance(value, float):
-            return value * (self._factor if self._factor is not None else self._found(value))
+            seconds = value * (self._factor if self._factor is not None else self._found(value))
+            return seconds if isfinite(seconds) else None
         return None if value is None else self._of_text(value.strip())
 
     def _found(self, value: float) -> float:

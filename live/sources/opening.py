@@ -1,11 +1,13 @@
 """Words of the command as a source of samples and notices."""
 
 import re
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from time import monotonic
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
 from ...core.errors import UsageError
 from ..samples import Notice, Sample
@@ -13,6 +15,9 @@ from .files import check_file, growing, replayed
 from .opcua import OpcUa
 from .options import SourceOptions
 from .streams import from_socket, standard_input
+
+LIMITED: Final = ("connected", "gap", "bad", "refused")  # notices that change no cut
+MOST_SAID: Final = 20  # of them a minute: quality may change at every reading
 
 
 class Source:
@@ -32,12 +37,29 @@ class Source:
     def __init__(self, name: str, items: Iterator[Sample | Notice], *, recorded: bool = False) -> None:
         self.name, self.recorded = name, recorded
         self._items = items
+        self._said: deque[float] = deque(maxlen=MOST_SAID)  # when notices were given, s
+        self._silent = False
 
     def __iter__(self) -> Self:
         return self
 
     def __next__(self) -> Sample | Notice:
-        return next(self._items)
+        while True:
+            item = next(self._items)
+            if isinstance(item, Sample) or item.kind not in LIMITED or (said := self._limited(item)) is None:
+                return item
+            if said:
+                return Notice(item.time, item.kind, f"{item.text}; more such notices are left out for a minute")
+
+    def _limited(self, notice: Notice) -> bool | None:
+        """None for a notice that is given; otherwise whether it is the first of those that are left out."""
+        now = monotonic()
+        if len(self._said) < MOST_SAID or now - self._said[0] > 60.0:
+            self._said.append(now)
+            self._silent = False
+            return None
+        first, self._silent = not self._silent, True
+        return first
 
     def close(self) -> None:
         """End the connection."""
