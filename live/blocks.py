@@ -18,7 +18,7 @@ BLOCK = 0.1  # s; five samples at 50 Hz
 GAP = 2.0  # s without a sample, at least, that are a gap
 INTERVALS = 5.0  # usual intervals between samples that are a gap
 BRIDGED = 5.0  # s; a shorter gap within a cut counts as cutting
-SECONDS_OF_DRIFT = 30.0  # s in which the idle level drifts by the noise of a second of air, before it is learned
+SECONDS_OF_DRIFT = 5.0  # s in which the idle level drifts by the noise of a second of air, before it is learned
 FOLLOWED = 0.3  # share of a step of the idle level that is followed in a second, at least
 FEWEST = 3  # blocks of a second of air
 LONGEST = 3.0  # s of a revolution that is averaged over
@@ -103,8 +103,8 @@ class IdleLevel:
 
     @property
     def drift(self) -> float:
-        """Variance that the level gains per second; what is assumed before it is learned counts as two steps."""
-        return (2 * self.reading / SECONDS_OF_DRIFT + self.steps * self.walk) / (2 + self.steps)
+        """Variance that the level gains per second; what is assumed before it is learned counts as one step."""
+        return (self.reading / SECONDS_OF_DRIFT + self.steps * self.walk) / (1 + self.steps)
 
     def variance_at(self, time: float) -> float:
         """Variance of the level at a time, s."""

@@ -283,7 +283,8 @@ class Cuts:
         """Distance from idle at which a cut begins."""
         idle, reach = self.idle[name], self._windows.reach.get(name)
         usual = THRESHOLD * median(reach) if reach else FIRST_CUT * abs(idle.level)
-        sd = sqrt(idle.noise**2 + idle.reading + idle.variance)
+        now = self._ahead[-1].end if self._ahead else idle.time
+        sd = sqrt(idle.noise**2 + idle.reading + idle.variance_at(now))
         return max(NOISE * sd, usual, COARSE * abs(idle.level), 1e-12)
 
     @staticmethod

@@ -47,7 +47,7 @@ AGAINST = (
 )
 FALLEN = (
     "{} fell from {:.4g} to {:.4g}, the lowest level so far: the {:.0f} s before are counted as cutting, without their "
-    "loads. Connect while the machine idles, or map its state."
+    "loads. Connect while the machine idles, map its state, or give --rest idle where this is the idle load."
 )
 RESTING = (
     "{} rests at {:.3g}, which is taken as idle, because the spindle turns there by its speed or nothing "
