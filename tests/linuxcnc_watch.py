@@ -157,6 +157,48 @@ sys.exit(0)
 )
 
 
+KILLED = 3.5  # s after contact
+REFERENCE = 0.22  # A, below the 0.24 A of the file
+
+
+def control_run(folder: Path, signal: str) -> "tuple[Run, Beside]":
+    """A machine under the HAL export, and `fitmodels watch --write` that gets a signal in mid-cut."""
+    from fitmodels import parameters
+    from fitmodels.live.controller import consent_words, controller_of
+    from linuxcnc_faults import Scenario, exported, machine_file, run_of
+
+    pf = machine_file()
+    control = Path(tempfile.mkdtemp(dir=folder)) / "control.json"
+    parameters.write(pf, control)
+    files = {"worn.json": worn_file(folder), "control.json": control.read_text()}
+    command = [
+        sys.executable, "-m", "fitmodels", "watch", "worn.json", "--from", "linuxcnc", "--map", "I=fm-load",
+        "--value", "D=2mm", "--criterion", "VB=0.22mm", "--journal", "journal", "--write", "--reference",
+        f"{REFERENCE:g}A", "--controller", "control.json", "--consent", consent_words(controller_of(pf)),
+    ]  # fmt: skip
+    scenario = Scenario("watch", "control", wear=60.0, duration=5.5)
+    beside = Beside(command, files, KILLED, signal, 2, "written: reference")
+    return run_of(scenario, pf, exported(pf, "hal", folder)[0]), beside
+
+
+def control_figures(trace: dict[str, np.ndarray]) -> dict[str, float]:
+    """Mean load over the reference before the signal; s from it to the fault and to the lower limit; the end.
+
+    The user interface looks each 50 ms whether it is time for the signal.
+    """
+    seconds = trace["seconds"]
+    held = (seconds > 2.5) & (seconds < KILLED)
+    after = seconds > KILLED
+    fault, low = after & (trace["fault"] > 0), after & (trace["u"] <= trace["u"][-1] + 1e-9)
+    first = int(np.argmax(fault)) if fault.any() else -1
+    return {
+        "load": float(trace["load"][held].mean() / REFERENCE), "early": float(trace["fault"][held].max()),
+        "fault": float(seconds[first] - KILLED) if fault.any() else math.inf,
+        "low": float(seconds[np.argmax(low)] - KILLED), "latched": float(trace["fault"][first:].min()),
+        "u": float(trace["u"][-1]), "feed": float(trace["feed"][-1]),
+    }  # fmt: skip
+
+
 WINDOW = (180.0, 220.0)  # um: the change is to be called there; the upper end is the criterion
 RISK = 0.05
 LAW = {"c0": 12.0, "aV": 1.0, "af": 0.5, "m": 0.6, "k": 0.25, "bV": 0.3, "bf": 0.6, "bw": 0.35}  # um, A; t in min
@@ -193,8 +235,9 @@ def worn_file(folder: Path) -> str:
     runs = datasets.read_runs(path)
     laws = [fit.power_law(runs, "VB", ["V", "f", "t"]), fit.power_law(runs, "I", ["V", "f", "VB"])]
     pf = parameters.collect(laws=laws, tool="end mill", work="S45C", simulated=True)
-    parameters.write(pf, folder / "worn.json")
-    return (folder / "worn.json").read_text()
+    written = Path(tempfile.mkdtemp(dir=folder)) / "worn.json"
+    parameters.write(pf, written)
+    return written.read_text()
 
 
 def worn_run(seed: int, params: str) -> "tuple[WornRun, dict[str, float]]":

@@ -13,7 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from fitmodels import parameters
 from fitmodels.core.errors import GateError, UsageError
@@ -33,9 +32,9 @@ from fitmodels.live.linuxcnc_control import Beat, HalLink, Runner, Writer
 sys.path.insert(0, str(Path(__file__).parent))
 
 from hal_evaluator import Hal
-from linuxcnc_faults import Scenario, exported, machine_file, run_of
+from linuxcnc_faults import exported, machine_file
 from linuxcnc_machine import lacking, plant_module
-from linuxcnc_watch import Beside, run_beside, worn_file
+from linuxcnc_watch import control_figures, control_run, run_beside, worn_file
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -385,7 +384,7 @@ def test_the_feed_limit_follows_the_highest_feed_that_is_advised(machine):
 def files(tmp_path_factory):
     """Folder with worn.json, whose laws `watch` needs, and control.json, of the exported controller."""
     folder = tmp_path_factory.mktemp("files")
-    worn_file(folder)
+    (folder / "worn.json").write_text(worn_file(folder))
     parameters.write(machine_file(), folder / "control.json")
     return folder
 
@@ -410,40 +409,28 @@ def test_the_command_refuses_to_write_and_says_why(files, monkeypatch, capsys, w
     assert re.search(said, capsys.readouterr().err)
 
 
-KILLED = 3.5  # s after contact
 HEARTBEAT, DEADLINE = 0.2, 0.5  # s
 
 
 @pytest.mark.consumer
-def test_the_whole_machine_holds_the_written_reference_and_death_ends_in_the_safe_state(files, tmp_path):
+def test_the_whole_machine_holds_the_written_reference_and_death_ends_in_the_safe_state(tmp_path):
     """Killed, the program's end is seen within the heartbeat; stopped (SIGSTOP), within the deadline more."""
     reason = lacking()
     if reason:
         pytest.fail(reason) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(reason)
-    pf = machine_file()
-    loop = controller_of(pf).loop
-    run = run_of(Scenario("watch", "control", wear=60.0, duration=5.5), pf, exported(pf, "hal", tmp_path)[0])
-    texts = {name: (files / name).read_text() for name in ("worn.json", "control.json")}
-    command = [
-        sys.executable, "-m", "fitmodels", "watch", "worn.json", "--from", "linuxcnc", "--map", "I=fm-load",
-        "--value", "D=2mm", "--criterion", "VB=0.22mm", "--journal", "journal", "--write", "--reference", "0.22A",
-        "--controller", "control.json", "--consent", consent_words(controller_of(pf)),
-    ]  # fmt: skip
-    plant = plant_module(tmp_path)
+    plant, loop = plant_module(tmp_path), controller_of(machine_file()).loop
     signals = {"KILL": 0.0, "STOP": DEADLINE}
-    programs = [Beside(command, texts, KILLED, signal, 2, "written: reference") for signal in signals]
     with ThreadPoolExecutor(2) as pool:
-        runs = [pool.submit(run_beside, run, program, plant) for program in programs]
+        runs = [pool.submit(run_beside, *control_run(tmp_path, signal), plant) for signal in signals]
     for (signal, later), done in zip(signals.items(), runs, strict=True):
         trace, printed = done.result()
         printed = " ".join(printed.split())
         assert "proved: tripped" in printed, printed
         assert "written: reference 0.22 A" in printed
-        held = (trace["seconds"] > 2.5) & (trace["seconds"] < KILLED)
-        assert trace["load"][held].mean() == pytest.approx(0.22, rel=0.01)
-        assert not trace["fault"][held].any()
-        fault = int(np.argmax((trace["seconds"] > KILLED) & (trace["fault"] > 0)))
-        assert 0 < trace["seconds"][fault] - KILLED < HEARTBEAT + later + 0.3, signal  # .3: the user interface looks
-        assert trace["fault"][fault:].all()
-        assert trace["u"][-1] == pytest.approx(loop.low)
-        assert trace["feed"][-1] == pytest.approx(loop.feed_low, rel=1e-3)
+        found = control_figures(trace)
+        assert found["load"] == pytest.approx(1.0, rel=0.01)
+        assert not found["early"]
+        assert 0 < found["fault"] < HEARTBEAT + later + 0.3, signal  # .3: the user interface looks
+        assert found["latched"]
+        assert found["u"] == pytest.approx(loop.low)
+        assert found["feed"] == pytest.approx(loop.feed_low, rel=1e-3)
