@@ -258,7 +258,7 @@ def test_a_server_that_is_not_there_is_lost_not_an_error():
 )
 def test_a_wrong_node_is_refused_with_a_remedy(running, nodes, message):
     loads = {"Fc": "N"} if "Fc" in nodes else {"P": "kW"}
-    with source(running.url, map=nodes, loads=loads) as items, pytest.raises(DataError) as refused:
+    with pytest.raises(DataError) as refused, source(running.url, map=nodes, loads=loads) as items:
         until(items, samples(1))
     assert message in str(refused.value)
 

@@ -17,6 +17,7 @@ from .options import SourceOptions
 from .streams import from_socket, standard_input
 
 LIMITED: Final = ("connected", "gap", "bad", "refused")  # notices that change no cut
+WAIT: Final = 3.0  # s for the first word of a machine
 MOST_SAID: Final = 20  # of them a minute: quality may change at every reading
 
 
@@ -39,13 +40,27 @@ class Source:
         self._items = items
         self._said: deque[float] = deque(maxlen=MOST_SAID)  # when notices were given, s
         self._silent = False
+        self._first: deque[Sample | Notice] = deque()
+
+    def begin(self, seconds: float) -> Self:
+        """Wait for the first item, up to some seconds for one that is not idle: errors of the beginning come here."""
+        end = monotonic() + seconds
+        try:
+            while not self._first or (monotonic() < end and getattr(self._first[-1], "kind", "") == "idle"):
+                self._first.append(next(self._items))
+        except StopIteration:
+            pass
+        except BaseException:
+            self.close()
+            raise
+        return self
 
     def __iter__(self) -> Self:
         return self
 
     def __next__(self) -> Sample | Notice:
         while True:
-            item = next(self._items)
+            item = self._first.popleft() if self._first else next(self._items)
             if isinstance(item, Sample) or item.kind not in LIMITED or (said := self._limited(item)) is None:
                 return item
             if said:
@@ -106,7 +121,7 @@ def open_source(words: str, options: SourceOptions) -> Source:
     if words in ("-", "linuxcnc") or words.startswith(("opc.tcp://", "tcp://", "unix:")):
         if options.replay is not None:
             raise UsageError("--replay goes with a recorded run, not with a machine.")
-        return _live(words, replace(options, after=None))  # a machine gives nothing twice
+        return _live(words, replace(options, after=None)).begin(WAIT)  # a machine gives nothing twice
     if match := re.match(r"([a-z][a-z.]+)://", words):
         raise UsageError(
             f"--from {words}: no source {match[1]}://; give a file, -, linuxcnc, opc.tcp://host:port, "
@@ -115,10 +130,10 @@ def open_source(words: str, options: SourceOptions) -> Source:
     path = Path(words)
     check_file(path)
     if options.replay is not None:
-        return Source(f"recorded run {path.name}", replayed(path, options), recorded=True)
+        return Source(f"recorded run {path.name}", replayed(path, options), recorded=True).begin(0.0)
     if options.rate is not None:
         raise UsageError("--rate goes with a recorded run: the rows of a growing file need times. Add --replay 1x.")
-    return Source(path.name, growing(path, options))
+    return Source(path.name, growing(path, options)).begin(0.0)
 
 
 def _live(words: str, options: SourceOptions) -> Source:
