@@ -169,7 +169,7 @@ def _interval(of: Facts, unit: str) -> str:
         return f"{format_plain(of['median'])} {unit}"
     if of["high"] is None:
         return f"{format_plain(of['median'])} {unit}, {of['level'] * 100:.0f} % above {format_plain(of['low'])}"
-    places = decimals(max((of["high"] - of["low"]) / 4, 1e-9))
+    places = max(0, decimals(max((of["high"] - of["low"]) / 4, 1e-9)))
     low, median, high = (f"{of[name]:.{places}f}" for name in ("low", "median", "high"))
     return f"{median} {unit}, {of['level'] * 100:.0f} % between {low} and {high}"
 
@@ -180,7 +180,7 @@ def _short(of: Facts) -> str:
         return "not known"
     if of["low"] is None or of["high"] is None:
         return format_plain(of["median"])
-    places = decimals(max((of["high"] - of["low"]) / 4, 1e-9))
+    places = max(0, decimals(max((of["high"] - of["low"]) / 4, 1e-9)))
     return f"{of['median']:.{places}f} ({of['low']:.{places}f} to {of['high']:.{places}f})"
 
 

@@ -193,3 +193,9 @@ def free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
+
+
+def test_a_long_life_is_shown_in_whole_minutes(facts):
+    long = {**facts, "life": {**facts["life"], "low": 1000.4, "median": 3000.4, "high": 9000.4}}
+    assert "3000 (1000 to 9000) min" in PlainLines(lambda line: None).line(long)
+    assert "3000 min" in shown(screen(long))
