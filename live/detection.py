@@ -5,6 +5,10 @@ CUSUM of them, weighted by how much each load grows with wear, with their scatte
 over edges only, because within one edge a load that is higher throughout cannot be distinguished from wear: a CUSUM of
 the deviations of finished edges from the laws.
 
+In simulation (benchmarks/live_detection.py), with two loads wear that is 1.5 times as great at once is found within
+3 min in 99 % of edges, after 50 s (median), with .02 false alarms an hour; with power alone in 70 to 80 %. A batch with
+loads 8 % higher or lower is found after 5 edges (median), with .01 false alarms an edge.
+
 Source: Page 1954, Biometrika 41, 100; Hawkins 1987, J. R. Stat. Soc. D 36, 299 (baseline learned as the edges come).
 """
 
@@ -20,8 +24,8 @@ if TYPE_CHECKING:
     from .edge_state import LawDeviation
 
 SLACK = 0.5  # standard deviations, half of the shift that is found soonest
-LIMIT = 8.0  # of the CUSUM of windows
-CLIPPED = 2.0  # standard deviations that a window counts as, at most: four outlying ones in a row give no alarm
+LIMIT = 6.0  # of the CUSUM of windows
+CLIPPED = 2.0  # standard deviations that a window counts as, at most: three outlying ones in a row give no alarm
 MEMORY = 60  # windows from which the scatter of a load is learned
 ASSUMED = 10.0  # windows that the scatter of the model counts as
 BATCH_LIMIT = 3.5  # of the CUSUM of edges
@@ -74,7 +78,7 @@ class ChippingDetector:
     Examples
     --------
     >>> detector = ChippingDetector()
-    >>> quiet, chipped = [0.4, -0.9, -0.2, 0.8] * 5, [4.0] * 5
+    >>> quiet, chipped = [0.4, -0.9, -0.2, 0.8] * 5, [4.0] * 4
     >>> [detector.add({"P": z}, {"P": 1.0}) for z in [*quiet, *chipped]][-2:]
     [0, 1]
     """
