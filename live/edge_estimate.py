@@ -32,6 +32,7 @@ BEFORE_TESTS = 0.5  # of the shortest tested time: earlier loads say nothing, as
 NOISE_DF = 4.0  # of the Student t that weights outlying windows
 LEAST_SE = 0.002  # of ln load: a smaller one is not believed
 REOPENED = 0.4  # sd of ln wear after chipping
+BACK = 1.5  # min of contact; loads of up to twice this time are taken back after chipping
 FAR_GAUGE = 6.0  # standard deviations
 SCHEMA = "fitmodels.live-edge/1"
 GRID = np.concatenate([[0.0], np.geomspace(1e-4, 1e6, 500)])  # min, of the remaining life
@@ -98,6 +99,7 @@ class EdgeEstimate:
         self._last: dict[str, float] = {}
         self._assumed: dict[str, str] = {}
         self._state = EdgeState(laws)
+        self._before = [(0.0, self._state.copy())] * 2  # minutes and state, BACK minutes ago and earlier
 
     # time of contact ---------------------------------------------------------------------------------------------
 
@@ -126,6 +128,8 @@ class EdgeEstimate:
         self._exposure.add(self.laws.wear.columns({**given, TIME: 1.0}), minutes)
         self._state.advance(minutes)
         self.minutes += minutes
+        if self.minutes - self._before[1][0] >= BACK:
+            self._before = [self._before[1], (self.minutes, self._state.copy())]
 
     def complete(self, conditions: Mapping[str, float]) -> dict[str, float]:
         """The conditions that the laws need; those that are missing have their last values."""
@@ -199,11 +203,20 @@ class EdgeEstimate:
                 "start a new one."
             )
         self._state.update(H, log(wear) - ln_wear, sd_ln**2)
+        self._before = [(self.minutes, self._state.copy())] * 2
         self.gauged += 1
 
     def reopen(self) -> None:
-        """Open the level of wear again after chipping: from then on it is known by what follows."""
-        self._state.P[self._state.u, self._state.u] += REOPENED**2
+        """Open the level of wear again after chipping: from then on it is known by what follows.
+
+        The loads of the last minutes, in which chipping was not yet seen, are taken back: they had been explained by
+        levels and wander of the loads.
+        """
+        then, state = self._before[0]
+        self._state = state.copy()
+        self._state.advance(self.minutes - then)
+        self._state.open_level(REOPENED)
+        self._before = [(self.minutes, self._state.copy())] * 2
         self.reopened += 1
 
     # answers -------------------------------------------------------------------------------------------------------
@@ -327,9 +340,8 @@ class EdgeEstimate:
             "last": dict(self._last),
             "assumed": dict(self._assumed),
             "exposure": self._exposure.as_json(),
-            "fast": dict(self._state.fast),
-            "mean": self._state.x.tolist(),
-            "covariance": self._state.P.tolist(),
+            "before": [{"minutes": then, **state.as_json()} for then, state in self._before],
+            **self._state.as_json(),
         }
 
     @classmethod
@@ -356,15 +368,16 @@ class EdgeEstimate:
     @classmethod
     def _restored(cls, laws: LiveLaws, data: Mapping[str, Any]) -> "EdgeEstimate":
         found = cls(laws, float(data["criterion"]))
-        state, exposure = found._state, data["exposure"]
-        x, P = np.array(data["mean"], dtype=float), np.array(data["covariance"], dtype=float)
+        exposure, before = data["exposure"], data["before"]
         minutes = np.array(exposure["minutes"], dtype=float)
         settings = np.array(exposure["settings"], dtype=float).reshape(len(minutes), len(laws.wear.theta))
-        if x.shape != state.x.shape or P.shape != state.P.shape:
-            raise ValueError(f"{len(x)} states, and {len(state.x)} are needed")
-        if not np.isfinite(np.concatenate([x, P.ravel(), settings.ravel(), minutes])).all():
+        if not (np.isfinite(settings).all() and np.isfinite(minutes).all()):
             raise ValueError("values that are not finite")
-        state.x, state.P, state.fast = x, P, {name: float(data["fast"][name]) for name in laws.loads}
+        found._state.restore(data)
+        states = [found._state.copy() for _ in before]
+        for state, one in zip(states, before, strict=True):
+            state.restore(one)
+        found._before = [(float(one["minutes"]), state) for one, state in zip(before, states, strict=True)]
         found._exposure = Exposure(settings, minutes)
         found.minutes, found._last = float(data["minutes"]), {k: float(v) for k, v in data["last"].items()}
         found.gauged, found.windows, found.reopened = (int(data[key]) for key in ("gauged", "windows", "reopened"))

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 FEWEST_EDGES = 5  # from which scatter between edges is estimated
 EXPONENT_SHARE = 0.1  # of the time exponent, where it is not estimated
+LEAST_SHARE, LEAST_WANDER = 0.05, 0.02  # of the time exponent, and of wear: few rows do not show that there is none
 WANDER_SHARE = 0.25  # of the variance within edges, where the correlation in time is not known
 SPACING = 2.0  # spacings of rows, over which wear and loads are taken to wander
 LARGEST_CORRELATION = 0.95
@@ -129,7 +130,7 @@ def scatter_of_edges(
         What is not estimated.
     """
     sd, words = _exponent(wear, exponent, given)
-    wander, _, how = _wander(wear, given.wear_wander)
+    wander, _, how = _wander(wear, given.wear_wander, LEAST_WANDER)
     slow, rest, notes = {}, {}, [words, how]
     for law in loads:
         slow[law.response], left, how = _wander(law, given.load_wander)
@@ -149,8 +150,9 @@ def _exponent(wear: "LawSection", exponent: float, given: Assumptions) -> tuple[
         sd = EXPONENT_SHARE * exponent
         return sd, f"assumed: {what} {100 * EXPONENT_SHARE:g} % of it, as the file has no sums by edge"
     variance, se, edges = found
-    sd = above_zero(variance, se) ** 0.5
-    return sd, f"estimated from {edges} edges: {what} {sd:.2g} ({100 * sd / exponent:.2g} % of it)"
+    sd = max(above_zero(variance, se) ** 0.5, LEAST_SHARE * exponent)
+    least = f"at least {100 * LEAST_SHARE:g} % is taken"
+    return sd, f"estimated from {edges} edges: {what} {sd:.2g} ({100 * sd / exponent:.2g} % of it; {least})"
 
 
 def slope_variance(law: "LawSection", symbol: str) -> tuple[float, float, int] | None:
@@ -202,7 +204,7 @@ def _residual_weights(law: "LawSection") -> Array:
     return np.append(-law.theta[1:], 1.0)
 
 
-def _wander(law: "LawSection", given: Wander | None) -> tuple[Wander, float, str]:
+def _wander(law: "LawSection", given: Wander | None, least: float = 0.0) -> tuple[Wander, float, str]:
     """Slow wander about a law, which is that scatter within edges correlated from row to row; and the other scatter."""
     name = law.response
     if given is not None:
@@ -220,8 +222,9 @@ def _wander(law: "LawSection", given: Wander | None) -> tuple[Wander, float, str
     else:  # the correlation one spacing apart, and from it the share at no distance
         lag, how = above_zero(check.statistic, 1.0) / e.df_within**0.5, "estimated from the correlation of rows"
         share = min(lag * exp(1 / SPACING), 1.0)
-    wander = Wander(within * share**0.5, minutes)
-    return wander, within * (1 - share) ** 0.5, f"{how}: {name} wanders by {wander.words}"
+    wander = Wander(max(within * share**0.5, least), minutes)
+    taken = f" (at least {100 * least:g} % is taken)" if least else ""
+    return wander, within * (1 - share) ** 0.5, f"{how}: {name} wanders by {wander.words}{taken}"
 
 
 def typical_response(law: "LawSection") -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import exp, inf, log
+from typing import Any
 
 import numpy as np
 
@@ -73,6 +74,30 @@ class EdgeState:
         self.middle = (log(low) + log(high)) / 2 if low > 0 else log(high / 2)
         self.fast = {name: wander.sd for name, wander in laws.scatter.load_rest.items()}
         self.x, self.P = np.zeros(at), self._prior(at)
+
+    def as_json(self) -> dict[str, Any]:
+        """Exact copy as lists."""
+        return {"fast": dict(self.fast), "mean": self.x.tolist(), "covariance": self.P.tolist()}
+
+    def restore(self, data: Mapping[str, Any]) -> None:
+        """Take the values of a copy; KeyError, TypeError or ValueError where it is none of this state."""
+        x, P = np.array(data["mean"], dtype=float), np.array(data["covariance"], dtype=float)
+        if x.shape != self.x.shape or P.shape != self.P.shape:
+            raise ValueError(f"{len(x)} states, and {len(self.x)} are needed")
+        if not (np.isfinite(x).all() and np.isfinite(P).all()):
+            raise ValueError("values that are not finite")
+        self.x, self.P, self.fast = x, P, {name: float(data["fast"][name]) for name in self.laws.loads}
+
+    def copy(self) -> "EdgeState":
+        """The state as it is now; updates make new arrays."""
+        other = object.__new__(EdgeState)
+        other.__dict__.update(self.__dict__, fast=dict(self.fast))
+        return other
+
+    def open_level(self, sd: float) -> None:
+        """Open the level of wear."""
+        self.P = self.P.copy()
+        self.P[self.u, self.u] += sd * sd
 
     def _prior(self, size: int) -> Array:
         laws, known = self.laws, self.laws.scatter

@@ -176,6 +176,23 @@ def test_reopened_level_is_wide(laws):
     assert any("chipping" in note for note in edge.notes)
 
 
+def test_chipping_seen_late_is_taken_for_wear_after_all(laws):
+    """Loads rise as wear times 1.5 makes them; two windows later the level is opened, and the wear is found."""
+    edge, slope = (
+        EdgeEstimate(laws, 0.3),
+        {name: law.slope("AW", {**AT, "t": 10.0, "AW": 0.2}) for name, law in laws.loads.items()},
+    )
+    cut(edge, 60)
+    before = edge.wear().median
+    expected = {name: edge.expected_ln(name, AT)[0] for name in laws.loads}
+    chipped = {name: expected[name] + slope[name] * log(1.5) for name in laws.loads}
+    for k in range(20):
+        edge.add(window(chipped))
+        if k == 1:
+            edge.reopen()
+    assert edge.wear().median == pytest.approx(1.5 * before, rel=0.04)
+
+
 def test_snapshot_goes_on_bit_for_bit(laws, pf):
     edge = EdgeEstimate(laws, 0.3)
     cut(edge, 30)
@@ -186,7 +203,7 @@ def test_snapshot_goes_on_bit_for_bit(laws, pf):
     assert again.as_json() == edge.as_json()
     with pytest.raises(UsageError, match="another parameter"):
         EdgeEstimate.from_json(LiveLaws.of(pf, loads=["P"]), edge.as_json())
-    broken = [{"minutes": "many"}, {"mean": [1.0]}, {"covariance": None}, {"exposure": {}}, {"fast": {}}]
+    broken = [{"minutes": "many"}, {"mean": [1.0]}, {"covariance": None}, {"exposure": {}}, {"fast": {}}, {"before": 3}]
     for part in broken:
         with pytest.raises(UsageError, match="cannot be read"):
             EdgeEstimate.from_json(laws, {**edge.as_json(), **part})
@@ -314,6 +331,12 @@ def test_exponents_of_edges_are_found_from_the_sums_of_the_file():
     assert abs(variance - 0.05**2) < 3 * se
     none, se, _ = slope_variance(simulated(exponent_sd=0.0).laws["AW"], "t")
     assert none < 3 * se < 0.05**2
+
+
+def test_few_tests_do_not_show_that_nothing_scatters(laws):
+    assert laws.scatter.exponent_sd >= 0.05 * laws.wear.theta[4]
+    assert laws.scatter.wear_wander.sd >= 0.02
+    assert sum("at least" in note for note in laws.notes) == 2
 
 
 @pytest.mark.parametrize("true", [0.6, -0.6])
