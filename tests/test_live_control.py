@@ -27,7 +27,7 @@ from fitmodels.live.controller import (
     require_consent,
     write_order,
 )
-from fitmodels.live.linuxcnc_control import Beat, HalLink, Runner, Writer
+from fitmodels.live.linuxcnc_control import Beat, HalLink, Refused, Runner, Writer, connect
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -322,6 +322,63 @@ def test_the_heartbeat_follows_that_of_the_load():
     assert len(set(values[25:])) == 1
 
 
+class FakeHal:
+    """Signals with their writers, as ``hal`` of LinuxCNC has them."""
+
+    HAL_BIT, HAL_IN, HAL_OUT = 1, 2, 3
+    error = OSError
+
+    def __init__(self, **signals):
+        self.signals = {name.replace("_", "-"): driver for name, driver in signals.items()}
+        self.links = {}
+
+    def component(self, name):
+        return SimpleNamespace(newpin=lambda *of: None, ready=lambda: None)
+
+    def get_info_signals(self):
+        return [{"NAME": name, "DRIVER": driver} for name, driver in self.signals.items()]
+
+    def disconnect(self, pin):
+        self.signals = {name: None if driver == pin else driver for name, driver in self.signals.items()}
+
+    def connect(self, pin, signal):
+        assert not (pin.endswith(".heartbeat") and self.signals[signal])
+        self.links[pin.rpartition(".")[2]] = signal
+
+
+@pytest.mark.parametrize(
+    ("signals", "links"),
+    [
+        ({"fm_heartbeat": None}, {"heartbeat": "fm-heartbeat"}),
+        ({"fm_heartbeat": "fitmodels-watch-4194999.heartbeat"}, {"heartbeat": "fm-heartbeat"}),  # no such process
+        (
+            {"fm_heartbeat": None, "fm_source_heartbeat": "drive.beat"},
+            {"heartbeat": "fm-heartbeat", "source-heartbeat": "fm-source-heartbeat"},
+        ),
+        ({"fm_heartbeat": None, "fm_source_heartbeat": None}, {"heartbeat": "fm-heartbeat"}),
+    ],
+)
+def test_the_heartbeat_is_connected(signals, links):
+    hal = FakeHal(**signals)
+    assert connect(hal)[1] == ("source-heartbeat" in links)
+    assert hal.links == links
+
+
+@pytest.mark.parametrize(
+    ("signals", "words"),
+    [
+        ({}, "HAL has no signal fm-heartbeat"),
+        ({"fm_heartbeat": "drive.beat"}, "is written by drive.beat"),
+        ({"fm_heartbeat": f"fitmodels-watch-{os.getpid()}.heartbeat"}, "is written by fitmodels-watch"),
+    ],
+)
+def test_a_heartbeat_of_another_is_left_alone(signals, words):
+    hal = FakeHal(**signals)
+    with pytest.raises(Refused, match=words):
+        connect(hal)
+    assert hal.links == {}
+
+
 def test_a_python_without_linuxcnc_is_said(tmp_path):
     for python, words in ((sys.executable, "no LinuxCNC"), (str(tmp_path / "none"), "does not run")):
         link = HalLink(["fm-fault"], {}, 0.2, python)
@@ -333,7 +390,7 @@ def test_a_python_without_linuxcnc_is_said(tmp_path):
 
 
 def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
-    monkeypatch.setattr("fitmodels.live.linuxcnc_control.STALL", 0.1)
+    monkeypatch.setattr("fitmodels.live.linuxcnc_control.STALL", 0.3)
     steps = []
 
     class Counted:
@@ -344,12 +401,20 @@ def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
         def close(self):
             steps.append(None)
 
+    def steps_until(count):
+        end = time.monotonic() + 5.0
+        while len(steps) < count and time.monotonic() < end:
+            assert set(runner.take()) <= {"step"}
+            time.sleep(0.02)
+
     runner = Runner(Counted())
-    time.sleep(0.4)
-    assert 0 < len(steps) <= 3
-    assert runner.take()[0] == "step"
-    time.sleep(0.1)
-    assert len(steps) > 2
+    steps_until(2)
+    time.sleep(0.6)  # it hangs
+    hung = len(steps)
+    time.sleep(0.3)
+    assert 2 <= len(steps) == hung
+    steps_until(hung + 2)
+    assert len(steps) >= hung + 2
     runner.close()
     assert steps[-1] is None
 

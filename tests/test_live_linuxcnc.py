@@ -95,7 +95,7 @@ def test_pins_are_read_with_speed_feed_state_and_tool(machine):
         assert sample.loads == {"P": 1.8}
         assert {name: sample.conditions[name] for name in ("n", "fm")} == {"n": 3000.0, "fm": 300.0}
         assert (sample.state, sample.tool) == ("feed", "T3")
-        assert abs(sample.time - time.time()) < 1.0
+        assert abs(sample.time - time.time()) < 5.0
 
 
 @pytest.mark.parametrize(
