@@ -199,8 +199,8 @@ def check_edges(edges: Sequence[EdgeSummary], *, certain: bool) -> None:
             raise UsageError(f"no measured wear of edge {edge.edge!r}; give it with --measured VB=0.21mm.")
         if edge.chips and not certain:
             raise UsageError(
-                f"a chipped edge is none of the wear law: {edge.edge!r} had {count(edge.chips, 'alarm')} of chipping."
-                " Leave it out, or give certain=True if it did not chip."
+                f"a chipped edge does not follow the wear law: {edge.edge!r} had "
+                f"{count(edge.chips, 'alarm')} of chipping. Leave it out, or give certain=True if it did not chip."
             )
         if edge.gaps and not certain:
             raise UsageError(
