@@ -10,14 +10,14 @@ from collections import deque
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, replace
 from math import sqrt
-from statistics import median
+from statistics import median, stdev
 from typing import Any, Literal
 
 from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, STARTING
 from ..datasets.signals.options import DRIVEN, ReduceOptions
 from .blocks import BLOCK, BRIDGED, FEWEST, SPEEDS, Air, Block, Blocks, Gap, IdleLevel, speed_ratio
 from .samples import CutEnd, Notice, Sample, Window
-from .windows import AGAINST, FALLEN, INTERRUPTED, RESTING, Windows
+from .windows import AGAINST, FALLEN, INTERRUPTED, QUIETER, RESTING, Windows
 
 SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle
 SHORTEST = ReduceOptions().shortest
@@ -295,10 +295,13 @@ class Cuts:
     def _confirmed(self) -> Iterator[Found]:
         """A load has been away from idle for as long as a cut."""
         span, self._span = self._span, []
-        idle, new = self.idle[self._lead], median([b.loads[self._lead] for b in span if self._lead in b.loads])
-        driven = self._lead in DRIVEN
+        loads = [b.loads[self._lead] for b in span if self._lead in b.loads]
+        idle, new, driven = self.idle[self._lead], median(loads), self._lead in DRIVEN
         said = span[-1].phase == "feed" and self._windows.proved
-        if self._sign < 0 and not said and (driven or abs(new) < abs(idle.level)):
+        later = loads[len(loads) // 2 :]  # after the ramp
+        restless = len(later) > 1 and stdev(later) > QUIETER * idle.noise
+        lower = self._sign < 0 if self._windows.proved else not restless
+        if lower and not said and abs(new) < abs(idle.level):
             yield from self._fallen(span, new)
         elif driven and self._may_start(span[-1]) and abs(idle.level) < OFF * abs(new):
             self._started, self._standing = span, idle.level

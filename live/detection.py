@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 SLACK = 0.5  # standard deviations, half of the shift that is found soonest
 LIMIT = 7.0  # of the CUSUM of windows
 CLIPPED = 2.0  # standard deviations that a window counts as, at most: three outlying ones in a row give no alarm
+SETTLING = 24  # windows after an alarm
 MEMORY = 60  # windows from which the scatter of a load is learned
 ASSUMED = 10.0  # windows that the scatter of the model counts as
 BATCH_LIMIT = 3.5  # of the CUSUM of edges
@@ -85,6 +86,7 @@ class ChippingDetector:
 
     def __init__(self) -> None:
         self.up = self.down = 0.0
+        self.held = 0  # windows after an alarm, in which the estimate settles
         self.past: dict[str, deque[float]] = {}
 
     def add(self, deviations: Mapping[str, float], weights: Mapping[str, float]) -> int:
@@ -107,22 +109,26 @@ class ChippingDetector:
             norm += weight * weight
         if norm == 0:
             return 0
+        if self.held:
+            self.held -= 1
+            return 0
         step = total / sqrt(norm)
         self.up, self.down = max(0.0, self.up + step - SLACK), max(0.0, self.down - step - SLACK)
         found = 1 if self.up > LIMIT else -1 if self.down > LIMIT else 0
         if found:
-            self.up = self.down = 0.0
+            self.up, self.down, self.held = 0.0, 0.0, SETTLING
         return found
 
     def as_json(self) -> dict[str, Any]:
         """Exact snapshot."""
-        return {"up": self.up, "down": self.down, "past": {name: list(past) for name, past in self.past.items()}}
+        past = {name: list(past) for name, past in self.past.items()}
+        return {"up": self.up, "down": self.down, "held": self.held, "past": past}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "ChippingDetector":
         """The detector of a snapshot."""
         found = cls()
-        found.up, found.down = float(data["up"]), float(data["down"])
+        found.up, found.down, found.held = float(data["up"]), float(data["down"]), int(data["held"])
         found.past = {name: deque(past, maxlen=MEMORY) for name, past in data["past"].items()}
         return found
 

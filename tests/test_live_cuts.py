@@ -153,6 +153,15 @@ def test_a_load_below_idle_in_the_cut_is_refused():
     assert "a cut must exceed idle. Reverse its sign" in texts(found)[-1]
 
 
+@pytest.mark.parametrize("first", [8, 0])
+def test_a_reversed_sign_is_never_taken_for_idle(first):
+    parts = [(60, -2.5), (8, 0.8), (60, -2.6), (8, 0.8)]
+    found = watch(Cuts(), signal([(first, 0.8), *parts] if first else parts))
+    assert not any(w.loads for w in windows(found))
+    assert contact(found) == pytest.approx(120, abs=2)
+    assert "Reverse its sign" in texts(found)[-1]
+
+
 def test_off_idle_and_cut_of_a_drive_are_three_states():
     cuts = Cuts()
     spindle = [
