@@ -113,8 +113,11 @@ def facts_of(monitor: "Monitor", now: Reading) -> Facts:
 
 def _wear(monitor: "Monitor", now: Reading) -> Facts:
     """Interval of the wear; none of an edge that has not cut."""
+    nothing = {"median": None, "low": None, "high": None, "level": monitor.settings.level}
+    if monitor.uncounted > 0:
+        return {**nothing, "reason": f"not known: {monitor.uncounted:.3g} min were cut at unknown conditions"}
     if monitor.edge.minutes + now.open <= 0:
-        return {"median": None, "low": None, "high": None, "level": monitor.settings.level, "reason": "new edge"}
+        return {**nothing, "reason": "new edge, no contact yet"}
     return _interval(lambda: monitor.estimate.wear(monitor.settings.level), monitor)
 
 

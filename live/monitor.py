@@ -5,6 +5,7 @@ give the same state again. What is shown but not kept (the last reading, the sta
 """
 
 from collections.abc import Callable, Mapping
+from math import exp
 from statistics import median
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,7 +14,7 @@ from ..core.rounding import format_plain
 from .detection import Detection
 from .edge_summary import EdgeSummary
 from .samples import Window
-from .watch_edge import Edge, WatchSettings, window_of
+from .watch_edge import Edge, WatchSettings, by_time_alone, window_of
 
 if TYPE_CHECKING:
     from .edge_estimate import EdgeEstimate
@@ -66,6 +67,8 @@ class Monitor:
         self.air: dict[str, Any] | None = None  # idle levels, as the search for cuts had them before the last cut
         self.lost: dict[str, Any] | None = None  # since when the signal is lost in mid-cut
         self.conditions: dict[str, float] = {}
+        self.uncounted = 0.0  # min of contact at conditions that are not known
+        self.distrusted = False  # whether loads do not belong to the laws, so that time alone is used
         self.alarms: list[dict[str, Any]] = []
         self.decisions: list[dict[str, Any]] = []
         self.notes: list[dict[str, Any]] = []
@@ -99,7 +102,16 @@ class Monitor:
         try:
             act(self, record)
         except FitmodelsError as reason:
-            self.note(self.time, f"{kind} not used: {reason}")
+            self._not_used(record, f"{kind} not used: {reason}")
+
+    def _not_used(self, record: Record, text: str) -> None:
+        """Say why a record was not used; contact at unknown conditions is an alarm, for the wear is then not known."""
+        minutes = float(record.get("contact", record.get("minutes", 0.0)))
+        if record["kind"] in ("window", "cutend", "gap") and minutes > 0:
+            self.uncounted += minutes
+            self._alarm({"time": self.time, "kind_of_alarm": "conditions", "text": text})
+        else:
+            self.note(self.time, text)
 
     def take_said(self) -> list[str]:
         """Sentences that are new since they were last taken."""
@@ -113,21 +125,29 @@ class Monitor:
         self._returned()
         self.open = None
         self._expect(window)
-        self.estimate.add(window)
-        for alarm in self.detection.add(self.estimate):
-            self._alarm({"time": self.time, "kind_of_alarm": alarm.kind, "text": alarm.text})
-            if alarm.kind == "chipping":
-                self.edge.summary.chips += 1
-                self.estimate.reopen()
+        if self.distrusted:
+            self.estimate.advance(window.contact, window.conditions)
+        else:
+            self.estimate.add(window)
+            self._detect(window)
         self.edge.summary.add(window)
         self.conditions = dict(window.conditions)
         self.cut_minutes += window.contact
         self._decide()
 
+    def _detect(self, window: Window) -> None:
+        """Act on chipping, and on loads that do not belong to the laws: these show no wear any more."""
+        for alarm in self.detection.add(self.estimate):
+            self._alarm({"time": self.time, "kind_of_alarm": alarm.kind, "text": alarm.text})
+            if alarm.kind == "chipping":
+                self.estimate.reopen()
+            elif not self.distrusted:
+                self.distrusted = True
+                self.estimate = by_time_alone(self._new_estimate(), self.edge, window)
+                self.note(self.time, "loads are not used for this edge any more: its wear follows from time alone.")
+
     def _expect(self, window: Window) -> None:
         """Keep the expected loads at the conditions of a window, and the measured ones."""
-        from math import exp
-
         level = self.settings.level
         self.expected = {}
         for name in window.loads.keys() & self.laws.loads.keys():
@@ -207,6 +227,7 @@ class Monitor:
         self.alarms = [one for one in self.alarms if one["kind"] in ("journal", "batch")]
         self.decisions, self.open, self.lost, self.cut_minutes = [], None, None, 0.0
         self.expected, self.measured = {}, {}
+        self.uncounted, self.distrusted = 0.0, False
         self.note(self.time, f"edge {number} begins.")
         for alarm in shifted:
             self._alarm({"time": self.time, "kind_of_alarm": alarm.kind, "text": alarm.text})
@@ -351,7 +372,7 @@ class Monitor:
 
 _KEPT: Final = (
     "time", "source", "cuts", "cut_minutes", "open", "air", "lost", "conditions", "alarms", "decisions", "notes",
-    "requests", "expected", "measured", "label", "finished",
+    "requests", "expected", "measured", "label", "finished", "uncounted", "distrusted",
 )  # fmt: skip
 _ACTS: Final[Mapping[str, Callable[[Monitor, Record], None]]] = {
     "window": Monitor._window,

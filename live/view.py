@@ -83,7 +83,7 @@ def rows(facts: Facts) -> list[tuple[str, str]]:
 def wear_words(wear: Facts) -> str:
     """Median and interval of the wear, and the criterion."""
     end = "" if wear["criterion"] is None else f"; criterion {format_plain(wear['criterion'])} {wear['unit']}"
-    value = "new edge, no contact yet" if wear.get("reason") == "new edge" else _interval(wear, wear["unit"])
+    value = wear["reason"] if wear.get("reason") else _interval(wear, wear["unit"])
     return f"{wear['symbol']} {value}{end}"
 
 
@@ -216,9 +216,8 @@ class PlainLines:
         """The state on one line."""
         wear, life = facts["wear"], facts["life"]
         parts = [f"{facts['clock']}  {facts['state']:<8} {facts['cut_minutes']:5.2f} min"]
-        parts.append(
-            "new edge" if wear.get("reason") == "new edge" else f"{wear['symbol']} {_short(wear)} {wear['unit']}"
-        )
+        known = f"{_short(wear)} {wear['unit']}" if wear["median"] is not None else str(wear.get("reason", "not known"))
+        parts.append(f"{wear['symbol']} {known}")
         if life is not None and life["median"] is not None:
             parts.append(f"life {_short(life)} min")
         if facts["probability_past"] is not None:

@@ -2,13 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from math import exp
+from typing import TYPE_CHECKING, Any, Final
 
 from .edge_summary import EdgeSummary
 from .samples import LoadMean, Window
 
 if TYPE_CHECKING:
     from ..parameters.sections.costs import CostsSection
+    from .edge_estimate import EdgeEstimate
+
+GAUGE_SD: Final = 0.03  # of ln wear, of a gauge reading that is taken in again
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +73,30 @@ class Edge:
     def from_json(cls, data: Mapping[str, Any]) -> "Edge":
         """The edge that `as_json` wrote."""
         return cls(data["number"], data["tool"], data["gauges"], EdgeSummary.from_json(data["summary"]))
+
+
+def by_time_alone(found: "EdgeEstimate", edge: Edge, window: Window) -> "EdgeEstimate":
+    """A new estimate after the last gauge reading and the contact of an edge, without any of its loads.
+
+    Parameters
+    ----------
+    found : EdgeEstimate
+        Of a new edge; it is advanced.
+    edge : Edge
+        As it was before the window.
+    window : Window
+    """
+    marks, done = edge.summary.marks, 0.0
+    if marks:
+        for cell in marks[-1].cells:
+            found.advance(cell.minutes, {name: exp(value) for name, value in cell.ln.items()})
+        found.gauge(marks[-1].wear, GAUGE_SD)
+        done = marks[-1].minutes
+    share = 1.0 - done / edge.minutes if edge.minutes > 0 else 0.0
+    for cell in edge.summary.cells:
+        found.advance(cell.minutes * share, {name: exp(value) for name, value in cell.ln.items()})
+    found.advance(window.contact, window.conditions)
+    return found
 
 
 def window_record(window: Window) -> dict[str, Any]:

@@ -107,7 +107,7 @@ def test_a_window_without_a_condition_that_was_never_known_is_said_and_changes_n
     record = {**next(iter(records(1))), "conditions": {"V": 150.0}}
     found = applied([record])
     assert found.edge.minutes == 0
-    assert any("f is not known" in note["text"] for note in found.notes)
+    assert ["f is not known" in alarm["text"] for alarm in found.alarms] == [True]
 
 
 @pytest.mark.parametrize("name", ["tool", "work", "content"])

@@ -233,3 +233,22 @@ def test_the_journal_class_is_closed_when_the_source_fails(tmp_path):
         Watch(found, Cuts(), "run.csv", journal=journal).run(broken())
     assert isinstance(journal, WatchJournal)
     assert read_newest(tmp_path).torn is False
+
+
+def test_loads_in_another_unit_are_an_alarm_and_the_wear_follows_from_time_alone():
+    items = [replace(item, loads={"P": item.loads["P"] / 1000}) for item in samples(cuts=8)]
+    watch = watched(items)
+    assert [alarm["kind"] for alarm in watch.monitor.alarms] == ["tool"]
+    alone = monitor()
+    alone.estimate.advance(watch.monitor.edge.minutes, CONDITIONS)
+    assert watch.monitor.estimate.wear().median == pytest.approx(alone.estimate.wear().median, rel=0.01)
+    assert any("time alone" in text for text in watch.said.sentences)
+
+
+def test_contact_at_unknown_conditions_is_an_alarm_and_the_wear_is_not_shown():
+    watch = watched(replace(item, conditions={"f": 0.2, "d": 2.0}) for item in samples(cuts=2))
+    assert {alarm["kind"] for alarm in watch.monitor.alarms} == {"conditions"}
+    wear = watch.said.facts["wear"]
+    assert wear["median"] is None
+    assert "2 min were cut at unknown conditions" in wear["reason"]
+    json.dumps(watch.said.facts)
