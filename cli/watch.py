@@ -41,8 +41,7 @@ def parser() -> Parser:
         "recorded run, and the moment to change it at a stated risk. Nothing is written without --write.\n\n"
         "  run.csv, run.jsonl           a file that grows; a recorded run with --replay\n"
         "  opc.tcp://127.0.0.1:4840     an OPC UA server; --node P=NODE names values\n"
-        "  linuxcnc                     LinuxCNC on this machine\n"
-        "  -, tcp://127.0.0.1:PORT      lines of CSV or JSON; also unix:PATH\n\n"
+        "  linuxcnc; -                  LinuxCNC on this machine; lines from standard input\n\n"
         "With --journal and without --from: print the state of the journal, or pass --gauge, --new-edge or\n"
         "--acknowledge on to the process that watches with it.",
         main="--from --criterion --risk --journal --gauge --new-edge --page --serve --replay --json",
