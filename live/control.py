@@ -249,8 +249,8 @@ class ControlSession:
         if values["fm-fault"] and values["fm-dead"]:
             self.trip = after
             self._go("latched", now, f"the controller tripped {after:.2f} s after its heartbeat; the fault must stay")
-        elif values["fm-cut"] or not values["fm-armed"]:
-            self._wait("a cut began, or the controller was switched off, before it tripped; ")
+        elif values["fm-fault"] or values["fm-cut"] or not values["fm-armed"]:
+            self._wait("a cut, another fault, or the end of the enable came before the trip; ")
         elif after > most:
             self._end("refused", f"the controller did not trip within {most:.2f} s of its heartbeat's end")
 

@@ -176,7 +176,7 @@ def control_run(folder: Path, signal: str) -> "tuple[Run, Beside]":
         "--value", "D=2mm", "--criterion", "VB=0.22mm", "--journal", "journal", "--write", "--reference",
         f"{REFERENCE:g}A", "--controller", "control.json", "--consent", consent_words(controller_of(pf)),
     ]  # fmt: skip
-    scenario = Scenario("watch", "control", wear=60.0, duration=5.5)
+    scenario = Scenario("watch", "control", wear=60.0, wear_rate=2.0, duration=5.5)
     beside = Beside(command, files, KILLED, signal, 2, "written: reference")
     return run_of(scenario, pf, exported(pf, "hal", folder)[0]), beside
 

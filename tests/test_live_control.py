@@ -210,6 +210,20 @@ def test_a_controller_that_does_not_trip_is_refused(machine):
     assert machine.written == {}
 
 
+def test_a_fault_of_another_cause_is_no_trip(machine):
+    session = ControlSession(machine.controller, machine)
+    machine.run(0.5, session)
+    machine.reset(session)
+    while session.phase != "tripping":
+        machine.run(PERIOD, session)
+    machine.load = math.nan
+    machine.run(0.15, session)
+    assert machine.hal["fm-fault"]
+    assert session.phase == "waiting"
+    assert math.isnan(session.trip)
+    assert machine.written == {}
+
+
 def test_a_fault_that_does_not_latch_is_refused(machine):
     session = ControlSession(machine.controller, machine)
     machine.run(0.5, session)
