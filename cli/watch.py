@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
+from time import sleep
 from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
@@ -25,7 +26,7 @@ from .watch_options import (
 
 if TYPE_CHECKING:
     from ..live.monitor import Monitor
-    from ..live.watching import Outlet
+    from ..live.watching import Outlet, Watch
     from ..parameters import ParameterFile
 
 BUSY: Final = "{folder}: another fitmodels watch keeps its journal there; give another folder with --journal."
@@ -293,6 +294,8 @@ def _watch(
         watch.record(**{"time": monitor.time, **request})
     with _stopped() as stopped:
         watch.run(source, stopped)
+        if out.is_terminal and (args.page is not None or args.serve):
+            _stay(watch, stopped)
     if control is not None:
         control.close()
         watch.now.control = control.session.facts()
@@ -357,6 +360,14 @@ def _first_lines(args: argparse.Namespace, monitor: "Monitor") -> Iterator[str]:
         yield f"{SHADOW[0].upper()}{SHADOW[1:]}."
     if args.journal is None:
         yield "No journal: nothing is kept after the end; --journal FOLDER keeps it."
+
+
+def _stay(watch: "Watch", stopped: Callable[[], bool]) -> None:
+    """Keep page and server of a run that has ended until the user ends the command."""
+    watch.monitor.note(watch.now.time, "the run has ended; page and server stay until Ctrl-C.")
+    watch.show()
+    while not stopped():
+        sleep(0.2)
 
 
 @contextmanager

@@ -126,7 +126,8 @@ def advice_of(monitor: "Monitor", bounds: "Bounds | None") -> list[Facts]:
     from .advice import advise
 
     minutes, asked = monitor.next_cut, monitor.settings
-    if bounds is None or not minutes or not monitor.conditions:
+    unknown = monitor.distrusted or monitor.uncounted > 0
+    if unknown or bounds is None or not minutes or not monitor.conditions:
         return []
     try:
         found = advise(monitor.estimate, bounds, monitor.conditions, minutes, asked.risk, asked.costs)

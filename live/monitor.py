@@ -297,14 +297,15 @@ class Monitor:
         asked = self.settings
         found = change_now(self.estimate, asked.risk, self.next_cut or 0.0, self.conditions, asked.costs)
         last = self.decisions[-1] if self.decisions else None
-        decision = {"time": self.time, "kind": found.kind, "text": found.text, "probability": found.probability}
+        text = f"{found.text} Loads are not used: by time alone." if self.distrusted else found.text
+        decision = {"time": self.time, "kind": found.kind, "text": text, "probability": found.probability}
         if last is not None and last["kind"] == "change" != found.kind:
             return
         if last is not None and last["kind"] == found.kind:
             self.decisions[-1] = {**decision, "time": last["time"]}
         else:
             self.decisions = [*self.decisions[1 - SHOWN :], decision]
-            self._said.append(found.text)
+            self._said.append(text)
         past = float(self.estimate.probability_past())
         if past > PAST:
             criterion = f"{self.laws.wear.symbol} {format_plain(self.estimate.criterion)} {self.laws.wear.unit}"
