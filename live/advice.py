@@ -1,7 +1,7 @@
 """Advice of feed and speed for the edge that is cutting: within the tested region and limits, with its probability."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -101,6 +101,9 @@ def advise(
     if not 0 < risk < 1:
         raise UsageError(f"risk {risk:g}: give a probability between 0 and 1, such as 0.05.")
     given = estimate.complete(conditions)
+    if estimate.distrusted:  # unknown means slower
+        ends = {name: (low, min(high, given[name])) for name, (low, high) in bounds.ranges.items() if name in given}
+        bounds = replace(bounds, ranges={name: of for name, of in ends.items() if of[0] < of[1]}, reference={})
     return tuple(_advised(estimate, bounds, given, minutes, risk, costs))
 
 

@@ -70,6 +70,8 @@ def change_now(
     goal = f"{wear} {estimate.criterion:g} {unit}"
     when = f"after the next cut of {next_cut_minutes:.3g} min" if next_cut_minutes > 0 else "now"
     words = f"probability {probability_words(after)} that the wear is past {goal} {when}"
+    if estimate.distrusted:
+        words += f" (without {', '.join(estimate.distrusted)}, which is far from its law)"
     if costs is not None and (by_cost := _by_cost(estimate, next_cut_minutes, conditions, costs, words)) is not None:
         return by_cost
     if after > risk:

@@ -23,7 +23,7 @@ import numpy as np
 
 from ..core.arrays import Array, is_positive
 from ..core.errors import UsageError
-from .edge_state import EdgeState, Innovation, LawDeviation
+from .edge_state import EdgeState, Innovation, LawDeviation, LoadTrust
 from .exposure import Exposure
 from .live_laws import TIME, LiveLaws
 from .samples import Window
@@ -99,9 +99,9 @@ class EdgeEstimate:
         self._last: dict[str, float] = {}
         self._assumed: dict[str, str] = {}
         self._state = EdgeState(laws)
+        self._prior = self._state.P
+        self._trust = LoadTrust()
         self._before = [(0.0, self._state.copy())] * 2  # minutes and state, BACK minutes ago and earlier
-
-    # time of contact ---------------------------------------------------------------------------------------------
 
     def advance(self, minutes: float, conditions: Mapping[str, float]) -> None:
         """Add cutting without a usable load.
@@ -147,8 +147,6 @@ class EdgeEstimate:
                 self._assumed[name] = f"assumed: {name} was not read for a time and was taken as its last value."
         return given
 
-    # readings ------------------------------------------------------------------------------------------------------
-
     def add(self, window: Window) -> None:
         """Take in a window: its time of contact, and its loads.
 
@@ -170,8 +168,12 @@ class EdgeEstimate:
                 continue
             expected, H = self._state.load_row(name, self._exposure, self._last, rows)
             variance = max(mean.se, LEAST_SE) ** 2
-            self.innovations[name] = self._state.update(H, mean.ln - expected, variance, NOISE_DF)
-            self._state.adapt(name, self.innovations[name])
+            seen = self._state.innovation(H, mean.ln - expected, variance)
+            self.innovations[name] = seen
+            sd = max((float(H @ self._prior @ H) + variance) ** 0.5, seen.sd)  # of a new edge
+            if self._trust.believes(name, mean.ln - expected, sd):
+                self._state.update(H, mean.ln - expected, variance, NOISE_DF)
+                self._state.adapt(name, seen)
 
     def gauge(self, wear: float, sd_ln: float) -> None:
         """Take in one gauge reading of the wear of this edge.
@@ -219,8 +221,6 @@ class EdgeEstimate:
         self._before = [(self.minutes, self._state.copy())] * 2
         self.reopened += 1
 
-    # answers -------------------------------------------------------------------------------------------------------
-
     def _now(self) -> tuple[float, Array]:
         """Ln wear at the mean parameters, and its derivatives, now."""
         ln_wear, H = self._state.wear_rows(self._exposure, np.zeros(1), self._last or self._typical())
@@ -231,12 +231,12 @@ class EdgeEstimate:
         return {name: (low * high) ** 0.5 for name, (low, high) in self.laws.wear.ranges.items()}
 
     def _quantile(self, level: float) -> float:
-        """Student's t quantile with the degrees of freedom of the scatter between edges."""
+        """Student's t quantile."""
         from scipy.special import stdtrit
 
         if not 0 < level < 1:
             raise UsageError(f"level {level:g}: give a probability between 0 and 1, such as 0.9.")
-        return float(stdtrit(self.laws.wear.df, (1 + level) / 2))
+        return float(stdtrit(self.laws.df, (1 + level) / 2))
 
     def _interval(self, mean: float, variance: float, unit: str, level: float) -> Interval:
         half = self._quantile(level) * max(variance, 0.0) ** 0.5
@@ -266,7 +266,7 @@ class EdgeEstimate:
         H[:, self._state.w] = kept
         variance = ((H @ self._state.P) * H).sum(axis=1) + (1 - kept**2) * wander.sd**2
         z = (ln_wear + H @ self._state.x - log(self.criterion)) / np.sqrt(np.maximum(variance, 1e-12))
-        return np.asarray(stdtr(self.laws.wear.df, z))
+        return np.asarray(stdtr(self.laws.df, z))
 
     def life(self, conditions: Mapping[str, float] | None = None, level: float = 0.90) -> Interval:
         """Remaining minutes of contact until the criterion, at the given conditions or the last ones.
@@ -309,9 +309,14 @@ class EdgeEstimate:
         }
 
     @property
+    def distrusted(self) -> Mapping[str, str]:
+        """Loads that are not used for this edge any more, with the reason."""
+        return self._trust.distrusted
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed for this edge, what is extrapolated, and what loads cannot show."""
-        found = [*self._assumed.values(), *self.laws.beyond(self._last, self.minutes)]
+        found = [*self.distrusted.values(), *self._assumed.values(), *self.laws.beyond(self._last, self.minutes)]
         if self.criterion > self.laws.largest_wear * (1 + 1e-6):
             most = f"{self.laws.largest_wear:.3g} {self.laws.wear.unit}"
             found.append(f"EXTRAPOLATED: the criterion {self.criterion:g} is beyond the largest wear tested ({most}).")
@@ -325,8 +330,6 @@ class EdgeEstimate:
             found.append("After chipping the level of wear was opened again: gauge the edge.")
         return tuple(found)
 
-    # snapshot ------------------------------------------------------------------------------------------------------
-
     def as_json(self) -> dict[str, Any]:
         """Exact snapshot of the estimate; the laws are not in it."""
         return {
@@ -339,6 +342,7 @@ class EdgeEstimate:
             "reopened": self.reopened,
             "last": dict(self._last),
             "assumed": dict(self._assumed),
+            "trust": self._trust.as_json(),
             "exposure": self._exposure.as_json(),
             "before": [{"minutes": then, **state.as_json()} for then, state in self._before],
             **self._state.as_json(),
@@ -381,7 +385,8 @@ class EdgeEstimate:
         found._exposure = Exposure(settings, minutes)
         found.minutes, found._last = float(data["minutes"]), {k: float(v) for k, v in data["last"].items()}
         found.gauged, found.windows, found.reopened = (int(data[key]) for key in ("gauged", "windows", "reopened"))
-        found._assumed = dict(data["assumed"])
+        found._assumed, trust = dict(data["assumed"]), data["trust"]
+        found._trust = LoadTrust({k: int(n) for k, n in trust["far"].items()}, dict(trust["distrusted"]))
         return found
 
 

@@ -1,7 +1,7 @@
 """State of one edge as a Gaussian distribution: parts, prior, change in time, and update by a reading."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, inf, log
 from typing import Any
 
@@ -12,6 +12,8 @@ from .edge_scatter import FAST
 from .exposure import SOONEST, Exposure
 from .live_laws import TIME, LiveLaws
 
+FAR_LOW, FAR_HIGH = -4.0, 6.0  # sd of edges, between which a load is believed; one that is too low is unsafe
+FAR_WINDOWS = 6  # in turn, after which it is not believed again
 MEDIAN = 0.6745  # of the absolute value of a standard normal
 ADAPTED = 0.025  # change of the ln of the fast wander with a window
 MOST_WANDER = 0.5
@@ -48,6 +50,45 @@ class LawDeviation:
     def sd(self) -> float:
         """Standard deviation of the value of a new edge."""
         return (self.sd_edge**2 + self.sd_law**2) ** 0.5
+
+
+@dataclass(slots=True)
+class LoadTrust:
+    """Which loads of an edge are loads of its laws at all; others say nothing of the wear.
+
+    Attributes
+    ----------
+    far : dict of int
+        Windows in turn that were far from the law, by symbol.
+    distrusted : dict of str
+        Reason, by symbol, why a load is not used for this edge any more.
+
+    Examples
+    --------
+    >>> trust = LoadTrust()
+    >>> [trust.believes("P", difference, 0.1) for difference in (0.2, -0.7)]
+    [True, False]
+    """
+
+    far: dict[str, int] = field(default_factory=dict)
+    distrusted: dict[str, str] = field(default_factory=dict)
+
+    def believes(self, name: str, difference: float, sd: float) -> bool:
+        """Whether a window is used: its ln load differs from the law by a difference that edges with this sd show."""
+        z = difference / sd
+        self.far[name] = 0 if FAR_LOW < z < FAR_HIGH else self.far.get(name, 0) + 1
+        if self.far[name] == FAR_WINDOWS and name not in self.distrusted:
+            times = (
+                f"{exp(min(difference, 700.0)):.3g} times what its law gives, {abs(z):.2g} standard deviations of edges"
+            )
+            self.distrusted[name] = (
+                f"{name} is {times}: it is not used for the wear of this edge; check its unit and scale, tool and work."
+            )
+        return self.far[name] == 0 and name not in self.distrusted
+
+    def as_json(self) -> dict[str, Any]:
+        """Exact copy."""
+        return {"far": dict(self.far), "distrusted": dict(self.distrusted)}
 
 
 class EdgeState:
@@ -174,7 +215,11 @@ class EdgeState:
         law = max(float(H @ prior @ H) - edge, 0.0)
         return LawDeviation(float(H @ self.x), edge**0.5, law**0.5, float(H[self.u]))
 
-    def update(self, H: Array, difference: float, variance: float, df: float = inf) -> Innovation:
+    def innovation(self, H: Array, difference: float, variance: float) -> Innovation:
+        """Deviation of a reading from what the state expects; ``difference`` is from its value at the mean laws."""
+        return Innovation(difference - float(H @ self.x), (float(H @ self.P @ H) + variance) ** 0.5)
+
+    def update(self, H: Array, difference: float, variance: float, df: float = inf) -> None:
         """Take in one reading, in Joseph's form, which keeps the covariance positive.
 
         ``difference`` is the reading less its value at the mean laws. With finite ``df`` a reading that is far off
@@ -183,7 +228,6 @@ class EdgeState:
         PH = self.P @ H
         prior = float(H @ PH)
         value = difference - float(H @ self.x)
-        found = Innovation(value, (prior + variance) ** 0.5)
         if df < inf:
             variance *= max(1.0, (df + value * value / (prior + variance)) / (df + 1.0))
         gain = PH / (prior + variance)
@@ -191,4 +235,3 @@ class EdgeState:
         self.x = self.x + gain * value
         P = A @ self.P @ A.T + variance * np.outer(gain, gain)
         self.P = (P + P.T) / 2
-        return found

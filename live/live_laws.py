@@ -200,6 +200,14 @@ class LiveLaws:
         return digest.hexdigest()[:16]
 
     @property
+    def df(self) -> float:
+        """Degrees of freedom of the variance of wear: those of the scatter of edges, summed over the laws used.
+
+        As for a sum of about equal variances (Satterthwaite 1946, Biometrics Bulletin 2, 110).
+        """
+        return self.wear.df + sum(law.df for law in self.loads.values())
+
+    @property
     def largest_wear(self) -> float:
         """Largest wear in the tests of the loads, in the unit of the wear law; infinite where no load names it."""
         known = [law.ranges[self.wear.symbol][1] for law in self.loads.values()]

@@ -176,6 +176,22 @@ def test_reopened_level_is_wide(laws):
     assert any("chipping" in note for note in edge.notes)
 
 
+@pytest.mark.parametrize("scale", [1e-3, 0.6, 1e3])
+def test_load_in_a_wrong_unit_does_not_lower_the_wear(laws, scale):
+    edge, alone = EdgeEstimate(laws, 0.3), EdgeEstimate(laws, 0.3)
+    for _ in range(60):
+        edge.add(window({"P": edge.expected_ln("P", AT)[0] + log(scale)}))
+        alone.add(window({}))
+    assert edge.wear() == alone.wear()
+    assert edge.life(AT) == alone.life(AT)
+    assert any("check its unit and scale" in note for note in edge.notes)
+    assert "without P" in change_now(edge).text
+    for one in advise(edge, Bounds({"V": (50.0, 200.0), "f": (0.06, 0.6)}), AT, 1.0):
+        assert all(value <= AT[name] * 1.0001 for name, value in one.settings.items())
+    again = EdgeEstimate.from_json(laws, json.loads(json.dumps(edge.as_json())))
+    assert again.distrusted == edge.distrusted
+
+
 def test_chipping_seen_late_is_taken_for_wear_after_all(laws):
     """Loads rise as wear times 1.5 makes them; two windows later the level is opened, and the wear is found."""
     edge, slope = (
