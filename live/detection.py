@@ -30,10 +30,10 @@ SETTLING = 24  # windows after an alarm
 MEMORY = 60  # windows from which the scatter of a load is learned
 ASSUMED = 10.0  # windows that the scatter of the model counts as
 BATCH_LIMIT = 3.5  # of the CUSUM of edges
-FIRST, OTHER = (
-    5,
-    4.0,
-)  # windows of an edge, and standard deviations from the laws, that show another tool
+FIRST = 5  # windows of an edge
+OTHER = 5.0  # standard deviations of these from what was expected that show another tool
+CHECKED = (5, 10, 20, 40)  # windows after which the deviation from the laws is compared
+FOREIGN = 3.5  # its standard deviations
 EDGE_CLIPPED, BASELINE_CLIPPED = 3.0, 2.0  # standard deviations that an edge counts as, at most
 MAD = 1.4826
 
@@ -45,8 +45,8 @@ DROPPED = (
     "loads fell at once ({} in the last window): less is cut than the conditions say, or the edge broke. Look at it."
 )
 TOOL = (
-    "loads are far from their laws from the beginning of this edge ({} in the last window): another tool, work "
-    "material, setting or unit than those of the parameter file. Its wear is not known."
+    "loads are far from their laws since this edge began ({} against them): another tool, work material, setting or "
+    "unit than those of the parameter file. Its wear is not known."
 )
 SHIFTED = (
     "loads of the last edges are {} than it is, if the work material or the tools are of another batch (the last edge "
@@ -224,11 +224,12 @@ class Detection:
         z = {name: one.value / one.sd for name, one in found.items()}
         if self.windows <= FIRST:
             self.far += any(abs(value) > OTHER for value in z.values())
-        if self.windows == FIRST and self._is_foreign(estimate):
-            self.foreign = True
-            return [Alarm("tool", TOOL.format(_texts({name: one.value for name, one in found.items()})))]
         if self.foreign:
             return []
+        if self.windows in CHECKED and not estimate.reopened and self._is_foreign(estimate):
+            self.foreign = True
+            of_laws = {name: estimate.law_deviation(name).value for name in self.slopes}
+            return [Alarm("tool", TOOL.format(_texts(of_laws)))]
         side = self.chipping.add(z, {name: self.slopes[name] / one.sd for name, one in found.items()})
         if not side:
             return []
@@ -238,7 +239,7 @@ class Detection:
     def _is_foreign(self, estimate: "EdgeEstimate") -> bool:
         """Whether the first windows were far from what was expected, or what they gave is far from the laws."""
         of_laws = [estimate.law_deviation(name) for name in self.slopes]
-        return self.far >= FIRST - 1 or any(abs(one.value) > OTHER * one.sd for one in of_laws)
+        return self.far >= FIRST - 1 or any(abs(one.value) > FOREIGN * one.sd for one in of_laws)
 
     def finish(self, estimate: "EdgeEstimate") -> list[Alarm]:
         """Alarms at the end of an edge; the next window is of a new edge."""

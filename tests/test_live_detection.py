@@ -54,9 +54,15 @@ def test_chipping_is_found_within_three_minutes():
 
 def test_loads_far_from_their_laws_from_the_beginning_are_of_another_tool():
     assert [(alarm.kind, alarm.text[:50]) for _, alarm in edge(shift=log(2.0), n=30)][:1] == [
-        ("tool", "loads are far from their laws from the beginning o")
+        ("tool", "loads are far from their laws since this edge bega")
     ]
     assert edge(shift=log(0.4), n=30)[0][1].kind == "tool"
+
+
+def test_a_load_thirty_per_cent_low_is_found_within_forty_windows():
+    (k, alarm), *_ = edge(shift=log(0.7), n=70)
+    assert alarm.kind == "tool"
+    assert k <= 46
 
 
 @pytest.mark.parametrize("factor", [1000.0, 1 / 60, 3.0])
