@@ -45,7 +45,7 @@ def parser() -> Parser:
         "  linuxcnc; -                  LinuxCNC on this machine; lines from standard input\n\n"
         "With --journal and without --from: print the state of the journal, or pass --gauge, --new-edge or\n"
         "--acknowledge on to the process that watches with it.",
-        main="--from --criterion --risk --journal --gauge --new-edge --page --serve --replay --json",
+        main="--from --criterion --risk --journal --gauge --new-edge --measured --page --serve --replay --json",
     )
     p.add_argument(
         "params", metavar="PARAMS", help="params.json with a law of wear and laws of loads that depend on it"
@@ -54,7 +54,7 @@ def parser() -> Parser:
     p.add_argument(
         "--replay",
         metavar="100x",
-        help="play a recorded run at this speed; max: as fast as possible (default: it grows)",
+        help="play a recorded run at this speed, or max (default: it grows)",
     )
     output_options(p, "print the last state as JSON (fitmodels.live/1)")
     group = p.add_argument_group("decision")

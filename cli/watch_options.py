@@ -27,7 +27,7 @@ def edge_options(p: Parser) -> None:
         "--gauge-sd", type=float, default=0.02, metavar="SD", help="of its logarithm (default: 0.02, 2 percent)"
     )
     group.add_argument("--new-edge", action="store_true", help="a new edge is in use")
-    words = "wear of the finished edge: write the next version of PARAMS, whose laws learn from it (default: none)"
+    words = "wear of the finished edge; the laws learn from it (default: none)"
     group.add_argument("--measured", metavar="VB=0.21mm", help=words)
     group.add_argument(
         "--edge", type=int, metavar="N", help="number of the edge that was measured (default: the last one that cut)"
