@@ -6,7 +6,7 @@ over edges only, because within one edge a load that is higher throughout cannot
 the deviations of finished edges from the laws.
 
 In simulation (benchmarks/live_detection.py), with two loads wear that is 1.5 times as great at once is found within
-3 min in 99 % of edges, after 50 s (median), with .02 false alarms an hour; with power alone in 70 to 80 %. A batch with
+3 min in 99 % of edges, after 40 s (median), with .02 false alarms an hour; with power alone in 70 to 80 %. A batch with
 loads 8 % higher or lower is found after 5 edges (median), with .01 false alarms an edge.
 
 Source: Page 1954, Biometrika 41, 100; Hawkins 1987, J. R. Stat. Soc. D 36, 299 (baseline learned as the edges come).
