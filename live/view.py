@@ -148,7 +148,7 @@ def gauge(wear: Facts, width: int = BAR) -> str:
     """A line of the wear: its interval, its median and the criterion; empty where one is not known.
 
     >>> gauge({"median": 0.2, "low": 0.15, "high": 0.25, "criterion": 0.3}, 30)
-    '0 -----------===#===----|----- 0.375'
+    '0 -----------=====#====--|------ 0.375'
     """
     if wear["median"] is None or wear["criterion"] is None or wear["low"] is None or wear["high"] is None:
         return ""
