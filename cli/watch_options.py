@@ -156,7 +156,7 @@ def criterion_of(args: argparse.Namespace, laws: "LiveLaws") -> float:
     symbol, unit = laws.wear.symbol, laws.wear.unit
     newest = None if args.journal is None else read_newest(Path(args.journal))
     asked = wear_of(args.criterion, symbol, unit, "--criterion")
-    kept = newest and newest.records[0]["state"].get("estimate", {}).get("criterion")
+    kept = None if newest is None else newest.records[0]["state"].get("estimate", {}).get("criterion")
     for known in (asked, kept, laws.criterion):
         if known is not None:
             return float(known)

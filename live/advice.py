@@ -50,7 +50,7 @@ class Bounds:
                 if own is not None and name in ranges:
                     k, (low, high) = ratio(own.unit, USUAL[name]), ranges[name]
                     ranges[name] = max(low, k * own.low), min(high, k * own.high)
-            bounds = [(limits.power, "P"), (limits.force, None)]
+            bounds = [(limits.power, "P"), (limits.force, "")]
             given = {(one.of or usual): (one.value, one.unit) for one, usual in bounds if one is not None}
             given |= {name: (one.high, one.unit) for name, one in limits.responses.items() if one.high is not None}
             found = {name: value for name, value in given.items() if name in laws.loads}

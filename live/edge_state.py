@@ -49,7 +49,7 @@ class LawDeviation:
     @property
     def sd(self) -> float:
         """Standard deviation of the value of a new edge."""
-        return (self.sd_edge**2 + self.sd_law**2) ** 0.5
+        return float((self.sd_edge**2 + self.sd_law**2) ** 0.5)
 
 
 @dataclass(slots=True)

@@ -156,6 +156,8 @@ def _forecast(monitor: "Monitor", now: Reading, conditions: Mapping[str, float])
         return {"life": None, "probability_past": None, "probability_past_after_next_cut": None}
     level, ahead = monitor.settings.level, monitor.next_cut
     life = _interval(lambda: monitor.estimate.life(conditions, level), monitor)
+    past: float | None
+    then: float | None
     try:
         past = float(monitor.estimate.probability_past(now.open, conditions))
         then = None if ahead is None else float(monitor.estimate.probability_past(now.open + ahead, conditions))

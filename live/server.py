@@ -18,7 +18,8 @@ from ..core.text import json_text, printable
 from .facts import Facts
 
 if TYPE_CHECKING:
-    from asyncua import Node, Server
+    from asyncua.common.node import Node
+    from asyncua.server.server import Server
 
 NAMESPACE: Final = "urn:fitmodels:watch"
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
@@ -151,7 +152,7 @@ class OpcUaServer:
         self._loop.close()
 
     async def _serve(self) -> None:
-        from asyncua import Server
+        from asyncua.server.server import Server
 
         self._stop = asyncio.Event()
         server = Server()
@@ -174,25 +175,31 @@ class OpcUaServer:
 
     async def _add_nodes(self, server: "Server") -> None:
         from asyncua import ua
+        from asyncua.ua.status_codes import StatusCodes
 
         index = await server.register_namespace(NAMESPACE)
-        parent = await server.nodes.objects.add_object(ua.NodeId("fitmodels", index), f"{index}:fitmodels")
+        parent = await server.nodes.objects.add_object(
+            ua.NodeId(ua.String("fitmodels"), ua.Int16(index)), f"{index}:fitmodels"
+        )
         for name, (kind, _) in VALUES.items():
             variant = getattr(ua.VariantType, kind)
             empty: Any = {"String": "", "Boolean": False, "Int64": 0}.get(kind, 0.0)
-            node_id = ua.NodeId(f"fitmodels.{name}", index)
+            node_id = ua.NodeId(ua.String(f"fitmodels.{name}"), ua.Int16(index))
             node = await parent.add_variable(node_id, f"{index}:{name}", empty, variant)
-            await node.write_value(ua.DataValue(StatusCode=ua.StatusCode(ua.StatusCodes.BadWaitingForInitialData)))
+            await node.write_value(
+                ua.DataValue(StatusCode=ua.StatusCode(ua.UInt32(StatusCodes.BadWaitingForInitialData)))
+            )
             self._nodes[name] = node
 
     async def _publish(self, facts: Facts) -> None:
         from asyncua import ua
+        from asyncua.ua.status_codes import StatusCodes
 
         try:
             for name, (kind, of) in VALUES.items():
                 value = of(facts)
                 if value is None:
-                    held = ua.DataValue(StatusCode=ua.StatusCode(ua.StatusCodes.BadNoData))
+                    held = ua.DataValue(StatusCode=ua.StatusCode(ua.UInt32(StatusCodes.BadNoData)))
                 else:
                     shown = printable(value) if kind == "String" else value
                     held = ua.DataValue(ua.Variant(shown, getattr(ua.VariantType, kind)))

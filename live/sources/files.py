@@ -51,6 +51,7 @@ class Tail:
         self.caught_up: bool  # whether all was read at the last poll
         self._stack = ExitStack()
         self._file: BinaryIO | None = None
+        self._offset: int
         self._begin()
 
     def close(self) -> None:

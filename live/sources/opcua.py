@@ -32,7 +32,8 @@ from .opcua_nodes import Nodes, find_nodes, value_of
 from .options import SourceOptions
 
 if TYPE_CHECKING:
-    from asyncua import Client, ua
+    from asyncua import ua
+    from asyncua.client.client import Client
 
 PUBLISH: Final = 50.0  # ms between two notifications of the server
 QUEUE: Final = 1000  # values that the server keeps between them
@@ -221,7 +222,7 @@ class OpcUa:
                 await asyncio.sleep(0.01)
 
     async def _client(self) -> "Client":
-        from asyncua import Client
+        from asyncua.client.client import Client
         from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 
         options = self._options
@@ -240,18 +241,20 @@ class OpcUa:
         return client
 
     async def _subscribe(self, client: "Client", found: Nodes, order: Sequence[str]) -> "_Handler":
+        from asyncua import ua
+
         handler = _Handler(self._put, found, order)
         subscription = await client.create_subscription(PUBLISH, handler)
         nodes = [found.nodes[symbol] for symbol in order]
         handler.places = {node: place for place, node in enumerate(nodes)}
-        await subscription.subscribe_data_change(nodes, queuesize=QUEUE, sampling_interval=0.0)
+        await subscription.subscribe_data_change(nodes, queuesize=QUEUE, sampling_interval=ua.Double(0.0))
         return handler
 
     async def _check(self, client: "Client", found: Nodes, order: Sequence[str]) -> Sequence[Held]:
         """Ask for all values and the time of the server."""
-        from asyncua import ua
+        from asyncua.ua.object_ids import ObjectIds
 
-        clock = client.get_node(ua.ObjectIds.Server_ServerStatus_CurrentTime)
+        clock = client.get_node(ObjectIds.Server_ServerStatus_CurrentTime)
         nodes = [*(found.nodes[symbol] for symbol in order), clock]
         results = await asyncio.wait_for(client.read_attributes(nodes), ANSWER)
         *values, now = results

@@ -18,7 +18,8 @@ from .channels import Value
 from .options import SourceOptions
 
 if TYPE_CHECKING:
-    from asyncua import Client, Node
+    from asyncua.client.client import Client
+    from asyncua.common.node import Node
 
 MACHINE_TOOL: Final = "http://opcfoundation.org/UA/MachineTool/"
 _ID = re.compile(r"(?:nsu=(?P<uri>[^;]+);|ns=\d+;)?[isgb]=.+")
@@ -81,6 +82,7 @@ async def find_nodes(client: "Client", options: SourceOptions, name: str) -> Nod
 async def _node(client: "Client", symbol: str, words: str, name: str) -> "Node":
     """Variable that a node id, or a path of browse names below Objects, names."""
     from asyncua import ua
+    from asyncua.ua.uaerrors import UaError
 
     if match := _ID.fullmatch(words):
         try:
@@ -88,13 +90,13 @@ async def _node(client: "Client", symbol: str, words: str, name: str) -> "Node":
                 index = await client.get_namespace_index(match["uri"])
                 words = f"ns={index};{words.partition(';')[2]}"
             node = client.get_node(words)
-        except (ValueError, ua.UaError):
+        except (ValueError, UaError):
             raise DataError(f"--node {symbol}={shortened(words)}: that is no node id of {name}.") from None
     else:
         node = await _by_path(client, symbol, words, name)
     try:
         kind = await node.read_node_class()
-    except ua.UaError:
+    except UaError:
         raise DataError(f"--node {symbol}={shortened(words)}: {name} has no such node.") from None
     if kind != ua.NodeClass.Variable:
         inside = ", ".join([label for label, _ in await _children(node)][:8]) or "nothing"
@@ -122,9 +124,11 @@ async def _by_path(client: "Client", symbol: str, words: str, name: str) -> "Nod
 
 async def _children(node: "Node") -> list[tuple[str, "Node"]]:
     """Name and node of what a node holds: components, properties, organized nodes."""
-    from asyncua import Node, ua
+    from asyncua import ua
+    from asyncua.common.node import Node
+    from asyncua.ua.object_ids import ObjectIds
 
-    references = await node.get_references(ua.ObjectIds.HierarchicalReferences, ua.BrowseDirection.Forward)
+    references = await node.get_references(ObjectIds.HierarchicalReferences, ua.BrowseDirection.Forward)
     return [(reference.BrowseName.Name or "", Node(node.session, reference.NodeId)) for reference in references]
 
 
@@ -198,12 +202,13 @@ def _common(one: Sequence[str], two: Sequence[str]) -> int:
 async def _unit(node: "Node") -> str:
     """Unit of the property EngineeringUnits; empty where there is none."""
     from asyncua import ua
+    from asyncua.ua.uaerrors import UaError
 
     for label, child in await _children(node):
         if label == "EngineeringUnits":
             try:
                 value = await child.read_value()
-            except ua.UaError:
+            except UaError:
                 return ""
             texts = [getattr(getattr(value, part, None), "Text", None) or "" for part in ("DisplayName", "Description")]
             return next((text for text in texts if canonical(text)), texts[0])
