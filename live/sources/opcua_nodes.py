@@ -201,7 +201,6 @@ def _common(one: Sequence[str], two: Sequence[str]) -> int:
 
 async def _unit(node: "Node") -> str:
     """Unit of the property EngineeringUnits; empty where there is none."""
-    from asyncua import ua
     from asyncua.ua.uaerrors import UaError
 
     for label, child in await _children(node):
