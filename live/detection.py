@@ -45,8 +45,8 @@ DROPPED = (
     "loads fell at once ({} in the last window): less is cut than the conditions say, or the edge broke. Look at it."
 )
 TOOL = (
-    "loads are far from their laws since this edge began ({} against them): another tool, work material, setting or "
-    "unit than those of the parameter file. Its wear is not known."
+    "loads are far from their laws since this edge began ({}): another tool, work material, setting or unit "
+    "than those of the parameter file. Its wear is not known."
 )
 SHIFTED = (
     "loads of the last edges are {} than it is, if the work material or the tools are of another batch (the last edge "
@@ -226,11 +226,12 @@ class Detection:
             self.far += any(abs(value) > OTHER for value in z.values())
         if self.foreign:
             return []
-        if self.windows in CHECKED and not estimate.reopened and self._is_foreign(estimate):
-            self.foreign = True
-            of_laws = {name: estimate.law_deviation(name).value for name in self.slopes}
-            return [Alarm("tool", TOOL.format(_texts(of_laws)))]
         side = self.chipping.add(z, {name: self.slopes[name] / one.sd for name, one in found.items()})
+        early = side < 0 and self.windows <= 2 * FIRST  # lower from the beginning: nothing fell
+        if early or (self.windows in CHECKED and not estimate.reopened and self._is_foreign(estimate)):
+            self.foreign = True
+            off = {name: max(one.value, estimate.law_deviation(name).value, key=abs) for name, one in found.items()}
+            return [Alarm("tool", TOOL.format(_texts(off)))]
         if not side:
             return []
         text = _texts({name: one.value for name, one in found.items()})
