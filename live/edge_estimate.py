@@ -40,13 +40,7 @@ GRID = np.concatenate([[0.0], np.geomspace(1e-4, 1e6, 500)])  # min, of the rema
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """Median and equal-tailed interval of a quantity.
-
-    Examples
-    --------
-    >>> Interval(0.2, 0.17, 0.24, "mm", 0.9).high
-    0.24
-    """
+    """Median and equal-tailed interval of a quantity, in its unit, at a level between 0 and 1."""
 
     median: float
     low: float
@@ -230,13 +224,18 @@ class EdgeEstimate:
         """Middle of the tested conditions."""
         return {name: (low * high) ** 0.5 for name, (low, high) in self.laws.wear.ranges.items()}
 
+    @property
+    def _df(self) -> float:
+        """Degrees of freedom; once gauged, exponent and wander are left, which the wear law alone determines."""
+        return self.laws.wear.df if self.gauged else self.laws.df
+
     def _quantile(self, level: float) -> float:
         """Student's t quantile."""
         from scipy.special import stdtrit
 
         if not 0 < level < 1:
             raise UsageError(f"level {level:g}: give a probability between 0 and 1, such as 0.9.")
-        return float(stdtrit(self.laws.df, (1 + level) / 2))
+        return float(stdtrit(self._df, (1 + level) / 2))
 
     def _interval(self, mean: float, variance: float, unit: str, level: float) -> Interval:
         half = self._quantile(level) * max(variance, 0.0) ** 0.5
@@ -266,7 +265,7 @@ class EdgeEstimate:
         H[:, self._state.w] = kept
         variance = ((H @ self._state.P) * H).sum(axis=1) + (1 - kept**2) * wander.sd**2
         z = (ln_wear + H @ self._state.x - log(self.criterion)) / np.sqrt(np.maximum(variance, 1e-12))
-        return np.asarray(stdtr(self.laws.df, z))
+        return np.asarray(stdtr(self._df, z))
 
     def life(self, conditions: Mapping[str, float] | None = None, level: float = 0.90) -> Interval:
         """Remaining minutes of contact until the criterion, at the given conditions or the last ones.
