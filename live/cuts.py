@@ -17,7 +17,7 @@ from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, STARTIN
 from ..datasets.signals.options import DRIVEN, ReduceOptions
 from .blocks import BLOCK, BRIDGED, FEWEST, SPEEDS, Air, Block, Blocks, Gap, IdleLevel, speed_ratio
 from .samples import CutEnd, Notice, Sample, Window
-from .windows import AGAINST, FALLEN, INTERRUPTED, QUIETER, RESTING, Windows
+from .windows import AGAINST, FALLEN, INTERRUPTED, QUIETER, RESTING, SeenLoads, Windows
 
 SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle
 SHORTEST = ReduceOptions().shortest
@@ -77,6 +77,7 @@ class Cuts:
         self._speeds: Mapping[str, float] = {}
         self._short: list[float] = []  # s, beginnings of excursions too short for a cut
         self._mute = 0.0  # s without a load
+        self._seen, self._last = SeenLoads(), 0.0
         self._forget()
 
     def _forget(self) -> None:
@@ -121,7 +122,8 @@ class Cuts:
         Gaps and readings that are missing show in the samples: a short gap in a cut counts as cutting.
         """
         if isinstance(item, Notice):
-            return list(self._lost()) if item.kind in ENDING else []
+            last = self.close() if item.kind == "end" else self._lost() if item.kind in ENDING else ()
+            return list(last)
         found: list[Found] = []
         for block in self._blocks.add(item):
             if not isinstance(block, Gap):
@@ -148,8 +150,11 @@ class Cuts:
         self._windows.resume(data["windows"])
 
     def close(self) -> list[Found]:
-        """What is left at the end of a source: a cut that has not ended is lost."""
-        return list(self._lost())
+        """What is left at the end of a source: a cut that has not ended is lost; the loads, where there was no cut."""
+        found = list(self._lost())
+        if not self.number:
+            found += [Notice(self._last, "refused", text) for text in self._seen.sentences()]
+        return found
 
     def _lost(self) -> Iterator[Found]:
         for block in self._blocks.close():
@@ -171,6 +176,9 @@ class Cuts:
         yield from self._step(replace(centre, loads=loads))
 
     def _step(self, block: Block) -> Iterator[Found]:
+        self._last = block.end
+        if not self.number:
+            self._seen.add(block)
         self._mute = 0.0 if block.loads else self._mute + block.seconds
         if not block.loads and self._unseen(block):
             yield from self._unheard(block)

@@ -66,6 +66,32 @@ BELOW = (
     "another channel. Cutting time counts without this load."
 )
 
+NONE = (
+    "no cut was found in {:.3g} min: {} lay between {:.4g} and {:.4g}. Check which column or channel it is and its "
+    "unit, and give --rest."
+)
+
+
+@dataclass(slots=True)
+class SeenLoads:
+    """Least and largest value of each load, and minutes, of a source in which no cut has been found."""
+
+    minutes: float = 0.0
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def add(self, block: Block) -> None:
+        """Take in a block."""
+        self.minutes += block.seconds / 60
+        for name, value in block.loads.items():
+            low, high = self.ranges.get(name, (value, value))
+            self.ranges[name] = min(low, value), max(high, value)
+
+    def sentences(self) -> list[str]:
+        """What was seen of each load in a minute or more."""
+        if self.minutes < 1:
+            return []
+        return [NONE.format(self.minutes, name, *ends) for name, ends in self.ranges.items()]
+
 
 @dataclass(slots=True)
 class MeanNoise:

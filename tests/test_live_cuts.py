@@ -54,6 +54,15 @@ def test_windows_hold_the_mean_above_idle_and_all_of_the_time():
     assert windows(found)[0].conditions == pytest.approx(AT)
 
 
+@pytest.mark.parametrize(("level", "noise"), [(2.0, 0.0), (160.0, 0.0), (0.8, 0.01)])
+def test_a_run_without_a_cut_says_what_was_read(level, noise):
+    """A stuck sensor, or the column of another quantity."""
+    found = watch(Cuts(), signal([(300, level)], rate=2.0, noise=noise))
+    (text,) = texts(found)
+    assert text.startswith("no cut was found in 4.9")
+    assert "Check which column" in text
+
+
 def test_outliers_and_short_peaks_count_little():
     t, load = signal([(6, 0.8), (30, 1.8), (6, 0.8)])
     load[20::37] += 40.0
