@@ -136,11 +136,11 @@ def test_the_interval_of_the_lower_limit_holds_the_truth_as_often_as_it_says(see
 
 
 def of_numbers(law):
-    from fitmodels.parameters.gather.law import _section
+    from fitmodels.parameters.gather.law import fitted_fields
     from fitmodels.parameters.sections.law import LawSection
     from fitmodels.parameters.setting_rules import feed_limit
 
-    return feed_limit(LawSection.model_validate(_section(law)), 0.24, 0.2, level=0.9).interval
+    return feed_limit(LawSection.model_validate(fitted_fields(law)), 0.24, 0.2, level=0.9).interval
 
 
 def test_the_probability_is_the_share_of_further_tools():

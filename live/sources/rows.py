@@ -22,7 +22,7 @@ MOST_KEYS: Final = 1000  # of a JSON object, nested ones counted
 IDLE: Final = 0.5  # s without a reading, after which the monitor gets its turn
 SAY_AGAIN: Final = 5.0  # s between two notices on unreadable lines
 _COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
 _DELIMITERS = (";", "\t", ",", "|")
 
 
