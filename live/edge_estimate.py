@@ -224,18 +224,13 @@ class EdgeEstimate:
         """Middle of the tested conditions."""
         return {name: (low * high) ** 0.5 for name, (low, high) in self.laws.wear.ranges.items()}
 
-    @property
-    def _df(self) -> float:
-        """Degrees of freedom; once gauged, exponent and wander are left, which the wear law alone determines."""
-        return self.laws.wear.df if self.gauged else self.laws.df
-
     def _quantile(self, level: float) -> float:
-        """Student's t quantile."""
+        """Quantile of Student's t with the degrees of freedom of the scatter between edges in wear."""
         from scipy.special import stdtrit
 
         if not 0 < level < 1:
             raise UsageError(f"level {level:g}: give a probability between 0 and 1, such as 0.9.")
-        return float(stdtrit(self._df, (1 + level) / 2))
+        return float(stdtrit(self.laws.wear.df, (1 + level) / 2))
 
     def _interval(self, mean: float, variance: float, unit: str, level: float) -> Interval:
         half = self._quantile(level) * max(variance, 0.0) ** 0.5
@@ -265,7 +260,7 @@ class EdgeEstimate:
         H[:, self._state.w] = kept
         variance = ((H @ self._state.P) * H).sum(axis=1) + (1 - kept**2) * wander.sd**2
         z = (ln_wear + H @ self._state.x - log(self.criterion)) / np.sqrt(np.maximum(variance, 1e-12))
-        return np.asarray(stdtr(self._df, z))
+        return np.asarray(stdtr(self.laws.wear.df, z))
 
     def life(self, conditions: Mapping[str, float] | None = None, level: float = 0.90) -> Interval:
         """Remaining minutes of contact until the criterion, at the given conditions or the last ones.
