@@ -512,7 +512,8 @@ def main():
         for result in results([one for one in wanted if one not in known], args.jobs):
             done.append(result)
             if result.fault:
-                print(f"{result.kind}:{result.number}  {result.what}\n      {result.fault}", flush=True)
+                text = f"{result.kind}:{result.number}  {result.what}\n      {result.fault}"
+                print(text.encode(errors="backslashreplace").decode(), flush=True)
             if log:
                 print(json.dumps(asdict(result)), file=log, flush=True)
     done = [one for one in done if (one.kind, one.number) in set(wanted)]

@@ -6,7 +6,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import DataError, FitError, UsageError
 from fitmodels.fit.bayes.priors import Beta, Flat, HalfT, Normal, Priors, reference, weak
-from fitmodels.fit.bayes.priors_file import read_priors
+from fitmodels.fit.bayes.priors_file import read_priors, replaced
 from scipy import integrate, stats
 
 
@@ -165,3 +165,11 @@ def test_a_file_without_priors_is_refused(tmp_path):
     (tmp_path / "priors.toml").write_text("# nothing yet\n")
     with pytest.raises(DataError, match="holds no table of priors"):
         read_priors(tmp_path / "priors.toml")
+
+
+@pytest.mark.parametrize("sd", [5e-324, 1e300])
+def test_numbers_that_no_parameter_has_are_refused(sd):
+    given = {"AW": {"V": {"distribution": "normal", "mean": 0.5, "sd": sd}}}
+    law = fit.power_law(datasets.read_runs(datasets.bundled("ac2017_table1")), "AW", ["V", "f"])
+    with pytest.raises(UsageError, match="give it between 1e-12 and 1e\\+12"):
+        replaced(weak(law, edges=False), law, given, "mine")

@@ -33,6 +33,7 @@ NUMBERS: Mapping[str, tuple[str, ...]] = {
 }
 FREE = ("mean",)
 IMPROPER = ("flat", "uniform", "improper", "jeffreys", "1/sigma")
+LARGEST = 1e12  # of a scatter, which no parameter of a law in usual units exceeds
 LONGEST_SHOWN = 60  # characters of a value in a message
 
 
@@ -123,6 +124,8 @@ def _numbers(where: str, kind: str, given: Mapping[str, object]) -> dict[str, fl
         least = 1.0 if name == "factor" else 0.0
         if name not in FREE and value <= least:
             raise UsageError(f"{where}: {name} is {value:g}; it must lie above {least:g}.")
+        if name not in FREE and not 1 / LARGEST <= value <= LARGEST:
+            raise UsageError(f"{where}: {name} is {value:g}; give it between {1 / LARGEST:g} and {LARGEST:g}.")
         values[name] = float(value)
     strange = sorted(set(given) - {*NUMBERS[kind], "distribution", "unit"})
     if strange:
