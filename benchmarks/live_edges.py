@@ -20,6 +20,7 @@ Every figure but those is from simulation.
 import argparse
 import json
 import os
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,10 @@ from fitmodels.live.live_laws import LiveLaws
 from fitmodels.live.samples import LoadMean, Window
 from fitmodels.parameters.draws import Draws
 from scipy.signal import lfilter
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+
+from watched_edge import filter_and_regression
 
 CRITERION = 0.3
 STEP = 0.5  # min
@@ -228,31 +233,8 @@ def at_equal_risk(truths, cuts, target):
 
 def agreement(laws):
     """Largest difference between the filter, through JSON at every tenth window, and one regression, in sd."""
-    edge, rng, rows, y, kind = EdgeEstimate(laws, CRITERION), np.random.default_rng(5), [], [], []
-    prior, scatter, of = edge._state.P.copy(), laws.scatter, edge._state.of_load
-    for k in range(120):
-        at = {"V": 150.0, "f": 0.2 if k < 60 else 0.3, "d": 2.0}
-        edge.advance(STEP, at)
-        for name in LOADS:
-            _, H = edge._state.load_row(name, edge._exposure, at)
-            value = float(rng.normal(0, 0.03))
-            edge._state.update(H, value, 0.03**2)
-            rows.append(H)
-            y.append(value)
-            kind.append((name, STEP * k, H[edge._state.w]))
-        if k % 10 == 0:
-            edge = EdgeEstimate.from_json(laws, json.loads(json.dumps(edge.as_json())))
-    moving = [edge._state.w, *(place for one in of.values() for place in one[2:])]
-    stays = np.setdiff1d(np.arange(len(prior)), moving)
-    H, prior = np.array(rows)[:, stays], prior[np.ix_(stays, stays)]
-    S = H @ prior @ H.T + 0.03**2 * np.eye(len(y))
-    for i, (a, s, k) in enumerate(kind):
-        for j, (b, t, m) in enumerate(kind):
-            S[i, j] += k * m * scatter.wear_wander.sd**2 * scatter.wear_wander.kept(abs(s - t))
-            for wander in (scatter.load_wander[a], scatter.load_rest[a]) if a == b else ():
-                S[i, j] += wander.sd**2 * wander.kept(abs(s - t))
-    mean = np.linalg.solve(S, H @ prior).T @ np.array(y)
-    return np.abs((edge._state.x[stays] - mean) / np.sqrt(np.diag(edge._state.P)[stays])).max()
+    found = filter_and_regression(laws)
+    return np.abs((found.filter_mean - found.mean) / np.sqrt(np.diag(found.covariance))).max()
 
 
 def nasa(folder, use):

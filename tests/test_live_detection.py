@@ -14,7 +14,7 @@ from fitmodels.live.samples import LoadMean, Window
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from live_edges import CONDITIONS, laws
+from watched_edge import CONDITIONS, laws
 
 sys.path.remove(str(Path(__file__).parent))
 

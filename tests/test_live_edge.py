@@ -1,7 +1,9 @@
 """Estimate of one edge: against a regression on all its windows, gauge readings, faults and snapshots; decisions."""
 
 import json
+import sys
 from math import inf, log
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,6 +17,12 @@ from fitmodels.live.edge_scatter import Assumptions, Wander, level_correlation, 
 from fitmodels.live.live_laws import LiveLaws
 from fitmodels.live.samples import LoadMean, Window
 from fitmodels.parameters.sections.costs import CostsSection
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from watched_edge import filter_and_regression
+
+sys.path.remove(str(Path(__file__).parent))
 
 AT = {"V": 150.0, "f": 0.25, "d": 2.0}
 
@@ -75,28 +83,9 @@ def test_many_settings_are_joined_and_memory_stays(laws):
 
 def test_filter_equals_the_regression_on_all_windows(laws):
     """One Gaussian regression with all windows at once has the same mean and variance of everything that stays."""
-    edge, rng, rows, y, kind = EdgeEstimate(laws, 0.3), np.random.default_rng(2), [], [], []
-    state, scatter = edge._state, laws.scatter
-    prior = state.P.copy()
-    for k, at in enumerate([AT] * 40 + [{**AT, "f": 0.15}] * 40):
-        edge.advance(0.25, at)
-        for name in laws.loads:
-            _, H = state.load_row(name, edge._exposure, at)
-            difference = rng.normal(0, 0.03)
-            state.update(H, difference, 0.02**2)
-            rows.append(H), y.append(difference), kind.append((name, 0.25 * k, H[state.w]))
-    moving = [state.w, *(place for of in state.of_load.values() for place in of[2:])]
-    stays = np.setdiff1d(np.arange(len(prior)), moving)
-    H, prior = np.array(rows)[:, stays], prior[np.ix_(stays, stays)]
-    S = H @ prior @ H.T + 0.02**2 * np.eye(len(y))
-    for i, (a, s, k) in enumerate(kind):
-        for j, (b, t, m) in enumerate(kind):
-            S[i, j] += k * m * scatter.wear_wander.sd**2 * scatter.wear_wander.kept(abs(s - t))
-            for wander in (scatter.load_wander[a], scatter.load_rest[a]) if a == b else ():
-                S[i, j] += wander.sd**2 * wander.kept(abs(s - t))
-    gain = np.linalg.solve(S, H @ prior).T
-    assert np.abs(state.x[stays] - gain @ np.array(y)).max() < 1e-9
-    assert np.abs(state.P[np.ix_(stays, stays)] - (prior - gain @ H @ prior)).max() < 1e-10
+    found = filter_and_regression(laws)
+    assert np.abs(found.filter_mean - found.mean).max() < 1e-9
+    assert np.abs(found.filter_covariance - found.covariance).max() < 1e-10
 
 
 def test_greater_load_means_more_wear_and_a_gauge_reading_tells_the_level(laws):

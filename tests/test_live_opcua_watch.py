@@ -13,7 +13,7 @@ from fitmodels import parameters
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from live_edges import CONDITIONS, monitor, parameter_file, samples
+from watched_edge import CONDITIONS, monitor, parameter_file, samples
 
 sys.path.remove(str(Path(__file__).parent))
 

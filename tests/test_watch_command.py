@@ -14,7 +14,7 @@ from fitmodels.cli import main
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from live_edges import parameter_file, samples
+from watched_edge import parameter_file, samples
 
 sys.path.remove(str(Path(__file__).parent))
 

@@ -12,7 +12,7 @@ from fitmodels.live.watch_edge import WatchSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from live_edges import CONDITIONS, IDENTITY, laws, monitor, records
+from watched_edge import CONDITIONS, IDENTITY, laws, monitor, records
 
 sys.path.remove(str(Path(__file__).parent))
 

@@ -16,7 +16,7 @@ from fitmodels.live.view import PlainLines, rows, screen
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from live_edges import CONDITIONS, monitor, records
+from watched_edge import CONDITIONS, monitor, records
 
 sys.path.remove(str(Path(__file__).parent))
 

@@ -18,7 +18,7 @@ from fitmodels.live.watching import Watch, open_journal, replay, take_requests
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from live_edges import CONDITIONS, IDENTITY, laws, monitor, samples
+from watched_edge import CONDITIONS, IDENTITY, laws, monitor, samples
 
 sys.path.remove(str(Path(__file__).parent))
 

@@ -185,7 +185,7 @@ async def _add_model(client: "Client", found: Nodes, options: SourceOptions) -> 
 
 
 def _nearest(nodes: "list[tuple[str, Node]]", paths: Sequence[str]) -> "list[tuple[str, Node]]":
-    """Nodes that share most of their path with the first of some paths that tells them apart."""
+    """Nodes that share most of their path with the first of some paths by which they are distinguished."""
     for path in paths:
         parts = path.split("/")
         shared = [_common(other.split("/"), parts) for other, _ in nodes]

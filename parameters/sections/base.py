@@ -1,13 +1,24 @@
 """Base of all sections: `Section`, its kinds of numbers and text, covariances, and polynomials of models."""
 
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from ...core.display import Displayable
 from ...core.verdict import LEVELS, USABLE, Verdict
+from ..messages import short
+
+
+def _is_a_date(text: str) -> str:
+    try:
+        datetime.fromisoformat(text)
+    except ValueError:
+        raise ValueError(f"{short(text)} is not an ISO date such as 2024-05-01") from None
+    return text
+
 
 # strict: a number in quotes, or true for 1, is an error in the file
 Number = Annotated[float, Field(strict=True)]
@@ -19,6 +30,7 @@ Text = Annotated[str, Field(min_length=1)]
 Name = Annotated[str, Field(min_length=1, max_length=500)]
 Level = Literal["usable inside the tested region", "usable with reservations", "do not use for control"]
 Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
+IsoDate = Annotated[str, AfterValidator(_is_a_date)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 

@@ -1,12 +1,11 @@
 """Sums of the rows of a law by edge, from which it is fitted again with further edges, and the versions of a file."""
 
-from datetime import datetime
 from typing import Annotated, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from ..messages import short
-from .base import Count, NotNegative, Number, Section, Sha256, Text
+from .base import Count, IsoDate, NotNegative, Number, Section, Sha256, Text
 from .origin import OneOrMore
 
 
@@ -111,20 +110,10 @@ class VersionSection(Section):
 
     version: Annotated[int, Field(strict=True, ge=2, lt=2**63)]
     former_sha256: Sha256 | None = None
-    created: str | None = None
+    created: IsoDate | None = None
     batch: str = ""
     edges: tuple[Text, ...]
     rows: dict[str, Count] = Field(default_factory=dict)
     shifts: dict[str, LevelShift] = Field(default_factory=dict)
     command: str | None = None
     notes: tuple[str, ...] = ()
-
-    @field_validator("created")
-    @classmethod
-    def _is_a_date(cls, created: str | None) -> str | None:
-        if created is not None:
-            try:
-                datetime.fromisoformat(created)
-            except ValueError:
-                raise ValueError(f"{short(created)} is not an ISO date such as 2024-05-01") from None
-        return created

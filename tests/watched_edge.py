@@ -1,10 +1,13 @@
 """Laws of the bundled set and windows of an edge that follows them, for the tests of a watch."""
 
+import json
 from functools import lru_cache
 from math import log
+from typing import NamedTuple
 
 import numpy as np
 from fitmodels import datasets, fit, parameters
+from fitmodels.live.edge_estimate import EdgeEstimate
 from fitmodels.live.live_laws import LiveLaws
 from fitmodels.live.monitor import Monitor
 from fitmodels.live.samples import LoadMean, Sample, Window
@@ -63,3 +66,41 @@ def samples(cuts=3, cut=60.0, air=8.0, rate=10.0, start=0.0, idle=0.8, seed=2, t
         said = "idle" if state else "unknown"
         yield Sample(round(time, 6), {"P": idle * (1 + noise.normal(0, 0.01))}, CONDITIONS, said, tool)
         time += 1 / rate
+
+
+class BothPosteriors(NamedTuple):
+    """Mean and covariance of what stays of an edge, by the filter and by one regression on all windows."""
+
+    filter_mean: np.ndarray
+    filter_covariance: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+def filter_and_regression(laws, windows=120, step=0.5, noise=0.03):
+    """Posteriors of an edge whose windows are random, with a change of feed; the filter through JSON at each tenth."""
+    edge, rng, rows, y, kind = EdgeEstimate(laws, 0.3), np.random.default_rng(5), [], [], []
+    prior, scatter, of = edge._state.P.copy(), laws.scatter, edge._state.of_load
+    for k in range(windows):
+        at = {**CONDITIONS, "f": 0.2 if k < windows / 2 else 0.3}
+        edge.advance(step, at)
+        for name in laws.loads:
+            _, H = edge._state.load_row(name, edge._exposure, at)
+            rows.append(H)
+            y.append(float(rng.normal(0, noise)))
+            edge._state.update(H, y[-1], noise**2)
+            kind.append((name, step * k, H[edge._state.w]))
+        if k % 10 == 0:
+            edge = EdgeEstimate.from_json(laws, json.loads(json.dumps(edge.as_json())))
+    moving = [edge._state.w, *(place for one in of.values() for place in one[2:])]
+    stays = np.setdiff1d(np.arange(len(prior)), moving)
+    H, prior = np.array(rows)[:, stays], prior[np.ix_(stays, stays)]
+    S = H @ prior @ H.T + noise**2 * np.eye(len(y))
+    for i, (a, s, k) in enumerate(kind):
+        for j, (b, t, m) in enumerate(kind):
+            S[i, j] += k * m * scatter.wear_wander.sd**2 * scatter.wear_wander.kept(abs(s - t))
+            for wander in (scatter.load_wander[a], scatter.load_rest[a]) if a == b else ():
+                S[i, j] += wander.sd**2 * wander.kept(abs(s - t))
+    gain = np.linalg.solve(S, H @ prior).T
+    filtered = edge._state.x[stays], edge._state.P[np.ix_(stays, stays)]
+    return BothPosteriors(*filtered, gain @ np.array(y), prior - gain @ H @ prior)
