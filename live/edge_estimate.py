@@ -225,12 +225,12 @@ class EdgeEstimate:
         return {name: (low * high) ** 0.5 for name, (low, high) in self.laws.wear.ranges.items()}
 
     def _quantile(self, level: float) -> float:
-        """Quantile of Student's t with the degrees of freedom of the scatter between edges in wear."""
+        """Quantile of Student's t with the degrees of freedom of the scatter between edges."""
         from scipy.special import stdtrit
 
         if not 0 < level < 1:
             raise UsageError(f"level {level:g}: give a probability between 0 and 1, such as 0.9.")
-        return float(stdtrit(self.laws.wear.df, (1 + level) / 2))
+        return float(stdtrit(self.laws.df, (1 + level) / 2))
 
     def _interval(self, mean: float, variance: float, unit: str, level: float) -> Interval:
         half = self._quantile(level) * max(variance, 0.0) ** 0.5
@@ -259,8 +259,10 @@ class EdgeEstimate:
         kept = np.exp(-minutes / wander.minutes)
         H[:, self._state.w] = kept
         variance = ((H @ self._state.P) * H).sum(axis=1) + (1 - kept**2) * wander.sd**2
-        z = (ln_wear + H @ self._state.x - log(self.criterion)) / np.sqrt(np.maximum(variance, 1e-12))
-        return np.asarray(stdtr(self.laws.wear.df, z))
+        growth = self.laws.wear.theta[self._state.time] * np.exp(-H[:, self._state.time])
+        highest = ln_wear + H @ self._state.x + wander.highest(growth)
+        z = (highest - log(self.criterion)) / np.sqrt(np.maximum(variance, 1e-12))
+        return np.asarray(stdtr(self.laws.df, z))
 
     def life(self, conditions: Mapping[str, float] | None = None, level: float = 0.90) -> Interval:
         """Remaining minutes of contact until the criterion, at the given conditions or the last ones.

@@ -200,6 +200,14 @@ class LiveLaws:
         return digest.hexdigest()[:16]
 
     @property
+    def df(self) -> float:
+        """Degrees of freedom of the variance of wear: those of the scatter of edges, summed over the laws used.
+
+        As for a sum of about equal variances (Satterthwaite 1946, Biometrics Bulletin 2, 110).
+        """
+        return self.wear.df + sum(law.df for law in self.loads.values())
+
+    @property
     def largest_wear(self) -> float:
         """Largest wear in the tests of the loads, in the unit of the wear law; infinite where no load names it."""
         known = [law.ranges[self.wear.symbol][1] for law in self.loads.values()]
@@ -289,20 +297,12 @@ def _live_law(law: "LawSection", draws: "Draws | None", by: str | None, units: M
         raise UsageError(f"the law of {law.response} has no residual standard error: the scatter of edges is unknown.")
     if law.error == "additive":
         sd = sd / typical_response(law)
-    elif draws is not None and {"sd", "icc"} <= set(draws.names) and len(draws.values) >= FEWEST_DRAWS:
-        sd = _drawn_level(draws)
     df = e.df_between if e is not None and e.df_between else max((law.n_edges or law.n) - 1, 3)
     ranges = {f.symbol: (f.low / k, f.high / k) for f, k in zip(law.factors, scales, strict=True)}
     return LiveLaw(
         law.response, law.unit, law.quantity, law.formula, theta, covariance, float(sd), float(max(df, 3)),
         _shifts(law, by), np.array(scales), ranges,
     )  # fmt: skip
-
-
-def _drawn_level(draws: "Draws") -> float:
-    """Root of the mean variance between edges over draws: a new edge varies by it, and not by the estimate alone."""
-    within, icc = (draws.values[:, draws.names.index(name)] for name in ("sd", "icc"))
-    return float(np.sqrt(np.mean(within**2 * icc / (1 - icc))))
 
 
 def _parameters(law: "LawSection", draws: "Draws | None") -> tuple[Array, Array]:

@@ -55,8 +55,10 @@ def test_wear_without_loads_is_that_of_the_law_with_its_interval(laws, pf):
     edge.advance(4.0, AT)
     law = pf.laws["AW"]
     assert edge.wear().median == pytest.approx(law.predict(**AT, t=10.0).value, rel=1e-9)
-    life = edge.life(AT).median
-    assert law.predict(**AT, t=10.0 + life).value == pytest.approx(0.3, rel=2e-3)
+    end = 10.0 + edge.life(AT).median  # wear that wanders is past the criterion before its curve is
+    earlier = laws.scatter.wear_wander.highest(np.array([law.coefficients["t"] / end]))[0]
+    assert 0 < earlier < laws.scatter.wear_wander.sd
+    assert law.predict(**AT, t=end).value * np.exp(earlier) == pytest.approx(0.3, rel=2e-3)
 
 
 def test_changed_conditions_add_up_as_small_steps_at_the_wear_so_far(laws, pf):
@@ -86,6 +88,20 @@ def test_filter_equals_the_regression_on_all_windows(laws):
     found = filter_and_regression(laws)
     assert np.abs(found.filter_mean - found.mean).max() < 1e-9
     assert np.abs(found.filter_covariance - found.covariance).max() < 1e-10
+
+
+@pytest.mark.parametrize("slope", [0.2, 0.6, 1.5, 5.0])
+def test_highest_value_of_a_wander_with_a_trend_is_that_of_simulated_ones(slope):
+    """Ornstein-Uhlenbeck process of correlation time 1 in steps of .005, looked at backwards from now."""
+    rng, step, kept = np.random.default_rng(8), 0.005, np.exp(-0.005)
+    value = rng.standard_normal(3000)
+    highest = value.copy()
+    for k in range(1, int((4.0 + 3.0 / slope) / step)):
+        value = kept * value + np.sqrt(1 - kept**2) * rng.standard_normal(len(value))
+        highest = np.maximum(highest, value - slope * k * step)
+    assert float(Wander(0.02, 2.0).highest(np.array([0.01 * slope]))[0]) == pytest.approx(
+        0.02 * highest.mean(), abs=0.0025
+    )
 
 
 def test_greater_load_means_more_wear_and_a_gauge_reading_tells_the_level(laws):
