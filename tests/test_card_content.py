@@ -19,7 +19,7 @@ from fitmodels.cards.content.profiler import inside, profile, profile_all, profi
 from fitmodels.cards.content.tables import check_table
 from fitmodels.cards.content.tool_life import settings as life_settings
 from fitmodels.cards.content.uncertainty import of_law, statements
-from fitmodels.cards.content.verdicts import verdict_part
+from fitmodels.cards.content.verdicts import OPTION, verdict_part
 from fitmodels.cards.content.windows import ENGAGEMENT
 from fitmodels.cards.content.worked import scatter, short_equation
 from fitmodels.cards.folder import markdown
@@ -711,3 +711,8 @@ def test_the_plan_of_an_edge_is_that_of_the_replay_and_the_exports():
     simulated = sealed(file, identity={**file.identity.model_dump(), "simulated": True})
     assert any("do not run a machine by this plan" in words for words in compose(simulated).plan.sentences)
     assert "| 14 | 200 | 0.205 |" in markdown(file)
+
+
+def test_a_remedy_takes_an_option_without_the_end_of_its_sentence():
+    """The command of the remedy once read ``--form T=weibull.``, which is no form."""
+    assert OPTION.search("the lives prefer Weibull: --form T=weibull.")[0] == "--form T=weibull"

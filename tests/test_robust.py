@@ -345,6 +345,19 @@ def test_few_rows_and_edges_are_not_tested():
         assert isinstance(checks[key], fit.NotAvailable), key
 
 
+LIVES = [6.3, 14.4, 98.4, 48.4, 8.7, 8.2, 3.4, 232.4, 71.2, 4.4, 17.5, 127.1, 11.4, 21.2, 9.2, 3.3, 23.9, 24.6]  # min
+
+
+@pytest.mark.parametrize(("life", "found"), [(9.2, False), (1.1, True)])
+def test_one_life_among_few_is_named(life, found):
+    """Eighteen lives hardly show their tails: 1.1 instead of 9.2 min passed as one of them."""
+    V = [200, 200, 100, 150, 260, 260, 260, 100, 100, 260, 200, 100, 200, 200, 200, 260, 150, 150]
+    f = [0.25, 0.1, 0.25, 0.1, 0.1, 0.1, 0.25, 0.1, 0.25, 0.16, 0.1, 0.16, 0.16, 0.16, 0.25, 0.25, 0.16, 0.25]
+    frame = pd.DataFrame({"V": V, "f": f, "T": [*LIVES[:14], life, *LIVES[15:]]}, dtype=float)
+    check = outlying_rows(fit.life_law(datasets.runs_from_frame(frame), ["V", "f"]))
+    assert [one.lines for one in check.suspects] == ([(14,)] if found else [])
+
+
 def test_independent_rows_are_tested_by_line():
     frame = wear_test(11, edges=27, per_edge=1).drop(columns="t")
     runs = runs_of(scaled(frame, "f", 1 / 25.4, edges=["E03", "E08", "E20"]).drop(columns="edge"))

@@ -79,7 +79,7 @@ OF_REASONS = (
     (("No edge is named", "The file names no edges"), "Add a column 'edge' with a number for each cutting edge.", ""),
     (("Taylor's n", "Life rises", "A life of"), "Check columns and units of speed, time and wear.", "look"),
 )  # fmt: skip
-OPTION = re.compile(r"""--(?:by|law|form|correct|leave-out) (?:"[^"]*"|'[^']*'|[^\s"'();,]+)""")
+OPTION = re.compile(r"""--(?:by|law|form|correct|leave-out) (?:"[^"]*"|'[^']*'|[^\s"'();,]*[^\s"'();,.])""")
 CORRECTING = re.compile(r" --(by|law|form|correct|leave-out) ")  # options that remove a reason
 SUSPECTED = "Compare with the record: correct the values, or leave them out."
 READING = (

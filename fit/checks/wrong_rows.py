@@ -5,7 +5,8 @@ probability (S(x) / S(next))^m, S the survival function of Student's t with the 
 row far out in a sample with heavy tails is no finding, and three rows wrong by the same ratio are.
 
 Sources: Yohai 1987, Ann. Stat. 15, 642 (MM estimation); Renyi 1953, Acta Math. Acad. Sci. Hung. 4, 191 (spacings of
-the largest values); Weissman 1978, J. Am. Stat. Assoc. 73, 812 (tails).
+the largest values); Weissman 1978, J. Am. Stat. Assoc. 73, 812 (tails); Cook & Weisberg 1982, Residuals and Influence
+in Regression, section 2.2.2 (deleted residuals).
 """
 
 import math
@@ -33,6 +34,8 @@ SMALL = 0.4  # of the logarithm of the response: rows closer to the law are no m
 HARM = 0.2  # of the logarithm of a prediction: rows that move one by more forbid the use of the law
 NEAR = 3.0  # standard deviations between a deviation and the ratio of two units that explains it
 LISTED = 6
+FEW_ROWS = 40  # independent rows, up to which one is tested by its deleted residual
+NORMAL_LEVEL = 0.01  # of the level of other tests, as lives and heavy-tailed readings are no normal ones
 
 
 def robust_deviations(law: LawFit) -> tuple[Array, Array, bool]:
@@ -91,6 +94,8 @@ def outlying_rows(law: LawFit) -> Check | NotAvailable:
     count = standing_apart(size, max(1, int(MOST * n)), FLOOR * scale)
     rows = np.sort(np.argsort(-size, kind="stable")[:count])
     pvalue = gap_pvalue(_about_edges(law, whole, rows), rows, FLOOR)
+    if count == 1 and n <= FEW_ROWS and law.formula.linearisable and not has_repeated_edges(law):
+        pvalue = min(pvalue, _deleted_pvalue(law, logs) / NORMAL_LEVEL)
     kept = (
         f"No row stands apart from the others: the largest deviation is {size.max() / scale:.1f} standard deviations, "
         f"that of line {law.lines[int(np.argmax(size))]} ({format_p(pvalue)})."
@@ -115,6 +120,18 @@ def outlying_rows(law: LawFit) -> Check | NotAvailable:
         kept=kept,
         suspects=suspects,
     )
+
+
+def _deleted_pvalue(law: LawFit, logs: bool) -> float:
+    """Bonferroni probability of the largest deleted residual of least squares, under normal errors."""
+    from scipy.special import stdtr
+
+    Q, y = np.linalg.qr(law.design)[0], np.log(law.observed) if logs else law.observed
+    r = y - Q @ (Q.T @ y)
+    df = len(y) - Q.shape[1]
+    z = r**2 / np.maximum(1.0 - (Q**2).sum(axis=1), 1e-12) / (r @ r / df)
+    t = float(np.sqrt(z * (df - 1) / np.maximum(df - z, 1e-12)).max())
+    return min(1.0, len(y) * 2 * float(stdtr(df - 1, -t)))
 
 
 def _harm(law: LawFit, robust: Array, logs: bool) -> int:
