@@ -1,8 +1,8 @@
-"""Units: the laboratories' spellings, and exact conversion between them through pint.
+"""Units: the laboratories' spellings, and exact conversion between them.
 
-pint alone reads ``Nm`` as a number times a metre and ``mm/U`` as millimetres per enzyme unit without a warning.
-So every text is first looked up in the table of this field; other spellings never reach pint. Turns,
-teeth and the hardness scales are dimensions of their own here: feed (mm/rev), feed per tooth (mm/tooth) and
+General unit libraries read ``Nm`` as a number times a metre and ``mm/U`` as millimetres per enzyme unit without a
+warning. So every text is looked up in the table of this field, and each canonical unit is defined in rational numbers.
+Turns, teeth and the hardness scales are dimensions of their own here: feed (mm/rev), feed per tooth (mm/tooth) and
 feed rate (mm/min) do not mix.
 
 Factors: BIPM, The International System of Units, 9th ed.; NIST Special Publication 811 (2008), appendix B.
@@ -13,17 +13,13 @@ import unicodedata
 from collections.abc import Mapping
 from fractions import Fraction
 from functools import lru_cache
-from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import closest
-
-if TYPE_CHECKING:
-    import pint
 
 __all__ = ["SPELLINGS", "canonical", "convert", "is_unit", "same_dimension", "suggest"]
 
@@ -192,31 +188,43 @@ def is_unit(text: str) -> bool:
     return canonical(text) is not None
 
 
-_ONE_AT_A_TIME = Lock()
+class _Quantity(NamedTuple):
+    """A unit as a multiple of base units: an exact factor, and the power of each dimension that it has."""
 
-
-def _registry() -> "pint.UnitRegistry[Any]":
-    """The private registry, the same for all threads, since quantities of two registries do not mix."""
-    with _ONE_AT_A_TIME:
-        return _built()
+    factor: Fraction
+    powers: Mapping[str, int]
 
 
 @lru_cache(maxsize=1)
-def _built() -> "pint.UnitRegistry[Any]":
-    """Build the registry: only our units, in rational numbers, so that factors are exact."""
-    import pint
-
-    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(None, non_int_type=Fraction)
+def _defined() -> dict[str, _Quantity]:
+    """The units of ``_DEFINITIONS`` by name; each is defined by those before it."""
+    units: dict[str, _Quantity] = {}
     for definition in re.split(r"[;\n]", _DEFINITIONS.strip()):
-        registry.define(definition.strip())
-    return registry
+        name, expression = (part.strip() for part in definition.split("="))
+        units[name] = _evaluated(expression, units)
+    return units
+
+
+def _evaluated(expression: str, units: Mapping[str, _Quantity]) -> _Quantity:
+    """A product or quotient of numbers, dimensions in brackets and ``units``, each with a whole power or none."""
+    factor, powers = Fraction(1), dict[str, int]()
+    for sign, word, exponent in re.findall(r"(^|[*/])\s*(\[?[\w.]+\]?)(?:\s*\*\*\s*(\d+))?\s*", expression):
+        power = int(exponent or 1) * (-1 if sign == "/" else 1)
+        if word[0] == "[":
+            one = _Quantity(Fraction(1), {word: 1})
+        else:
+            one = _Quantity(Fraction(word), {}) if word[0].isdigit() else units[word]
+        factor *= one.factor**power
+        for dimension, own in one.powers.items():
+            powers[dimension] = powers.get(dimension, 0) + own * power
+    return _Quantity(factor, {dimension: power for dimension, power in powers.items() if power})
 
 
 @lru_cache(maxsize=256)
-def _quantity(unit: str) -> Any:  # noqa: ANN401 - pint has no static type for a quantity with a Fraction
+def _quantity(unit: str) -> _Quantity:
+    """A canonical unit in base units."""
     expression = {"1/min": "rev / min", "%": "percent"}.get(unit) or re.sub(r"(?<=[a-z])(?=\d)", "**", unit)
-    registry = _registry()
-    return registry.Quantity(Fraction(1), "dimensionless") * registry.parse_expression(expression)
+    return _evaluated(re.sub(r"(?<=\w) (?=\w)", "*", expression), _defined())
 
 
 def _listed(text: str) -> str:
@@ -235,13 +243,7 @@ def same_dimension(unit_a: str, unit_b: str) -> bool:
     (True, False)
     """
     a, b = _listed(unit_a), _listed(unit_b)
-    return a == b or bool(_quantity(a).dimensionality == _quantity(b).dimensionality)
-
-
-@lru_cache(maxsize=256)
-def _factor(from_unit: str, to_unit: str) -> Fraction:
-    ratio = (_quantity(from_unit) / _quantity(to_unit)).to_base_units()
-    return Fraction(ratio.magnitude)
+    return a == b or _quantity(a).powers == _quantity(b).powers
 
 
 def convert(values: NDArray[np.float64], from_unit: str, to_unit: str) -> NDArray[np.float64]:
@@ -263,7 +265,7 @@ def convert(values: NDArray[np.float64], from_unit: str, to_unit: str) -> NDArra
             f"values in {from_unit!r} cannot be converted to {to_unit!r}, which measures another quantity; "
             f"correct the unit in the header or map the column to another role."
         )
-    factor = _factor(a, b)
+    factor = _quantity(a).factor / _quantity(b).factor
     if a in ZERO_POINT:
         return np.asarray((values - ZERO_POINT[a]) * float(factor) + ZERO_POINT[b], dtype=np.float64)
     return np.asarray(values * float(factor.numerator) / float(factor.denominator), dtype=np.float64)

@@ -299,7 +299,7 @@ def test_near_misses(name, role):
     assert suggest_role(name) == role
 
 
-@settings(deadline=None)  # the first conversion imports pint
+@settings(deadline=None)
 @given(
     st.sampled_from([role for role in ROLES.values() if role.unit not in ("", "1")]),
     st.sampled_from(["{} [{}]", "{} ({})", "{}{{{}}}", "{} in {}", "{}, {}", "{} / {}", "{}\n[{}]"]),

@@ -73,7 +73,7 @@ class Card(Part):
     empty: dict[str, str] = Field(default_factory=dict)
     end: str  # the end mark
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True, populate_by_name=True)
 
     @property
     def mark(self) -> Mark:

@@ -16,7 +16,7 @@ BRIEF = 110  # characters of a reason in a list of verdicts
 class Part(HasRepr, BaseModel):
     """A part of a card: frozen, nothing unknown, no NaN."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 class NumberPart(Part):

@@ -45,7 +45,7 @@ class Section(Displayable, BaseModel):
     {'feed': 0.4, 'later': 'kept'}
     """
 
-    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, defer_build=True)
 
 
 class VerdictSection(Section):
