@@ -10,7 +10,6 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from ..cards.folder import folder_names as _folder_names
 from ..core.bounded import has_content, stored_json
 from ..core.errors import UsageError
 from ..core.files import locked, make_folder, write_whole
@@ -33,8 +32,10 @@ def folder_names(pairs: Iterable[Pair]) -> dict[Pair, str]:
     >>> list(folder_names([Pair("GC435", "709M40"), Pair("gc435", "709M40")]).values())
     ['GC435_709M40', 'gc435_709M40-2']
     """
+    from ..cards.folder import folder_names as names_of
+
     each = list(dict.fromkeys(pairs))
-    return dict(zip(each, _folder_names((pair.tool, pair.work) for pair in each), strict=True))
+    return dict(zip(each, names_of((pair.tool, pair.work) for pair in each), strict=True))
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from .pair_table import read_pairs, with_groups
 from .plan import BatchOptions, Pair, Plan, Reading
 from .records import key_of, record, recorded
 from .result import Batch, Effort
-from .site import TITLE, check_card, site_of
+from .site import check_card, site_of
 from .source import existing_path, open_source
 from .tables import FIGURES, tables_of, write_tables
 
@@ -64,7 +64,7 @@ def run(
     keep_draws: bool = False,
     site: bool = True,
     card: str | os.PathLike[str] | None = None,
-    title: str = TITLE,
+    title: str | None = None,
     jobs: int = 1,
     dask: str | None = None,
     force: bool = False,
@@ -96,8 +96,8 @@ def run(
         Write the site of cards, where files are made.
     card : path, optional
         A card.toml for all pairs: licence, authors, machine.
-    title : str
-        Of the site.
+    title : str, optional
+        Of the site; `TITLE` of ``cards.publishing`` unless given.
     jobs : int
         Processes on this machine.
     dask : str, optional

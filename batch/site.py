@@ -5,19 +5,20 @@ import os
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..cards.publishing import TITLE, PublicationReport, publish
 from ..core.bounded import read_bounded, sha256_of
 from ..core.errors import DataError, UsageError
 from ..core.files import write_whole
 from ..core.progress import Meter
 from .records import PAIRS, read_json
 
+if TYPE_CHECKING:
+    from ..cards.publishing import PublicationReport
+
 SITE = "site"
 TOML = "card.toml"
 STAMP = Path(".batch", "site.json")
-
-__all__ = ["TITLE", "site_of"]
 
 
 def check_card(card: str | os.PathLike[str]) -> None:
@@ -36,14 +37,16 @@ def check_card(card: str | os.PathLike[str]) -> None:
 
 
 def site_of(
-    out: Path, card: str | os.PathLike[str] | None, title: str, jobs: int, meter: Meter, keys: Sequence[str]
-) -> PublicationReport | None:
+    out: Path, card: str | os.PathLike[str] | None, title: str | None, jobs: int, meter: Meter, keys: Sequence[str]
+) -> "PublicationReport | None":
     """Publish the cards in ``out``, unless the site of these very blocks exists already.
 
     None where no pair has a parameter file. A ``card.toml`` template belongs to the user from then on: no batch
     removes it.
     """
-    pairs = out / PAIRS
+    from ..cards.publishing import TITLE, PublicationReport, publish
+
+    pairs, title = out / PAIRS, TITLE if title is None else title
     if not any(pairs.glob("*/params.json")):
         return None
     before = read_json(out / STAMP)

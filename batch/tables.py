@@ -127,11 +127,10 @@ def _rank_of_posterior(name: str) -> tuple[int, str, int]:
 def _cells(values: pd.Series) -> list[str]:
     if values.dtype == np.float64:
         return _floats(values.to_numpy())
-    cells = values.tolist()
-    if values.dtype == "Int64":
-        return ["" if value is pd.NA else str(value) for value in cells]
-    quoted = {text: _text(text) for text in {value for value in cells if isinstance(value, str)}}
-    return [quoted[value] if isinstance(value, str) else _number(value) for value in cells]
+    if values.dtype == object and pd.api.types.infer_dtype(values, skipna=True) not in ("string", "empty"):
+        return [_cell(value) for value in values.tolist()]  # 1, 1.0 and True are the same to `factorize`
+    code, unique = pd.factorize(values)  # a missing value is the last one
+    return np.array([*map(_cell, unique), ""], dtype=object)[code].tolist()
 
 
 def _floats(values: NDArray[np.float64]) -> list[str]:
@@ -146,7 +145,9 @@ def _floats(values: NDArray[np.float64]) -> list[str]:
     return texts.tolist()
 
 
-def _number(value: object) -> str:
+def _cell(value: object) -> str:
+    if isinstance(value, str):
+        return _text(value)
     plain = cell(value)
     return "" if plain is None else repr(plain) if isinstance(plain, float) else str(plain)
 

@@ -74,14 +74,13 @@ def run(args: argparse.Namespace) -> int:
     if args.table_only and (args.card or args.keep_draws):
         option = "--card" if args.card else "--keep-draws"
         raise UsageError(f"--table-only: no files are written, so {option} has no effect; leave one of the two out.")
-    title = {} if args.title is None else {"title": args.title}
     try:
         with progress_bar(0, "pairs", lines=not args.quiet) as meter:
             result = batch.run(
                 args.source, args.out, options=fit_options(args), groups=args.group or (), pairs=args.pairs,
                 files=not args.table_only, keep_draws=args.keep_draws, site=not args.no_site, card=args.card,
                 jobs=args.jobs or cores(), dask=args.dask, force=args.force, command=typed(args.words),
-                meter=meter, **title,
+                title=args.title, meter=meter,
             )  # fmt: skip
     except KeyboardInterrupt:
         again = "the same command without --force" if args.force else "the same command"

@@ -69,14 +69,11 @@ def concerns_of_values(of: NumberedRows, process: "Process | None") -> list[list
     concerns: list[list[Concern]] = [[] for _ in of.pairs]
     named = process or process_of(of.held, of.rows.notes)
     judged = np.array([pair in of.rows.of_pair for pair in of.pairs], dtype=bool)
-    for role in of.held if not judged.all() else ():
+    for role, ends in of.ends.items() if not judged.all() else ():
         ranges = plausible(role, named)
-        if ranges is None or not pd.api.types.is_numeric_dtype(of.rows.frame[role]):
+        if ranges is None:
             continue
-        sizes = of.rows.frame[role].abs()
-        groups = sizes.where(sizes > 0).groupby(of.number)
-        numbers = range(len(of.pairs))
-        low, high = (ends.reindex(numbers).to_numpy(dtype=float) for ends in (groups.min(), groups.max()))
+        low, high = ends if not np.any(ends[0] <= 0) else _sizes(of, role)
         odd = ~judged & ((low > ranges.unusual[1]) | (high < ranges.unusual[0]))
         unit, usual = of.rows.units.get(role, ""), " to ".join(f"{end:g}" for end in ranges.usual)
         for i in np.flatnonzero(odd):
@@ -85,6 +82,14 @@ def concerns_of_values(of: NumberedRows, process: "Process | None") -> list[list
             )
             concerns[i].append(Concern(DOUBT, words))
     return concerns
+
+
+def _sizes(of: NumberedRows, role: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and largest absolute value of each pair besides zero, shapes (K,), NaN where there is none."""
+    sizes = of.rows.frame[role].abs()
+    groups = sizes.where(sizes > 0).groupby(of.number)
+    low, high = (ends.reindex(range(len(of.pairs))).to_numpy(dtype=float) for ends in (groups.min(), groups.max()))
+    return low, high
 
 
 def differs(header: str, names: Sequence[str]) -> Concern:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from ..rows import NO_LINES, PairRows
 
 Ints = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +38,8 @@ class NumberedRows:
     counts : ndarray of int, shape (K,)
     held : mapping of str to ndarray of bool, shape (K,)
         Of each column that has a role, whether it holds anything of a pair.
-    varying : mapping of str to ndarray of bool, shape (K,)
-        Of each column of numbers that has a role, whether it holds several values of a pair.
+    ends : mapping of str to (ndarray, ndarray), shapes (K,)
+        Of each column of numbers that has a role, least and largest value of each pair, NaN where it holds none.
     """
 
     rows: PairRows
@@ -45,27 +47,25 @@ class NumberedRows:
     number: Ints
     counts: Ints
     held: dict[str, Flags]
-    varying: dict[str, Flags]
+    ends: dict[str, tuple[Array, Array]]
 
     def patterns(self) -> Iterator[tuple[Held, Ints]]:
         """What pairs hold, as far as it decides on their laws, and the pairs for which it is just this."""
-        names, K = [*self.held, *self.varying], len(self.pairs)
-        flags = np.array([*self.held.values(), *self.varying.values()], dtype=bool).reshape(len(names), K).T
-        processes = [self._process(pair) for pair in self.pairs]
+        settings = {name: low < high for name, (low, high) in self.ends.items() if name in SETTINGS}
+        names, K = [*self.held, *settings], len(self.pairs)
+        flags = np.array([*self.held.values(), *settings.values()], dtype=bool).reshape(len(names), K).T
+        processes = self._processes()
         kinds = list(dict.fromkeys(processes))
         keys = np.column_stack([flags, [kinds.index(process) for process in processes]])
         _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
         for i, one in enumerate(first):
-            held, varying = (
-                frozenset(name for name in found if found[name][one]) for found in (self.held, self.varying)
-            )
+            held, varying = (frozenset(name for name in found if found[name][one]) for found in (self.held, settings))
             yield Held(held.__contains__, varying.__contains__, processes[one]), np.flatnonzero(which.ravel() == i)
 
-    def _process(self, pair: Pair) -> Process | None:
-        about = self.rows.of_pair.get(pair)
-        if about is not None:
-            return about.process
-        return self.rows.process or process_of(map(str, self.rows.frame), self.rows.notes)
+    def _processes(self) -> list[Process | None]:
+        of_all = self.rows.process or process_of(map(str, self.rows.frame), self.rows.notes)
+        about = self.rows.of_pair
+        return [about[pair].process if pair in about else of_all for pair in self.pairs]
 
     def has(self, i: int, symbol: str) -> bool:
         """Whether a column holds anything of pair i."""
@@ -89,14 +89,28 @@ def numbered_rows(rows: PairRows, wanted: Collection[Pair]) -> NumberedRows:
     if not known.all():
         rows = _only(rows, known[number])
         number, pairs = _numbered(rows.frame)
-    K = len(pairs)
-    there = {name: _there(rows.frame[name]) for name in rows.frame if name in ROLES and name not in ("tool", "work")}
-    held = {str(name): np.bincount(number[flags], minlength=K) > 0 for name, flags in there.items()}
-    settings = [str(name) for name in rows.frame if name in SETTINGS]
-    ends = rows.frame[settings].astype(float).groupby(number)
-    several = ends.min().to_numpy() < ends.max().to_numpy()
-    varying = {name: several[:, j] for j, name in enumerate(settings)}
-    return NumberedRows(rows, pairs, number, np.bincount(number, minlength=K), held, varying)
+    counts = np.bincount(number, minlength=len(pairs))
+    columns = {str(name): rows.frame[name] for name in rows.frame if name in ROLES and name not in ("tool", "work")}
+    ends = _ends({name: column for name, column in columns.items() if _is_numeric(column)}, number, counts)
+    held = {
+        name: ~np.isnan(ends[name][0]) if name in ends else np.bincount(number[_there(column)], minlength=len(pairs)) > 0
+        for name, column in columns.items()
+    }
+    return NumberedRows(rows, pairs, number, counts, held, ends)
+
+
+def _ends(
+    columns: "Mapping[str, pd.Series[float]]", number: Ints, counts: Ints
+) -> dict[str, tuple[Array, Array]]:
+    """The ``ends`` of `NumberedRows`, each column in one pass over rows that are sorted by pair."""
+    order = None if np.all(number[1:] >= number[:-1]) else np.argsort(number, kind="stable")
+    starts = np.cumsum(counts) - counts
+    found = {}
+    for name, column in columns.items():
+        values = column.to_numpy(dtype=float, na_value=np.nan)
+        values = values if order is None else values[order]
+        found[name] = (np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts))
+    return found
 
 
 def without_empty_columns(runs: Runs) -> Runs:
@@ -132,12 +146,19 @@ def texts(column: "pd.Series[str]") -> NDArray[np.object_]:
 
 
 def _numbered(frame: pd.DataFrame) -> tuple[Ints, tuple[Pair, ...]]:
-    tools, tool = pd.factorize(frame["tool"], use_na_sentinel=False)
-    works, work = pd.factorize(frame["work"], use_na_sentinel=False)
+    tools, tool = _codes(frame["tool"])
+    works, work = _codes(frame["work"])
     number, keys = pd.factorize(tools.astype(np.int64) * max(len(work), 1) + works)
     at = np.divmod(keys, max(len(work), 1))
     named, made_of = ([str(name) for name in names] for names in (tool, work))
     return number, tuple(Pair(named[i], made_of[j]) for i, j in zip(*(part.tolist() for part in at), strict=True))
+
+
+def _codes(column: "pd.Series[str]") -> tuple[Ints, "pd.Index[str]"]:
+    """Number of the text of each row, and the texts; one that is missing is a text of its own."""
+    if isinstance(column.dtype, pd.CategoricalDtype) and not column.hasnans:
+        return np.asarray(column.cat.codes, dtype=np.intp), column.cat.categories
+    return pd.factorize(column, use_na_sentinel=False)
 
 
 def _text(value: object) -> str:
@@ -147,10 +168,14 @@ def _text(value: object) -> str:
 
 def _there(column: "pd.Series[str]") -> Flags:
     """Where a column holds something, shape (n,): a number, or a text that is not empty."""
-    known = column.notna().to_numpy(dtype=bool)
-    if pd.api.types.is_numeric_dtype(column):
-        return known
-    return np.asarray(known & (texts(column) != ""), dtype=bool)
+    if _is_numeric(column):
+        return column.notna().to_numpy(dtype=bool)
+    code, unique = pd.factorize(column)
+    return np.array([*(_text(value) != "" for value in unique), False], dtype=bool)[code]
+
+
+def _is_numeric(column: "pd.Series[Any]") -> bool:
+    return pd.api.types.is_numeric_dtype(column)
 
 
 NUMBER = "pair of the row"
