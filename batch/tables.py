@@ -242,7 +242,7 @@ def _stand(out: Path, comparison: Comparison) -> bool:
 def _drawn(out: Path, tables: Tables) -> list[str]:
     if not len(tables.comparison.families):
         return []
-    from .figures import write_figures
+    from .exponent_figures import write_figures
 
     banner = f"{grouped(tables.simulated)} of these pairs simulated, not measured" if tables.simulated else ""
     former = [name.removeprefix(FIGURES) for name in claimed(out, FIGURES)]

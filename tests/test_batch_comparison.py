@@ -1,13 +1,14 @@
 """Comparison of a batch: exponents pooled over families, the table of pairs, what is drawn and printed."""
 
 import errno
+from xml.etree import ElementTree
 
 import numpy as np
 import openpyxl
 import pandas as pd
 import pytest
 from fitmodels.batch.comparison import FAMILIES, NAMES, PAIRS, compare, is_iso_513, iso_family
-from fitmodels.batch.figures import write_figures
+from fitmodels.batch.exponent_figures import write_figures
 from fitmodels.batch.law_rows import law_table
 from fitmodels.batch.outcomes import PairOutcome
 from fitmodels.batch.pair_table import read_pairs, unknown_pairs, with_groups
@@ -18,11 +19,15 @@ from fitmodels.core.errors import DataError, UsageError
 from fitmodels.core.files import synchronised
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.image import imread
 from rich.console import Console
 
 MEANS = {"P": 0.45, "K": 0.75, "S": 0.60}
 SPREAD, SD = 0.05, 0.1
+
+
+def parsed(path):
+    """The root of an SVG file."""
+    return ElementTree.fromstring(path.read_bytes())  # noqa: S314  written by the test
 
 
 def simulated(n, seed=1, factors=("V", "t"), responses=("AW",)):
@@ -255,7 +260,10 @@ def test_pictures_are_drawn_of_any_number_of_pairs(tmp_path, n, pictures):
     paths = write_figures(made, tmp_path / "figures")
     assert len(paths) == pictures
     for path in paths:
-        assert imread(path).shape[1] == 1265
+        drawn = parsed(path)
+        assert drawn.get("width") == "828pt"
+        assert f"of AW: {n} pairs" in drawn[0].text
+        assert not {"nan", "inf"} & set(path.read_text(encoding="utf-8").replace('"', " ").split())
 
 
 def test_a_picture_of_many_families_long_names_and_a_wild_pair(tmp_path):
@@ -263,8 +271,24 @@ def test_a_picture_of_many_families_long_names_and_a_wild_pair(tmp_path):
     results["grade"] = [f"a grade with a very long name and number {i % 60}" for i in range(300)]
     results.loc[0, ["params_f", "bse_f"]] = 40.0, 3.0
     made = compare(results, ["grade"])
-    assert [path.name for path in write_figures(made, tmp_path)] == ["exponents_AW_f.png", "exponents_AW_F-2.png"]
-    assert all(imread(path).shape[0] < 1200 for path in tmp_path.iterdir())
+    assert [path.name for path in write_figures(made, tmp_path)] == ["exponents_AW_f.svg", "exponents_AW_F-2.svg"]
+    assert all(float(parsed(path).get("height").removesuffix("pt")) < 800 for path in tmp_path.iterdir())
+    assert all("a grade with a...e and number" in path.read_text(encoding="utf-8") for path in tmp_path.iterdir())
+
+
+def test_a_picture_shows_the_numbers_of_the_comparison(tmp_path):
+    made = compare(simulated(30)[0], ["iso513"])
+    drawn = parsed(write_figures(made, tmp_path)[0])
+    svg = "{http://www.w3.org/2000/svg}"
+    of_V = made.families[made.families["factor"] == "V"]
+    pooled = made.pairs[(made.pairs["factor"] == "V") & (made.pairs["grouping"] == "iso513")]["pooled"]
+    ticks = [(float(text.get("x")), text.text) for text in drawn.iter(f"{svg}text") if text.text.startswith("0.")]
+    dots = [float(dot.get("cx")) for dot in drawn.iter(f"{svg}circle") if dot.get("cy") != "0.0"]
+    for shown, values in ((0, sorted(of_V["mean"])), (len(of_V), sorted(pooled.dropna()))):
+        mine = dots[shown : shown + len(values)]
+        x, value = zip(*[tick for tick in ticks if (tick[0] < 414) == (shown == 0)], strict=True)
+        read = np.polyval(np.polyfit(x, np.array(value, dtype=float), 1), sorted(mine))
+        np.testing.assert_allclose(read, values, atol=1e-3)
 
 
 def test_the_terminal_shows_twelve_rows_of_a_response_and_says_the_rest():
@@ -305,7 +329,7 @@ def test_pictures_are_replaced_all_or_none_and_former_ones_go_with_them(tmp_path
         with pytest.raises(UsageError, match="no space left on device"):
             write_figures(made, tmp_path, "simulated")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-    (tmp_path / "exponents_P_V.png").write_bytes(b"of a law that is gone")
-    assert write_figures(made, tmp_path, "simulated", [first.name, "exponents_P_V.png"]) == [first, second]
+    (tmp_path / "exponents_P_V.svg").write_bytes(b"of a law that is gone")
+    assert write_figures(made, tmp_path, "simulated", [first.name, "exponents_P_V.svg"]) == [first, second]
     assert {path.name for path in tmp_path.iterdir()} == {*before}
     assert first.read_bytes() != before[first.name]

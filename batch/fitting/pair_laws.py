@@ -89,19 +89,18 @@ def numbered_rows(rows: PairRows, wanted: Collection[Pair]) -> NumberedRows:
     if not known.all():
         rows = _only(rows, known[number])
         number, pairs = _numbered(rows.frame)
-    counts = np.bincount(number, minlength=len(pairs))
+    K = len(pairs)
+    counts = np.bincount(number, minlength=K)
     columns = {str(name): rows.frame[name] for name in rows.frame if name in ROLES and name not in ("tool", "work")}
     ends = _ends({name: column for name, column in columns.items() if _is_numeric(column)}, number, counts)
     held = {
-        name: ~np.isnan(ends[name][0]) if name in ends else np.bincount(number[_there(column)], minlength=len(pairs)) > 0
+        name: ~np.isnan(ends[name][0]) if name in ends else np.bincount(number[_there(column)], minlength=K) > 0
         for name, column in columns.items()
     }
     return NumberedRows(rows, pairs, number, counts, held, ends)
 
 
-def _ends(
-    columns: "Mapping[str, pd.Series[float]]", number: Ints, counts: Ints
-) -> dict[str, tuple[Array, Array]]:
+def _ends(columns: "Mapping[str, pd.Series[float]]", number: Ints, counts: Ints) -> dict[str, tuple[Array, Array]]:
     """The ``ends`` of `NumberedRows`, each column in one pass over rows that are sorted by pair."""
     order = None if np.all(number[1:] >= number[:-1]) else np.argsort(number, kind="stable")
     starts = np.cumsum(counts) - counts
