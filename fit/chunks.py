@@ -19,6 +19,7 @@ Index = NDArray[np.intp]
 Chunk = Mapping[str, object] | pd.DataFrame
 
 NAMED = 5  # rows of each reason that are listed by line
+FEW = 1024  # labels of a chunk that are expected: a small hash table stays in the cache, and grows where it must
 ROWS = 32_768  # of a block: its columns stay in the processor's cache
 
 
@@ -30,11 +31,12 @@ class LabelNumbers:
 
     def codes(self, labels: "pd.Series[str]") -> Index:
         """Number of each label, shape (m,); whole numbers read ``1``, not ``1.0``, and missing ones are empty."""
-        code, unique = pd.factorize(labels)
+        numeric = isinstance(labels.dtype, np.dtype) and labels.dtype.kind in "iuf"
+        code, unique = pd.factorize(labels.to_numpy(), size_hint=FEW) if numeric else pd.factorize(labels)
         texts = [_text(label) for label in unique]
         if (code < 0).any():
             texts.append("")  # missing is -1, and so the last
-        return np.array([self.numbers.setdefault(text, len(self.numbers)) for text in texts], dtype=np.intp)[code]
+        return np.array([self.numbers.setdefault(text, len(self.numbers)) for text in texts], dtype=np.intp).take(code)
 
     def in_order(self, present: Index) -> tuple[tuple[str, ...], Index]:
         """Sorted names among those present, and their numbers."""
@@ -120,7 +122,7 @@ class ChunkReader:
         first, self.rows = self.rows, self.rows + lengths[wanted[0]]
         return RowBlock(
             first,
-            tuple(_numbers(name, columns[name], first) for name in self.names),
+            tuple(_numbers(name, columns[name]) for name in self.names),
             None if self.edge is None else self.edges.codes(columns[self.edge]),
             None if self.by is None else self.levels.codes(columns[self.by]),
         )
@@ -133,15 +135,10 @@ class ChunkReader:
         return values if isinstance(values, pd.Series) else pd.Series(np.atleast_1d(np.asarray(values)), copy=False)
 
 
-def _numbers(name: str, column: "pd.Series[str]", first: int) -> Array:
+def _numbers(name: str, column: "pd.Series[str]") -> Array:
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
         raise UsageError(f"column {name!r} holds text; a law needs numbers.")
-    values: Array = column.to_numpy(dtype=float, na_value=np.nan)
-    infinite = np.isinf(values)
-    if infinite.any():
-        row = int(np.argmax(infinite))
-        raise DataError(f"column {name!r} row {first + row}: {values[row]} is not a measurement; leave the row out.")
-    return values
+    return column.to_numpy(dtype=float, na_value=np.nan)
 
 
 def _text(label: object) -> str:
@@ -165,11 +162,25 @@ def _joined(parts: list[RowBlock]) -> RowBlock:
 
 @dataclass(frozen=True, slots=True)
 class UsableRows:
-    """Rows that are used: response and factors as they are (m, 1 + k), edge and level of each."""
+    """Rows that are used, all above zero.
 
-    values: Array
+    Attributes
+    ----------
+    columns : tuple of ndarray, shape (m,)
+        Response, then factors.
+    low, high : ndarray, shape (1 + k,)
+        Least and greatest value of each column; NaN without rows.
+    edge, level : ndarray of int, shape (m,), or None
+    """
+
+    columns: tuple[Array, ...]
+    low: Array
+    high: Array
     edge: Index | None
     level: Index | None
+
+    def __len__(self) -> int:
+        return len(self.columns[0])
 
 
 @dataclass(slots=True)
@@ -182,23 +193,32 @@ class RowFilter:
     lines: dict[str, list[int]] = field(default_factory=dict)
 
     def usable(self, block: RowBlock, levels: LabelNumbers) -> UsableRows:
-        """Rows of the block without missing values, above zero."""
-        values = np.column_stack(block.columns)
-        bad = [(f"{name} missing", np.isnan(values[:, j])) for j, name in enumerate(self.names)]
+        """Rows of the block without missing values, above zero.
+
+        Raises
+        ------
+        DataError
+            A value is infinite.
+        """
+        low, high = _ends(block.columns)
+        missing = levels.numbers.get("", -1)
+        if np.all(low > 0) and np.all(high < np.inf) and (block.level is None or missing < 0):  # False for NaN
+            return UsableRows(block.columns, low, high, block.edge, block.level)
+        _check_finite(self.names, block)
+        named = list(zip(self.names, block.columns, strict=True))
+        bad = [(f"{name} missing", np.isnan(column)) for name, column in named]
         if block.level is not None:
-            bad.append((f"{self.by} missing", np.asarray(block.level == levels.numbers.get("", -1))))
-        bad += [(f"{name} zero or negative", values[:, j] <= 0) for j, name in enumerate(self.names)]
+            bad.append((f"{self.by} missing", np.asarray(block.level == missing)))
+        bad += [
+            (f"{name} zero or negative", column <= 0) for name, column in zip(self.names, block.columns, strict=True)
+        ]
         keep = np.ones(len(block), dtype=bool)
         for reason, rows in bad:
             self._count(reason, block.first, rows & keep)
             keep &= ~rows
-        if keep.all():
-            return UsableRows(values, block.edge, block.level)
-        return UsableRows(
-            values[keep],
-            None if block.edge is None else block.edge[keep],
-            None if block.level is None else block.level[keep],
-        )
+        columns = tuple(column[keep] for column in block.columns)
+        edge = None if block.edge is None else block.edge[keep]
+        return UsableRows(columns, *_ends(columns), edge, None if block.level is None else block.level[keep])
 
     def dropped(self) -> tuple[Dropped, ...]:
         """The rows left out, by reason."""
@@ -213,3 +233,20 @@ class RowFilter:
         found = self.lines.setdefault(reason, [])
         self.counts[reason] += int(rows.sum())
         found += (first + np.flatnonzero(rows)[: NAMED - len(found)]).tolist()
+
+
+def _ends(columns: Sequence[Array]) -> tuple[Array, Array]:
+    """Least and greatest value of each column, NaN where one is missing or there is none."""
+    if not len(columns[0]):
+        return np.full(len(columns), np.nan), np.full(len(columns), np.nan)
+    return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
+
+
+def _check_finite(names: Sequence[str], block: RowBlock) -> None:
+    for name, values in zip(names, block.columns, strict=True):
+        infinite = np.isinf(values)
+        if infinite.any():
+            row = int(np.argmax(infinite))
+            raise DataError(
+                f"column {name!r} row {block.first + row}: {values[row]} is not a measurement; leave the row out."
+            )

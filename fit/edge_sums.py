@@ -1,23 +1,26 @@
 """Sums of products by edge: what least squares, the jackknife by edge and the variance components need of rows.
 
 `EdgeSums` holds, for each edge, the number of rows, the means and the sums of products about the means of the
-logarithms of the factors and of the response. Rows are added in chunks of any order; sums of two parts are merged.
+logarithms of the factors and of the response. Rows are added in blocks of any order; sums of two parts are merged.
 An edge that was cut in two levels of a category has a group for each, so that the indicator columns are constant in
 every group and need no sums. The sums of a group are written as a few equivalent rows, from which the functions of
 ``edges`` give the same inference as from all rows.
 
-Typical use: ``sums.add(...)`` for each chunk, ``sums.merge(other)``, then ``rows = equivalent_rows(sums, ...)``,
-``rows.solve()`` and ``infer_from_sums``. Coefficients of ill-conditioned columns (``rows.condition`` above `LARGEST`)
-need more digits than sums of products keep: those of a stream come from ``triangle``.
+Coefficients come from the triangle of all rows about the means of their groups, and from these means. The triangle of a
+block of rows is a root of its sums of products where their condition number is at most `LARGEST`; otherwise it is
+found by a QR of the rows, which squares nothing, so that ill-conditioned columns keep their digits.
 
-Source: Chan, Golub & LeVeque 1983, The American Statistician 37, 242 (merging about the means).
+Typical use: ``sums.add(...)`` for each block, ``sums.merge(other)``, then ``least_squares(sums.summary(levels))`` and
+``infer_from_sums(fit, equivalent_rows(sums, ...), ...)``.
+
+Sources: Chan, Golub & LeVeque 1983, The American Statistician 37, 242 (merging about the means); Demmel, Grigori,
+Hoemmen & Langou 2012, SIAM J. Sci. Comput. 34, A206 (triangles of blocks of rows).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from .available import NotAvailable
@@ -32,13 +35,13 @@ from .edges import (
     random_level,
     too_few_edges,
 )
-from .least_squares import LinearFit, products_by, sums_by
-from .triangle import Summary, least_squares
+from .least_squares import LinearFit, grams_by, sums_by
+from .triangle import Summary
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-LARGEST = 70.0  # condition number up to which sums of products keep the digits of an estimate
+LARGEST = 70.0  # condition number of scaled columns up to which sums of products keep the digits of an estimate
 EXACT = 1e-11  # relative residual below which a law meets its rows exactly
 MOST_LEVELS = 1 << 31  # edge and level of a group in one number
 
@@ -75,6 +78,8 @@ class EdgeSums:
         Means; the first row; the largest distance of a row from it.
     square : ndarray, shape (G, q, q)
         Sums of products about the means.
+    inside : ndarray, shape (at most q, q)
+        Triangle of all rows about the means of their groups.
     """
 
     q: int
@@ -85,10 +90,11 @@ class EdgeSums:
     first: Array = field(init=False)
     far: Array = field(init=False)
     square: Array = field(init=False)
+    inside: Array = field(init=False)
 
     def __post_init__(self) -> None:
         self.size = np.zeros(0)
-        self.mean, self.first, self.far = (np.zeros((0, self.q)) for _ in range(3))
+        self.mean, self.first, self.far, self.inside = (np.zeros((0, self.q)) for _ in range(4))
         self.square = np.zeros((0, self.q, self.q))
 
     @property
@@ -96,20 +102,22 @@ class EdgeSums:
         """Number of groups so far."""
         return len(self.number)
 
-    def add(self, W: Array, edge: Index, level: Index | None = None) -> None:
+    def add(self, W: Array, edge: Index | None, level: Index | None = None) -> None:
         """Add rows W (m, q), logarithms of the factors and, last, of the response, with numbers of edge and level."""
         if self.base is None:
             self.base = _first_law(W)
-        W = np.column_stack([W[:, :-1], W[:, -1] - W[:, :-1] @ self.base[:-1] - self.base[-1]])
-        key = edge.astype(np.int64) * MOST_LEVELS + (0 if level is None else level)
-        local, keys = pd.factorize(key)
-        n = np.bincount(local).astype(float)
-        mean = sums_by(local, W, len(n)) / n[:, None]
-        opening = np.zeros(len(keys), dtype=np.intp)
-        opening[local[::-1]] = np.arange(len(local))[::-1]
-        at = self._numbers(keys, W[opening])
-        np.maximum.at(self.far, at[local], np.abs(W - self.first[at][local]))
-        self._combine(at, n, mean, products_by(local, W - mean[local], len(n)))
+        order, starts, keys = _grouped(np.zeros(len(W), dtype=np.intp) if edge is None else edge, level)
+        columns = np.empty(W.shape[::-1])
+        for column, into in zip(W.T, columns, strict=True):
+            np.take(column, order, out=into, mode="clip")
+        columns[-1] -= self.base[:-1] @ columns[:-1] + self.base[-1]
+        found = grams_by(columns, starts)
+        at = self._numbers(keys, found.first)
+        first = self.first[at]
+        self.far[at] = np.maximum(self.far[at], np.maximum(found.high - first, first - found.low))
+        root = _root(found.square.sum(axis=0))
+        apart = self._combine(at, found.size, found.mean, found.square)
+        self._extend(found.about.T if root is None else root, apart)
 
     def merge(self, other: "EdgeSums") -> None:
         """Add the sums of further rows; both need the same ``base``."""
@@ -122,14 +130,32 @@ class EdgeSums:
         keys, G = list(other.number), other.n_groups
         at = self._numbers(np.array(keys, dtype=np.int64), other.first[:G])
         self.far[at] = np.maximum(self.far[at], np.abs(other.first[:G] - self.first[at]) + other.far[:G])
-        self._combine(at, other.size[:G], other.mean[:G], other.square[:G])
+        self._extend(other.inside, self._combine(at, other.size[:G], other.mean[:G], other.square[:G]))
 
-    def _combine(self, at: Index, n: Array, mean: Array, square: Array) -> None:
+    def _combine(self, at: Index, n: Array, mean: Array, square: Array) -> Array:
+        """Add the sums of groups; returns rows (groups, q) with what the means moved add to the sums of products."""
         total, apart = self.size[at] + n, mean - self.mean[at]
-        weight = self.size[at] * n / total
-        self.square[at] += square + weight[:, None, None] * apart[:, :, None] * apart[:, None, :]
+        rows: Array = np.sqrt(self.size[at] * n / total)[:, None] * apart
+        self.square[at] += square + rows[:, :, None] * rows[:, None, :]
         self.mean[at] += (n / total)[:, None] * apart
         self.size[at] = total
+        return rows
+
+    def _extend(self, *rows: Array) -> None:
+        self.inside = np.asarray(np.linalg.qr(np.vstack([self.inside, *rows]), mode="r"))
+
+    def summary(self, levels: Index) -> Summary:
+        """Summary of all rows, which are of these levels of the category, the reference first."""
+        if self.base is None:
+            raise ValueError("no rows were added")
+        G, k = self.n_groups, self.q - 1
+        shifts = (self.groups()[1][:, None] == levels[1:]).astype(float)
+        means = np.hstack([self.mean[:G, :k], shifts, self.mean[:G, k:]])
+        n = float(self.size.sum())
+        mean = self.size[:G] @ means / n
+        inside = np.hstack([self.inside[:, :k], np.zeros((len(self.inside), shifts.shape[1])), self.inside[:, k:]])
+        R = np.linalg.qr(np.vstack([np.sqrt(self.size[:G])[:, None] * (means - mean), inside]), mode="r")
+        return Summary(int(n), k, mean, np.asarray(R)[: int(n) - 1], self.base)
 
     def groups(self) -> tuple[Index, Index]:
         """Edge and level of each group, both shape (G,)."""
@@ -162,8 +188,27 @@ class EdgeSums:
             setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]))]))
 
 
-def _square_roots(square: Array) -> Array:
-    """Rows, shape (G, q, q), whose sums of products are ``square``.
+def _grouped(edge: Index, level: Index | None) -> tuple[Index, Index, NDArray[np.int64]]:
+    """Order of rows by group, otherwise as they stand; where each group begins in it, and its key."""
+    key = edge if level is None else edge * (level.max() + 1) + level
+    order = np.argsort(key.astype(np.uint16), kind="stable")  # of 16 bits, which numpy sorts by radix
+    for bits in range(16, int(key.max()).bit_length(), 16):
+        order = order.take(np.argsort((key >> bits).astype(np.uint16).take(order), kind="stable"))
+    key = key.take(order)
+    starts = np.append(0, np.flatnonzero(key[1:] != key[:-1]) + 1)
+    first = order[starts]
+    return order, starts, edge[first].astype(np.int64) * MOST_LEVELS + (0 if level is None else level[first])
+
+
+def _root(square: Array) -> Array | None:
+    """Rows, shape (q, q), whose sums of products are ``square``; None above the condition number `LARGEST`."""
+    value, rows = _square_roots(square[None])
+    held = value[0][len(square) - np.count_nonzero(np.diag(square)) :]  # a column of zeros has the least value, 0
+    return rows[0] if not held.size or held[0] * LARGEST**2 >= held[-1] else None
+
+
+def _square_roots(square: Array) -> tuple[Array, Array]:
+    """Rows, shape (G, q, q), whose sums of products are ``square``, and their squared singular values, shape (G, q).
 
     Columns are scaled to one length first, so that a long one does not round away a short one.
     """
@@ -171,7 +216,7 @@ def _square_roots(square: Array) -> Array:
     length[length == 0] = 1.0
     value, vector = np.linalg.eigh(square / length[:, :, None] / length[:, None, :])
     roots = np.sqrt(np.maximum(value, 0.0))[:, :, None] * vector.transpose(0, 2, 1)
-    return np.asarray(roots * length[:, None, :])
+    return value, np.asarray(roots * length[:, None, :])
 
 
 def _first_law(W: Array) -> Array:
@@ -210,30 +255,6 @@ class EquivalentRows:
         """Rows of each edge, shape (E,)."""
         return np.bincount(self.edge, weights=self.size).astype(float)
 
-    @property
-    def condition(self) -> float:
-        """Condition number of the centred columns of the law, scaled to length one; above `LARGEST` use `triangle`."""
-        R = self._summary().R[:, :-1]
-        length = np.linalg.norm(R, axis=0)
-        return float(np.linalg.cond(R / np.where(length > 0, length, 1.0)))
-
-    def solve(self) -> LinearFit:
-        """Least squares of the logarithm of the response from the sums alone.
-
-        The error is about 1e-16 times the square of ``condition``, in standard errors below 1e-9 up to `LARGEST`.
-        """
-        about = self._summary()
-        fit = least_squares(about)
-        y = about.R[:, -1] + about.R[:, :-1] @ self.base[1:]
-        return replace(fit, params=fit.params + self.base, tss=float(y @ y))
-
-    def _summary(self) -> Summary:
-        n = float(self.size.sum())
-        mean = self.size @ self.centre / n
-        apart = np.sqrt(self.size)[:, None] * (self.centre - mean)
-        columns = np.vstack([apart, self.roots.reshape(-1, len(mean))])[:, 1:]
-        return Summary(int(n), len(mean) - 2, mean[1:], np.asarray(np.linalg.qr(columns, mode="r")))
-
     def rows(self) -> tuple[Array, Index]:
         """Design and response side by side, shape (m, p + 1), and the edge of each of these rows."""
         all_of = np.concatenate([(np.sqrt(self.size)[:, None] * self.centre)[:, None], self.roots], axis=1)
@@ -263,7 +284,7 @@ def equivalent_rows(
     back = np.append(sums.base[gone], 1.0)  # a factor that is left out takes nothing from the response
     columns = [*gone, sums.q - 1]
     one, k = np.ones((len(edge), 1)), len(keep)
-    about = _square_roots(sums.square)
+    _, about = _square_roots(sums.square)
     roots = np.zeros((len(edge), sums.q, k + 2 + shifts.shape[1]))
     roots[:, :, 1 : k + 1], roots[:, :, -1] = about[:, :, keep], about[:, :, columns] @ back
     return EquivalentRows(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from .available import NotAvailable
-from .least_squares import sums_by
+from .least_squares import products_by, sums_by
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -283,17 +283,12 @@ def left_out_moves(Z: Array, residuals: Array, cov_unscaled: Array, edge: Index,
             "the covariance of the parameters cannot be computed by edge: values of the response or of a factor are "
             "too extreme. Correct or leave out the largest and smallest of them."
         )
-    order = np.argsort(edge, kind="stable")
-    bounds = np.searchsorted(edge[order], np.arange(G + 1))
-    moved = np.empty((G, Z.shape[1]))
-    for g in range(G):
-        rows = order[bounds[g] : bounds[g + 1]]
-        Q = Q_all[rows]
-        left = np.eye(Z.shape[1]) - Q.T @ Q
-        if np.linalg.eigvalsh(left)[0] < 1e-10:
-            return g
-        moved[g] = -L @ np.linalg.solve(left, Q.T @ residuals[rows])
-    return moved
+    left = np.eye(Z.shape[1]) - products_by(edge, Q_all, G)
+    few = np.flatnonzero(np.linalg.eigvalsh(left)[:, 0] < 1e-10)
+    if few.size:
+        return int(few[0])
+    score = sums_by(edge, Q_all * residuals[:, None], G)
+    return np.asarray(-np.linalg.solve(left, score[:, :, None])[:, :, 0] @ L.T)
 
 
 def _wald(theta: Array, cov: Array, which: list[int]) -> float | None:

@@ -222,3 +222,66 @@ def products_by(group: Index, A: Array, G: int) -> Array:
         for j in range(i + 1):
             out[:, i, j] = out[:, j, i] = np.bincount(group, weights=A[:, i] * A[:, j], minlength=G)
     return out
+
+
+@dataclass(frozen=True, slots=True)
+class Grams:
+    """Gram matrices of G groups of rows with q columns, about the means of the groups.
+
+    Attributes
+    ----------
+    size : ndarray, shape (G,)
+        Rows of each group.
+    first, low, high, mean : ndarray, shape (G, q)
+        First, least and greatest value of each column, and its mean.
+    square : ndarray, shape (G, q, q)
+        Sums of products about the means.
+    about : ndarray, shape (q, N)
+        The columns less the means of their groups.
+    """
+
+    size: Array
+    first: Array
+    low: Array
+    high: Array
+    mean: Array
+    square: Array
+    about: Array
+
+
+def grams_by(W: Array, starts: Index) -> Grams:
+    """Gram matrices of groups of rows that stand together.
+
+    A column that is constant in a group has sums of exactly zero, and its level takes no digits of the changes.
+
+    Parameters
+    ----------
+    W : ndarray, shape (q, N)
+        Columns.
+    starts : ndarray of int, shape (G,)
+        Where each group begins among the N rows.
+
+    Examples
+    --------
+    >>> found = grams_by(np.array([[1.0, 3.0, 5.0], [2.0, 4.0, 7.0]]), np.array([0, 2]))
+    >>> found.mean.tolist(), found.square[0].tolist()
+    ([[2.0, 3.0], [5.0, 7.0]], [[2.0, 2.0], [2.0, 2.0]])
+    """
+    (q, N), G = W.shape, len(starts)
+    count = np.diff(np.append(starts, N))
+    low, high, mean = (np.empty((G, q)) for _ in range(3))
+    square, about, product = np.zeros((G, q, q)), np.zeros((q, N)), np.empty(N)
+    moves = []
+    for i, column in enumerate(W):
+        np.minimum.reduceat(column, starts, out=low[:, i])
+        np.maximum.reduceat(column, starts, out=high[:, i])
+        mean[:, i] = low[:, i]
+        if not np.array_equal(low[:, i], high[:, i]):
+            moves.append(i)
+            near = np.where(low[:, i] == high[:, i], low[:, i], np.add.reduceat(column, starts) / count)
+            np.subtract(column, np.repeat(near, count), out=about[i])
+            mean[:, i] = near + np.add.reduceat(about[i], starts) / count  # adds back what rounding took
+        for j in moves if i in moves else ():
+            np.multiply(about[i], about[j], out=product)
+            square[:, i, j] = square[:, j, i] = np.add.reduceat(product, starts)
+    return Grams(count.astype(float), W[:, starts].T, low, high, mean, square, about)

@@ -18,7 +18,7 @@ from .lawfit import LawFit
 from .laws import LawForm
 from .least_squares import LinearFit
 from .rows import By, LeftOut, Rows, check_constant, check_enough, constant_reason, identifiable
-from .triangle import Summary, Triangle, equivalent_columns, least_squares, merged, summary, triangle_of
+from .triangle import Summary, equivalent_columns, least_squares
 
 
 @one_thread
@@ -103,30 +103,24 @@ class _Pass:
 
     reader: ChunkReader
     filter: RowFilter
-    edges: EdgeSums
-    triangle: Triangle | None = None
+    sums: EdgeSums
+    n: int = 0
     low: Array = field(default_factory=lambda: np.zeros(0))
     high: Array = field(default_factory=lambda: np.zeros(0))
     first: Array = field(default_factory=lambda: np.zeros(0))
 
     def add(self, rows: UsableRows) -> None:
         """Add the usable rows of a block."""
-        if not len(rows.values):
+        if not len(rows):
             return
-        low, high = rows.values.min(axis=0), rows.values.max(axis=0)
-        if self.triangle is None:
-            self.low, self.high, self.first = low, high, rows.values[0]
-        self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
-        W = np.log(np.roll(rows.values, -1, axis=1))  # factors, then the response
-        new = triangle_of(W, rows.level, max(len(self.reader.levels.numbers), 1))
-        self.triangle = new if self.triangle is None else merged(self.triangle, new)
-        if rows.edge is not None:
-            self.edges.add(W, rows.edge, rows.level)
-
-    @property
-    def n(self) -> int:
-        """Usable rows so far."""
-        return 0 if self.triangle is None else int(self.triangle.n.sum())
+        if not self.n:
+            self.low, self.high, self.first = rows.low, rows.high, np.array([column[0] for column in rows.columns])
+        self.low, self.high = np.minimum(self.low, rows.low), np.maximum(self.high, rows.high)
+        self.n += len(rows)
+        W = np.empty((len(rows.columns), len(rows)))  # factors, then the response
+        for column, into in zip(rows.columns, (W[-1], *W[:-1]), strict=True):
+            np.log(column, out=into)
+        self.sums.add(W.T, rows.edge, rows.level)
 
 
 def _fitted(
@@ -138,7 +132,7 @@ def _fitted(
     source: LawSource,
 ) -> LawFit:
     levels, category = _levels(found, by)
-    rows = None if found.triangle is None else summary(found.triangle, levels)
+    rows = found.sums.summary(levels) if found.n else None
     keep, left_out = ([*range(len(factors))], ()) if rows is None else _identifiable(found, factors, rows)
     law = LawForm("power", response, tuple(factors[j] for j in keep))
     check_enough(law, _ends_of_rows(found, category, len(law.names)), left_out)
@@ -154,13 +148,13 @@ def _fitted(
         units={name: units.get(name, _usual_unit(name)) for name in (response, *law.factors)},
         by=category, left_out=left_out, dropped=found.filter.dropped(),
         n_edges=None if by_edge is None else len(by_edge.names),
-        source=replace(source, n_rows=found.reader.rows), sums=None if by_edge is None else found.edges,
+        source=replace(source, n_rows=found.reader.rows), sums=None if by_edge is None else found.sums,
     )  # fmt: skip
     return replace(unedged, edges=_by_edge(found, fit, by_edge, keep, unedged.theta_names))
 
 
 def _equivalent(found: _Pass, keep: Sequence[int], levels: Index) -> EquivalentRows:
-    sums = found.edges.trimmed()
+    sums = found.sums.trimmed()
     names, order = found.reader.edges.in_order(np.unique(sums.groups()[0]))
     return equivalent_rows(sums, keep, names, order, levels)
 
@@ -178,9 +172,9 @@ def _by_edge(
 
 def _levels(found: _Pass, by: str | None) -> tuple[Index, By | None]:
     """Numbers of the levels, the reference first, and the category; one level where there is none."""
-    if by is None or found.triangle is None:
+    if by is None or not found.n:
         return np.array([0]), None
-    names, order = found.reader.levels.in_order(np.flatnonzero(found.triangle.n))
+    names, order = found.reader.levels.in_order(np.unique(found.sums.groups()[1]))
     if len(names) < 2:
         raise FitError(
             f"by={by!r}: the usable rows hold one level only ({', '.join(names)}); a shift needs two. Fit without by."

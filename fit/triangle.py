@@ -1,11 +1,9 @@
-"""Triangular factors of blocks of rows (TSQR): least squares of any number of rows in constant memory.
+"""Least squares of any number of rows from a triangular factor of their columns about the means.
 
-Columns are taken about the mean of their level of a category (about their mean, where there is none). The means
-are merged pair by pair, and the difference of two means becomes one more row of the triangle: nothing is squared, so
-that ill-conditioned columns keep their digits.
+The columns of the response are about a first law, whose parameters are added to those of the fit: nothing is squared,
+so that ill-conditioned columns and small residuals keep their digits.
 
-Sources: Demmel, Grigori, Hoemmen & Langou 2012, SIAM J. Sci. Comput. 34, A206 (TSQR); Chan, Golub & LeVeque 1983,
-The American Statistician 37, 242 (means).
+Source: Demmel, Grigori, Hoemmen & Langou 2012, SIAM J. Sci. Comput. 34, A206 (TSQR).
 """
 
 from collections.abc import Sequence
@@ -14,62 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .least_squares import LinearFit, linear, sums_by
+from .least_squares import LinearFit, linear
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True)
-class Triangle:
-    """Number, means and triangular factor of rows.
-
-    Attributes
-    ----------
-    n : ndarray, shape (L,), rows of each level
-    mean : ndarray, shape (L, q), of each column in each level; 0 where it has no row
-    R : ndarray, shape (min(m, q), q), ``R'R = C'C`` with C the columns about the means of their levels
-    """
-
-    n: Array
-    mean: Array
-    R: Array
-
-
-def triangle_of(W: Array, level: Index | None = None, levels: int = 1) -> Triangle:
-    """Triangle of columns W, shape (m, q), whose rows are of levels numbered 0 to ``levels - 1``."""
-    if level is None or levels == 1:
-        n, mean = np.array([float(len(W))]), W.mean(axis=0)
-        mean = mean + (W - mean).mean(axis=0)  # adds back what rounding took
-        return Triangle(n, mean[None], np.asarray(np.linalg.qr(W - mean, mode="r")))
-    n = np.bincount(level, minlength=levels).astype(float)
-    means = sums_by(level, W, levels) / np.maximum(n, 1)[:, None]
-    return Triangle(n, means, np.asarray(np.linalg.qr(W - means[level], mode="r")))
-
-
-def merged(a: Triangle, b: Triangle) -> Triangle:
-    """Triangle of the rows of both; ``b`` may have further levels.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> W = rng.normal(size=(90, 3))
-    >>> two = merged(triangle_of(W[:20]), triangle_of(W[20:]))
-    >>> bool(np.allclose(two.R.T @ two.R, 89 * np.cov(W.T), rtol=1e-12)), float(two.n[0])
-    (True, 90.0)
-    """
-    more = len(b.n) - len(a.n)
-    na, mean = np.pad(a.n, (0, more)), np.pad(a.mean, ((0, more), (0, 0)))
-    n = na + b.n
-    share = b.n / np.maximum(n, 1)
-    apart = b.mean - mean
-    R = np.linalg.qr(np.vstack([a.R, b.R, np.sqrt(na * share)[:, None] * apart]), mode="r")
-    return Triangle(n, mean + share[:, None] * apart, np.asarray(R))
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """All rows in as few as there are columns: k factors, s indicators of levels, the response last.
+    """All rows in as few as there are columns: k factors, s indicators of levels, the response less a law last.
 
     Attributes
     ----------
@@ -77,29 +27,29 @@ class Summary:
         Rows, factors.
     mean : ndarray, shape (k + s + 1,)
     R : ndarray, shape (r, k + s + 1), ``R'R = C'C`` with C the columns about their means
+    base : ndarray, shape (k + 1,)
+        The law that was subtracted from the response: exponents and, last, the logarithm of its constant.
     """
 
     n: int
     k: int
     mean: Array
     R: Array
+    base: Array
 
     def of(self, keep: Sequence[int]) -> "Summary":
-        """With the factors ``keep`` alone."""
-        columns = [*keep, *range(self.k, len(self.mean))]
-        return Summary(self.n, len(keep), self.mean[columns], self.R[:, columns])
-
-
-def summary(triangle: Triangle, levels: Index) -> Summary:
-    """Summary of rows of these levels, the reference first; the triangle's last column is the response."""
-    k, n = triangle.mean.shape[1] - 1, triangle.n[levels]
-    shifts = np.eye(len(levels))[:, 1:]
-    means = np.hstack([triangle.mean[levels, :k], shifts, triangle.mean[levels, k:]])
-    mean = n @ means / n.sum()
-    none = np.zeros((len(triangle.R), shifts.shape[1]))
-    about = np.hstack([triangle.R[:, :k], none, triangle.R[:, k:]])
-    R: Array = np.asarray(np.linalg.qr(np.vstack([np.sqrt(n)[:, None] * (means - mean), about]), mode="r"))
-    return Summary(int(n.sum()), k, mean, R[: int(n.sum()) - 1])
+        """With the factors ``keep`` alone; the response gets back what the law took for the others."""
+        gone = [j for j in range(self.k) if j not in keep]
+        back = np.zeros(len(self.mean))
+        back[gone], back[-1] = self.base[gone], 1.0
+        columns = [*keep, *range(self.k, len(self.mean) - 1)]
+        return Summary(
+            self.n,
+            len(keep),
+            np.append(self.mean[columns], self.mean @ back),
+            np.column_stack([self.R[:, columns], self.R @ back]),
+            np.append(self.base[list(keep)], self.base[-1]),
+        )
 
 
 def least_squares(rows: Summary) -> LinearFit:
@@ -110,19 +60,20 @@ def least_squares(rows: Summary) -> LinearFit:
 
     Examples
     --------
-    >>> x = np.arange(6.0)
-    >>> y = 2 + 3 * x + np.array([0.1, -0.1, 0, 0, -0.1, 0.1])
-    >>> fit = least_squares(summary(triangle_of(np.column_stack([x, y])), np.array([0])))
+    >>> x = np.array([-2.5, -1.5, -0.5, 0.5, 1.5, 2.5])
+    >>> y = 3 * x + np.array([0.1, -0.1, 0, 0, -0.1, 0.1])
+    >>> fit = least_squares(Summary(6, 1, np.array([2.5, 2.0]), np.column_stack([x, y]), np.array([1.0, 7.5])))
     >>> fit.params.round(6).tolist(), fit.nobs, fit.df_resid
-    ([2.0, 3.0], 6, 4)
+    ([2.0, 4.0], 6, 4)
     """
     A = np.zeros((1 + len(rows.R), 1 + len(rows.mean)))
     A[0] = rows.n**0.5 * np.append(1.0, rows.mean)
     A[1:, 1:] = rows.R
     p = A.shape[1] - 1
     fit = linear(A[:, :p], A[:, p])
-    tss = float(rows.R[:, -1] @ rows.R[:, -1])
-    return replace(fit, tss=tss, nobs=rows.n, df_model=p - 1, df_resid=rows.n - p)
+    base = np.concatenate([rows.base[-1:], rows.base[:-1], np.zeros(p - 1 - rows.k)])
+    y = rows.R[:, -1] + rows.R[:, :-1] @ base[1:]
+    return replace(fit, params=fit.params + base, tss=float(y @ y), nobs=rows.n, df_model=p - 1, df_resid=rows.n - p)
 
 
 def equivalent_columns(rows: Summary) -> Array:
