@@ -15,13 +15,14 @@ from .arguments import Parser, constants, measured, parameter_file, typed
 from .output import Printer, line_writer, output_options, print_json, print_lines
 from .watch_options import (
     check_options,
+    conditions_of,
     control_of,
     control_options,
     criterion_of,
     edge_options,
+    requests_of,
     source_options,
     source_options_of,
-    wear_of,
 )
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     if args.drift is not None:
         return _drift(args, pf)
     monitor = _monitor(args, pf)
-    asked = _requests(args, pf)
+    asked = requests_of(args, pf)
     if args.measured is not None:
         return _learn(args, pf, monitor)
     if args.source is None:
@@ -116,22 +117,6 @@ def _monitor(args: argparse.Namespace, pf: "ParameterFile") -> "Monitor":
     return Monitor(laws, settings, identity)
 
 
-def _requests(args: argparse.Namespace, pf: "ParameterFile") -> list[dict[str, Any]]:
-    """What is asked of the edge in use, as requests of the journal."""
-    from ..live.live_laws import LiveLaws
-
-    asked: list[dict[str, Any]] = []
-    if args.new_edge:
-        asked.append({"kind": "edge"})
-    if args.acknowledge:
-        asked.append({"kind": "acknowledge"})
-    if args.gauge is not None:
-        wear = LiveLaws.of(pf, by=args.by).wear
-        value = wear_of(args.gauge, wear.symbol, wear.unit, "--gauge")
-        asked.append({"kind": "gauge", "wear": value, "sd_ln": args.gauge_sd})
-    return asked
-
-
 def _without_source(args: argparse.Namespace, monitor: "Monitor", asked: list[dict[str, Any]]) -> int:
     """Pass requests on to the journal and print its state; a process that watches takes them in."""
     from ..live.facts import Reading, facts_of
@@ -145,6 +130,8 @@ def _without_source(args: argparse.Namespace, monitor: "Monitor", asked: list[di
             print_lines([LEFT], quiet=args.quiet)
             return 0
         _restore(folder, monitor)
+    if monitor.refused:
+        raise UsageError(" ".join(monitor.refused))
     said = monitor.take_said()
     source = {"name": monitor.source, "state": "not watched by this command", "text": "", "age": None}
     facts = facts_of(monitor, Reading(time=monitor.time, state="stopped", source=source))
@@ -174,8 +161,7 @@ def _pass_on(folder: Path, monitor: "Monitor", asked: list[dict[str, Any]]) -> b
 
 def _restore(folder: Path, monitor: "Monitor") -> None:
     """The state of a journal that another process may be writing."""
-    from ..live.watch_journal import read_newest
-    from ..live.watching import replay
+    from ..live.watch_journal import read_newest, replay
 
     newest = read_newest(folder)
     if newest is None:
@@ -195,8 +181,8 @@ def _learn(args: argparse.Namespace, pf: "ParameterFile", monitor: "Monitor") ->
     edges = {edge.number: edge for edge in (*map(Edge.from_json, monitor.finished), monitor.edge) if edge.minutes > 0}
     number = args.edge if args.edge is not None else max(edges, default=0)
     if number not in edges:
-        cut = ", ".join(map(str, edges)) or "none"
-        raise UsageError(f"{folder}: edge {number} has not cut; edges that have: {cut}. Choose one with --edge.")
+        those = f"edge {number} has not cut; choose one that has with --edge: {', '.join(map(str, edges))}."
+        raise UsageError(f"{folder}: {those if edges else 'no edge has cut yet, so there is no wear to learn from.'}")
     summary = edges[number].summary
     summary.edge = f"{monitor.label} {number}"
     summary.measured(*parse_measured(pf, args.measured))
@@ -267,7 +253,8 @@ def _watch(
         journal, after = open_journal(folder, monitor, args.source)
     source = open_source(args.source, source_options_of(args, monitor, after))
     stack.callback(source.close)
-    cuts = Cuts(constants=constants(args.value), whole=tuple(args.whole or ()), rest=args.rest, seconds=args.window)
+    given = conditions_of(args, monitor.laws)
+    cuts = Cuts(constants=given, whole=tuple(args.whole or ()), rest=args.rest, seconds=args.window)
     if monitor.air is not None:
         cuts.resume(monitor.air)
     out = Printer(quiet=args.quiet or args.json or args.stream == "-")
@@ -353,6 +340,8 @@ def _first_lines(args: argparse.Namespace, monitor: "Monitor") -> Iterator[str]:
     yield f"{identity['tool']} on {identity['work']}: wear {laws.wear.symbol}, loads {loads}{simulated}"
     unit, limit = laws.wear.unit, monitor.estimate.criterion
     yield f"criterion {laws.wear.symbol} {limit:g} {unit}, risk {monitor.settings.risk:g}"
+    if monitor.settings.costs is not None and monitor.settings.costs.failure is None:
+        yield "The file states no cost of a failed edge (failure=40 of fitmodels costs): it is changed at the risk."
     yield from laws.notes
     if args.write:
         yield "Writing reference and feed limit, once the controller was seen to trip by its heartbeat."

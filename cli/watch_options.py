@@ -2,10 +2,10 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
-from .arguments import Parser, measured, pairs, parameter_file
+from .arguments import Parser, constants, measured, pairs, parameter_file
 
 if TYPE_CHECKING:
     from ..live.control import ControlSession
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from ..live.monitor import Monitor
     from ..live.sources import SourceOptions
     from ..parameters import ParameterFile
+
+ABSURD: Final = 20.0  # times the largest wear tested, beyond which a criterion is of another unit
 
 
 def edge_options(p: Parser) -> None:
@@ -27,13 +29,18 @@ def edge_options(p: Parser) -> None:
         "--gauge-sd", type=float, default=0.02, metavar="SD", help="of its logarithm (default: 0.02, 2 percent)"
     )
     group.add_argument("--new-edge", action="store_true", help="a new edge is in use")
+    group.add_argument(
+        "--used", metavar="8min", help="minutes that the edge cut before it was watched (default: none, it is new)"
+    )
+    group.add_argument("--tool", metavar="NAME", help="tool of the edge, as the source names it (default: the first)")
     words = "wear of the finished edge; the laws learn from it (default: none)"
     group.add_argument("--measured", metavar="VB=0.21mm", help=words)
     group.add_argument(
         "--edge", type=int, metavar="N", help="number of the edge that was measured (default: the last one that cut)"
     )
     group.add_argument("--batch", default="", metavar="NAME", help="delivery that it is of (default: the version)")
-    group.add_argument("--certain", action="store_true", help="learn from it although it is doubted")
+    words = "take in a gauge reading, or learn from a wear, although it is doubted"
+    group.add_argument("--certain", action="store_true", help=words)
     words = "show the exponents of the laws over the batches they learned from, with a figure where PNG is given"
     group.add_argument("--drift", nargs="?", const="", metavar="PNG", help=f"{words} (default: no)")
     group.add_argument("--acknowledge", action="store_true", help="acknowledge the alarms")
@@ -137,10 +144,53 @@ def check_options(args: argparse.Namespace) -> None:
         raise UsageError("--replay, --page, --serve and --stream need a source: give one with --from.")
     if args.measured is not None and (args.source is not None or args.journal is None):
         raise UsageError("--measured needs the journal of the edge, --journal FOLDER, and no source.")
-    if args.measured is None and (args.edge is not None or args.batch or args.certain):
-        raise UsageError("--edge, --batch and --certain belong to --measured.")
+    if args.measured is None and (args.edge is not None or args.batch):
+        raise UsageError("--edge and --batch belong to --measured.")
+    if args.certain and args.measured is None and args.gauge is None:
+        raise UsageError("--certain belongs to --gauge or --measured.")
     if args.stream == "-" and args.json:
         raise UsageError("--stream - and --json both write to standard output; leave one of them out.")
+
+
+def requests_of(args: argparse.Namespace, pf: "ParameterFile") -> list[dict[str, Any]]:
+    """What is asked of the edge in use, as requests of the journal."""
+    from ..live.live_laws import LiveLaws
+
+    asked: list[dict[str, Any]] = []
+    if args.new_edge:
+        asked.append({"kind": "edge"})
+    if args.tool:
+        asked.append({"kind": "tool", "tool": args.tool})
+    if args.acknowledge:
+        asked.append({"kind": "acknowledge"})
+    if args.used is not None:
+        minutes = measured(args.used, "min", "--used", "8min")
+        asked.append({"kind": "used", "minutes": minutes, "conditions": constants(args.value)})
+    if args.gauge is not None:
+        wear = LiveLaws.of(pf, by=args.by).wear
+        value = wear_of(args.gauge, wear.symbol, wear.unit, "--gauge")
+        asked.append({"kind": "gauge", "wear": value, "sd_ln": args.gauge_sd, "certain": args.certain})
+    return asked
+
+
+def conditions_of(args: argparse.Namespace, laws: "LiveLaws") -> dict[str, float]:
+    """Conditions of ``--value`` that a source does not give.
+
+    Raises
+    ------
+    UsageError
+        One that is no condition of a cut, or not above zero.
+    """
+    from ..core.suggestions import did_you_mean
+    from ..live.sources.options import CONDITIONS
+
+    found, known = constants(args.value), tuple(dict.fromkeys((*CONDITIONS, *laws.conditions)))
+    for name, value in found.items():
+        if name not in known:
+            raise UsageError(f"--value {name}={value:g}: no condition {name!r}. {did_you_mean(name, known)}")
+        if not 0 < value < float("inf"):
+            raise UsageError(f"--value {name}={value:g}: give a value above zero, such as {name}=2.")
+    return found
 
 
 def criterion_of(args: argparse.Namespace, laws: "LiveLaws") -> float:
@@ -157,6 +207,11 @@ def criterion_of(args: argparse.Namespace, laws: "LiveLaws") -> float:
     newest = None if args.journal is None else read_newest(Path(args.journal))
     asked = wear_of(args.criterion, symbol, unit, "--criterion")
     kept = None if newest is None else newest.records[0]["state"].get("estimate", {}).get("criterion")
+    if asked is not None and asked > ABSURD * laws.largest_wear:
+        raise UsageError(
+            f"--criterion {args.criterion}: {asked:g} {unit} is {asked / laws.largest_wear:.3g} times the largest wear "
+            f"tested ({laws.largest_wear:.3g} {unit}); give its unit, such as {symbol}=300um."
+        )
     for known in (asked, kept, laws.criterion):
         if known is not None:
             return float(known)

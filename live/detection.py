@@ -34,6 +34,8 @@ FIRST = 5  # windows of an edge
 OTHER = 5.0  # standard deviations of these from what was expected that show another tool
 CHECKED = (5, 10, 20, 40)  # windows after which the deviation from the laws is compared
 FOREIGN = 3.5  # its standard deviations
+UNUSUAL = 2.3  # those that are said, after this number of windows:
+UNUSUAL_AT = 15
 EDGE_CLIPPED, BASELINE_CLIPPED = 3.0, 2.0  # standard deviations that an edge counts as, at most
 MAD = 1.4826
 
@@ -42,11 +44,16 @@ CHIPPED = (
     "is open again."
 )
 DROPPED = (
-    "loads fell at once ({} in the last window): less is cut than the conditions say, or the edge broke. Look at it."
+    "loads fell at once ({} in the last window): a new edge is in use (--new-edge), less is cut than the conditions "
+    "say, or the edge broke. Look at it."
 )
 TOOL = (
     "loads are far from their laws since this edge began ({}): another tool, work material, setting or unit "
-    "than those of the parameter file. Its wear is not known."
+    "than those of the parameter file."
+)
+RARE = (
+    "{} is {:.0f} % {} its law in this edge ({:.2g} standard deviations of edges), which is taken in part as {} wear. "
+    "Check depth of cut, work material and unit, and gauge the edge."
 )
 SHIFTED = (
     "loads of the last edges are {} than it is, if the work material or the tools are of another batch (the last edge "
@@ -237,6 +244,17 @@ class Detection:
         text = _texts({name: one.value for name, one in found.items()})
         return [Alarm("chipping", CHIPPED.format(text)) if side > 0 else Alarm("drop", DROPPED.format(text))]
 
+    def unusual(self, estimate: "EdgeEstimate") -> str:
+        """A sentence on loads that are unusually far from their laws, once for an edge; empty where none is."""
+        if self.windows != UNUSUAL_AT or not estimate.innovations or self.foreign or estimate.gauged:
+            return ""
+        for name in self.slopes:
+            of = estimate.law_deviation(name)
+            if abs(of.value) > UNUSUAL * of.sd:
+                side, wear = ("above", "more") if of.value > 0 else ("below", "less")
+                return RARE.format(name, 100 * abs(exp(of.value) - 1), side, abs(of.value) / of.sd, wear)
+        return ""
+
     def _is_foreign(self, estimate: "EdgeEstimate") -> bool:
         """Whether the first windows were far from what was expected, or what they gave is far from the laws."""
         of_laws = [estimate.law_deviation(name) for name in self.slopes]
@@ -274,4 +292,13 @@ class Detection:
 
 
 def _texts(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {100 * (exp(min(value, 30.0)) - 1):+.3g} %" for name, value in values.items())
+    """Deviations of ln loads in words.
+
+    >>> _texts({"P": -0.06, "Fc": 6.9})
+    'P -5.82 %, Fc 992 times as much'
+    """
+    times = {name: exp(min(value, 30.0)) for name, value in values.items()}
+    return ", ".join(
+        f"{name} {100 * (x - 1):+.3g} %" if 0.5 < x < 2 else f"{name} {x:.3g} times as much"
+        for name, x in times.items()
+    )

@@ -15,7 +15,6 @@ Stat. Assoc. 84, 881.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import exp, inf, log
 from typing import Any
 
@@ -23,7 +22,7 @@ import numpy as np
 
 from ..core.arrays import Array, is_positive
 from ..core.errors import UsageError
-from .edge_state import EdgeState, Innovation, LawDeviation, LoadTrust
+from .edge_state import EdgeState, Innovation, Interval, LawDeviation, LoadTrust
 from .exposure import Exposure
 from .live_laws import TIME, LiveLaws
 from .samples import Window
@@ -36,17 +35,6 @@ BACK = 1.5  # min of contact; loads of up to twice this time are taken back afte
 FAR_GAUGE = 6.0  # standard deviations
 SCHEMA = "fitmodels.live-edge/1"
 GRID = np.concatenate([[0.0], np.geomspace(1e-4, 1e6, 500)])  # min, of the remaining life
-
-
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """Median and equal-tailed interval of a quantity, in its unit, at a level between 0 and 1."""
-
-    median: float
-    low: float
-    high: float
-    unit: str
-    level: float
 
 
 class EdgeEstimate:
@@ -169,7 +157,7 @@ class EdgeEstimate:
                 self._state.update(H, mean.ln - expected, variance, NOISE_DF)
                 self._state.adapt(name, seen)
 
-    def gauge(self, wear: float, sd_ln: float) -> None:
+    def gauge(self, wear: float, sd_ln: float, *, certain: bool = False) -> None:
         """Take in one gauge reading of the wear of this edge.
 
         Parameters
@@ -178,25 +166,35 @@ class EdgeEstimate:
             In the unit of the wear law.
         sd_ln : float
             Standard deviation of the reading's logarithm.
+        certain : bool
+            Take it in however far it is from the estimate: the level of wear, which an earlier reading may have set
+            wrongly, is opened before.
 
         Raises
         ------
         UsageError
-            The reading is not above zero, or is so far from the estimate that a wrong unit or edge is likely.
+            The reading is not above zero, the edge has not cut, or the reading is so far from the estimate that a wrong
+            unit or edge is likely.
         """
         unit, symbol = self.laws.wear.unit, self.laws.wear.symbol
         if not (is_positive(wear) and is_positive(sd_ln)):
             raise UsageError(
                 f"gauge reading {symbol} {wear:g} {unit} with sd {sd_ln:g} of its ln: give numbers above zero."
             )
+        if self.minutes == 0:
+            raise UsageError(
+                "the edge has not cut yet; for a used one give the minutes that it cut before (--used 8min)."
+            )
+        if certain:
+            self._state.open_level(REOPENED)
         ln_wear, H = self._now()
         value = log(wear) - ln_wear - float(H @ self._state.x)
         sd = (float(H @ self._state.P @ H) + sd_ln**2) ** 0.5
-        if abs(value) > FAR_GAUGE * sd:
+        if abs(value) > FAR_GAUGE * sd and not certain:
             raise UsageError(
                 f"gauge reading {symbol} {wear:g} {unit} is {exp(value):.3g} times the estimate, {abs(value) / sd:.2g} "
-                f"standard deviations from it (limit {FAR_GAUGE:g}): check unit and edge; after a change of the edge, "
-                "start a new one."
+                f"standard deviations from it (limit {FAR_GAUGE:g}): check unit and edge. After a change of the edge "
+                "give --new-edge; if this reading is right and an earlier one was not, --certain."
             )
         self._state.update(H, log(wear) - ln_wear, sd_ln**2)
         self._before = [(self.minutes, self._state.copy())] * 2
@@ -217,10 +215,10 @@ class EdgeEstimate:
 
     def _now(self) -> tuple[float, Array]:
         """Ln wear at the mean parameters, and its derivatives, now."""
-        ln_wear, H = self._state.wear_rows(self._exposure, np.zeros(1), self._last or self._typical())
+        ln_wear, H = self._state.wear_rows(self._exposure, np.zeros(1), self._last or self.typical())
         return float(ln_wear[0]), H[0]
 
-    def _typical(self) -> dict[str, float]:
+    def typical(self) -> dict[str, float]:
         """Middle of the tested conditions."""
         return {name: (low * high) ** 0.5 for name, (low, high) in self.laws.wear.ranges.items()}
 
@@ -236,41 +234,49 @@ class EdgeEstimate:
         half = self._quantile(level) * max(variance, 0.0) ** 0.5
         return Interval(exp(mean), exp(mean - half), exp(mean + half), unit, level)
 
-    def wear(self, level: float = 0.90) -> Interval:
-        """Wear now, in the unit of the law."""
-        ln_wear, H = self._now()
-        return self._interval(
-            ln_wear + float(H @ self._state.x), float(H @ self._state.P @ H), self.laws.wear.unit, level
-        )
+    def wear(
+        self, level: float = 0.90, minutes: float = 0.0, conditions: Mapping[str, float] | None = None
+    ) -> Interval:
+        """Wear now or after further minutes of contact, in the unit of the law."""
+        ln_wear, variance, _ = self._ahead(np.array([minutes]), conditions)
+        return self._interval(float(ln_wear[0]), float(variance[0]), self.laws.wear.unit, level)
 
     def probability_past(self, minutes: float = 0.0, conditions: Mapping[str, float] | None = None) -> float:
         """Probability that the wear is past the criterion, now or after a further cut of so many minutes."""
         return float(self._past(np.array([minutes]), conditions)[0])
 
-    def _past(self, minutes: Array, conditions: Mapping[str, float] | None) -> Array:
-        """Probability to be past the criterion after further minutes (R,)."""
-        from scipy.special import stdtr
-
+    def _ahead(self, minutes: Array, conditions: Mapping[str, float] | None) -> tuple[Array, Array, Array]:
+        """Mean and variance of ln wear, (R,), and its derivatives, (R, n), after further minutes (R,) of contact."""
         if not (np.isfinite(minutes) & (minutes >= 0)).all():
             raise UsageError("further minutes of contact must be finite and 0 or more.")
-        given = self.complete(conditions or {}) if conditions or self._last else self._typical()
+        given = self.complete(conditions or {}) if conditions or self._last else self.typical()
         ln_wear, H = self._state.wear_rows(self._exposure, minutes, given)
         wander = self.laws.scatter.wear_wander
         kept = np.exp(-minutes / wander.minutes)
         H[:, self._state.w] = kept
         variance = ((H @ self._state.P) * H).sum(axis=1) + (1 - kept**2) * wander.sd**2
+        return ln_wear + H @ self._state.x, variance, H
+
+    def _past(self, minutes: Array, conditions: Mapping[str, float] | None) -> Array:
+        """Probability to be past the criterion after further minutes (R,)."""
+        from scipy.special import stdtr
+
+        mean, variance, H = self._ahead(minutes, conditions)
         growth = self.laws.wear.theta[self._state.time] * np.exp(-H[:, self._state.time])
-        highest = ln_wear + H @ self._state.x + wander.highest(growth)
+        highest = mean + self.laws.scatter.wear_wander.highest(growth)
         z = (highest - log(self.criterion)) / np.sqrt(np.maximum(variance, 1e-12))
         return np.asarray(stdtr(self.laws.df, z))
 
-    def life(self, conditions: Mapping[str, float] | None = None, level: float = 0.90) -> Interval:
+    def life(
+        self, conditions: Mapping[str, float] | None = None, level: float = 0.90, minutes: float = 0.0
+    ) -> Interval:
         """Remaining minutes of contact until the criterion, at the given conditions or the last ones.
 
-        The probability of a shorter life is that of being past the criterion after so many minutes.
+        They count from now, or from further minutes of contact on. The probability of a shorter life is that of being
+        past the criterion after so many minutes.
         """
         self._quantile(level)
-        past = np.maximum.accumulate(self._past(GRID, conditions))
+        past = np.maximum.accumulate(self._past(minutes + GRID, conditions))
         ends = (0.5, (1 - level) / 2, (1 + level) / 2)
         median, low, high = (0.0 if past[0] >= p else inf if past[-1] < p else _crossing(past, p) for p in ends)
         return Interval(median, low, high, "min", level)
@@ -289,7 +295,7 @@ class EdgeEstimate:
 
     def law_deviation(self, symbol: str) -> LawDeviation:
         """Deviation of the ln of a load of this edge from its law."""
-        return self._state.law_deviation(symbol, self._exposure, self._last or self._typical())
+        return self._state.law_deviation(symbol, self._exposure, self._last or self.typical())
 
     def level_correlations(self) -> dict[str, float]:
         """Correlation of ln wear with the own level of this edge in each load, after what was seen.

@@ -20,6 +20,17 @@ MOST_WANDER = 0.5
 
 
 @dataclass(frozen=True, slots=True)
+class Interval:
+    """Median and equal-tailed interval of a quantity, in its unit, at a level between 0 and 1."""
+
+    median: float
+    low: float
+    high: float
+    unit: str
+    level: float
+
+
+@dataclass(frozen=True, slots=True)
 class Innovation:
     """Deviation of a ln load from what was expected before it was seen, and the standard deviation of that."""
 

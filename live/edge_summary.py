@@ -140,14 +140,18 @@ class EdgeSummary:
             raise UsageError(f"{symbol}={wear:g}: a measured wear is above zero.")
         if not self.minutes > 0:
             raise UsageError(f"a new edge has no wear: edge {self.edge!r} has not cut yet; measure it after a cut.")
-        if len(self.marks) >= MOST_MARKS:
-            raise UsageError(f"at most {MOST_MARKS} measurements are kept of one edge, and {self.edge!r} has them.")
+        self.require_room()
         last = [one for one in self.recent if one["at"] >= (1 - LAST_SHARE) * self.minutes]
         last = last if len(last) >= FEWEST else self.recent[-FEWEST:]
         cells = tuple(Cell(cell.minutes, dict(cell.ln)) for cell in self.cells)
         mark = Mark(symbol, wear, self.minutes, cells, _means(last, "loads"), _means(last, "ln"))
         self.marks.append(mark)
         return mark
+
+    def require_room(self) -> None:
+        """Refuse a measurement beyond the number that is kept (UsageError)."""
+        if len(self.marks) >= MOST_MARKS:
+            raise UsageError(f"at most {MOST_MARKS} measurements are kept of one edge, and {self.edge!r} has them.")
 
     def as_json(self) -> dict[str, Any]:
         """Exact copy as data of JSON."""

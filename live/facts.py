@@ -99,7 +99,7 @@ def facts_of(monitor: "Monitor", now: Reading) -> Facts:
         "conditions": dict(now.conditions) or conditions,
         "loads": _loads(monitor, now),
         "wear": {"symbol": laws.wear.symbol, "unit": laws.wear.unit, "criterion": monitor.estimate.criterion}
-        | _wear(monitor, now),
+        | _wear(monitor, now, conditions),
         **_forecast(monitor, now, conditions),
         "decision": monitor.decisions[-1] if monitor.decisions else None,
         "advice": [*monitor.decisions, *now.advice],
@@ -111,14 +111,14 @@ def facts_of(monitor: "Monitor", now: Reading) -> Facts:
     }
 
 
-def _wear(monitor: "Monitor", now: Reading) -> Facts:
+def _wear(monitor: "Monitor", now: Reading, conditions: Mapping[str, float]) -> Facts:
     """Interval of the wear; none of an edge that has not cut."""
     nothing = {"median": None, "low": None, "high": None, "level": monitor.settings.level}
     if monitor.uncounted > 0:
         return {**nothing, "reason": f"not known: {monitor.uncounted:.3g} min were cut at unknown conditions"}
     if monitor.edge.minutes + now.open <= 0:
         return {**nothing, "reason": "new edge, no contact yet"}
-    return _interval(lambda: monitor.estimate.wear(monitor.settings.level), monitor)
+    return _interval(lambda: monitor.estimate.wear(monitor.settings.level, now.open, conditions), monitor)
 
 
 def advice_of(monitor: "Monitor", bounds: "Bounds | None") -> list[Facts]:
@@ -155,7 +155,7 @@ def _forecast(monitor: "Monitor", now: Reading, conditions: Mapping[str, float])
     if not conditions:
         return {"life": None, "probability_past": None, "probability_past_after_next_cut": None}
     level, ahead = monitor.settings.level, monitor.next_cut
-    life = _interval(lambda: monitor.estimate.life(conditions, level), monitor)
+    life = _interval(lambda: monitor.estimate.life(conditions, level, now.open), monitor)
     past: float | None
     then: float | None
     try:

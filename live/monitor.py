@@ -14,7 +14,7 @@ from ..core.rounding import format_plain
 from .detection import Detection
 from .edge_summary import EdgeSummary
 from .samples import Window
-from .watch_edge import Edge, WatchSettings, by_time_alone, window_of
+from .watch_edge import Edge, WatchSettings, by_time_alone, check_identity, window_of
 
 if TYPE_CHECKING:
     from .edge_estimate import EdgeEstimate
@@ -73,6 +73,7 @@ class Monitor:
         self.decisions: list[dict[str, Any]] = []
         self.notes: list[dict[str, Any]] = []
         self.requests: list[str] = []
+        self.refused: list[str] = []  # requests that could not be used, and why
         self._said: list[str] = []
         self.label = ""
         self.finished: list[dict[str, Any]] = []
@@ -102,16 +103,19 @@ class Monitor:
         try:
             act(self, record)
         except FitmodelsError as reason:
-            self._not_used(record, f"{kind} not used: {reason}")
+            self._not_used(record, str(reason))
 
-    def _not_used(self, record: Record, text: str) -> None:
+    def _not_used(self, record: Record, reason: str) -> None:
         """Say why a record was not used; contact at unknown conditions is an alarm, for the wear is then not known."""
+        if record["kind"] not in ("window", "cutend", "gap"):
+            self.refused.append(f"--{record['kind']} not used: {reason}")
+            self.note(self.time, self.refused[-1])
+            return
         minutes = float(record.get("contact", record.get("minutes", 0.0)))
-        if record["kind"] in ("window", "cutend", "gap") and minutes > 0:
-            self.uncounted += minutes
+        self.uncounted += minutes
+        if minutes > 0:
+            text = f"contact is not counted, and the wear is not known: {reason}"
             self._alarm({"time": self.time, "kind_of_alarm": "conditions", "text": text})
-        else:
-            self.note(self.time, text)
 
     def take_said(self) -> list[str]:
         """Sentences that are new since they were last taken."""
@@ -122,8 +126,7 @@ class Monitor:
 
     def _window(self, record: Record) -> None:
         window = window_of(record)
-        self._returned()
-        self.open = None
+        self.open = self.lost = None  # no gap is left open beside a window
         self._expect(window)
         if self.distrusted:
             self.estimate.advance(window.contact, window.conditions)
@@ -145,6 +148,8 @@ class Monitor:
                 self.distrusted = True
                 self.estimate = by_time_alone(self._new_estimate(), self.edge, window)
                 self.note(self.time, "loads are not used for this edge any more: its wear follows from time alone.")
+        if text := self.detection.unusual(self.estimate):
+            self.note(self.time, text)
 
     def _expect(self, window: Window) -> None:
         """Keep the expected loads at the conditions of a window, and the measured ones."""
@@ -198,10 +203,6 @@ class Monitor:
         self.note(self.time, str(record["text"]))
         self._decide()
 
-    def _returned(self) -> None:
-        """Close a gap that no record closed; none is left open beside a window."""
-        self.lost = None
-
     def _advance(self, minutes: float) -> None:
         if minutes > 0:
             self.estimate.advance(minutes, self.conditions)
@@ -209,12 +210,17 @@ class Monitor:
 
     def _gauge(self, record: Record) -> None:
         wear, symbol = float(record["wear"]), self.laws.wear.symbol
-        self.estimate.gauge(wear, float(record["sd_ln"]))
+        before, certain = self.estimate.wear(self.settings.level), bool(record.get("certain"))
+        self.edge.summary.require_room()
+        self.estimate.gauge(wear, float(record["sd_ln"]), certain=certain)
+        if certain:
+            self.edge.summary.marks.clear()
         self.edge.summary.measured(symbol, wear)
         self.edge.gauges += 1
         self.decisions = [one for one in self.decisions if one["kind"] != "change"]
         self.alarms = [one for one in self.alarms if one["kind"] != "worn"]
-        self.note(self.time, f"gauge reading {symbol} {format_plain(wear)} {self.laws.wear.unit} taken in.")
+        ends = f"{before.median:.3g} ({before.low:.3g} to {before.high:.3g}) {before.unit}"
+        self.note(self.time, f"gauge reading {symbol} {format_plain(wear)} {before.unit} taken in; expected: {ends}.")
         self._decide()
 
     def _begin_edge(self, record: Record) -> None:
@@ -234,6 +240,19 @@ class Monitor:
 
     def _tool(self, record: Record) -> None:
         self.edge.tool = str(record["tool"])
+        self.note(self.time, f"edge {self.edge.number} is of tool {self.edge.tool}: other tools are not followed.")
+
+    def _used(self, record: Record) -> None:
+        """Count what the edge had cut before it was watched, at stated or middle conditions."""
+        if self.edge.minutes > 0:
+            raise UsageError(f"edge {self.edge.number} has cut for {self.edge.minutes:.3g} min already.")
+        known, minutes = {**self.estimate.typical(), **record.get("conditions", {})}, float(record["minutes"])
+        given = {name: known[name] for name in self.laws.conditions if name in known}
+        self.estimate.advance(minutes, given)
+        self.edge.summary.advance(minutes, given)
+        self.edge.summary.missed()
+        at = ", ".join(f"{name} {format_plain(value)}" for name, value in given.items())
+        self.note(self.time, f"{minutes:.3g} min before the watch are counted, at {at}: gauge the edge.")
 
     def _alarm(self, record: Record) -> None:
         alarm = {"time": record.get("time"), "kind": record["kind_of_alarm"], "text": record["text"], "latched": True}
@@ -262,8 +281,7 @@ class Monitor:
         """Keep a note; the same text again renews its time."""
         others = [one for one in self.notes if one["text"] != text]
         self.notes = [*others[1 - SHOWN :], {"time": time, "text": text}]
-        if len(others) == len(self.notes) - 1:
-            self._said.append(text)
+        self._said.append(text)
 
     @property
     def next_cut(self) -> float | None:
@@ -346,7 +364,7 @@ class Monitor:
         """
         from .edge_estimate import EdgeEstimate
 
-        self._check_identity(state, cut=cut)
+        check_identity(state, self.identity, cut=cut)
         for name in _KEPT:
             setattr(self, name, state[name])
         self.expected = {name: (each[0], each[1], each[2]) for name, each in self.expected.items()}
@@ -357,18 +375,6 @@ class Monitor:
         self.estimate = EdgeEstimate.from_json(self.laws, state["estimate"])
         if self.settings.criterion is not None:
             self.estimate.criterion = self.settings.criterion
-
-    def _check_identity(self, state: Mapping[str, Any], *, cut: bool) -> None:
-        of, names = state["identity"], {"tool": "the tool", "work": "the work material"}
-        if cut or state["edge"]["summary"]["minutes"]:
-            names["content"] = "the parameter file"
-        for name, what in names.items():
-            if of.get(name) != self.identity.get(name):
-                raise UsageError(
-                    f"the journal is of another edge: {what} there is {of.get(name)!r}, and here "
-                    f"{self.identity.get(name)!r}. Give the same parameter file, begin a new edge with it first "
-                    "(--new-edge), or give another folder with --journal."
-                )
 
 
 _KEPT: Final = (
@@ -382,6 +388,7 @@ _ACTS: Final[Mapping[str, Callable[[Monitor, Record], None]]] = {
     "resumed": Monitor._resumed,
     "gap": Monitor._gap,
     "gauge": Monitor._gauge,
+    "used": Monitor._used,
     "edge": Monitor._begin_edge,
     "tool": Monitor._tool,
     "alarm": Monitor._alarm,

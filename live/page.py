@@ -171,6 +171,6 @@ def described(facts: Facts, history: Sequence[Sequence[float | None]]) -> Facts:
         "rows": [(label, printable(text)) for label, text in rows(facts) if label not in ELSEWHERE],
         "load_words": {name: load_words(name, load) for name, load in facts["loads"].items()},
         "alarms": [{**one, "clock": clock(one["time"])} for one in facts["alarms"]],
-        "advice": [{**one, "clock": clock(one["time"])} for one in facts["advice"]],
+        "advice": [{**one, "clock": f"since {clock(one['time'])}"} for one in facts["advice"]],
         "history": history,
     }

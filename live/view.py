@@ -15,6 +15,7 @@ BEYOND: Final = 1.25  # end of the gauge, as a multiple of the criterion
 LINE_EACH: Final = 60.0  # s of the source between two plain lines
 STYLES: Final = {"change": "bold red", "go on": "green"}
 NOTES: Final = 4
+LEAST_LIFE: Final = 0.1  # min, whose decimals are shown of a shorter life
 ADVICE: Final = 2  # lines
 
 
@@ -83,7 +84,7 @@ def rows(facts: Facts) -> list[tuple[str, str]]:
 def wear_words(wear: Facts) -> str:
     """Median and interval of the wear, and the criterion."""
     end = "" if wear["criterion"] is None else f"; criterion {format_plain(wear['criterion'])} {wear['unit']}"
-    value = wear["reason"] if wear.get("reason") else _interval(wear, wear["unit"])
+    value = wear["reason"] if wear.get("reason") else _interval(wear, wear["unit"], 0.0)
     return f"{wear['symbol']} {value}{end}"
 
 
@@ -91,7 +92,7 @@ def life_words(life: Facts | None) -> str:
     """Median and interval of the remaining life."""
     if life is None:
         return "not known: the conditions of a cut are not known yet"
-    return _interval(life, "min of cutting left" if life["median"] is not None else "min")
+    return _interval(life, "min of cutting left" if life["median"] is not None else "min", LEAST_LIFE)
 
 
 def risk_words(facts: Facts) -> str | None:
@@ -162,26 +163,36 @@ def gauge(wear: Facts, width: int = BAR) -> str:
     return f"0 {''.join(line)} {format_plain(end)}"
 
 
-def _interval(of: Facts, unit: str) -> str:
+def _interval(of: Facts, unit: str, least: float) -> str:
     if of["median"] is None:
         return f"not known{': ' + of['reason'] if of.get('reason') else ''}"
     if of["low"] is None:
         return f"{format_plain(of['median'])} {unit}"
     if of["high"] is None:
         return f"{format_plain(of['median'])} {unit}, {of['level'] * 100:.0f} % above {format_plain(of['low'])}"
-    places = max(0, decimals(max((of["high"] - of["low"]) / 4, 1e-9)))
-    low, median, high = (f"{of[name]:.{places}f}" for name in ("low", "median", "high"))
+    low, median, high = _rounded(of, least)
     return f"{median} {unit}, {of['level'] * 100:.0f} % between {low} and {high}"
 
 
-def _short(of: Facts) -> str:
+def _rounded(of: Facts, least: float) -> list[str]:
+    """Low end, median and high end with the decimals of a quarter of the interval, or of the least value shown.
+
+    >>> _rounded({"low": 0.0, "median": 0.0, "high": 0.0}, 1.0), _rounded({"low": 4.0, "median": 7.0, "high": 9}, 0.0)
+    (['0.0', '0.0', '0.0'], ['4.0', '7.0', '9.0'])
+    """
+    quarter = max((of["high"] - of["low"]) / 4, 1e-4 * of["high"], least)
+    places = max(0, decimals(quarter or 1.0))
+    return [f"{of[name]:.{places}f}" for name in ("low", "median", "high")]
+
+
+def _short(of: Facts, least: float = 0.0) -> str:
     """Median and interval in brackets."""
     if of["median"] is None:
         return "not known"
     if of["low"] is None or of["high"] is None:
         return format_plain(of["median"])
-    places = max(0, decimals(max((of["high"] - of["low"]) / 4, 1e-9)))
-    return f"{of['median']:.{places}f} ({of['low']:.{places}f} to {of['high']:.{places}f})"
+    low, median, high = _rounded(of, least)
+    return f"{median} ({low} to {high})"
 
 
 def _ends(low: float | None, high: float | None) -> str:
@@ -219,7 +230,7 @@ class PlainLines:
         known = f"{_short(wear)} {wear['unit']}" if wear["median"] is not None else str(wear.get("reason", "not known"))
         parts.append(f"{wear['symbol']} {known}")
         if life is not None and life["median"] is not None:
-            parts.append(f"life {_short(life)} min")
+            parts.append(f"life {_short(life, LEAST_LIFE)} min")
         if facts["probability_past"] is not None:
             parts.append(f"past {probability(facts['probability_past'])}")
         return printable("  ".join(parts))

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 from math import exp
 from typing import TYPE_CHECKING, Any, Final
 
+from ..core.errors import UsageError
 from .edge_summary import EdgeSummary
 from .samples import LoadMean, Window
 
@@ -97,6 +98,20 @@ def by_time_alone(found: "EdgeEstimate", edge: Edge, window: Window) -> "EdgeEst
         found.advance(cell.minutes * share, {name: exp(value) for name, value in cell.ln.items()})
     found.advance(window.contact, window.conditions)
     return found
+
+
+def check_identity(state: Mapping[str, Any], identity: Mapping[str, Any], *, cut: bool) -> None:
+    """Refuse the snapshot of another tool, work material or, once the edge has cut, parameter file (UsageError)."""
+    of, names = state["identity"], {"tool": "the tool", "work": "the work material"}
+    if cut or state["edge"]["summary"]["minutes"]:
+        names["content"] = "the parameter file"
+    for name, what in names.items():
+        if of.get(name) != identity.get(name):
+            raise UsageError(
+                f"the journal is of another edge: {what} there is {of.get(name)!r}, and here {identity.get(name)!r}. "
+                "Give the same parameter file, begin a new edge with it first (--new-edge), or give another folder "
+                "with --journal."
+            )
 
 
 def window_record(window: Window) -> dict[str, Any]:

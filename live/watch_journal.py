@@ -13,17 +13,20 @@ import re
 import secrets
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from ..core.bounded import LIMITS, open_regular, parse_json, read_bounded
 from ..core.errors import DataError, FitmodelsError
 from ..core.files import cause, make_folder, synchronised_folder, write_whole
 from ..core.text import json_text
+
+if TYPE_CHECKING:
+    from .monitor import Monitor
 
 Record = dict[str, Any]
 
@@ -35,6 +38,7 @@ KEPT: Final = 8  # files; older ones are removed
 SYNCHRONISED: Final = 1.0  # s
 RETRY: Final = 5.0  # s between attempts to write to a disk that refuses
 WAITING: Final = 10_000  # records held while the disk refuses
+OF_EDGE: Final = ("window", "cutend", "contact", "gap", "gauge", "used")  # records that depend on the laws
 _synchronise = getattr(os, "fdatasync", os.fsync)
 
 
@@ -234,6 +238,31 @@ def read_journal(folder: Path) -> Iterator[Record]:
     """
     for path in journal_files(folder):
         yield from _read(path).records
+
+
+def replay(records: Sequence[Mapping[str, Any]], monitor: "Monitor") -> None:
+    """Bring a monitor to the state that the records of a journal give, the first a snapshot.
+
+    Raises
+    ------
+    UsageError
+        They are of another tool, work material or parameter file.
+    DataError
+        A record does not hold what its kind has: it was changed by hand or damaged.
+    """
+    first, *others = records
+    record = first
+    try:
+        monitor.restore(first["state"], cut=any(each.get("kind") in OF_EDGE for each in others))
+        for record in others:
+            monitor.apply(record)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as fault:
+        raise DataError(
+            f"record {record['n']} of the journal ({record.get('kind')}) is damaged or was changed by hand "
+            f"({fault!r}): restore the file, or give another folder with --journal."
+        ) from None
+    monitor.take_said()
+    monitor.refused.clear()
 
 
 def journal_files(folder: Path) -> list[Path]:

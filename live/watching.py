@@ -5,7 +5,7 @@ import secrets
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -15,7 +15,7 @@ from .facts import Facts, Reading, advice_of, clock, facts_of
 from .monitor import Monitor
 from .samples import CutEnd, Notice, Sample, Window
 from .watch_edge import window_record
-from .watch_journal import WatchJournal, read_newest, remove_request, requests
+from .watch_journal import WatchJournal, read_newest, remove_request, replay, requests
 
 if TYPE_CHECKING:
     from .advice import Bounds
@@ -25,8 +25,10 @@ SHOWN_EACH: Final = 0.5  # s between two descriptions that are shown
 CONTACT_EACH: Final = 5.0  # s of the source between two records of an open cut
 CONDITIONS_EACH: Final = 1.0  # s of the source between two looks at the conditions
 ASKED_EACH: Final = 1.0  # s between two looks for requests and for the parameter file
-REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {"gauge": ("wear", "sd_ln"), "edge": (), "acknowledge": ()}
-OF_EDGE: Final = ("window", "cutend", "contact", "gap", "gauge")  # records that depend on the laws
+REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {
+    "gauge": ("wear", "sd_ln"), "used": ("minutes",), "tool": (), "edge": (), "acknowledge": (),
+}  # fmt: skip
+OPTIONAL: Final = ("request", "tool", "certain", "conditions")  # fields that a request may have besides
 SAID: Final = ("connected", "lost", "gap", "bad", "clock", "replaced", "refused")  # notices that are kept
 
 
@@ -211,7 +213,7 @@ class Watch:
     def _is_other_tool(self, sample: Sample) -> bool:
         """Whether the source names another tool than that of the edge: its cuts are not those of the edge."""
         if not sample.tool:
-            return False
+            return bool(self._other_tool)
         if not self.monitor.edge.tool:
             self.record("tool", time=sample.time, tool=sample.tool)
             return False
@@ -220,7 +222,8 @@ class Watch:
             self._other_tool = other
             edge = f"edge {self.monitor.edge.number} (tool {self.monitor.edge.tool})"
             if other:
-                self._found(self.cuts.add(Notice(sample.time, "replaced", f"tool {other}")))
+                left = self.cuts.add(Notice(sample.time, "replaced"))  # its cut has ended, and is not lost
+                self._found(replace(each, lost=False) if isinstance(each, CutEnd) else each for each in left)
                 text = f"the source names tool {other}: {edge} is not followed until its tool is back."
             else:
                 text = f"tool {self.monitor.edge.tool} is back: {edge} is followed again."
@@ -287,13 +290,16 @@ def _stamp(path: Path | None) -> tuple[int, int] | None:
 
 def request_record(request: Mapping[str, Any], time: float | None) -> dict[str, Any]:
     """The record of a request that was left in the folder of a journal; of one that is not known, a notice."""
-    kind = str(request.get("kind"))
+    kind, given = str(request.get("kind")), request.get("conditions", {})
     needed = REQUESTS.get(kind)
-    numbers = [request.get(name) for name in needed or ()]
-    if needed is None or not all(isinstance(value, int | float) and isfinite(value) and value > 0 for value in numbers):
+    named = isinstance(request.get("tool", ""), str) and isinstance(given, dict)
+    if kind == "tool":
+        named = named and bool(request.get("tool"))
+    numbers = [*(request.get(name) for name in needed or ()), *(given.values() if named else ())]
+    positive = all(isinstance(value, int | float) and isfinite(value) and value > 0 for value in numbers)
+    if needed is None or not named or not positive:
         return {"kind": "notice", "time": time, "text": "a request in the folder of the journal is not known."}
-    named = {name: request[name] for name in (*needed, "request", "tool") if name in request}
-    return {"kind": kind, "time": time, **named}
+    return {"kind": kind, "time": time, **{name: request[name] for name in (*needed, *OPTIONAL) if name in request}}
 
 
 def take_requests(folder: Path, monitor: Monitor) -> None:
@@ -370,18 +376,3 @@ def open_journal(folder: Path, monitor: Monitor, source: str) -> tuple[WatchJour
     if journal.fault:
         raise UsageError(f"{folder}: the journal cannot be written: {journal.fault}; choose another folder.")
     return journal, after
-
-
-def replay(records: Sequence[Mapping[str, Any]], monitor: Monitor) -> None:
-    """Bring a monitor to the state that the records of a journal give, the first a snapshot.
-
-    Raises
-    ------
-    UsageError
-        They are of another tool, work material or parameter file.
-    """
-    first, *others = records
-    monitor.restore(first["state"], cut=any(record["kind"] in OF_EDGE for record in others))
-    for record in others:
-        monitor.apply(record)
-    monitor.take_said()

@@ -112,3 +112,18 @@ def test_snapshots_are_exact():
     again = Detection.from_json(json.loads(json.dumps(detection.as_json())))
     assert again.as_json() == detection.as_json()
     assert edge(seed=8, chipped=20, n=40, detection=again) == edge(seed=8, chipped=20, n=40, detection=detection)
+
+
+def test_loads_that_are_unusually_low_are_said_once_and_not_an_alarm():
+    sentences = []
+    for shift in (0.0, -0.2):
+        detection, estimate, truth = Detection(), EdgeEstimate(laws(), 0.3), EdgeEstimate(laws(), 0.3)
+        for k in range(45):
+            truth.advance(1 / 6, CONDITIONS)
+            load = {"P": LoadMean(truth.expected_ln("P", CONDITIONS)[0] + shift, NOISE, 500)}
+            estimate.add(Window(10.0 * k, 10.0 * (k + 1), 1 / 6, CONDITIONS, load))
+            assert not detection.add(estimate)
+            sentences += [(shift, text)] if (text := detection.unusual(estimate)) else []
+    assert [shift for shift, _ in sentences] == [-0.2]
+    assert "below its law" in sentences[0][1]
+    assert "less wear" in sentences[0][1]

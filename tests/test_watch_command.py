@@ -83,6 +83,10 @@ def test_the_same_run_again_adds_nothing_and_a_gauge_reading_narrows_the_wear(sh
         ([*RUN, "--least-cost"], "--least-cost"),
         ([*RUN, "--journal", "run.csv"], "run.csv"),
         ([*RUN, "--page", "99999"], "--page 99999"),
+        ([*RUN, "--value", "Q=2"], "no condition 'Q'"),
+        ([*RUN, "--value", "ae=-2mm"], "above zero"),
+        ([*RUN[:-1], "AW=300"], "AW=300um"),
+        ([*RUN, "--certain"], "--gauge"),
     ],
 )
 def test_refusals_are_one_sentence(shop, capsys, words, sentence):
@@ -175,3 +179,19 @@ def test_options_of_learning_need_their_measurement_and_an_edge_that_has_cut(sho
         assert main(["watch", "params.json", *words]) in (2, 3)
         assert sentence in capsys.readouterr().err
     assert not Path("params-2.json").exists()
+
+
+def test_a_gauge_reading_that_is_not_used_is_no_success(shop, capsys):
+    main([*RUN, "--journal", "kept"])
+    capsys.readouterr()
+    assert main(["watch", "params.json", "--journal", "kept", "--gauge", "AW=21mm"]) == 2
+    assert "check unit and edge" in capsys.readouterr().err
+    assert main(["watch", "params.json", "--journal", "kept", "--gauge", "AW=0.12mm"]) == 0
+    assert "taken in; expected" in capsys.readouterr().out
+
+
+def test_least_cost_without_the_cost_of_a_failure_is_said(shop, capsys):
+    main(["costs", "params.json", "machine=60/h", "edge=8", "change=1.5min", "volume=120cm3", "currency=EUR"])
+    capsys.readouterr()
+    assert main([*RUN, "--least-cost"]) == 0
+    assert "no cost of a failed edge" in " ".join(capsys.readouterr().out.split())

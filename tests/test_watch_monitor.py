@@ -133,3 +133,57 @@ def test_alarms_stay_until_they_are_acknowledged_or_an_edge_begins():
     assert [one["kind"] for one in found.alarms] == ["lost"]
     assert applied([{"kind": "acknowledge", "time": 2.0}], found).alarms == []
     assert applied([alarm, {"kind": "edge", "time": 3.0}]).alarms == []
+
+
+def test_a_note_is_said_whatever_was_noted_before():
+    found = monitor()
+    for k in range(30):
+        found.note(1.0 * k, f"note {k}")
+        assert found.take_said() == [f"note {k}"]
+    assert len(found.notes) == 12
+
+
+def test_a_gauge_reading_before_any_cut_is_refused_and_changes_nothing():
+    found = monitor()
+    before = found.estimate.as_json()
+    found.apply({"kind": "gauge", "time": 1.0, "wear": 0.1, "sd_ln": 0.02})
+    assert found.estimate.as_json() == before
+    assert found.edge.gauges == 0
+    assert "--used" in found.refused[0]
+
+
+def test_a_right_reading_is_taken_after_a_wrong_one_when_it_is_certain():
+    found = applied(records(60))
+    right = found.estimate.wear().median
+    found.apply({"kind": "gauge", "time": 700.0, "wear": 0.75 * right, "sd_ln": 0.02})
+    found.apply({"kind": "gauge", "time": 701.0, "wear": right, "sd_ln": 0.02})
+    assert "--certain" in found.refused[0]
+    assert found.estimate.wear().median < 0.85 * right
+    found.apply({"kind": "gauge", "time": 702.0, "wear": right, "sd_ln": 0.02, "certain": True})
+    assert found.estimate.wear().median == pytest.approx(right, rel=0.01)
+    assert [mark.wear for mark in found.edge.summary.marks] == [right]
+
+
+def test_minutes_before_the_watch_count_once_and_make_the_edge_older():
+    used, whole = monitor(), monitor()
+    request = {"kind": "used", "time": None, "minutes": 8.0, "conditions": CONDITIONS}
+    applied([request, request], used)
+    whole.estimate.advance(8.0, CONDITIONS)
+    assert used.edge.minutes == 8.0
+    assert used.estimate.wear() == whole.estimate.wear()
+    assert used.edge.summary.gaps == 1
+    assert "already" in used.refused[0]
+    unknown = applied([{"kind": "used", "time": None, "minutes": 8.0}])
+    assert unknown.edge.minutes == 8.0
+
+
+def test_the_wear_shown_holds_the_open_cut_and_is_unknown_where_its_conditions_are():
+    found = monitor()
+    now = Reading(time=5.0, state="cutting", open=0.5, conditions=CONDITIONS)
+    shown = facts_of(found, now)
+    found.estimate.advance(0.5, CONDITIONS)
+    assert shown["wear"]["median"] == pytest.approx(found.estimate.wear().median, rel=1e-3)
+    assert shown["life"]["median"] == pytest.approx(found.estimate.life().median, rel=0.01)
+    unknown = facts_of(monitor(), Reading(time=5.0, state="cutting", open=0.5, conditions={"V": 150.0, "f": 0.2}))
+    assert unknown["wear"]["median"] is None
+    assert "d is not known" in unknown["wear"]["reason"]

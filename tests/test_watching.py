@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fitmodels.core.errors import UsageError
+from fitmodels.core.errors import FitmodelsError, UsageError
 from fitmodels.live import watch_journal
 from fitmodels.live.cuts import Cuts
 from fitmodels.live.monitor import Monitor
 from fitmodels.live.samples import Notice
 from fitmodels.live.watch_edge import WatchSettings
-from fitmodels.live.watch_journal import WatchJournal, leave_request, read_journal, read_newest
-from fitmodels.live.watching import Watch, open_journal, replay, take_requests
+from fitmodels.live.watch_journal import WatchJournal, leave_request, read_journal, read_newest, replay
+from fitmodels.live.watching import Watch, open_journal, request_record, take_requests
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -252,3 +252,46 @@ def test_contact_at_unknown_conditions_is_an_alarm_and_the_wear_is_not_shown():
     assert wear["median"] is None
     assert "2 min were cut at unknown conditions" in wear["reason"]
     json.dumps(watch.said.facts)
+
+
+def test_a_change_of_tool_ends_the_cut_and_the_time_of_the_other_tool_does_not_count():
+    own = [item for item in samples(cuts=1, tool="T1") if item.time < 68.0]  # ends in mid-cut
+    other = [replace(item, time=item.time + 68.0) for item in samples(cuts=2, tool="T7")]
+    unnamed = [replace(item, tool="", time=item.time + 300.0) for item in samples(cuts=1)]
+    back = [replace(item, time=item.time + 400.0) for item in samples(cuts=1, tool="T1")]
+    watch = watched([*own, *other, *unnamed, *back])
+    assert watch.monitor.edge.minutes == pytest.approx(2.0, abs=0.05)
+    assert watch.monitor.edge.summary.gaps == 0
+    assert any("of tool T1" in sentence for sentence in watch.said.sentences)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda lines: [*lines[:5], '{"n":7,"kind":"window","time":5}', *lines[5:]],
+        lambda lines: [*lines[:5], '{"n":7,"kind":"gap","time":"x","minutes":"y"}', *lines[5:]],
+        lambda lines: [lines[0].replace('"detection"', '"detektion"'), *lines[1:]],
+        lambda lines: [lines[0].replace('"estimate":{', '"estimate":[],"other":{'), *lines[1:]],
+    ],
+)
+def test_a_journal_that_was_changed_by_hand_is_refused_with_the_number_of_the_record(tmp_path, change):
+    watched(samples(cuts=1), tmp_path)
+    path = sorted(tmp_path.glob("watch-*.jsonl"))[-1]
+    path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")
+    with pytest.raises(FitmodelsError, match=r"record|snapshot"):
+        open_journal(tmp_path, monitor(), "run.csv")
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"kind": "used", "minutes": 8.0, "conditions": [1]},
+        {"kind": "used", "minutes": 8.0, "conditions": {"V": "x"}},
+        {"kind": "used", "minutes": -8.0},
+        {"kind": "tool"},
+        {"kind": "tool", "tool": 5},
+        {"kind": "gauge", "wear": 0.2, "sd_ln": None},
+    ],
+)
+def test_a_request_that_is_not_known_is_a_notice(asked):
+    assert request_record(asked, 1.0)["kind"] == "notice"

@@ -55,8 +55,8 @@ function loads(facts) {
   names.forEach((name, k) => {
     const load = facts.loads[name], [words, svg] = [node.children[2 * k], node.children[2 * k + 1]];
     words.textContent = facts.load_words[name];
-    const end = 1.3 * Math.max(load.high || 0, load.value || 0, load.mean || 0) || 1;
-    bar(svg, { low: load.low, high: load.high, median: load.value, limit: load.expected, name: "expected" }, end, load.unit);
+    const end = 1.3 * Math.max(load.high || 0, load.mean || 0) || 1; // of the cut: what is read holds the idle load too
+    bar(svg, { low: load.low, high: load.high, median: load.mean, limit: load.expected, name: "expected" }, end, load.unit);
   });
 }
 function show(facts) {
