@@ -1,100 +1,73 @@
-"""A power law fitted in one pass: time and peak memory by number of rows, and deviation from the true values.
+"""A power law fitted in one pass: processor time, peak memory, deviation from a QR of all rows, equality of bits.
 
-    python benchmarks/streamed.py              1e6 and 1e7 rows
-    python benchmarks/streamed.py 100000000    these as well
+    python benchmarks/streamed.py                         1.5e6 and 1e7 rows
+    python benchmarks/streamed.py 100000000               these as well
+    python benchmarks/streamed.py --against OLD/bin/python
 
-Each size is fitted twice, with chunks of two lengths, and the results are compared; 1e6 rows are compared with the fit
-in memory too (coefficients, standard errors by edge and of rows, R2, F: largest relative difference, aim 1e-10).
+``--against`` runs the same with the Python of another version in alternation, and prints the ratios of processor time
+(aims: 0.2 up to 1.5e6 rows, 0.35 above) and of peak memory (aim 1).
 
-Run it with the Python that fitmodels is installed in. Rows are generated chunk by chunk, each size in a
-separate process, so that the peak memory is that of this size. The wall time includes the generation of the rows;
-the processor times of generation and fit are separate, and depend little on other processes.
+Two sets of rows: ordinary ones, and hard ones, in which V and f lie in a narrow range and d follows them within 0.02 %,
+so that the condition number of the design is 6e6. The difference from QR is the largest relative one of the
+coefficients, against numpy's QR of the columns about their means, 1e6 rows (aims 1e-12 and 1e-9). Bits: a hash of
+coefficients, both covariances, R2 and F, which must be that of other chunks and of two threads.
+
+Rows are generated chunk by chunk, each fit in a separate process, so that the peak memory is that of its size. The
+processor time of generation is subtracted.
 """
 
-import multiprocessing
+import argparse
+import hashlib
+import json
+import os
 import resource
+import subprocess
 import sys
 import time
 
 import numpy as np
-import pandas as pd
-from fitmodels.datasets import runs_from_frame
-from fitmodels.fit import power_law
 from fitmodels.fit.streaming import streamed_power_law
 
 CHUNK, OTHER = 500_000, 123_457
 EDGES = 240
 TRUTH = {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245}
 CONSTANT, BETWEEN, WITHIN = -4.9, 0.05, 0.1  # ln c0, scatter of the edges, scatter of rows
+IN_MEMORY = 1_000_000  # rows of the comparison with QR
+AIMS = {"ordinary": 1e-12, "hard": 1e-9}
 
 
-def chunks(n, seconds, seed=1):
-    """Rows of 240 edges, each edge at one setting and in every chunk."""
+def chunks(n, seconds=None, kind="ordinary", size=CHUNK, seed=1):
+    """Rows of 240 edges, each edge at one setting and in every chunk; the generator makes 500 000 at a time."""
     rng = np.random.default_rng(seed)
     low, high = np.log([50, 0.06, 1.5]), np.log([200, 0.6, 3])
+    if kind == "hard":
+        low[:2], high[:2] = np.log([100, 0.2]), np.log([102, 0.204])
     setting, level = rng.uniform(low, high, (EDGES, 3)), CONSTANT + BETWEEN * rng.standard_normal(EDGES)
-    level += setting @ list(TRUTH.values())[:3]
-    columns = np.exp(setting).T
     for start in range(0, n, CHUNK):
         began = time.process_time()
         m = min(CHUNK, n - start)
         edge = rng.integers(0, EDGES, m)
-        lnt = rng.uniform(0, 3, m)
-        y = level[edge] + TRUTH["t"] * lnt + WITHIN * rng.standard_normal(m)
-        chunk = {"edge": edge, "t": np.exp(lnt), "AW": np.exp(y)} | {
-            name: column[edge] for name, column in zip("Vfd", columns, strict=True)
-        }
-        seconds.append(time.process_time() - began)
-        yield chunk
+        logs = {**dict(zip("Vfd", setting[edge].T, strict=True)), "t": rng.uniform(0, 3, m)}
+        if kind == "hard":
+            logs["d"] = 0.5 * logs["V"] + 0.3 * logs["f"] + 9e-7 * rng.standard_normal(m)
+        y = level[edge] + sum(TRUTH[name] * x for name, x in logs.items()) + WITHIN * rng.standard_normal(m)
+        chunk = {"edge": edge, "AW": np.exp(y), **{name: np.exp(x) for name, x in logs.items()}}
+        if seconds is not None:
+            seconds.append(time.process_time() - began)
+        for at in range(0, m, size):
+            yield {name: values[at : at + size] for name, values in chunk.items()}
 
 
-def cut_anew(stream, rows):
-    """The same rows in chunks of another length."""
-    held = {}
-    for chunk in stream:
-        held = {name: np.concatenate([held[name], values]) if held else values for name, values in chunk.items()}
-        while len(held["V"]) >= rows:
-            yield {name: values[:rows] for name, values in held.items()}
-            held = {name: values[rows:] for name, values in held.items()}
-    if len(held["V"]):
-        yield held
-
-
-def statistics(law):
-    rows = np.sqrt(np.diag(law.cov_theta))
-    by_edge = np.sqrt(np.diag(law.covariance()))
-    return np.concatenate([law.theta, by_edge, rows, [law.rsquared, law.fvalue]])
-
-
-def apart(one, other):
-    return float(np.max(np.abs(statistics(one) / statistics(other) - 1)))
-
-
-def in_memory(n):
-    """The fit of the same rows in memory."""
-    table = pd.DataFrame({name: np.concatenate(parts) for name, parts in _columns(n).items()})
-    return power_law(runs_from_frame(table, judge=False), "AW", list(TRUTH))
-
-
-def _columns(n):
-    parts = {}
-    for chunk in chunks(n, []):
-        for name, values in chunk.items():
-            parts.setdefault(name, []).append(values)
-    return parts
-
-
-def fitted(n, queue):
-    streamed_power_law(chunks(2000, []), "AW", list(TRUTH))  # imports
-    making, before, wall, began = [], peak(), time.perf_counter(), time.process_time()
-    law = streamed_power_law(chunks(n, making), "AW", list(TRUTH))
-    took, wall = time.process_time() - began, time.perf_counter() - wall
-    theta, se = law.theta, np.sqrt(np.diag(law.covariance()))
-    off = float(np.max(np.abs(theta - [CONSTANT, *TRUTH.values()]) / se))
-    most = peak()
-    again = streamed_power_law(cut_anew(chunks(n, []), OTHER), "AW", list(TRUTH))
-    memory = apart(law, in_memory(n)) if n <= 10**6 else None
-    queue.put((law.nobs, wall, took, sum(making), before, most, off, apart(law, again), memory))
+def fitted(n, kind, size):
+    """The law of n rows; processor seconds of the fit, peak memory in MB above that before, hash of the results."""
+    streamed_power_law(chunks(2000), "AW", list(TRUTH))  # imports
+    before, making, began = peak(), [], time.process_time()
+    law = streamed_power_law(chunks(n, making, kind, size), "AW", list(TRUTH))
+    seconds = time.process_time() - began - sum(making)
+    parts = [law.theta, law.covariance(), law.cov_theta, [law.rsquared, law.fvalue]]
+    bits = hashlib.sha256(b"".join(np.asarray(part).tobytes() for part in parts)).hexdigest()
+    off = np.abs(law.theta - [CONSTANT, *TRUTH.values()]) / np.sqrt(np.diag(law.covariance()))
+    return {"seconds": seconds, "MB": peak() - before, "bits": bits, "theta": law.theta.tolist(), "off": off.max()}
 
 
 def peak():
@@ -103,22 +76,72 @@ def peak():
     return most / (1024**2 if sys.platform == "darwin" else 1024)
 
 
-def main(sizes):
-    process = multiprocessing.get_context("spawn")
-    print(
-        "      rows   wall s  CPU s fitting  making us per row  peak MB  (at start)  largest deviation, SE by edge"
-        "  two chunkings  in memory"
-    )
-    for n in sizes:
-        queue = process.Queue()
-        run = process.Process(target=fitted, args=(n, queue))
-        run.start()
-        n, wall, took, making, before, most, off, chunked, memory = queue.get()
-        run.join()
-        print(f"{n:10.0e}  {wall:7.2f}  {took - making:13.2f}  {making:6.2f}  {1e6 * (took - making) / n:8.3f}"
-              f"  {most:7.0f}  {before:10.0f}  {off:.2f} (aim < 3){'':29}{chunked:.1e}"
-              + (f"        {memory:.1e}" if memory is not None else ""))  # fmt: skip
+def of_qr(n, kind):
+    """Coefficients by numpy's QR of the columns about their means, and the condition number of the design."""
+    names = [*TRUTH, "AW"]
+    W = np.log(np.concatenate([np.column_stack([c[name] for name in names]) for c in chunks(n, kind=kind)]))
+    design = np.column_stack([np.ones(n), W[:, :-1]])
+    condition = np.linalg.cond(np.linalg.qr(design, mode="r"))
+    mean = W.mean(axis=0)
+    mean += (W - mean).mean(axis=0)
+    R = np.linalg.qr(W - mean, mode="r")
+    slopes = np.linalg.solve(R[:-1, :-1], R[:-1, -1])
+    return np.append(mean[-1] - mean[:-1] @ slopes, slopes), condition
+
+
+def apart(python, n, kind="ordinary", size=CHUNK, threads=1):
+    """``fitted`` in a process of its own."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": str(threads)}
+    command = [python, __file__, "--fit", str(n), kind, str(size)]
+    return json.loads(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
+
+
+def speed(n, against):
+    """Best processor time and peak memory of some runs, alternating with the other version."""
+    runs = [
+        {python: apart(python, n) for python in (sys.executable, against) if python}
+        for _ in range(5 if n <= 2_000_000 else 2)
+    ]
+    seconds, MB = ({p: min(run[p][what] for run in runs) for p in runs[0]} for what in ("seconds", "MB"))
+    here = runs[0][sys.executable]
+    print(f"{n:10.1e}  {seconds[sys.executable]:8.3f}  {1e9 * seconds[sys.executable] / n:10.1f}"
+          f"  {MB[sys.executable]:7.0f}  {here['off']:.2f} (aim < 3)", end="")  # fmt: skip
+    if against:
+        aim = 0.2 if n <= 1_500_000 else 0.35
+        ratio, memory = (of[sys.executable] / of[against] for of in (seconds, MB))
+        print(f"{'':9}{ratio:.3f} (aim {aim})  {memory:10.2f} (aim 1)", end="")
+    print(flush=True)
+
+
+def digits(kind):
+    """Difference from QR, and whether other chunks and threads give the same bits."""
+    theta, condition = of_qr(IN_MEMORY, kind)
+    found = apart(sys.executable, IN_MEMORY, kind)
+    same = {
+        apart(sys.executable, IN_MEMORY, kind, size, threads)["bits"] == found["bits"]
+        for size, threads in ((OTHER, 1), (CHUNK, 2))
+    }
+    largest = np.max(np.abs(np.array(found["theta"]) / theta - 1))
+    print(f"{kind:9} condition {condition:.1e}  difference from QR {largest:.1e} (aim {AIMS[kind]:.0e})"
+          f"  same bits: {'yes' if same == {True} else 'NO'}", flush=True)  # fmt: skip
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("rows", nargs="*", type=float)
+    parser.add_argument("--against", metavar="PYTHON")
+    parser.add_argument("--fit", nargs=3, metavar=("ROWS", "KIND", "CHUNK"))
+    given = parser.parse_args()
+    if given.fit:
+        n, kind, size = given.fit
+        print(json.dumps(fitted(int(n), kind, int(size))))
+        return
+    print("      rows     CPU s  ns per row  peak MB  deviation, SE by edge  ratio of CPU       ratio of peak memory")
+    for n in (1_500_000, 10_000_000, *map(int, given.rows)):
+        speed(n, given.against)
+    for kind in AIMS:
+        digits(kind)
 
 
 if __name__ == "__main__":
-    main([10**6, 10**7, *(int(float(size)) for size in sys.argv[1:])])
+    main()

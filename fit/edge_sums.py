@@ -46,12 +46,37 @@ EXACT = 1e-11  # relative residual below which a law meets its rows exactly
 MOST_LEVELS = 1 << 31  # edge and level of a group in one number
 
 
+@dataclass(frozen=True, slots=True)
+class BaseLaw:
+    """A law through one row: what sums are about.
+
+    Attributes
+    ----------
+    origin : ndarray, shape (q,)
+        That row: logarithms of the factors and of the response.
+    exponents : ndarray, shape (q - 1,)
+    """
+
+    origin: Array
+    exponents: Array
+
+    @property
+    def params(self) -> Array:
+        """Logarithm of its constant, then the exponents, shape (q,)."""
+        return np.append(self.origin[-1] - self.origin[:-1] @ self.exponents, self.exponents)
+
+    def same(self, other: "BaseLaw") -> bool:
+        """Whether the other is the same law through the same row."""
+        return np.array_equal(self.origin, other.origin) and np.array_equal(self.exponents, other.exponents)
+
+
 @dataclass(slots=True)
 class EdgeSums:
     """Sums of q columns, the logarithms of the k factors and of the response, by edge and level of a category.
 
-    Sums of squares of the response would lose the digits of small residuals. The law of the first rows, ``base``, is
-    therefore subtracted before squaring; which law it is affects rounding only.
+    Sums of squares of the response would lose the digits of small residuals, and means those of small changes. All
+    columns are therefore taken about the first row, and the response about a law of the first rows through it; which
+    row and law these are affects rounding only.
 
     Examples
     --------
@@ -69,13 +94,13 @@ class EdgeSums:
     Attributes
     ----------
     q : int
-    base : ndarray, shape (q,), or None
-        Exponents of that law and the logarithm of its constant; None before the first rows.
+    base : BaseLaw or None
+        That row and law; None before the first rows.
     number : dict
         Number of each group by its key, edge and level in one number.
     size : ndarray, shape (G,)
     mean, first, far : ndarray, shape (G, q)
-        Means; the first row; the largest distance of a row from it.
+        Means and first row, both about ``base``; the largest distance of a row from the first.
     square : ndarray, shape (G, q, q)
         Sums of products about the means.
     inside : ndarray, shape (at most q, q)
@@ -83,7 +108,7 @@ class EdgeSums:
     """
 
     q: int
-    base: Array | None = None
+    base: BaseLaw | None = None
     number: dict[int, int] = field(default_factory=dict)
     size: Array = field(init=False)
     mean: Array = field(init=False)
@@ -108,9 +133,10 @@ class EdgeSums:
             self.base = _first_law(W)
         order, starts, keys = _grouped(np.zeros(len(W), dtype=np.intp) if edge is None else edge, level)
         columns = np.empty(W.shape[::-1])
-        for column, into in zip(W.T, columns, strict=True):
+        for column, origin, into in zip(W.T, self.base.origin, columns, strict=True):
             np.take(column, order, out=into, mode="clip")
-        columns[-1] -= self.base[:-1] @ columns[:-1] + self.base[-1]
+            into -= origin
+        columns[-1] -= self.base.exponents @ columns[:-1]
         found = grams_by(columns, starts)
         at = self._numbers(keys, found.first)
         first = self.first[at]
@@ -125,7 +151,7 @@ class EdgeSums:
             return
         if self.base is None:
             self.base = other.base
-        if not np.array_equal(self.base, other.base):
+        if not self.base.same(other.base):
             raise ValueError("sums are about different laws; create them with the same base")
         keys, G = list(other.number), other.n_groups
         at = self._numbers(np.array(keys, dtype=np.int64), other.first[:G])
@@ -153,9 +179,10 @@ class EdgeSums:
         means = np.hstack([self.mean[:G, :k], shifts, self.mean[:G, k:]])
         n = float(self.size.sum())
         mean = self.size[:G] @ means / n
+        level = np.concatenate([self.base.origin[:k], np.zeros(shifts.shape[1] + 1)])
         inside = np.hstack([self.inside[:, :k], np.zeros((len(self.inside), shifts.shape[1])), self.inside[:, k:]])
         R = np.linalg.qr(np.vstack([np.sqrt(self.size[:G])[:, None] * (means - mean), inside]), mode="r")
-        return Summary(int(n), k, mean, np.asarray(R)[: int(n) - 1], self.base)
+        return Summary(int(n), k, mean + level, np.asarray(R)[: int(n) - 1], self.base.params)
 
     def groups(self) -> tuple[Index, Index]:
         """Edge and level of each group, both shape (G,)."""
@@ -219,12 +246,10 @@ def _square_roots(square: Array) -> tuple[Array, Array]:
     return value, np.asarray(roots * length[:, None, :])
 
 
-def _first_law(W: Array) -> Array:
-    """Exponents and constant of the last column on the others, the smallest where they are not identified."""
-    mean = W.mean(axis=0)
-    D = W - mean
-    slopes = np.linalg.lstsq(D[:, :-1], D[:, -1], rcond=1e-6)[0]
-    return np.append(slopes, mean[-1] - mean[:-1] @ slopes)
+def _first_law(W: Array) -> BaseLaw:
+    """Law of the last column on the others through the first row, its exponents the least where not identified."""
+    D = W - W.mean(axis=0)
+    return BaseLaw(W[0].copy(), np.asarray(np.linalg.lstsq(D[:, :-1], D[:, -1], rcond=1e-6)[0]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,7 +306,8 @@ def equivalent_rows(
     number = place[edge]
     shifts = (level[:, None] == levels[1:]).astype(float)
     gone = [j for j in range(sums.q - 1) if j not in keep]
-    back = np.append(sums.base[gone], 1.0)  # a factor that is left out takes nothing from the response
+    base, means = sums.base.params, sums.mean + np.append(sums.base.origin[:-1], 0.0)
+    back = np.append(base[1:][gone], 1.0)  # a factor that is left out takes nothing from the response
     columns = [*gone, sums.q - 1]
     one, k = np.ones((len(edge), 1)), len(keep)
     _, about = _square_roots(sums.square)
@@ -291,10 +317,10 @@ def equivalent_rows(
         names=names,
         edge=number,
         size=sums.size,
-        centre=np.hstack([one, sums.mean[:, keep], shifts, (sums.mean[:, columns] @ back)[:, None]]),
+        centre=np.hstack([one, means[:, keep], shifts, (means[:, columns] @ back)[:, None]]),
         roots=roots,
         moves=_moves(np.hstack([one, sums.first[:, keep], shifts]), sums.far[:, keep], number),
-        base=np.concatenate([sums.base[-1:], sums.base[list(keep)], np.zeros(shifts.shape[1])]),
+        base=np.concatenate([base[:1], base[1:][list(keep)], np.zeros(shifts.shape[1])]),
     )
 
 

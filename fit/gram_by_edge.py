@@ -1,11 +1,11 @@
 """Triangles of rows by edge: what a law that is linear in its parameters needs of rows, to be fitted with more edges.
 
 The Gram matrix ``W'W`` of the rows of an edge, W the columns of the law and its response, is kept as the number of
-rows, the means, and a triangle R with ``R'R = W'W`` about the means. The triangle is found by a QR of the rows, which
-squares nothing, so that no digits are lost. `law_of_triangles` fits the law to rows made from them, as many as there
-were and with the same sums of products in every edge: coefficients, the jackknife by edge, variance components and the
-posterior depend on rows by these sums alone, and are those of all rows. What depends on single rows (outliers,
-normality) is not.
+rows, the means, and a triangle R with ``R'R = W'W`` about the means. The triangle is found by a QR of the rows about
+their means (`grams_by`), which squares nothing, so that no digits are lost. `law_of_triangles` fits the law to rows
+made from them, as many as there were and with the same sums of products in every edge: coefficients, the jackknife by
+edge, variance components and the posterior depend on rows by these sums alone, and are those of all rows. What depends
+on single rows (outliers, normality) is not.
 
 Source: Golub & Van Loan, Matrix Computations, section 5.3 (QR of the augmented matrix); Chan, Golub & LeVeque 1983, The
 American Statistician 37, 242 (sums of products about means).
@@ -24,6 +24,7 @@ from .available import NotAvailable
 from .fitted_rows import FittedRows
 from .lawfit import LawFit
 from .laws import Error, LawForm
+from .least_squares import Index, grams_by
 from .regression import law_of, linear_stage
 from .rows import check_constant
 
@@ -68,18 +69,18 @@ def edge_triangle(edge: str, W: Array, batch: str = "") -> EdgeTriangle:
     >>> made.moves, made.root.shape, bool(np.allclose(made.root.T @ made.root, 2 * np.cov(W[:, 1:].T)))
     ((1, 2), (2, 2), True)
     """
-    from scipy.linalg import helmert
-
-    n, about = len(W), W - W[0]  # about the first row, so that a column that stays the same is exactly zero
-    moves = np.flatnonzero(np.any(about != 0, axis=0))
-    mean = W[0] + about.mean(axis=0)
-    apart = about[:, moves]
-    centred = helmert(n) @ apart if n <= MOST_HELMERT and n > 1 else apart - apart.mean(axis=0)
-    root = np.linalg.qr(centred, mode="r")[: max(n - 1, 0)] if len(moves) else np.zeros((0, 0))
-    return EdgeTriangle(edge, n, mean, tuple(int(j) for j in moves), np.asarray(root), batch)
+    return _triangles([edge], W, np.array([0]), batch)[0]
 
 
-MOST_HELMERT = 64  # rows up to which the n x n contrasts take no time
+def _triangles(edges: Sequence[str], W: Array, starts: Index, batch: str = "") -> tuple[EdgeTriangle, ...]:
+    """Triangles of the edges whose rows in W begin at ``starts``."""
+    found, made = grams_by(W.T, starts), []
+    for g, about in enumerate(np.split(found.about, starts[1:], axis=1)):
+        moves = np.flatnonzero(found.low[g] != found.high[g])
+        n = about.shape[1]
+        root = np.linalg.qr(about[moves].T, mode="r")[: n - 1] if len(moves) else np.zeros((0, 0))
+        made.append(EdgeTriangle(edges[g], n, found.mean[g], tuple(moves.tolist()), np.asarray(root), batch))
+    return tuple(made)
 
 
 def edge_triangles(law: LawFit) -> tuple[EdgeTriangle, ...] | NotAvailable:
@@ -103,8 +104,7 @@ def edge_triangles(law: LawFit) -> tuple[EdgeTriangle, ...] | NotAvailable:
     if len(known) > MOST_EDGES:
         return NotAvailable(f"{len(known)} edges; sums by edge are kept of at most {MOST_EDGES}")
     order = np.argsort(number, kind="stable")
-    parts = np.split(W[order], np.cumsum(np.bincount(number))[:-1])
-    return tuple(edge_triangle(str(name), rows) for name, rows in zip(known, parts, strict=True))
+    return _triangles(known.tolist(), W[order], np.searchsorted(number[order], np.arange(len(known))))
 
 
 def _not_linear(law: LawFit) -> str:

@@ -28,7 +28,7 @@ class Summary:
     mean : ndarray, shape (k + s + 1,)
     R : ndarray, shape (r, k + s + 1), ``R'R = C'C`` with C the columns about their means
     base : ndarray, shape (k + 1,)
-        The law that was subtracted from the response: exponents and, last, the logarithm of its constant.
+        The law that was subtracted from the response: the logarithm of its constant, then the exponents.
     """
 
     n: int
@@ -41,14 +41,14 @@ class Summary:
         """With the factors ``keep`` alone; the response gets back what the law took for the others."""
         gone = [j for j in range(self.k) if j not in keep]
         back = np.zeros(len(self.mean))
-        back[gone], back[-1] = self.base[gone], 1.0
+        back[gone], back[-1] = self.base[1:][gone], 1.0
         columns = [*keep, *range(self.k, len(self.mean) - 1)]
         return Summary(
             self.n,
             len(keep),
             np.append(self.mean[columns], self.mean @ back),
             np.column_stack([self.R[:, columns], self.R @ back]),
-            np.append(self.base[list(keep)], self.base[-1]),
+            np.append(self.base[0], self.base[1:][list(keep)]),
         )
 
 
@@ -62,7 +62,7 @@ def least_squares(rows: Summary) -> LinearFit:
     --------
     >>> x = np.array([-2.5, -1.5, -0.5, 0.5, 1.5, 2.5])
     >>> y = 3 * x + np.array([0.1, -0.1, 0, 0, -0.1, 0.1])
-    >>> fit = least_squares(Summary(6, 1, np.array([2.5, 2.0]), np.column_stack([x, y]), np.array([1.0, 7.5])))
+    >>> fit = least_squares(Summary(6, 1, np.array([2.5, 2.0]), np.column_stack([x, y]), np.array([7.5, 1.0])))
     >>> fit.params.round(6).tolist(), fit.nobs, fit.df_resid
     ([2.0, 4.0], 6, 4)
     """
@@ -71,7 +71,7 @@ def least_squares(rows: Summary) -> LinearFit:
     A[1:, 1:] = rows.R
     p = A.shape[1] - 1
     fit = linear(A[:, :p], A[:, p])
-    base = np.concatenate([rows.base[-1:], rows.base[:-1], np.zeros(p - 1 - rows.k)])
+    base = np.append(rows.base, np.zeros(p - 1 - rows.k))
     y = rows.R[:, -1] + rows.R[:, :-1] @ base[1:]
     return replace(fit, params=fit.params + base, tss=float(y @ y), nobs=rows.n, df_model=p - 1, df_resid=rows.n - p)
 

@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.core import errors
+from fitmodels.fit import edge_sums
 from fitmodels.fit.checks import strata
 from fitmodels.fit.checks.autocorrelation import serial_correlation
 from fitmodels.fit.checks.check import Check
@@ -29,6 +30,7 @@ from fitmodels.parameters.gather.law import law_section
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.regression.linear_model import OLS
+from threadpoolctl import threadpool_limits
 
 SAME = 1e-10  # relative: what a fit of a stream may differ by
 # The intraclass correlation is where a search stops, 1e-7 from its optimum; so is all that is reported with it.
@@ -145,6 +147,42 @@ def test_the_cuts_leave_no_trace(at):
     np.testing.assert_array_equal(one.theta, many.theta)
     np.testing.assert_array_equal(one.edges.cov_theta, many.edges.cov_theta)
     assert (one.rss, one.tss, one.nobs) == (many.rss, many.tss, many.nobs)
+
+
+def nearly_dependent():
+    """Rows in which d follows t within 0.1 %, within edges too."""
+    noise = np.random.default_rng(9).normal(size=20_000)
+    return table().assign(d=lambda f: f.t**0.5 * np.exp(1e-3 * noise))
+
+
+@pytest.mark.parametrize("frame", [table(70_000), nearly_dependent()], ids=["ordinary", "nearly dependent"])
+def test_two_threads_give_the_same_bits(frame):
+    one = streamed_power_law([frame], "AW", FACTORS)
+    with threadpool_limits(2):
+        two = streamed_power_law([frame], "AW", FACTORS)
+    np.testing.assert_array_equal(one.theta, two.theta)
+    np.testing.assert_array_equal(one.edges.cov_theta, two.edges.cov_theta)
+
+
+@pytest.mark.parametrize(
+    ("frame", "of_rows", "within"),
+    [
+        pytest.param(table(70_000), False, 1e-12, id="ordinary"),
+        pytest.param(table(70_000).sort_values("edge"), False, 1e-12, id="few edges in a block"),
+        pytest.param(nearly_dependent(), True, 1e-9, id="nearly dependent"),
+    ],
+)
+def test_a_block_takes_a_qr_of_its_rows_where_the_condition_of_its_sums_asks_for_it(
+    monkeypatch, frame, of_rows, within
+):
+    seen, root = [], edge_sums._root
+    monkeypatch.setattr(edge_sums, "_root", lambda square: seen.append(root(square)) or seen[-1])
+    found = streamed_power_law([frame], "AW", FACTORS)
+    assert {one is None for one in seen} == {of_rows}
+    monkeypatch.setattr(edge_sums, "_root", lambda square: None)
+    np.testing.assert_allclose(found.theta, streamed_power_law([frame], "AW", FACTORS).theta, rtol=1e-12)
+    R = np.linalg.qr(np.log(frame[[*FACTORS, "AW"]].to_numpy()) - np.log(frame[[*FACTORS, "AW"]]).mean().to_numpy())[1]
+    np.testing.assert_allclose(found.theta[1:], np.linalg.solve(R[:-1, :-1], R[:-1, -1]), rtol=within)
 
 
 def test_the_order_of_the_rows_leaves_rounding_alone():
