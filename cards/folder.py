@@ -243,7 +243,7 @@ def _draw(
 
         draw_dynamics(identification, folder, banner)
     if laws:
-        from ..core.plotting import Limit
+        from ..core.figure_style import Limit
         from .figures import draw_figures, draw_posteriors
 
         draw_figures(laws, folder, banner, {name: Limit(*limit) for name, limit in limits_of(pf).items()})

@@ -3,8 +3,7 @@
 from matplotlib.axes import Axes
 
 from ..core.display import plot
-from ..core.figure_style import BLUE, GREY, ORANGE, THIN
-from ..core.plotting import new_axes
+from ..core.figure_style import BLUE, GREY, ORANGE, THIN, new_axes
 from .loop import Trace
 
 

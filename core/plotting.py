@@ -8,37 +8,25 @@ own figures have none until pyplot gives them one, and its axes never do.
 import sys
 import threading
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from io import BytesIO
-from itertools import pairwise
-from re import findall, split
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.ticker import LogFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from .errors import UsageError
-from .figure_style import BLUE, DOT, GREY, LIGHT, LINE, MARKERS, RED, SERIES, SMALL, TEXT, THIN, TITLE
+from .figure_style import BLUE, DOT, GREY, LIGHT, LINE, RED, SERIES, SMALL, TEXT, THIN, TITLE, new_axes
 from .text import printable
 
 SHARP = 2  # pixels drawn for each that is laid out: screens of notebooks are fine
-CONSTANT = 1e-9  # relative spread of a surface below which there are no contours
 LEGEND: dict[str, Any] = {"fontsize": SMALL, "frameon": False}
-# Steps within a decade, coarse to fine
-STEPS = (
-    (1.0,),
-    (1.0, 3.0),
-    (1.0, 2.0, 5.0),
-    (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
-    (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
-)
 MOST = 60  # estimates in one picture
 LONGEST_TEXT = (
     500  # characters of a text in a figure: each takes a third of a millisecond, of a cell of 32 kB ten seconds
@@ -86,7 +74,6 @@ def with_plain_texts(drawn: Any) -> Any:  # noqa: ANN401  Axes, or an array of t
 
 
 HALO: Any = [withStroke(linewidth=2.0, foreground="white", alpha=0.8)]
-Styles = Mapping[str, Mapping[str, Any]]
 
 
 def dress(ax: Any) -> None:  # noqa: ANN401  Axes of any projection
@@ -101,13 +88,6 @@ def dress(ax: Any) -> None:  # noqa: ANN401  Axes of any projection
     ax.set_prop_cycle(color=SERIES)
     ax.grid(visible=True, which="major", color=LIGHT.rule, linewidth=THIN, linestyle="-")
     ax.set_axisbelow(True)
-
-
-class Limit(NamedTuple):
-    """A limit of a response, with its words: ``wear criterion 0.3 mm``."""
-
-    value: float
-    words: str
 
 
 def to_pyplot(drawn: Any) -> Any:  # noqa: ANN401  Axes, or an array of them
@@ -228,15 +208,6 @@ def _own_class(kwargs: dict[str, Any]) -> dict[str, Any]:
     return given if {"projection", "polar", "axes_class"} & set(given) else {**given, "axes_class": NotebookAxes}
 
 
-def new_axes(ax: Axes | None, width: float = 4.8, height: float = 4.2) -> Axes:
-    """The axes that were given, or axes of their own on a figure of so many inches."""
-    if ax is not None:
-        return ax
-    figure = NotebookFigure(figsize=(width, height), layout="constrained")
-    made: Axes = figure.add_subplot()
-    return made
-
-
 def new_panels(n: int, across: int, side: tuple[float, float], *, share_y: bool = False) -> list[Axes]:
     """Axes of one figure, ``across`` in a row, each of ``side`` inches."""
     across = min(n, across)
@@ -259,35 +230,6 @@ def axes_array(panels: Sequence[Axes]) -> NDArray[np.object_]:
     return held.view(NotebookAxesArray)
 
 
-def natural_key(name: str) -> list[str | int]:
-    """Sort key by the numbers in a name.
-
-    Examples
-    --------
-    >>> sorted(["E10", "E2"], key=natural_key)
-    ['E2', 'E10']
-    """
-    return [int(part) if part.isdecimal() else part for part in split(r"(\d+)", name)]
-
-
-def edge_styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Colour and marker of each cutting edge in the order of their numbers; beyond 48 edges they repeat.
-
-    Examples
-    --------
-    >>> styles = edge_styles(f"E{k}" for k in range(1, 25))
-    >>> len({(style["color"], style["marker"]) for style in styles.values()})
-    24
-    """
-    ordered = sorted(dict.fromkeys(names), key=natural_key)
-    n = len(SERIES)
-    return {
-        name: {"color": SERIES[k % n], "marker": MARKERS[k // n % len(MARKERS)], "mec": SERIES[k % n], "mew": THIN,
-               "mfc": "none" if k // n % 2 else SERIES[k % n], "ls": "none", "ms": DOT}
-        for k, name in enumerate(ordered)
-    }  # fmt: skip
-
-
 def mark_simulated(figure: Any, words: str = "not measured") -> None:  # noqa: ANN401  Figure
     """Mark a figure of simulated data at its top, or at its foot below a title; a computed layout keeps its place."""
     style: dict[str, Any] = {"ha": "right", "fontsize": SMALL, "color": RED, "weight": "bold"}
@@ -297,55 +239,6 @@ def mark_simulated(figure: Any, words: str = "not measured") -> None:  # noqa: A
         figure.supxlabel(f"SIMULATED DATA, {words}", x=0.995, **style)
     else:
         figure.suptitle(f"SIMULATED DATA, {words}", x=0.995, va="top", **style)
-
-
-def titled(ax: Axes, title: str, notes: Iterable[str] = ()) -> None:
-    """A title, and below it a line for each note, small and grey."""
-    held = [note for note in notes if note]
-    ax.set_title(title, pad=4 + 1.35 * SMALL * len(held))
-    if held:
-        ax.annotate("\n".join(held), (0, 1), (0, 3), "axes fraction", "offset points", fontsize=SMALL, color=GREY,
-                    va="bottom", linespacing=1.15)  # fmt: skip
-
-
-def edge_legend(owner: Any, styles: Styles, across: int = 1, **place: Any) -> None:  # noqa: ANN401
-    """Legend of edges with so many names in a row."""
-    handles = [Line2D([], [], label=name, **style) for name, style in styles.items()]
-    gaps = {"columnspacing": 1.0, "handletextpad": 0.1, "labelspacing": 0.3}
-    owner.legend(handles=handles, title="edge", title_fontsize=SMALL, ncols=across, **gaps, **place)
-
-
-def draw_limit(ax: Axes, limit: Limit | None, which: str = "y") -> None:
-    """A limit as a dashed line with its words, where it lies on the axis."""
-    low, high = sorted(ax.get_ylim() if which == "y" else ax.get_xlim())
-    if limit is None or not low <= limit.value <= high:
-        return
-    (ax.axhline if which == "y" else ax.axvline)(limit.value, color=RED, lw=LINE, ls=(0, (5, 2)), zorder=1.5)
-    ax.annotate(limit.words, (0.01, limit.value), (0, 3), ("axes fraction", "data"), "offset points", fontsize=SMALL,
-                color=RED, va="bottom", path_effects=HALO)  # fmt: skip
-
-
-def _are_successive(names: Sequence[str]) -> bool:
-    """Whether the names have the same first letters and successive numbers after them."""
-    parts = [findall(r"^(\D*)(\d+)", name) for name in names]
-    if not all(parts):
-        return False
-    numbers = [int(number) for ((_, number),) in parts]
-    return len({letters for ((letters, _),) in parts}) == 1 and all(b - a == 1 for a, b in pairwise(numbers))
-
-
-def short_names(names: Iterable[str], most: int = 3) -> str:
-    """Names in a few letters: successive numbers as a range, many names as their number.
-
-    Examples
-    --------
-    >>> short_names(["E15", "E16", "E17"]), short_names(["E1", "E5"]), short_names(f"E{2 * k}" for k in range(9))
-    ('E15–E17', 'E1, E5', '9 edges')
-    """
-    ordered = sorted(dict.fromkeys(names), key=natural_key)
-    if len(ordered) > 2 and _are_successive(ordered):
-        return f"{ordered[0]}–{ordered[-1]}"
-    return ", ".join(ordered) if len(ordered) <= most else f"{len(ordered)} edges"
 
 
 def whiskers(
@@ -367,34 +260,3 @@ def whiskers(
     ax.set_title(title)
     ax.grid(visible=False, axis="y")
     return ax
-
-
-def plain_ticks(ax: Axes, which: str, x: list[float], y: list[float]) -> None:
-    """Ticks of a logarithmic axis at round numbers, without exponents."""
-    for name, axis, ends in (("x", ax.xaxis, x), ("y", ax.yaxis, y)):
-        if name in which:
-            ticks = round_numbers(ends[0], ends[1])
-            axis.set_ticks(ticks, [f"{v:g}" for v in ticks])
-            axis.set_ticks([], minor=True)
-
-
-def round_numbers(low: float, high: float, fewest: int = 3, most: int = 9) -> list[float]:
-    """Round numbers between two ends of a logarithmic axis, at least ``fewest`` where possible."""
-    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-    ticks: list[float] = []
-    for steps in STEPS:
-        ticks = [float(f"{d * s:.6g}") for d in decades for s in steps if low * 0.999 <= d * s <= high * 1.001]
-        if fewest <= len(ticks) <= most:
-            return ticks
-    return ticks if 2 <= len(ticks) <= most else [float(f"{v:.2g}") for v in np.geomspace(low, high, 4)]
-
-
-def contour_levels(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """About seven contour levels at round numbers; none of a surface that is constant or not finite."""
-    low, high = float(z.min()), float(z.max())
-    if not (np.isfinite(z).all() and high - low > CONSTANT * max(abs(low), abs(high))):
-        return np.empty(0)
-    if low > 0 and high / low > 8:
-        inside = [v for v in round_numbers(low, high, fewest=5) if low < v < high]
-        return np.array(inside) if len(inside) > 2 else np.geomspace(low, high, 8)[1:-1]
-    return np.array([v for v in MaxNLocator(8).tick_values(low, high) if low < v < high])

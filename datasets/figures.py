@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..core.display import plot
-from ..core.figure_style import BLUE, GREY, ORANGE, SMALL, THIN
-from ..core.plotting import new_axes
+from ..core.figure_style import BLUE, GREY, ORANGE, SMALL, THIN, new_axes
 from ..core.rounding import with_unit
 from .records.record import Record
 from .runs import Runs

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 
 from ..core.display import Drawing, figures_of, plot
 from ..core.errors import FitError
-from ..core.figure_style import BLUE, GREY, LINE, ORANGE, RED, SERIES, SMALL, THICK, THIN
-from ..core.plotting import new_axes, whiskers
+from ..core.figure_style import BLUE, GREY, LINE, ORANGE, RED, SERIES, SMALL, THICK, THIN, new_axes
+from ..core.plotting import whiskers
 from .available import NotAvailable
 from .bootstrap import EdgeBootstrap
 from .checks.check import LEVELS, TITLES, Check

@@ -1,18 +1,25 @@
 """Panels of one law on given axes; the figures of other results are in ``figures`` and ``bayes/figures``."""
 
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib import colormaps
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..core.censored import LifeDistribution, standard_quantile
-from ..core.figure_style import BLUE, DOT, FILL, GREY, INK, LINE, ORANGE, RED, SEQUENTIAL, SMALL, THICK, THIN
-from ..core.plotting import (
-    HALO,
+from ..core.figure_style import (
+    BLUE,
+    DOT,
+    FILL,
+    GREY,
+    INK,
+    LINE,
+    ORANGE,
+    RED,
+    SMALL,
+    THICK,
+    THIN,
     Limit,
     Styles,
     contour_levels,
@@ -22,11 +29,16 @@ from ..core.plotting import (
     natural_key,
     new_axes,
     plain_ticks,
+    rim,
+    shades,
     short_names,
     titled,
-)
+)  # fmt: skip
 from .lawfit import LawFit
 from .rows import reference_level
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ROUNDING = 1e-24  # of the sum of squares: residuals of 1e-12, what is left of an exact law in double precision
 MOST = 4000  # points in one panel: more are slow to draw and overlap
@@ -56,21 +68,21 @@ def identified(laws: Iterable[LawFit]) -> Styles:
     return edge_styles(names) if 1 < len(names) <= MOST_EDGES else {}
 
 
-def _title(ax: Axes, law: LawFit, text: str) -> None:
+def _title(ax: "Axes", law: LawFit, text: str) -> None:
     """Title of a panel of points, with a note where they are simulated or not all of them are drawn."""
     notes = ["simulated"] if law.source.simulated else []
     notes += [f"{MOST} of {law.nobs} points shown"] if law.nobs > MOST else []
     titled(ax, text, [", ".join(notes)])
 
 
-def points(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+def points(ax: "Axes", x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
     """Open circles at x, y (n,), smaller where they are many, at most ``MOST`` of them."""
     shown = even(len(x))
     size, edge = (DOT, 0.9) if len(shown) <= 500 else (2, 0.4)
     ax.plot(x[shown], y[shown], "o", ms=size, mfc="none", mec=BLUE, mew=edge)
 
 
-def _points_of(ax: Axes, law: LawFit, x: NDArray[np.float64], y: NDArray[np.float64], styles: Styles | None) -> None:
+def _points_of(ax: "Axes", law: LawFit, x: NDArray[np.float64], y: NDArray[np.float64], styles: Styles | None) -> None:
     """Points over x, of each edge in its style; a life known by a bound alone is an arrow towards its side."""
     side = None if law.rows is None else law.rows.side
     if side is not None and side.any():
@@ -86,7 +98,7 @@ def _points_of(ax: Axes, law: LawFit, x: NDArray[np.float64], y: NDArray[np.floa
         ax.plot(x[rows], y[rows], label=name, **styles[name])
 
 
-def _lives(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], side: NDArray[np.int8]) -> None:
+def _lives(ax: "Axes", x: NDArray[np.float64], y: NDArray[np.float64], side: NDArray[np.int8]) -> None:
     points(ax, x[side == 0], y[side == 0])
     for which, marker, words in ((1, "^", "longer (run-out)"), (-1, "v", "shorter")):
         if (side == which).any():
@@ -94,13 +106,13 @@ def _lives(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], side: NDArr
     ax.legend()
 
 
-def _own_legend(ax: Axes, law: LawFit, *, own: bool) -> None:
+def _own_legend(ax: "Axes", law: LawFit, *, own: bool) -> None:
     """Legend of the edges to the right of axes of their own figure."""
     if own and (styles := identified([law])):
         edge_legend(ax, styles, -(-len(styles) // 16), loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
-def _without_residuals(law: LawFit, ax: Axes) -> bool:
+def _without_residuals(law: LawFit, ax: "Axes") -> bool:
     """Write on the panel why there are no residuals, where they are rounding errors only."""
     if law.no_interval is None and law.rss > ROUNDING * law.tss:
         return False
@@ -111,8 +123,8 @@ def _without_residuals(law: LawFit, ax: Axes) -> bool:
 
 
 def observed_against_predicted(
-    law: LawFit, ax: Axes | None = None, *, styles: Styles | None = None, limit: Limit | None = None
-) -> Axes:
+    law: LawFit, ax: "Axes | None" = None, *, styles: Styles | None = None, limit: Limit | None = None
+) -> "Axes":
     """Measured values against the law's with the line of equality, of each edge in a colour and a marker.
 
     ``styles`` are those of `identified`, where several panels share a legend; ``limit`` is drawn where it is in range.
@@ -132,7 +144,7 @@ def observed_against_predicted(
     return ax
 
 
-def residuals(law: LawFit, ax: Axes | None = None, *, styles: Styles | None = None) -> Axes:
+def residuals(law: LawFit, ax: "Axes | None" = None, *, styles: Styles | None = None) -> "Axes":
     """Residuals against the prediction, on the scale of the fit; those beyond two standard errors with their edge."""
     own, ax = ax is None, new_axes(ax, 5.4)
     if _without_residuals(law, ax):
@@ -158,24 +170,24 @@ def _of_residuals(law: LawFit) -> str:
     return f"residual of {law.response} [{unit}]"
 
 
-def _zero_and_two(ax: Axes, law: LawFit) -> None:
+def _zero_and_two(ax: "Axes", law: LawFit) -> None:
     """Lines at zero and at two standard errors to each side."""
     ax.axhline(0, color=INK, lw=THIN)
     for side in (-2, 2) if law.scale_se else ():
         ax.axhline(side * float(law.scale_se or 0), color=GREY, lw=THIN, ls="--")
 
 
-def _name_far(ax: Axes, law: LawFit, x: NDArray[np.float64]) -> None:
+def _name_far(ax: "Axes", law: LawFit, x: NDArray[np.float64]) -> None:
     """Names of the edges, or lines of the file, of the farthest residuals beyond two standard errors."""
     size = np.abs(law.residuals)
     far = [int(i) for i in np.argsort(-size)[:MOST_NAMED] if law.scale_se and size[i] > 2 * law.scale_se]
     for i in far if law.rows is not None else ():
         name = str(law.edge[i]) if law.edge is not None else f"line {law.lines[i]}"
-        ax.annotate(name, (x[i], law.residuals[i]), (4, 0), textcoords="offset points", fontsize=SMALL - 1, va="center",
-                    color=INK, path_effects=HALO)  # fmt: skip
+        rim(ax.annotate(name, (x[i], law.residuals[i]), (4, 0), textcoords="offset points", fontsize=SMALL - 1,
+                        va="center", color=INK))  # fmt: skip
 
 
-def residuals_by_edge(law: LawFit, ax: Axes | None = None, *, styles: Styles | None = None) -> Axes:
+def residuals_by_edge(law: LawFit, ax: "Axes | None" = None, *, styles: Styles | None = None) -> "Axes":
     """Residuals of each edge in a column with their mean, on the scale of the fit: an edge that stands off is seen."""
     ax, styles = new_axes(ax, 7.0, 3.2), identified([law]) if styles is None else styles
     if _without_residuals(law, ax):
@@ -197,7 +209,7 @@ def residuals_by_edge(law: LawFit, ax: Axes | None = None, *, styles: Styles | N
     return ax
 
 
-def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
+def normal_quantiles(law: LawFit, ax: "Axes | None" = None) -> "Axes":
     """Ordered residuals over normal quantiles: on the line where residuals are normal."""
     from scipy.special import ndtri
 
@@ -217,7 +229,7 @@ def normal_quantiles(law: LawFit, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _life_quantiles(law: LawFit, life: LifeDistribution, ax: Axes) -> Axes:
+def _life_quantiles(law: LawFit, life: LifeDistribution, ax: "Axes") -> "Axes":
     """Residuals of the lives that ended over quantiles of their distribution, at Kaplan-Meier's probabilities."""
     order = np.argsort(law.residuals, kind="stable")
     side = np.zeros(law.nobs, dtype=np.int8) if law.rows is None or law.rows.side is None else law.rows.side
@@ -234,7 +246,7 @@ def _life_quantiles(law: LawFit, life: LifeDistribution, ax: Axes) -> Axes:
     return ax
 
 
-def response_surface(law: LawFit, ax: Axes | None = None, *, limit: Limit | None = None) -> Axes:
+def response_surface(law: LawFit, ax: "Axes | None" = None, *, limit: Limit | None = None) -> "Axes":
     """The law over its first two factors inside the tested region, the others at the middle of their ranges.
 
     Settings are dots with their edges. A law of one factor is a line through its points. ``limit`` is drawn.
@@ -245,7 +257,7 @@ def response_surface(law: LawFit, ax: Axes | None = None, *, limit: Limit | None
     return contours_inside(law, (law.factors[0], law.factors[1]), ax, limit=limit)
 
 
-def _line(law: LawFit, ax: Axes, limit: Limit | None) -> Axes:
+def _line(law: LawFit, ax: "Axes", limit: Limit | None) -> "Axes":
     (name,) = law.factors
     low, high = law.domain[name]
     grid = np.linspace(low, high, 120)
@@ -265,7 +277,9 @@ def _line(law: LawFit, ax: Axes, limit: Limit | None) -> Axes:
     return ax
 
 
-def contours_inside(law: LawFit, pair: tuple[str, str], ax: Axes | None = None, *, limit: Limit | None = None) -> Axes:
+def contours_inside(
+    law: LawFit, pair: tuple[str, str], ax: "Axes | None" = None, *, limit: Limit | None = None
+) -> "Axes":
     """Contours over two factors inside the tested region alone, the others at the middle of their ranges.
 
     Outside it, where ``LawFit.region`` and every prediction state that the law is not supported, the panel is white.
@@ -277,9 +291,10 @@ def contours_inside(law: LawFit, pair: tuple[str, str], ax: Axes | None = None, 
     inside = law.region.inside(at).reshape(gx.shape)
     z = np.ma.masked_array(np.asarray(law.values(at)).reshape(gx.shape), ~inside)
     if inside.any() and len(levels := contour_levels(z.compressed())):
-        ax.contourf(gx, gy, z, levels, colors=_shades(len(levels) + 1), extend="both")
+        ax.contourf(gx, gy, z, levels, colors=shades(len(levels) + 1), extend="both")
         lines = ax.contour(gx, gy, z, levels, colors=INK, linewidths=THIN)
-        _labelled(ax, lines, lambda v: f"{v:.4g}")
+        for text in ax.clabel(lines, fontsize=SMALL, fmt=lambda v: f"{v:.4g}"):
+            rim(text)
     else:
         _without_contours(law, z.compressed(), ax)
     ax.grid(visible=False)
@@ -293,25 +308,14 @@ def contours_inside(law: LawFit, pair: tuple[str, str], ax: Axes | None = None, 
     return ax
 
 
-def _shades(n: int) -> Any:  # noqa: ANN401  colours of matplotlib, shape (n, 4)
-    """Light to medium colours, on which dark words are read."""
-    return colormaps[SEQUENTIAL](np.linspace(0.06, 0.55, n))
-
-
-def _labelled(ax: Axes, lines: Any, words: Callable[[float], str]) -> None:  # noqa: ANN401  ContourSet
-    """Values on contour lines, with a bright rim."""
-    for text in ax.clabel(lines, fontsize=SMALL, fmt=words):
-        text.set_path_effects(HALO)
-
-
-def _outline(ax: Axes, gx: Grid, gy: Grid, inside: NDArray[np.bool_]) -> None:
+def _outline(ax: "Axes", gx: Grid, gy: Grid, inside: NDArray[np.bool_]) -> None:
     """Border of the tested region, where it is not all of the panel."""
     if inside.any() and not inside.all():
         padded = np.where(inside, 1.0, 0.0)
         ax.contour(gx, gy, padded, [0.5], colors=GREY, linewidths=THIN, linestyles="--")
 
 
-def _limit_contour(ax: Axes, surface: tuple[Grid, Grid, Any], limit: Limit | None) -> str:
+def _limit_contour(ax: "Axes", surface: tuple[Grid, Grid, Any], limit: Limit | None) -> str:
     """Draw the contour of a limit; return a note where the limit is not reached in the region."""
     z = surface[2]
     if limit is None or not z.count():
@@ -321,11 +325,12 @@ def _limit_contour(ax: Axes, surface: tuple[Grid, Grid, Any], limit: Limit | Non
         return f"{limit.words} not reached" if limit.value >= high else f"all above {limit.words}"
     line = ax.contour(*surface, [limit.value], colors=RED, linewidths=THICK, linestyles="--")
     for text in ax.clabel(line, fontsize=SMALL, fmt=lambda _: limit.words):
-        text.set(path_effects=HALO, color=RED)
+        text.set_color(RED)
+        rim(text)
     return ""
 
 
-def _settings_named(law: LawFit, pair: tuple[str, str], ax: Axes) -> None:
+def _settings_named(law: LawFit, pair: tuple[str, str], ax: "Axes") -> None:
     """Distinct settings of two factors as dots, with their edges where they are few."""
     if law.rows is None:
         return
@@ -337,15 +342,22 @@ def _settings_named(law: LawFit, pair: tuple[str, str], ax: Axes) -> None:
         return
     for point in settings:
         names = short_names(map(str, law.edge[np.equal(X, point).all(axis=1)]))
-        place = ax.transAxes.inverted().transform(ax.transData.transform(point))
-        right, up = (int(np.sign(round(float(share) - 0.5, 2))) for share in place)
+        right, up = (int(np.sign(round(float(share) - 0.5, 2))) for share in _shares(law, pair, point))
         right = right if up else 0
-        ax.annotate(names, tuple(point), (4 * right, 5 * (up or 1)), textcoords="offset points",
-                    ha=("center", "left", "right")[right], va="top" if up < 0 else "bottom",
-                    fontsize=SMALL - 1, color=INK, path_effects=HALO, zorder=4)  # fmt: skip
+        rim(ax.annotate(names, tuple(point), (4 * right, 5 * (up or 1)), textcoords="offset points",
+                        ha=("center", "left", "right")[right], va="top" if up < 0 else "bottom",
+                        fontsize=SMALL - 1, color=INK, zorder=4))  # fmt: skip
 
 
-def _axes_of_factors(law: LawFit, pair: tuple[str, str], ax: Axes) -> None:
+def _shares(law: LawFit, pair: tuple[str, str], point: Iterable[float]) -> Iterator[float]:
+    """Shares of the tested ranges of two factors at which a point lies."""
+    for name, value in zip(pair, point, strict=True):
+        take: Any = np.log if law.formula.logs[law.factors.index(name)] else float
+        at, low, high = map(take, (value, *law.domain[name]))
+        yield float((at - low) / (high - low)) if high > low else 0.5
+
+
+def _axes_of_factors(law: LawFit, pair: tuple[str, str], ax: "Axes") -> None:
     """Labels of two factors as axes, logarithmic where the law takes their logarithms."""
     logs = dict(zip(law.factors, law.formula.logs, strict=True))
     for name, which in zip(pair, "xy", strict=True):
@@ -359,7 +371,7 @@ def _axes_of_factors(law: LawFit, pair: tuple[str, str], ax: Axes) -> None:
     ax.set(xlabel=label(law, pair[0]), ylabel=label(law, pair[1]))
 
 
-def _without_contours(law: LawFit, z: NDArray[np.float64], ax: Axes) -> None:
+def _without_contours(law: LawFit, z: NDArray[np.float64], ax: "Axes") -> None:
     if not z.size:
         why = "no contours: the middle of the other factors\nlies outside the tested region"
     else:

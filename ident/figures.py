@@ -10,8 +10,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from ..core.display import plot
-from ..core.figure_style import BLUE, FILL, GREY, LIGHT, LINE, ORANGE, SEQUENTIAL, SMALL, THICK, THIN
-from ..core.plotting import NotebookFigure, new_axes
+from ..core.figure_style import BLUE, FILL, GREY, LIGHT, LINE, ORANGE, SEQUENTIAL, SMALL, THICK, THIN, new_axes
+from ..core.plotting import NotebookFigure
 from ..core.rounding import with_unit
 from .continuous import ContinuousModel
 from .draws import drawn_models

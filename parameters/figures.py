@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 
 from ..core.display import plot
 from ..core.errors import UsageError
-from ..core.figure_style import BLUE, SERIES
-from ..core.plotting import LEGEND, new_axes, whiskers
+from ..core.figure_style import BLUE, SERIES, new_axes
+from ..core.plotting import LEGEND, whiskers
 from ..core.rounding import with_unit
 from .draws import Draws
 from .file import ParameterFile

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import FitError, UsageError
-from fitmodels.core.plotting import Limit
+from fitmodels.core.figure_style import Limit
 from fitmodels.fit.available import NotAvailable
 from fitmodels.fit.law_figures import contours_inside, observed_against_predicted, residuals, residuals_by_edge
 from fitmodels.fit.surface.canonical import ridge_point, stationary_point

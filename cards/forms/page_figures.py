@@ -9,6 +9,8 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.errors import ParameterError
+from ...core.figure_style import contour_levels
+from ...core.panels import PanelAxes
 from ...core.rounding import with_unit
 from ...parameters import LawSection, ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
@@ -44,7 +46,6 @@ from .svg_panel import (
     at_levels,
     decades,
     even,
-    settings,
     svg,
 )
 
@@ -91,9 +92,8 @@ def vector_figures(card: Card, pf: ParameterFile | None = None) -> dict[str, tup
     if not any(wanted.values()):
         return {}
     number = count(1)
-    with settings():
-        marked = {name: [_marked(each, pf) for each in drawings] for name, drawings in wanted.items()}
-        drawn = {name: tuple(svg(next(number), each) for each in drawings) for name, drawings in marked.items()}
+    marked = {name: [_marked(each, pf) for each in drawings] for name, drawings in wanted.items()}
+    drawn = {name: tuple(svg(next(number), each) for each in drawings) for name, drawings in marked.items()}
     return {name: panels for name, panels in drawn.items() if panels}
 
 
@@ -161,7 +161,8 @@ def _forest(panel: PanelCanvas, groups: Sequence[tuple[str, Sequence[Coefficient
     if bars:
         at, low, high = zip(*bars, strict=True)
         ax.hlines(at, low, high, color=LINE, lw=2)
-    ax.plot(*zip(*points, strict=True), "o", color=INK, ms=4.5, mew=0)
+    across, down = zip(*points, strict=True)
+    ax.plot(across, down, "o", color=INK, ms=4.5, mew=0)
 
 
 def _line(panel: PanelCanvas, row: float) -> float:
@@ -284,8 +285,6 @@ def _factor_axis(factor: Factor, log: bool) -> PanelAxis:
 
 def _contours(panel: PanelCanvas, surface: tuple[Array, Array, Any], limit: tuple[float, str] | None) -> None:
     """The tested region, labelled contours in it, and that of a limit."""
-    from ...core.plotting import contour_levels
-
     u, v, z = surface
     panel.ax.contourf(u, v, np.where(np.ma.getmaskarray(z), 0.0, 1.0), [0.5, 1.5], colors=[TESTED])
     levels = contour_levels(z.compressed())
@@ -296,12 +295,11 @@ def _contours(panel: PanelCanvas, surface: tuple[Array, Array, Any], limit: tupl
             _label(panel, line, limit[1], "f-limit halo")
 
 
-def _lines(ax: Any, surface: tuple[Array, Array, Any], levels: Array, color: str, width: float) -> list[Array]:  # noqa: ANN401
+def _lines(
+    ax: PanelAxes, surface: tuple[Array, Array, Any], levels: Array, color: str, width: float
+) -> Sequence[Array]:
     """Draw contours; return the points of each, shape (n, 2)."""
-    if not len(levels):
-        return []
-    drawn = ax.contour(*surface, levels, colors=color, linewidths=width)
-    return [path.vertices for path in drawn.get_paths()]
+    return ax.contour(*surface, levels, colors=color, linewidths=width).points
 
 
 def _label(panel: PanelCanvas, line: Array, words: str, style: str) -> None:

@@ -1,38 +1,28 @@
-"""One small matplotlib panel, drawn again and again, and its SVG prepared for a page.
+"""One small panel as SVG for a page: shapes of `PanelAxes`, words as text of the page.
 
-Matplotlib draws the shapes; words are placed as text of the page. Colours become classes, so that a figure
-follows the font of the page and its light or dark scheme, and a name can never be read as markup.
+Colours become classes, so that a figure follows the font of the page and its light or dark scheme, and a name can never
+be read as markup.
 """
 
-import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from functools import lru_cache
+from collections.abc import Callable, Sequence
 from html import escape
-from io import StringIO
-from threading import get_ident
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+import numpy as np
 
-# colours that represent classes of the style sheet, written the way matplotlib writes them
-INK, SOFT, LINE, BAND, TESTED, SECOND, LIMIT = (f"#{k:02d}{k:02d}{k:02d}" for k in range(1, 8))
-CLASSES = {INK: "ink", SOFT: "soft", LINE: "line", BAND: "band", TESTED: "tested", SECOND: "second", LIMIT: "limit"}
+from ...core.figure_style import tick_values
+from ...core.panels import PanelAxes
+from ...core.panels import PanelAxis as DataAxis
+from ...core.pens import Array, Dashes, Point, Words
+
+# colours of shapes are the classes of the style sheet
+INK, SOFT, LINE, BAND, TESTED, SECOND, LIMIT = "ink", "soft", "line", "band", "tested", "second", "limit"
 WIDTH = 340.0  # px, about that of a phone: text keeps its size there
 SIZE = 11.0  # px of text
 TICK = 4.0  # px
 NEAR = 0.13  # of an axis: tick labels closer than that would touch
 MINUS = "\u2212"
-SETTINGS: Any = {"svg.fonttype": "none", "svg.hashsalt": "fitmodels", "path.simplify": False}
-NO_METADATA = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-
-GROUP = re.compile(r'<g id="[^"]*">')
-STYLE = re.compile(r' style="([^"]*)"')
-LONG = re.compile(r"(\d\.\d)\d+")
-REFERENCE = re.compile(r'( id="|url\(#|xlink:href="#)')
-BLANK = re.compile(r"(?<!\s)[^\S\n]*\n\s*")
+ROUND = (1.0, 2.0, 5.0, 10.0)  # steps of ticks
 
 
 class PanelAxis(NamedTuple):
@@ -63,13 +53,13 @@ class PanelCanvas:
 
     Attributes
     ----------
-    ax : Axes
+    ax : PanelAxes
         With limits, and empty: neither frame nor ticks.
     words : list of str
         ``text`` elements.
     """
 
-    def __init__(self, ax: "Axes", x: PanelAxis, y: PanelAxis, margins: Margins) -> None:
+    def __init__(self, ax: PanelAxes, x: PanelAxis, y: PanelAxis, margins: Margins) -> None:
         self.ax, self.x, self.y, self.margins = ax, x, y, margins
         self.words: list[str] = []
         self.keys = 0
@@ -111,58 +101,69 @@ class PanelDrawing(NamedTuple):
     margins: Margins = MARGINS
 
 
-@contextmanager
-def settings() -> Iterator[None]:
-    """Matplotlib as `svg` needs it: text as text, ids by content alone."""
-    from matplotlib import rc_context
-
-    with rc_context(SETTINGS):
-        yield
-
-
 def svg(number: int, drawing: PanelDrawing) -> str:
     """Draw a panel and return it as an ``svg`` element with its text alternative.
 
-    ``number`` sets its ids apart from those of other figures in the page. Called within `settings`.
+    ``number`` sets its ids apart from those of other figures in the page.
     """
     title, alternative, x, y, draw, margins = drawing
-    figure, ax = _paper(get_ident())
-    for artist in (*ax.lines, *ax.collections, *ax.patches):
-        artist.remove()
-    figure.set_size_inches(WIDTH / 72, margins.height / 72)
-    across, down = WIDTH - margins.left - margins.right, margins.height - margins.top - margins.bottom
-    place = (margins.left / WIDTH, margins.bottom / margins.height, across / WIDTH, down / margins.height)
-    ax.set_position(place)
-    ax.set_xlim(x.low, x.high)
-    ax.set_ylim(y.low, y.high)
+    left, top = margins.left, margins.top
+    across, down = WIDTH - left - margins.right, margins.height - top - margins.bottom
+    ax = PanelAxes((left, top, across, down), DataAxis((x.low, x.high)), DataAxis((y.low, y.high)))
     panel = PanelCanvas(ax, x, y, margins)
     draw(panel)
     _frame(panel)
-    buffer: Any = StringIO()
-    figure.canvas.print_svg(buffer, metadata=NO_METADATA)  # type: ignore[attr-defined]  # of the SVG canvas
-    body = cleaned(buffer.getvalue(), f"f{number}-") + "".join(f"{word}\n" for word in panel.words)
+    ax.draw_shapes(pen := SvgPen())
+    shapes = "".join(f"{shape}\n" for shape in pen.shapes)
+    words = "".join(f"{word}\n" for word in panel.words)
+    clip = (
+        f'<clipPath id="f{number}-c"><rect x="{left:g}" y="{top:g}" width="{across:g}" height="{down:g}"/></clipPath>'
+    )
     head = f'<svg class="panel" viewBox="0 0 {WIDTH:g} {margins.height:g}" role="img"'
     return (
         f'{head} aria-labelledby="f{number}-t f{number}-d" font-size="{SIZE:g}">\n<title id="f{number}-t">'
-        f'{escape(title)}</title>\n<desc id="f{number}-d">{escape(alternative)}</desc>\n{body}</svg>'
+        f'{escape(title)}</title>\n<desc id="f{number}-d">{escape(alternative)}</desc>\n{clip}\n'
+        f'<g clip-path="url(#f{number}-c)">\n{shapes}</g>\n{words}</svg>'
     )
 
 
-def cleaned(drawn: str, prefix: str) -> str:
-    """Shapes of matplotlib's file: no style attributes, no idle groups and ids, no needless digits."""
-    body = drawn[drawn.index("</defs>") + len("</defs>") : drawn.rindex("</svg>")]
-    body = STYLE.sub(_attributes, GROUP.sub("<g>", body))
-    body = LONG.sub(r"\1", body)
-    body = REFERENCE.sub(lambda m: m[1].replace("xlink:", "") + prefix, body)
-    return BLANK.sub("\n", body).lstrip()
+class SvgPen:
+    """A pen that collects ``shapes``: elements with classes for colours, everything in them a number."""
+
+    def __init__(self) -> None:
+        self.shapes: list[str] = []
+
+    def line(self, points: Array, color: str, width: float, dashes: Dashes = ()) -> None:
+        """A line through points (n, 2); ``dashes`` are multiples of its width."""
+        pattern = f' stroke-dasharray="{" ".join(f"{width * dash:g}" for dash in dashes)}"' if dashes else ""
+        self.shapes.append(
+            f'<path d="{_path(points)}" class="s-{color}" fill="none" stroke-width="{width:g}"{pattern}/>'
+        )
+
+    def area(self, rings: Sequence[Array], color: str, opacity: float = 1.0) -> None:
+        """The inside of closed rings."""
+        inside = "".join(f"{_path(ring)}z" for ring in rings)
+        clear = "" if opacity == 1 else f' fill-opacity="{opacity:g}"'
+        self.shapes.append(f'<path d="{inside}" class="f-{color}" fill-rule="evenodd"{clear}/>')
+
+    def markers(self, points: Array, marker: str, size: float, face: str, edge: str, width: float) -> None:
+        """A dot at each of the points."""
+        self.shapes += (f'<circle class="f-{face}" cx="{x:.1f}" cy="{y:.1f}" r="{size / 2:g}"/>' for x, y in points)
+
+    def words(self, at: Point, words: Words) -> None:
+        """A text at a place."""
+        self.shapes.append(f'<text class="f-ink" x="{at[0]:.1f}" y="{at[1]:.1f}">{escape(words.text)}</text>')
+
+
+def _path(points: Array) -> str:
+    """Data of a path through points, without those that are not finite."""
+    rounded = np.round(points[np.isfinite(points).all(axis=1)], 1).tolist()
+    return "M" + "L".join(f"{x:g} {y:g}" for x, y in rounded) if rounded else ""
 
 
 def even(low: float, high: float, name: str = "", steps: int = 4) -> PanelAxis:
     """An axis with a few round ticks."""
-    from matplotlib.ticker import MaxNLocator
-
-    round_ones = MaxNLocator(steps, steps=[1, 2, 5, 10]).tick_values(low, high)
-    ticks = [float(t) for t in round_ones if low <= t <= high]
+    ticks = [t for t in tick_values(low, high, steps, ROUND) if low <= t <= high]
     return PanelAxis(low, high, ticks, [f"{t:.4g}".replace("-", MINUS) for t in ticks], name)
 
 
@@ -201,31 +202,3 @@ def _frame(panel: PanelCanvas) -> None:
         panel.text((r.left + end) / 2, r.height - 6, x.name, "middle")
     if y.name:
         panel.text(2, SIZE + 1, y.name)
-
-
-@lru_cache(maxsize=4)
-def _paper(thread: int) -> tuple["Figure", "Axes"]:
-    """Figure and axes of a thread: matplotlib draws one thing at a time on them."""
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    figure = Figure(dpi=72)
-    FigureCanvasSVG(figure)
-    ax = figure.add_axes((0.1, 0.1, 0.8, 0.8))
-    figure.patch.set_visible(False)
-    ax.set_axis_off()
-    ax.set_autoscale_on(False)
-    return figure, ax
-
-
-def _attributes(style: "re.Match[str]") -> str:
-    """A style attribute as classes and attributes: the page's policy allows no inline style."""
-    classes, rest = [], []
-    for part in style[1].split(";"):
-        name, _, value = (word.strip() for word in part.partition(":"))
-        if value in CLASSES:
-            classes.append(f"{name[0]}-{CLASSES[value]}")
-        elif name:
-            rest.append(f'{name}="{value}"')
-    named = [f'class="{" ".join(classes)}"'] if classes else []
-    return "".join(f" {item}" for item in (*named, *rest))

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from ...core.arrays import Array
 from ...core.display import plot
-from ...core.figure_style import BLUE, GREEN, GREY, LINE, ORANGE, SMALL, THIN
-from ...core.plotting import NotebookFigure, new_axes
+from ...core.figure_style import BLUE, GREEN, GREY, LINE, ORANGE, SMALL, THIN, new_axes
+from ...core.plotting import NotebookFigure
 from ...core.rounding import format_decimal
 from .cut_model import unit_factor
 from .runs import ToolRun

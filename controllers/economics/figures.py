@@ -5,8 +5,7 @@ from matplotlib.axes import Axes
 
 from ...core.arrays import Array
 from ...core.display import plot
-from ...core.figure_style import BLUE, GREY, INK, ORANGE, SMALL
-from ...core.plotting import new_axes
+from ...core.figure_style import BLUE, GREY, INK, ORANGE, SMALL, new_axes
 from ..region.curved import worst
 from ..region.half_planes import SAME
 from .optimum import EconomicSettings

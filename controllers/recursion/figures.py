@@ -9,8 +9,8 @@ from matplotlib.lines import Line2D
 
 from ...core.arrays import Array
 from ...core.display import plot
-from ...core.figure_style import BLUE, FILL, GREEN, LINE, ORANGE, RED, SMALL, THICK, THIN
-from ...core.plotting import NotebookFigure, new_axes
+from ...core.figure_style import BLUE, FILL, GREEN, LINE, ORANGE, RED, SMALL, THICK, THIN, new_axes
+from ...core.plotting import NotebookFigure
 from .distribution import LifeDraws
 from .interval_optimum import best_exact, not_convex
 from .laws import response_at_end, wear_after

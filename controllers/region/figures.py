@@ -15,8 +15,22 @@ from matplotlib.ticker import MaxNLocator
 
 from ...core.arrays import Array
 from ...core.display import plot
-from ...core.figure_style import AMBER, BLUE, DIVERGING, GREEN, GREY, LINE, ORANGE, PURPLE, SMALL, THICK, THIN, TITLE
-from ...core.plotting import HALO, NotebookFigure, new_axes
+from ...core.figure_style import (
+    AMBER,
+    BLUE,
+    DIVERGING,
+    GREEN,
+    GREY,
+    LINE,
+    ORANGE,
+    PURPLE,
+    SMALL,
+    THICK,
+    THIN,
+    TITLE,
+    new_axes,
+)
+from ...core.plotting import HALO, NotebookFigure
 from .curved import Limit, worst
 from .operating_point import OperatingPoint
 from .probability import Feasibility

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ...core.display import plot
-from ...core.figure_style import BLUE, LINE, ORANGE, SMALL, THIN
-from ...core.plotting import NotebookFigure, new_axes
+from ...core.figure_style import BLUE, LINE, ORANGE, SMALL, THIN, new_axes
+from ...core.plotting import NotebookFigure
 from .simulations import TableSimulation, TurningRun
 
 GREY = "0.45"

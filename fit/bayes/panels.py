@@ -15,8 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from ...core.figure_style import BLUE, GREY, LINE, ORANGE, RED, SMALL
-from ...core.plotting import NotebookAxes, NotebookFigure, natural_key, round_numbers
+from ...core.figure_style import BLUE, GREY, LINE, ORANGE, RED, SMALL, natural_key, round_numbers
+from ...core.plotting import NotebookAxes, NotebookFigure
 from ...core.plotting import axes_array as together
 from ..edges import changes_within
 from ..law_figures import label, middle, points

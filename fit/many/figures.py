@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from ...core.display import plot
 from ...core.errors import UsageError
-from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN
-from ...core.plotting import new_axes
+from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN, new_axes
 from .many_laws import ManyLaws
 from .pooling import PooledExponents
 

@@ -5,8 +5,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ...core.display import plot
-from ...core.figure_style import BLUE, LINE, ORANGE
-from ...core.plotting import new_axes
+from ...core.figure_style import BLUE, LINE, ORANGE, new_axes
 from ...core.rounding import with_unit
 from .drive import DriveFit
 from .force_process import ForceProcess

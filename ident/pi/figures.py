@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ...core.display import plot
-from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN
-from ...core.plotting import NotebookFigure, new_axes, whiskers
+from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN, new_axes
+from ...core.plotting import NotebookFigure, whiskers
 from ..figures import gain_axes, settling_samples
 from ..model import Model
 from .controller import LoopTrace
