@@ -312,7 +312,7 @@ def measured(text: str, unit: str, option: str, example: str) -> float:
     try:
         value = float(_in_unit(text, unit))
     except ValueError:
-        of = f" in {unit}" if unit else ""
+        of = f"{f' in {unit}' if unit else ''}{' with a decimal point' if ',' in text else ''}"
         raise UsageError(f"{option} {text}: give a number{of}, for instance {example}.") from None
     if not 0 < value < float("inf"):
         raise UsageError(f"{option} {text}: give a value above zero, for instance {example}.")

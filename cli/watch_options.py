@@ -236,7 +236,8 @@ def source_options_of(args: argparse.Namespace, monitor: "Monitor", after: float
     named = {**pairs(args.map, "--map", "P=col3"), **pairs(args.node, "--node", "P=NODE")}
     loads = {name: law.unit for name, law in monitor.laws.loads.items()}
     return SourceOptions(
-        loads=loads, map=named, units=pairs(args.unit, "--unit", "P=W"), scales=values(args.scale, "--scale"),
+        loads=loads, needs=monitor.laws.conditions, given=conditions_of(args, monitor.laws), map=named,
+        units=pairs(args.unit, "--unit", "P=W"), scales=values(args.scale, "--scale"),
         replay=speed_of(args.replay), rate=args.rate, after=after, from_end=args.from_end, silent=args.silent,
         certificate=args.certificate, key=args.key, server_certificate=args.server_certificate, user=args.user,
         password_file=args.password_file, python=args.python,

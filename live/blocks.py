@@ -12,7 +12,7 @@ from statistics import fmean, median, stdev
 
 from ..datasets.derived.rules import RULES
 from ..datasets.signals.cuts import SETTLED
-from .samples import Sample, State
+from .samples import CutEnd, Notice, Sample, State, Window
 
 BLOCK = 0.1  # s; five samples at 50 Hz
 GAP = 2.0  # s without a sample, at least, that are a gap
@@ -25,6 +25,15 @@ LONGEST = 3.0  # s of a revolution that is averaged over
 SPEEDS = ("n", "V")
 OTHER_SPEED = 0.03  # relative change
 DERIVED = ("V", "f", "fz")
+FIRST_CUT = 0.03  # of the idle level that the first cut exceeds
+MOST_LEVELS = 600  # blocks of an early feed whose loads are kept
+EARLY = (
+    "the source began in a cut: {:.3g} min of feed count, without loads; what was cut before is not known: gauge it."
+)
+NEVER_IDLE = (
+    "the machine fed for {0:.3g} min and was not seen to idle, so no load shows whether it cut and nothing is counted. "
+    "Begin while it idles, or count them with --used {0:.3g}min."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,10 +236,10 @@ def _block(start: float, end: float, samples: Sequence[Sample], known: Mapping[s
                     held.setdefault(name, []).append(value)
     conditions = {**known, **{name: sum(held) / len(held) for name, held in given.items()}}
     loads = {name: fmean(held) for name, held in values.items()}
-    return Block(start, end, values, loads, _derived(conditions), _phase(samples, conditions))
+    return Block(start, end, values, loads, derived(conditions), _phase(samples, conditions))
 
 
-def _derived(conditions: dict[str, float]) -> dict[str, float]:
+def derived(conditions: dict[str, float]) -> dict[str, float]:
     """Conditions with V, f and fz computed where they are not given; a standing spindle has no feed a revolution."""
     for rule in RULES:
         if rule.role not in DERIVED or rule.role in conditions or not all(name in conditions for name in rule.inputs):
@@ -264,6 +273,11 @@ class Air:
     def __init__(self) -> None:
         self.idle: dict[str, IdleLevel] = {}
         self.forget()
+
+    @property
+    def known(self) -> set[str]:
+        """Loads whose idle level is known."""
+        return {name for name, level in self.idle.items() if level.known}
 
     def forget(self) -> None:
         """Nothing of the moment; the levels stay."""
@@ -315,12 +329,55 @@ class Air:
                 return True
         return False
 
+    def assume_lowest(self, blocks: Sequence[Block], name: str, parts: int) -> None:
+        """Take the part of these blocks in which a load is lowest as air, which begins after all of them."""
+        size = max(FEWEST, len(blocks) // parts)
+        every = [blocks[k : k + size] for k in range(0, len(blocks) - size + 1, size)]
+        if every:
+            self.assume(min(every, key=lambda part: median([b.loads[name] for b in part])))
+            self.begun = blocks[0].start
+            self.begin(blocks[-1].end)
+
     def assume(self, blocks: Sequence[Block]) -> None:
         """Take blocks as air whatever was taken before."""
         self.idle.clear()
         self.begun = blocks[0].start
         for follows in (False, True):
             self._learn(blocks, None, follows=follows)
+
+
+class EarlyFeed:
+    """Feed that a machine reported before it was seen to idle, which no load can show to be a cut at that time."""
+
+    def __init__(self) -> None:
+        self.seconds, self.goes_on = 0.0, False  # whether it was the last that the machine reported
+        self._start = self._end = nan
+        self._conditions: Mapping[str, float] = {}
+        self._loads: dict[str, deque[float]] = {}
+
+    def add(self, block: Block) -> None:
+        """Take in a block."""
+        self._start = self._start if self.seconds else block.start
+        self._end, self._conditions = block.end, block.conditions
+        self.seconds, self.goes_on = self.seconds + block.seconds, True
+        for name, value in block.loads.items():
+            self._loads.setdefault(name, deque(maxlen=MOST_LEVELS)).append(value)
+
+    def above(self, idle: Mapping[str, IdleLevel]) -> bool:
+        """Whether a load was above its idle level by as much as in a cut."""
+        known = {name: median(levels) - idle[name].level for name, levels in self._loads.items() if name in idle}
+        return any(away > FIRST_CUT * abs(idle[name].level) + 3 * idle[name].noise for name, away in known.items())
+
+    def sentences(self) -> list[str]:
+        """That a minute of feed or more may have been a cut, where the machine was never seen to idle."""
+        return [NEVER_IDLE.format(self.seconds / 60)] if self.seconds >= 60 else []
+
+    def cut(self, number: int) -> tuple[Window, CutEnd, Notice]:
+        """What was cut: a window without loads, its end, and a notice."""
+        minutes = self.seconds / 60
+        window = Window(self._start, self._end, minutes, dict(self._conditions), {}, number)
+        end = CutEnd(self._end, 0.0, number, unseen=True)
+        return window, end, Notice(self._end, "refused", EARLY.format(minutes))
 
 
 def _leaps(value: float, level: float, noise: float) -> bool:

@@ -15,19 +15,17 @@ from typing import Any, Literal
 
 from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, STARTING
 from ..datasets.signals.options import DRIVEN, ReduceOptions
-from .blocks import BLOCK, BRIDGED, FEWEST, SPEEDS, Air, Block, Blocks, Gap, IdleLevel, speed_ratio
+from .blocks import BLOCK, BRIDGED, FIRST_CUT, SPEEDS, Air, Block, Blocks, EarlyFeed, Gap, IdleLevel, speed_ratio
 from .samples import CutEnd, Notice, Sample, Window
-from .windows import AGAINST, FALLEN, INTERRUPTED, QUIETER, RESTING, SeenLoads, Windows
+from .windows import AGAINST, FALLEN, INTERRUPTED, QUIETER, RESTING, STUCK, SeenLoads, Windows
 
 SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle
-SHORTEST = ReduceOptions().shortest
-THRESHOLD = ReduceOptions().threshold
+SHORTEST, THRESHOLD = ReduceOptions().shortest, ReduceOptions().threshold
 COARSE = 0.002  # of the idle level, below which no load is seen
 ENDING = ("lost", "clock", "replaced", "end")  # notices after which a cut cannot be followed
 CONTRADICTED = 5.0  # s of a load above idle while the machine says that it does not cut
 OFTEN = 6  # excursions too short for a cut, within twelve seconds
 ZERO = 0.02  # share of a load below which its idle level may be that of a spindle that stands
-FIRST_CUT = 0.03  # of the idle level that the first cut exceeds
 SILENT = 1.0  # s without a reading in a cut, after which the signal is lost
 
 Found = Window | CutEnd | Notice
@@ -77,7 +75,7 @@ class Cuts:
         self._speeds: Mapping[str, float] = {}
         self._short: list[float] = []  # s, beginnings of excursions too short for a cut
         self._mute = 0.0  # s without a load
-        self._seen, self._last = SeenLoads(), 0.0
+        self._seen, self._early, self._last = SeenLoads(), EarlyFeed(), 0.0
         self._forget()
 
     def _forget(self) -> None:
@@ -114,7 +112,7 @@ class Cuts:
             return "entry" if self._windows.entering else "cutting"
         if self._stopped:
             return "off"
-        return "idle" if any(level.known for level in self.idle.values()) else "starting"
+        return "idle" if self._air.known and not self._early.seconds else "starting"
 
     def add(self, item: Sample | Notice) -> list[Found]:
         """What is found with a sample, or with a notice that the source is lost, jumped in time, changed or ended.
@@ -135,12 +133,8 @@ class Cuts:
     def as_json(self) -> dict[str, Any]:
         """Idle levels and noise, with which `resume` follows a cut after a restart."""
         idle = {name: asdict(level) for name, level in self.idle.items()}
-        return {
-            "believed": self._believed,
-            "speeds": dict(self._speeds),
-            "idle": idle,
-            "windows": self._windows.as_json(),
-        }
+        own = {"believed": self._believed, "speeds": dict(self._speeds)}
+        return {**own, "idle": idle, "windows": self._windows.as_json()}
 
     def resume(self, data: Mapping[str, Any]) -> None:
         """Take over idle levels and noise of `as_json`; the variance of the levels grows with the time since."""
@@ -153,7 +147,8 @@ class Cuts:
         """What is left at the end of a source: a cut that has not ended is lost; the loads, where there was no cut."""
         found = list(self._lost())
         if not self.number:
-            found += [Notice(self._last, "refused", text) for text in self._seen.sentences()]
+            for text in self._early.sentences() or self._seen.sentences():
+                found += self._windows.once(text, self._last, text)
         return found
 
     def _lost(self) -> Iterator[Found]:
@@ -187,6 +182,8 @@ class Cuts:
             yield from self._end()
         if not self._cut:
             self._at_speed(block)
+        if self._believed and block.phase == "feed" and not (self._windows.proved or self.number):
+            self._early.add(block)
         if self._believed and block.phase in ("off", "idle"):
             yield from self._said(block)
         elif self._cut:
@@ -218,6 +215,10 @@ class Cuts:
             yield from self._end()
         self._span, self._started = [], []
         self._stopped = block.phase == "off"
+        if self._early.goes_on and not self._windows.proved:  # what was read in it is no idle level
+            self.idle.clear()
+            self._air.forget()
+        self._early.goes_on = False
         name, away = self._furthest(block.loads)
         reach = self._windows.reach.get(name)
         if name and away > max(self._high(name), LEFT * median(reach) if reach else 0.0):
@@ -227,16 +228,22 @@ class Cuts:
             return
         self._against = []
         at_rest = {name for name in block.loads if block.phase == "idle" or name not in DRIVEN}
-        if block.phase == "idle":
-            self._windows.proved = True
         if at_rest:
             self._air.add(block, at_rest)
         else:
             self._air.begin(block.end)
+        if block.phase == "idle" and self._air.known:
+            self._windows.proved = True
+            if self._early.above(self.idle):
+                yield from self._windows.early(self._early)
+            self._early = EarlyFeed()
 
     def _contradicted(self, name: str) -> Iterator[Found]:
         """A load that stays above idle shows contact, whatever the machine says: a column may be dead."""
         span, self._against = self._against, []
+        if self._windows.stands_still(name, span):
+            yield from self._windows.once(f"stuck {name}", span[-1].end, STUCK.format(name, span[-1].loads[name]))
+            return
         self._believed, self._stopped, self._lead, self._sign = False, False, name, 1.0
         level, idle = median([b.loads[name] for b in span if name in b.loads]), self.idle[name].level
         text = AGAINST.format(name, level, CONTRADICTED, idle, span[-1].phase)
@@ -276,16 +283,13 @@ class Cuts:
 
     def _furthest(self, levels: Mapping[str, float]) -> tuple[str, float]:
         """The load furthest from idle by its threshold, or the one that has left it, and how far it is."""
-        known = {name: value - self.idle[name].level for name, value in levels.items() if self._known(name)}
+        known = {name: value - self.idle[name].level for name, value in levels.items() if name in self._air.known}
         if not known:
             return "", 0.0
         if self._span and self._lead in known:
             return self._lead, known[self._lead]
         lead = max(known, key=lambda name: abs(known[name]) / self._high(name))
         return lead, known[lead]
-
-    def _known(self, name: str) -> bool:
-        return name in self.idle and self.idle[name].known
 
     def _high(self, name: str) -> float:
         """Distance from idle at which a cut begins."""
@@ -339,7 +343,7 @@ class Cuts:
         if not self._windows.proved:
             minutes = (span[0].start - begun) / 60
             yield Window(begun, span[0].start, minutes, dict(span[0].conditions), {}, self._windows.number)
-            yield CutEnd(span[0].start, 0.0, self._windows.number, lost=True)
+            yield CutEnd(span[0].start, 0.0, self._windows.number, unseen=True)
             yield Notice(span[0].start, "refused", FALLEN.format(name, old, new, 60 * minutes))
             if self._standing is not None and abs(new - self._standing) < OFF * abs(old):
                 self._rest = self._rest or "idle"
@@ -349,7 +353,7 @@ class Cuts:
     def _in_start(self, block: Block) -> None:
         """The spindle stands, or has just started: its surge is no cut."""
         name = self._lead if self._lead in block.loads else next(iter(block.loads), "")
-        if not name or not self._known(name):
+        if name not in self._air.known:
             self._stopped, self._started = False, []
             return
         idle = self.idle[name]
@@ -370,12 +374,7 @@ class Cuts:
     def _assume_idle(self, name: str) -> None:
         """Take the lowest second after a start as idle."""
         started, self._started = [b for b in self._started if name in b.loads], []
-        size = max(FEWEST, len(started) // round(STARTING))
-        parts = [started[k : k + size] for k in range(0, len(started) - size + 1, size)]
-        if parts:
-            self._air.assume(min(parts, key=lambda part: median([b.loads[name] for b in part])))
-            self._air.begun = started[0].start
-            self._air.begin(started[-1].end)
+        self._air.assume_lowest(started, name, round(STARTING))
 
     def _in_cut(self, block: Block) -> Iterator[Found]:
         if self._lead not in block.loads:

@@ -70,7 +70,7 @@ def parse_measured(pf: "ParameterFile", text: str) -> tuple[str, float]:
     """
     from ..parameters.messages import in_unit
 
-    found = re.fullmatch(r"\s*(\w+)\s*=\s*([0-9.eE+-]+)\s*([^\s\d.]\S*)?\s*", text)
+    found = re.fullmatch(r"\s*(\w+)\s*=\s*([0-9.,eE+-]+)\s*([^\s\d.,]\S*)?\s*", text)
     wears = [name for name in pf.laws if name in WEAR]
     named = ", ".join(wears) or "none"
     if found is None:
@@ -81,7 +81,9 @@ def parse_measured(pf: "ParameterFile", text: str) -> tuple[str, float]:
     try:
         value = float(number)
     except ValueError:
-        raise UsageError(f"{text!r}: {number!r} is no number; give the wear as {symbol}=0.21mm.") from None
+        raise UsageError(
+            f"{text!r}: {number!r} is no number with a decimal point; give the wear as {symbol}=0.21mm."
+        ) from None
     own = pf.laws[symbol].unit
     wear = value if unit is None else in_unit(value, unit, own)
     if wear is None:

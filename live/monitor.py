@@ -163,12 +163,12 @@ class Monitor:
     def _cut_end(self, record: Record) -> None:
         contact, lost = float(record["contact"]), bool(record.get("lost"))
         self.open = None
+        self.edge.summary.gaps += int(lost or bool(record.get("unseen")))
         self.conditions = dict(record.get("conditions") or self.conditions)
         self._advance(contact)
         self.cut_minutes += contact
         if lost:
             self.lost = {"since": float(record["time"]), "cut": self.cut_minutes, "conditions": dict(self.conditions)}
-            self.edge.summary.gaps += 1
             self.note(self.time, "the signal was lost in mid-cut: the cut may go on unseen.")
             return
         self._finish_cut()

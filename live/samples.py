@@ -120,9 +120,12 @@ class CutEnd:
         Number of the cut.
     lost : bool
         Whether it ended because the signal was lost: the cut may have gone on.
+    unseen : bool
+        Whether it began before the source was read.
     """
 
     time: float
     contact: float
     cut: int = 0
     lost: bool = False
+    unseen: bool = False

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from ..core.errors import FitmodelsError, UsageError
+from ..core.files import cause
 from .facts import Facts, Reading, advice_of, clock, facts_of
 from .monitor import Monitor
 from .samples import CutEnd, Notice, Sample, Window
@@ -29,6 +30,7 @@ REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {
     "gauge": ("wear", "sd_ln"), "used": ("minutes",), "tool": (), "edge": (), "acknowledge": (),
 }  # fmt: skip
 OPTIONAL: Final = ("request", "tool", "certain", "conditions")  # fields that a request may have besides
+OUTLETS: Final = {"JsonLines": "--stream", "Page": "--page", "OpcUaServer": "--serve"}
 SAID: Final = ("connected", "lost", "gap", "bad", "clock", "replaced", "refused")  # notices that are kept
 
 
@@ -174,7 +176,8 @@ class Watch:
 
     def _say_notice(self, notice: Notice) -> None:
         stamp = self.now.time
-        text = f"{notice.kind}: {notice.text}" if notice.text else notice.kind
+        prefix = "" if notice.kind == "refused" else f"{notice.kind}: "
+        text = f"{prefix}{notice.text}" if notice.text else notice.kind
         if notice.kind in ("refused", "lost") and self.now.state in ("entry", "cutting"):
             self.record("alarm", time=stamp, kind_of_alarm=notice.kind, text=text, latched=True)
         else:
@@ -276,7 +279,9 @@ class Watch:
                 act(outlet)
             except (OSError, FitmodelsError) as failure:
                 self.outlets.remove(outlet)
-                self.monitor.note(self.monitor.time, f"{type(outlet).__name__} failed and is left out: {failure}")
+                name = OUTLETS.get(type(outlet).__name__, "the output")
+                why = cause(failure) if isinstance(failure, OSError) else failure
+                self.monitor.note(self.monitor.time, f"{name} failed and is left out: {why}.")
 
 
 def _stamp(path: Path | None) -> tuple[int, int] | None:

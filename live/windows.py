@@ -20,7 +20,7 @@ from ..core.arrays import Array
 from ..datasets.signals.cuts import MERGED, OFF, SETTLED, settled_blocks
 from ..datasets.signals.options import DRIVEN
 from ..datasets.signals.statistics import PARTS, batch_variance
-from .blocks import BLOCK, Block, IdleLevel
+from .blocks import BLOCK, Block, EarlyFeed, IdleLevel
 from .samples import CutEnd, LoadMean, Notice, Window
 
 OUTLYING = 6.0  # standard deviations, from the median absolute deviation, from which a value is left out
@@ -267,6 +267,16 @@ class Windows:
         self._carried = []
         self.proved |= not lost and self._lead != ""
 
+    def early(self, feed: EarlyFeed) -> Iterator[Window | CutEnd | Notice]:
+        """The cut in which the source began."""
+        self.number += 1
+        yield from feed.cut(self.number)
+
+    def stands_still(self, name: str, blocks: Sequence[Block]) -> bool:
+        """Whether all readings of a load are one value, and those of its idle level were not."""
+        read = {value for b in blocks for value in b.values.get(name, ())}
+        return len(read) == 1 and name in self.idle and self.idle[name].noise > 0
+
     def silent(self, seconds: float) -> bool:
         """Whether the load of the cut has not been read for so long."""
         heard = [b.end for b in (*self._carried, *self._segment) if self._lead in b.loads]
@@ -339,7 +349,7 @@ class Windows:
         if not idle.known or len(values) < 4 or len(values) < len(part) / 2:
             return None
         mean, start, end = plain_mean(values), part[0].start, part[-1].end
-        if idle.noise > 0 and all(min(each) == max(each) == values[0][0] for each in values):
+        if self.stands_still(name, part):
             yield from self.once(f"stuck {name}", end, STUCK.format(name, mean.value))
             return None
         loads = [b.loads[name] for b in part if name in b.loads]

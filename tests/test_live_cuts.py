@@ -337,3 +337,49 @@ def test_an_interrupted_cut_is_found_with_the_spindle_speed_and_named_without():
     found = watch(Cuts(constants={"n": 60.0}), (t, load))
     assert contact(found) == pytest.approx(40, abs=2)
     assert [exp(w.loads["P"].ln) for w in windows(found) if w.loads] == pytest.approx([0.4] * 4, abs=0.03)
+
+
+def with_states(parts, **other):
+    """Times and values of levels, (seconds, level, state), and the state of each sample."""
+    times = signal([(seconds, level) for seconds, level, _ in parts], **other)
+    return times, [state for seconds, _, state in parts for _ in range(round(seconds * other.get("rate", 50.0)))]
+
+
+IN_CUT = [(60, 2.0, "feed"), (15, 0.5, "idle"), (60, 2.0, "feed"), (10, 0.5, "idle")]
+
+
+def test_a_source_that_begins_in_a_cut_counts_it_without_its_loads():
+    """It was left out in silence where the machine says that it feeds."""
+    times, states = with_states(IN_CUT)
+    for found in (watch(Cuts(), times, state=states), watch(Cuts(), times)):
+        first, *others = windows(found)
+        assert first.contact == pytest.approx(1.0, abs=0.03)
+        assert first.loads == {}
+        assert [(end.lost, end.unseen) for end in ends(found)] == [(False, True), (False, False)]
+        assert [exp(window.loads["P"].ln) for window in others] == pytest.approx([1.5] * len(others), rel=0.02)
+
+
+def test_a_feed_in_the_air_before_the_first_idle_is_no_cut():
+    times, states = with_states([(6, 0.5, "feed"), (15, 0.5, "idle"), (60, 2.0, "feed"), (10, 0.5, "idle")])
+    found = watch(Cuts(), times, state=states)
+    assert [end.unseen for end in ends(found)] == [False]
+    assert sum(each.contact for each in windows(found)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_first_cut_that_a_loss_of_the_signal_divides_counts_and_one_that_never_ends_is_said():
+    (times, values), states = with_states(IN_CUT)
+    seen = (times < 20) | (times > 30)
+    found = watch(Cuts(), (times[seen], values[seen]), state=[s for s, kept in zip(states, seen, strict=True) if kept])
+    assert windows(found)[0].contact == pytest.approx(50 / 60, abs=0.05)
+    times, states = with_states([(90, 2.0, "feed")])
+    assert ["--used 1.49min" in text for text in texts(watch(Cuts(), times, state=states))] == [True]
+
+
+def test_a_load_that_stands_still_does_not_contradict_the_machine():
+    (times, values), states = with_states([(15, 0.5, "idle"), (60, 2.0, "feed")] * 3 + [(10, 0.5, "idle")])
+    values[times > 40] = 6.1
+    found = watch(Cuts(), (times, values), state=states)
+    assert len(ends(found)) == 3
+    assert sum(each.contact for each in windows(found)) == pytest.approx(3.0, abs=0.05)
+    assert any("stands still at 6.1" in text for text in texts(found))
+    assert not any("the machine says" in text for text in texts(found))

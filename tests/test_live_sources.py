@@ -415,3 +415,23 @@ def test_json_of_any_kind_gives_samples_notices_or_an_error_of_ours(value):
                 assert isinstance(item, Notice) or math.isfinite(item.time)
         except FitmodelsError:
             pass
+
+
+def test_a_table_without_a_condition_of_the_laws_is_refused_and_says_what_to_give():
+    def first(header, **known):
+        lines = Lines("run.csv", SourceOptions(loads={"P": "kW"}, needs=("V", "f", "d"), given=known))
+        return [item for line in (header, "0,1,2,3,4", "1,1,2,3,4") for item in lines.take(line)]
+
+    with pytest.raises(DataError, match=r"does not give d, .*--value d=2mm"):
+        first("t [s],P [kW],V [m/min],f [mm/rev],x")
+    with pytest.raises(DataError, match=r"does not give V, .*--value D=50mm"):
+        first("t [s],P [kW],n [1/min],f [mm/rev],d [mm]")
+    assert first("t [s],P [kW],n [1/min],f [mm/rev],d [mm]", D=50.0)
+    assert first("t [s],P [kW],n [1/min],fm [mm/min],x", D=50.0, d=2.0)
+
+
+def test_a_header_without_a_load_names_a_column_that_is_not_used():
+    lines = Lines("run.csv", SourceOptions(loads={"P": "kW"}))
+    list(lines.take("time [s],I [A],V [m/min],state"))
+    with pytest.raises(DataError, match=r'--map "P=I \[A\]"'):
+        list(lines.take("0,1,2,3"))

@@ -12,6 +12,7 @@ from ...core.text import shortened
 from ...datasets.headers import Header, parse_header
 from ...datasets.units import canonical, convert, same_dimension
 from ...datasets.vocabulary import role_of, understood_unit
+from ..blocks import derived
 from ..samples import Sample, State
 from .options import CONDITIONS, OWN, PROGRAMMED, SourceOptions
 
@@ -29,6 +30,7 @@ _WORDS: Mapping[str, State] = {
     **dict.fromkeys(("idle", "ready", "stopped", "interrupted", "feed hold", "hold", "paused", "halt"), "idle"),
     **dict.fromkeys(("feed", "cut", "cutting", "feeding", "vorschub"), "feed"),
 }
+_USUAL = {"V": "120m/min", "f": "0.2mm/rev", "fz": "0.1mm", "d": "2mm", "ae": "10mm", "D": "50mm"}
 _STANDS = 1e-9  # a speed or feed below this is zero
 
 
@@ -168,13 +170,38 @@ def channels_of(labels: Sequence[str], options: SourceOptions, name: str, units:
     others = _named(found, labels, heads, options, name)
     if not any(symbol in options.loads for symbol in found):
         wanted = " or ".join(f"{symbol} [{unit}]" for symbol, unit in options.loads.items())
-        first = next(iter(options.loads), "P")
+        first, other = next(iter(options.loads), "P"), next(iter(others), "COLUMN")
         raise DataError(
             f"{name} gives no load of the laws ({wanted or 'none'}); it has {_list(labels)}. Name it, for "
-            f"instance --map {first}={shortened(labels[-1], 30) if labels else 'COLUMN'!s}."
+            f'instance --map "{first}={shortened(other, 30)}", and --scale {first}=... where it is of another unit.'
         )
     placed = {symbol: (place, labels[place], _unit_at(place, heads, units)) for symbol, place in found.items()}
     return _made(placed, options, name, [f"not read: {_list(others)}"] if others else [])
+
+
+def require_conditions(channels: Channels, options: SourceOptions, name: str) -> None:
+    """Refuse a source without a condition that the laws need and that neither it nor the user gives.
+
+    Raises
+    ------
+    DataError
+        The message names the conditions and how to give them.
+
+    Examples
+    --------
+    >>> found = channels_of(["t [s]", "P [kW]", "V [m/min]"], SourceOptions(loads={"P": "kW"}), "run.csv")
+    >>> require_conditions(found, SourceOptions(loads={"P": "kW"}, needs=("V",)), "run.csv")
+    """
+    symbols = [PROGRAMMED.get(c.symbol, c.symbol) for c in channels.channels if c.kind == "condition"]
+    known = derived({**dict.fromkeys(symbols, 1.0), **options.given})
+    missing = [symbol for symbol in options.needs if symbol not in known]
+    if missing:
+        values = " ".join(f"--value {symbol}={_USUAL.get(symbol, '1')}" for symbol in missing)
+        diameter = ", or the diameter of the spindle speed (--value D=50mm)" if "V" in missing and "n" in known else ""
+        raise DataError(
+            f"{name} does not give {', '.join(missing)}, which the laws need: give {values}{diameter}, or name the "
+            f"column with --map {missing[0]}=..."
+        )
 
 
 def channels_for(places: Mapping[str, tuple[str, str]], options: SourceOptions, name: str) -> Channels:

@@ -23,6 +23,10 @@ class SourceOptions:
     loads : mapping of str to str
         Symbol of each load and the unit of its law. A source has to give one of them; the first that is not there is
         named.
+    needs : tuple of str
+        Conditions that the laws need; a table that does not give them is refused.
+    given : mapping of str to float
+        Conditions that are known without the source.
     map : mapping of str to str
         Column, JSON key, HAL pin or OPC UA node of a quantity: a load, one of `CONDITIONS`, ``f_set`` and ``fm_set``
         (programmed feeds, which ``override`` multiplies), or ``time``, ``state``, ``tool``, ``override``. ``load`` is
@@ -57,6 +61,8 @@ class SourceOptions:
     """
 
     loads: Mapping[str, str] = field(default_factory=dict)
+    needs: tuple[str, ...] = ()
+    given: Mapping[str, float] = field(default_factory=dict)
     map: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)

@@ -12,7 +12,7 @@ from ...core.errors import FitmodelsError
 from ...core.text import shortened
 from ...datasets.units import is_unit
 from ..samples import Notice, Sample
-from .channels import Channel, Channels, Value, channels_of
+from .channels import Channel, Channels, Value, channels_of, require_conditions
 from .clock import Clock, Stamps, no_time
 from .options import SourceOptions
 
@@ -252,6 +252,7 @@ class _Csv:
     def _use(self, channels: Channels) -> None:
         self._channels = channels
         self._places = [(c.place, c.kind in ("state", "tool")) for c in channels.channels]
+        require_conditions(channels, self._options, self._name)
 
     def news(self) -> str:
         """Nothing: a table has one header."""
