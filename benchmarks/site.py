@@ -57,7 +57,10 @@ def write_pairs(folder, count, base):
 def one_law(law, rng):
     """The law with randomly changed coefficients."""
     moved = {k: v * float(np.exp(rng.normal(0, 0.3))) for k, v in law["coefficients"].items()}
-    return {**law, "coefficients": moved}
+    equation = law["equation"]
+    for name, value in law["coefficients"].items():
+        equation = equation.replace(f"{value:.6g}", f"{moved[name]:.6g}")
+    return {**law, "coefficients": moved, "equation": equation}
 
 
 def content(top):
