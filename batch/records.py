@@ -137,7 +137,8 @@ def _bytes(data: Mapping[str, Any]) -> bytes:
 
 def _sealed(data: dict[str, Any]) -> bytes:
     """A record with the SHA-256 of its other content as its last key."""
-    return _bytes(data | {"sha256": sha256(_bytes(data)).hexdigest()})
+    content = _bytes(data)
+    return content[:-2] + f',"sha256":"{sha256(content).hexdigest()}"}}\n'.encode()
 
 
 def _read(path: Path) -> dict[str, Any] | None:

@@ -50,7 +50,10 @@ class Labels:
 
     def named(self, stand_in: str) -> "Labels":
         """With a stand-in where there is no text."""
-        return Labels(self.codes, tuple(text or stand_in for text in self.texts))
+        texts = list(self.texts)
+        while "" in texts:  # once or twice: in C, as there may be very many texts
+            texts[texts.index("")] = stand_in
+        return Labels(self.codes, tuple(texts))
 
 
 def constant(text: str, n: int) -> Labels:

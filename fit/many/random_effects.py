@@ -22,7 +22,7 @@ FAR = 30.0  # in the log density below its top
 PANELS, NODES = 96, 2
 FEW = 28  # nodes of tau that do for the pairs of a large family
 LARGE = 32  # pairs; of fewer, tau is known so poorly that all nodes are kept
-AT_ONCE = 2_000_000  # numbers of one array
+AT_ONCE = 500_000  # numbers of one array, so that it stays in the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,10 +204,34 @@ def quantiles(of: Family, mean: Array, variance: Array, p: float) -> Array:
 
 def tau_quantile(of: Family, p: float) -> float:
     """Quantile p of tau."""
-    from scipy.interpolate import PchipInterpolator
-
     rising = np.append(True, np.diff(of.below) > 1e-14)
-    return float(PchipInterpolator(of.below[rising], of.ends[rising])(p))
+    return _monotone(of.below[rising], of.ends[rising], p)
+
+
+def _monotone(x: Array, y: Array, at: float) -> float:
+    """The monotone cubic through rising points x, y, shapes (n,), n 3 or more, at a place between them.
+
+    ``scipy.interpolate.PchipInterpolator`` has the same numbers; importing it takes longer than pooling 10 000 pairs.
+
+    Source: Fritsch and Butland 1984, SIAM Journal on Scientific and Statistical Computing 5, 300.
+
+    >>> _monotone(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 8.0]), 1.0)
+    1.0
+    """
+    h = np.diff(x)
+    rise = np.diff(y) / h
+    before, after = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+    inner = (before + after) / (before / rise[:-1] + after / rise[1:])
+    first, last = (
+        max(0.0, ((2 * wide + other) * own - wide * next_one) / (wide + other))
+        for wide, other, own, next_one in ((h[0], h[1], rise[0], rise[1]), (h[-1], h[-2], rise[-1], rise[-2]))
+    )
+    slope = np.concatenate([[first], inner, [last]])
+    i = int(np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(h) - 1))
+    s = at - x[i]
+    square = (3 * rise[i] - 2 * slope[i] - slope[i + 1]) / h[i]
+    cube = (slope[i] + slope[i + 1] - 2 * rise[i]) / h[i] ** 2
+    return float(y[i] + s * (slope[i] + s * (square + s * cube)))
 
 
 def _unit(v: Array) -> float:
