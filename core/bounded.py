@@ -13,7 +13,7 @@ import stat
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
@@ -69,6 +69,7 @@ MOST_MEMBERS: Final = 5000  # of a zip archive
 UNREADABLE_ARCHIVE: Final = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError)
 _LARGEST_INTEGER = 10**LONGEST
 _SURROGATE = re.compile("[\ud800-\udfff]")
+_ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -287,7 +288,9 @@ def parse_json(
         options: dict[str, Any] = {"parse_constant": _no_constant, "parse_float": _finite} if finite else {}
         text = content.decode("utf-8-sig")
         data = json.loads(text, object_pairs_hook=_once, parse_int=_integer, **options)
-        _check_nested(data)
+        _check_depth(data)
+        if _ESCAPED_SURROGATE.search(text):
+            _check_values(data)
     except UnicodeDecodeError as fault:
         raise error(f"{name}: is not UTF-8 text (byte {fault.start}).{end}") from None
     except json.JSONDecodeError as fault:
@@ -327,7 +330,8 @@ def parse_toml(
         text = content.decode("utf-8-sig")
         _check_keys(text)  # the time of tomllib grows with the square of the parts of a key
         data = tomllib.loads(text)
-        _check_nested(data)
+        _check_depth(data)
+        _check_values(data)
     except UnicodeDecodeError as fault:
         raise error(f"{name}: is not UTF-8 text (byte {fault.start}).{end}") from None
     except tomllib.TOMLDecodeError as fault:
@@ -378,23 +382,32 @@ def _integer(literal: str) -> int:
     return int(literal)
 
 
-def _check_nested(data: object) -> None:
-    """Check the nesting, integers and texts of parsed data; RecursionError where they are nested too deep."""
-    layer = [data]
-    for _ in range(DEEPEST + 1):
-        layer = [inner for outer in layer for inner in _inside(outer)]
+def _check_depth(data: object) -> None:
+    """RecursionError where parsed data are nested deeper than the limit."""
+    layer = [data] if isinstance(data, dict | list) else []
+    for _ in range(DEEPEST):
+        layer = [
+            inner
+            for outer in layer
+            for inner in (outer.values() if type(outer) is dict else outer)
+            if type(inner) is dict or type(inner) is list
+        ]
         if not layer:
             return
-    raise RecursionError
+    if any(layer):
+        raise RecursionError
 
 
-def _inside(outer: object) -> Iterable[object]:
-    if isinstance(outer, dict):
-        yield from outer
-        yield from outer.values()
-    elif isinstance(outer, list):
-        yield from outer
-    elif isinstance(outer, str) and _SURROGATE.search(outer):
-        raise ValueError(f"the text {outer[:20]!a} contains an unpaired surrogate")
-    elif type(outer) is int and abs(outer) >= _LARGEST_INTEGER:
+def _check_values(data: object) -> None:
+    """Check integers and texts of parsed data that are not nested too deep."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            _check_values(key)
+            _check_values(value)
+    elif isinstance(data, list):
+        for value in data:
+            _check_values(value)
+    elif isinstance(data, str) and _SURROGATE.search(data):
+        raise ValueError(f"the text {data[:20]!a} contains an unpaired surrogate")
+    elif type(data) is int and abs(data) >= _LARGEST_INTEGER:
         raise ValueError(f"holds an integer of more than {LONGEST} digits")
