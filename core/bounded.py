@@ -288,9 +288,7 @@ def parse_json(
         options: dict[str, Any] = {"parse_constant": _no_constant, "parse_float": _finite} if finite else {}
         text = content.decode("utf-8-sig")
         data = json.loads(text, object_pairs_hook=_once, parse_int=_integer, **options)
-        _check_depth(data)
-        if _ESCAPED_SURROGATE.search(text):
-            _check_values(data)
+        _check_nested(data, values=_ESCAPED_SURROGATE.search(text) is not None)
     except UnicodeDecodeError as fault:
         raise error(f"{name}: is not UTF-8 text (byte {fault.start}).{end}") from None
     except json.JSONDecodeError as fault:
@@ -330,8 +328,7 @@ def parse_toml(
         text = content.decode("utf-8-sig")
         _check_keys(text)  # the time of tomllib grows with the square of the parts of a key
         data = tomllib.loads(text)
-        _check_depth(data)
-        _check_values(data)
+        _check_nested(data)
     except UnicodeDecodeError as fault:
         raise error(f"{name}: is not UTF-8 text (byte {fault.start}).{end}") from None
     except tomllib.TOMLDecodeError as fault:
@@ -382,32 +379,22 @@ def _integer(literal: str) -> int:
     return int(literal)
 
 
-def _check_depth(data: object) -> None:
-    """RecursionError where parsed data are nested deeper than the limit."""
-    layer = [data] if isinstance(data, dict | list) else []
-    for _ in range(DEEPEST):
-        layer = [
-            inner
-            for outer in layer
-            for inner in (outer.values() if type(outer) is dict else outer)
-            if type(inner) is dict or type(inner) is list
-        ]
+def _check_nested(data: object, *, values: bool = True) -> None:
+    """Check parsed data: RecursionError where they are nested too deep, ``values`` for integers and texts too."""
+    layer = [data]
+    for _ in range(DEEPEST + 1):
+        if values:
+            for each in layer:
+                _check_value(each)
+        groups: list[Any] = [outer for outer in layer if type(outer) in (dict, list)]
+        layer = [inner for one in groups for inner in ((*one, *one.values()) if type(one) is dict else one)]
         if not layer:
             return
-    if any(layer):
-        raise RecursionError
+    raise RecursionError
 
 
-def _check_values(data: object) -> None:
-    """Check integers and texts of parsed data that are not nested too deep."""
-    if isinstance(data, dict):
-        for key, value in data.items():
-            _check_values(key)
-            _check_values(value)
-    elif isinstance(data, list):
-        for value in data:
-            _check_values(value)
-    elif isinstance(data, str) and _SURROGATE.search(data):
-        raise ValueError(f"the text {data[:20]!a} contains an unpaired surrogate")
-    elif type(data) is int and abs(data) >= _LARGEST_INTEGER:
+def _check_value(value: object) -> None:
+    if isinstance(value, str) and _SURROGATE.search(value):
+        raise ValueError(f"the text {value[:20]!a} contains an unpaired surrogate")
+    if type(value) is int and abs(value) >= _LARGEST_INTEGER:
         raise ValueError(f"holds an integer of more than {LONGEST} digits")
