@@ -138,12 +138,18 @@ class EdgeSums:
             into -= origin
         columns[-1] -= self.base.exponents @ columns[:-1]
         found = grams_by(columns, starts)
-        at = self._numbers(keys, found.first)
-        first = self.first[at]
-        self.far[at] = np.maximum(self.far[at], np.maximum(found.high - first, first - found.low))
-        root = _root(found.square.sum(axis=0))
-        apart = self._combine(at, found.size, found.mean, found.square)
+        at = self._numbers(keys, found.first.T)
+        self._reach(at, columns, starts)
+        root = _root(found.square.sum(axis=2))
+        apart = self._combine(at, found.size, found.mean.T, found.square.transpose(2, 0, 1))
         self._extend(found.about.T if root is None else root, apart)
+
+    def _reach(self, at: Index, columns: Array, starts: Index) -> None:
+        """Take the distances of further rows from the first row of their group into ``far``."""
+        first = self.first[at].T
+        for j, column in enumerate(columns):
+            ends = np.maximum.reduceat(column, starts) - first[j], first[j] - np.minimum.reduceat(column, starts)
+            self.far[at, j] = np.maximum(self.far[at, j], np.maximum(*ends))
 
     def merge(self, other: "EdgeSums") -> None:
         """Add the sums of further rows; both need the same ``base``."""

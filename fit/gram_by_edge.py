@@ -76,10 +76,10 @@ def _triangles(edges: Sequence[str], W: Array, starts: Index, batch: str = "") -
     """Triangles of the edges whose rows in W begin at ``starts``."""
     found, made = grams_by(W.T, starts), []
     for g, about in enumerate(np.split(found.about, starts[1:], axis=1)):
-        moves = np.flatnonzero(found.low[g] != found.high[g])
+        moves = np.flatnonzero(about.any(axis=1))
         n = about.shape[1]
         root = np.linalg.qr(about[moves].T, mode="r")[: n - 1] if len(moves) else np.zeros((0, 0))
-        made.append(EdgeTriangle(edges[g], n, found.mean[g], tuple(moves.tolist()), np.asarray(root), batch))
+        made.append(EdgeTriangle(edges[g], n, found.mean[:, g], tuple(moves.tolist()), np.asarray(root), batch))
     return tuple(made)
 
 

@@ -232,9 +232,9 @@ class Grams:
     ----------
     size : ndarray, shape (G,)
         Rows of each group.
-    first, low, high, mean : ndarray, shape (G, q)
-        First, least and greatest value of each column, and its mean.
-    square : ndarray, shape (G, q, q)
+    first, mean : ndarray, shape (q, G)
+        First value of each column, and its mean.
+    square : ndarray, shape (q, q, G)
         Sums of products about the means.
     about : ndarray, shape (q, N)
         The columns less the means of their groups.
@@ -242,8 +242,6 @@ class Grams:
 
     size: Array
     first: Array
-    low: Array
-    high: Array
     mean: Array
     square: Array
     about: Array
@@ -264,24 +262,23 @@ def grams_by(W: Array, starts: Index) -> Grams:
     Examples
     --------
     >>> found = grams_by(np.array([[1.0, 3.0, 5.0], [2.0, 4.0, 7.0]]), np.array([0, 2]))
-    >>> found.mean.tolist(), found.square[0].tolist()
-    ([[2.0, 3.0], [5.0, 7.0]], [[2.0, 2.0], [2.0, 2.0]])
+    >>> found.mean.tolist(), found.square[:, :, 0].tolist()
+    ([[2.0, 5.0], [3.0, 7.0]], [[2.0, 2.0], [2.0, 2.0]])
     """
     (q, N), G = W.shape, len(starts)
-    count = np.diff(np.append(starts, N))
-    low, high, mean = (np.empty((G, q)) for _ in range(3))
-    square, about, product = np.zeros((G, q, q)), np.zeros((q, N)), np.empty(N)
+    count, first = np.diff(np.append(starts, N)), W[:, starts]
+    mean, square = first.copy(), np.zeros((q, q, G))
+    about, product = np.empty((q, N)), np.empty(N)
     moves = []
     for i, column in enumerate(W):
-        np.minimum.reduceat(column, starts, out=low[:, i])
-        np.maximum.reduceat(column, starts, out=high[:, i])
-        mean[:, i] = low[:, i]
-        if not np.array_equal(low[:, i], high[:, i]):
-            moves.append(i)
-            near = np.where(low[:, i] == high[:, i], low[:, i], np.add.reduceat(column, starts) / count)
-            np.subtract(column, np.repeat(near, count), out=about[i])
-            mean[:, i] = near + np.add.reduceat(about[i], starts) / count  # adds back what rounding took
-        for j in moves if i in moves else ():
+        np.subtract(column, np.repeat(first[i], count), out=about[i])
+        if not about[i].any():
+            continue
+        moves.append(i)
+        offset = np.add.reduceat(about[i], starts) / count
+        about[i] -= np.repeat(offset, count)
+        mean[i] += offset
+        for j in moves:
             np.multiply(about[i], about[j], out=product)
-            square[:, i, j] = square[:, j, i] = np.add.reduceat(product, starts)
-    return Grams(count.astype(float), W[:, starts].T, low, high, mean, square, about)
+            square[i, j] = square[j, i] = np.add.reduceat(product, starts)
+    return Grams(count.astype(float), first, mean, square, about)

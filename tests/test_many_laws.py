@@ -13,7 +13,7 @@ from fitmodels import datasets, fit
 from fitmodels.core.errors import FitmodelsError, UsageError
 from fitmodels.fit.available import NotAvailable
 from fitmodels.fit.many.batched import many_power_laws
-from fitmodels.fit.many.batched_qr import edge_errors, solved, stacked_pairs
+from fitmodels.fit.many.batched_sums import BLOCK, blocks_of, fitted
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.regression.linear_model import OLS
@@ -265,19 +265,26 @@ def test_what_cannot_be_asked_is_said_before_the_fit(asked, said):
         many_power_laws(pair_rows("A", 1), response, factors, **usual)
 
 
-def test_every_pair_is_in_one_stack():
-    counts = np.random.default_rng(1).integers(1, 4000, 300)
-    blocks = list(stacked_pairs(counts))
-    assert sorted(np.concatenate(blocks)) == list(range(300))
-    assert all(counts[b].max() <= 1.2 * counts[b].min() for b in blocks)
+def test_every_pair_is_in_one_block():
+    counts = np.random.default_rng(1).integers(1, 40_000, 300)
+    blocks = list(blocks_of(counts))
+    assert np.concatenate([np.arange(300)[block] for block in blocks]).tolist() == list(range(300))
+    assert all(counts[block].sum() <= BLOCK or block.stop - block.start == 1 for block in blocks)
+
+
+def test_the_other_pairs_leave_no_trace():
+    frame = pd.concat([pair_rows(name, seed) for seed, name in enumerate("ABCDEFGH")])
+    together = many_power_laws(frame, "AW", FACTORS, pair="tool", edge="edge").estimates
+    for i, (_, rows) in enumerate(frame.groupby("tool")):
+        alone = many_power_laws(rows, "AW", FACTORS, pair="tool", edge="edge").estimates
+        for name in ("theta", "se", "row_se", "rss", "tss"):
+            np.testing.assert_array_equal(getattr(together, name)[i], getattr(alone, name)[0], err_msg=name)
 
 
 def test_an_edge_that_alone_holds_a_parameter_is_not_safe():
     """Of two edges the second alone has another x: nothing is left to tell the slope without it."""
     x, y = np.array([0.0, 0, 0, 1, 1]), np.array([0.1, -0.1, 0.05, 1, 1.2])
-    stack = solved(np.stack([x, y]), np.array([0]), np.array([5]))
-    _, safe = edge_errors(stack, np.array([0, 3]), np.array([0]), np.array([2]))
-    assert not safe[0]
+    assert not fitted(np.stack([x, y]), np.array([0, 3]), np.array([0])).safe[0]
 
 
 def test_each_law_is_that_of_its_rows():

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from ...core.threads import one_thread
 from ..edges import NO_EDGES, too_few_edges
 from ..laws import LARGEST_LOG
-from ..rows import EXACT
-from .batched_qr import Stack, edge_errors, solved, stacked_pairs
+from .batched_sums import LARGEST_VIF, blocks_of, fitted
 from .many_laws import Estimates, ManyLaws, enter, no_estimates, single_law
 from .pair_rows import MARGIN, PairRows, Screening, screen, sorted_rows
 
@@ -22,7 +21,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-# Residuals of a stack come from its QR, those of power_law from y - Z theta: below this share of |ln y| they differ.
+# Residuals of a block come from columns about their means, those of power_law from y - Z theta: below this share of
+# |ln y| they differ.
 NEARLY_EXACT = 1e-5
 
 
@@ -85,8 +85,8 @@ def _fill(laws: ManyLaws, rows: PairRows) -> None:
     if len(laws):
         found = screen(rows)
         for pattern, pairs in _by_pattern(found):
-            for block in stacked_pairs(rows.counts[pairs]):
-                _fit_stack(into, rows, found, pairs[block], pattern)
+            for block in blocks_of(rows.counts[pairs]):
+                _fit_block(into, rows, found, pairs[block], pattern)
         into.dropped[:] = np.bincount(rows.number, minlength=len(laws)) - rows.counts
     order = np.argsort(rows.number, kind="stable")
     bounds = np.searchsorted(rows.number[order], np.arange(len(laws) + 1))
@@ -106,51 +106,41 @@ def _by_pattern(found: Screening) -> Iterator[tuple[Flags, Ints]]:
         yield pattern, pairs[which.ravel() == i]
 
 
-def _fit_stack(into: Estimates, rows: PairRows, found: Screening, pairs: Ints, pattern: Flags) -> None:
+def _fit_block(into: Estimates, rows: PairRows, found: Screening, pairs: Ints, pattern: Flags) -> None:
     """Fit pairs of one pattern and enter those that are clear of every threshold; the others are fitted singly."""
     counts = rows.counts[pairs]
-    logs = rows.logs if pattern.all() else rows.logs[np.append(pattern, True)]
-    stack = solved(logs, rows.bounds[pairs], counts)
-    p = stack.theta.shape[1]
-    row_se = np.sqrt((stack.rss / (counts - p))[:, None] * np.einsum("mij,mij->mi", stack.root, stack.root))
-    sure = (stack.apart > EXACT * MARGIN) & (stack.rss > counts * (NEARLY_EXACT * found.largest[pairs]) ** 2)
-    sure &= np.abs(stack.theta[:, 0]) < LARGEST_LOG / MARGIN
-    se = row_se.copy()
+    W, edge_starts, pair_starts = _part(rows, pairs, pattern)
+    fits = fitted(W, edge_starts, pair_starts)
+    row_se = np.sqrt((fits.rss / (counts - len(W)))[:, None] * fits.row_variance)
+    sure = (fits.vif < LARGEST_VIF) & (fits.rss > counts * (NEARLY_EXACT * found.largest[pairs]) ** 2)
+    sure &= np.abs(fits.theta[:, 0]) < LARGEST_LOG / MARGIN
     n_edges, reason = _edge_reasons(rows, found, pairs, pattern)
     can = sure & (reason == "")
-    if can.any() and rows.edge_starts is not None:
-        safe = _by_edge(se, stack, rows, rows.edge_starts, pairs, can)
-        sure[np.flatnonzero(can)[~safe]] = False
+    sure &= fits.safe | ~can
+    se = np.where(can[:, None], np.sqrt(fits.edge_variance), row_se)
     done, at = pairs[sure], np.append(True, pattern)
-    for array, values in ((into.theta, stack.theta), (into.se, se), (into.row_se, row_se)):
+    for array, values in ((into.theta, fits.theta), (into.se, se), (into.row_se, row_se)):
         array[np.ix_(done, at)] = values[sure]
-    into.rss[done], into.tss[done] = stack.rss[sure], stack.tss[sure]
+    into.rss[done], into.tss[done] = fits.rss[sure], fits.tss[sure]
     into.nobs[done], into.n_edges[done], into.stacked[done] = counts[sure], n_edges[sure], True
     into.by_edge[done], into.edge_reason[done] = can[sure], reason[sure]
     _name_left_out(into, found, done, pattern, list(rows.raw))
 
 
-def _by_edge(se: Array, stack: Stack, rows: PairRows, edge_starts: Ints, pairs: Ints, can: Flags) -> Flags:
-    """Put standard errors by edge in ``se`` for the pairs that ``can`` have them; whether each is accurate."""
-    counts = rows.counts[pairs]
-    part = stack if can.all() else _part(stack, can, np.repeat(can, counts))
+def _part(rows: PairRows, pairs: Ints, pattern: Flags) -> tuple[Array, Ints, Ints]:
+    """Columns of some pairs, shape (q, N), where each edge begins in them, and each pair among the edges."""
+    begin, counts = rows.bounds[pairs], rows.counts[pairs]
+    names, here = np.flatnonzero(np.append(pattern, True)), _ranges(begin, counts)
+    whole = here[-1] - here[0] == len(here) - 1
+    part = slice(here[0], here[-1] + 1) if whole else here
+    W = np.stack([rows.logs[j, part] for j in names])
+    first = np.cumsum(counts) - counts
+    if rows.edge_starts is None:
+        return W, first, np.arange(len(pairs))
     bounds = rows.edge_bounds
-    begin, n_edges = bounds[pairs[can]], np.diff(bounds)[pairs[can]]
-    number = _ranges(begin, n_edges)
-    shift = np.cumsum(counts[can]) - counts[can] - rows.bounds[pairs[can]]  # from all rows to those of the stack
-    errors, safe = edge_errors(
-        part, edge_starts[number] + np.repeat(shift, n_edges), np.cumsum(n_edges) - n_edges, n_edges
-    )
-    se[can] = errors
-    return safe
-
-
-def _part(stack: Stack, pairs: Flags, rows: Flags) -> Stack:
-    """Some pairs of a stack."""
-    return Stack(
-        stack.theta[pairs], stack.root[pairs], stack.basis[:, rows], stack.residuals[rows],
-        stack.rss[pairs], stack.tss[pairs], stack.apart[pairs],
-    )  # fmt: skip
+    n_edges = np.diff(bounds)[pairs]
+    number = _ranges(bounds[pairs], n_edges)
+    return W, rows.edge_starts[number] + np.repeat(first - begin, n_edges), np.cumsum(n_edges) - n_edges
 
 
 def _ranges(begin: Ints, lengths: Ints) -> Ints:

@@ -125,8 +125,8 @@ def _numbered(table: pd.DataFrame, keys: list[str]) -> tuple[Ints, pd.DataFrame]
     for name in keys[1:]:
         codes, levels = pd.factorize(_named(table[name], name))
         number, _ = pd.factorize(number * max(len(levels), 1) + codes)
-    first = np.full(number.max(initial=-1) + 1, len(number))
-    np.minimum.at(first, number, np.arange(len(number)))
+    first = np.empty(number.max(initial=-1) + 1, dtype=np.intp)
+    first[number[::-1]] = np.arange(len(number))[::-1]
     names = pd.DataFrame({name: _named(table[name].iloc[first], name).reset_index(drop=True) for name in keys})
     return number, names
 
@@ -192,14 +192,17 @@ def screen(rows: PairRows) -> Screening:
         return found
     starts, counts = rows.bounds[here], rows.counts[here]
     first = _first_rows(rows, starts, counts)
-    about = np.abs(rows.logs - np.repeat(rows.logs[:, first], counts, axis=1))
-    reach = np.maximum.reduceat(about, starts, axis=1)
+    reach, alike = np.empty((k + 1, len(here))), np.ones(rows.logs.shape[1], dtype=bool)
+    for column, most in zip(rows.logs, reach, strict=True):
+        about = np.abs(column - np.repeat(column[first], counts))
+        np.maximum.reduceat(about, starts, out=most)
+        alike &= about == 0
     level = rows.logs[:k, first].T
     share = reach[:k].T / np.maximum(1.0, np.abs(level))
     constant = share <= CONSTANT
     hardly = ~constant & (reach[:k].T < MARGIN * HARDLY)
     close = (((share > CONSTANT / MARGIN) & (share < CONSTANT * MARGIN)) | hardly).any(axis=1)
-    copied = (np.add.reduceat(~about.any(axis=0), starts) > 1) & (counts >= 2 * FEWEST)
+    copied = (np.add.reduceat(alike, starts, dtype=np.intp) > 1) & (counts >= 2 * FEWEST)
     p = 1 + k - constant.sum(axis=1)
     found.plain[here] = (counts > p) & (p > 1) & (reach[k] > 0) & ~close & ~copied
     infinite = np.logical_or.reduce([np.isinf(values) for values in rows.raw.values()])
@@ -216,9 +219,12 @@ def _first_rows(rows: PairRows, starts: Ints, counts: Ints) -> Ints:
 
 def _within(rows: PairRows, starts: Ints) -> Flags:
     """Whether each factor changes within the edges of a pair, shape (pairs with rows, k); see ``edges``."""
-    X = rows.logs[:-1]
-    if rows.edge_starts is None:
-        return np.zeros((len(starts), len(X)), dtype=bool)
-    lengths = np.diff(rows.edge_starts, append=X.shape[1])
-    change = np.maximum.reduceat(np.abs(X - np.repeat(X[:, rows.edge_starts], lengths, axis=1)), starts, axis=1)
-    return np.asarray((change > SAME * np.maximum.reduceat(np.abs(X), starts, axis=1)).T)
+    within = np.zeros((len(starts), len(rows.logs) - 1), dtype=bool)
+    if rows.edge_starts is not None:
+        lengths = np.diff(rows.edge_starts, append=rows.logs.shape[1])
+        for j, column in enumerate(rows.logs[:-1]):
+            about = np.abs(column - np.repeat(column[rows.edge_starts], lengths))
+            if about.any():
+                change = np.maximum.reduceat(about, starts)
+                within[:, j] = change > SAME * np.maximum.reduceat(np.abs(column), starts)
+    return within
