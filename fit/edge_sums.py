@@ -134,8 +134,7 @@ class EdgeSums:
         order, starts, keys = _grouped(np.zeros(len(W), dtype=np.intp) if edge is None else edge, level)
         columns = np.empty(W.shape[::-1])
         for column, origin, into in zip(W.T, self.base.origin, columns, strict=True):
-            np.take(column, order, out=into, mode="clip")
-            into -= origin
+            np.subtract(column if order is None else column.take(order), origin, out=into)
         columns[-1] -= self.base.exponents @ columns[:-1]
         found = grams_by(columns, starts)
         at = self._numbers(keys, found.first.T)
@@ -221,16 +220,23 @@ class EdgeSums:
             setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]))]))
 
 
-def _grouped(edge: Index, level: Index | None) -> tuple[Index, Index, NDArray[np.int64]]:
-    """Order of rows by group, otherwise as they stand; where each group begins in it, and its key."""
+def _grouped(edge: Index, level: Index | None) -> tuple[Index | None, Index, NDArray[np.int64]]:
+    """Order of rows by group, otherwise as they stand, None where they are; where each group begins, and its key."""
     key = edge if level is None else edge * (level.max() + 1) + level
-    order = np.argsort(key.astype(np.uint16), kind="stable")  # of 16 bits, which numpy sorts by radix
+    order = None if np.all(key[1:] >= key[:-1]) else _sorted(key)
+    if order is not None:
+        key = key.take(order)
+    starts = np.append(0, np.flatnonzero(key[1:] != key[:-1]) + 1)
+    first = starts if order is None else order[starts]
+    return order, starts, edge[first].astype(np.int64) * MOST_LEVELS + (0 if level is None else level[first])
+
+
+def _sorted(key: Index) -> Index:
+    """Order of keys that are not negative; equal ones stay in theirs."""
+    order: Index = np.argsort(key.astype(np.uint16), kind="stable")  # of 16 bits, which numpy sorts by radix
     for bits in range(16, int(key.max()).bit_length(), 16):
         order = order.take(np.argsort((key >> bits).astype(np.uint16).take(order), kind="stable"))
-    key = key.take(order)
-    starts = np.append(0, np.flatnonzero(key[1:] != key[:-1]) + 1)
-    first = order[starts]
-    return order, starts, edge[first].astype(np.int64) * MOST_LEVELS + (0 if level is None else level[first])
+    return order
 
 
 def _root(square: Array) -> Array | None:

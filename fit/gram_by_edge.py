@@ -28,6 +28,7 @@ from .least_squares import Index, grams_by
 from .regression import law_of, linear_stage
 from .rows import check_constant
 
+MOST_HELMERT = 64  # rows up to which the n x n contrasts take no time
 MOST_EDGES = 2000  # edges of which triangles are kept
 MOST_ROWS = 1_000_000  # rows that are made from triangles
 
@@ -74,11 +75,14 @@ def edge_triangle(edge: str, W: Array, batch: str = "") -> EdgeTriangle:
 
 def _triangles(edges: Sequence[str], W: Array, starts: Index, batch: str = "") -> tuple[EdgeTriangle, ...]:
     """Triangles of the edges whose rows in W begin at ``starts``."""
+    from scipy.linalg import helmert
+
     found, made = grams_by(W.T, starts), []
     for g, about in enumerate(np.split(found.about, starts[1:], axis=1)):
         moves = np.flatnonzero(about.any(axis=1))
         n = about.shape[1]
-        root = np.linalg.qr(about[moves].T, mode="r")[: n - 1] if len(moves) else np.zeros((0, 0))
+        rows = helmert(n) @ about[moves].T if 1 < n <= MOST_HELMERT else about[moves].T
+        root = np.linalg.qr(rows, mode="r")[: n - 1] if len(moves) else np.zeros((0, 0))
         made.append(EdgeTriangle(edges[g], n, found.mean[:, g], tuple(moves.tolist()), np.asarray(root), batch))
     return tuple(made)
 

@@ -153,7 +153,7 @@ def _inverse_roots(C: Array) -> Array:
 
 def _dot(a: Array, b: Array) -> Array:
     """Sum of ``a[j] * b[j]`` in the order of j: its bits do not depend on the number of pairs, as those of einsum."""
-    total = a[0] * b[0]
+    total: Array = a[0] * b[0]
     for one, other in zip(a[1:], b[1:], strict=True):
         total += one * other
     return total
