@@ -16,6 +16,7 @@ from ..core.version import __version__
 COMMANDS = (
     *(
         "adaptive-force",
+        "app",
         "batch",
         "card",
         "check",

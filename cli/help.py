@@ -23,6 +23,7 @@ GROUPS: Final = {
         "confirm": "whether new tests agree with the laws of earlier ones",
         "optimum": "speed and feed of least cost or greatest rate; edge changes",
         "batch": "the laws of many tool/work pairs: a folder, a CSV or Parquet",
+        "app": "all of this on a page in the browser of this machine",
     },
     "Prepare data, and plan tests": {
         "look": "how a file is read, with a picture and the commands that correct it; nothing is fitted",

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from ..core.errors import FitmodelsError
     from ..datasets import Runs
     from ..datasets.options import ReadOptions
+    from ..datasets.tables import Table
 
+FIRST_ROWS, LONGEST_CELL = 12, 40  # of the table in the JSON
 MADE_BY = "fitmodels look"  # in the picture, so that another picture of its name is not replaced
 
 
@@ -33,7 +35,7 @@ def parser() -> Parser:
     p.add_argument("file", metavar="FILE", help="table of tests, as of fitmodels FILE; - reads standard input")
     p.add_argument("--out", metavar="FILE", help="the picture (default: ./<file>-look.png)")
     p.add_argument("--force", action="store_true", help="replace a picture that another program made")
-    output_options(p, "print the reading as JSON (fitmodels.look/1); no picture")
+    output_options(p, "print the reading as JSON (fitmodels.look/2); no picture")
     reading_options(p)
     return p
 
@@ -50,13 +52,15 @@ def run(args: argparse.Namespace) -> int:
         try:
             runs = read_tests(path, options)
         except (DataError, UsageError) as refusal:
-            if not (args.json or args.quiet):
-                _show_columns(path, options, refusal, args.words)
+            if not args.quiet:
+                _show_columns(path, options, refusal, args)
             raise
+        if args.json:
+            proposed = [{"purpose": why, "command": how} for why, how in _commands(runs, args.words)]
+            found = {**facts(runs), "refused": None, "commands": proposed, "rows": _first_rows(path, options)}
+            print_json("look", found, version=2)
+            return 0
     commands = _commands(runs, args.words)
-    if args.json:
-        print_json("look", {**facts(runs), "commands": [{"purpose": why, "command": how} for why, how in commands]})
-        return 0
     out = Printer(quiet=args.quiet)
     _show(runs, commands, args.words, out)
     if picture is not None:
@@ -122,22 +126,53 @@ def _named(columns: tuple[str, ...]) -> str:
     return ", ".join(columns) or "the doubt above"
 
 
-def _show_columns(path: Path, options: "ReadOptions", refusal: "FitmodelsError", words: list[str]) -> None:
+def _show_columns(path: Path, options: "ReadOptions", refusal: "FitmodelsError", args: argparse.Namespace) -> None:
     """Columns of a file whose reading is refused, where its table can be read, and the remedy as a whole command."""
     from ..cards import reading_terminal as shown
+
+    remedies = remedies_in(str(refusal))
+    first = "Corrected:" if len(remedies) == 1 else "Either:"
+    commands = [("Or:" if k else first, corrected(args.words, remedy)) for k, remedy in enumerate(remedies)]
+    table = _table(path, options)
+    if args.json:
+        facts = {"refused": str(refusal), "columns": _columns_as_found(table), "rows": _first_rows(path, options)}
+        pairs = [{"purpose": why, "command": how} for why, how in commands]
+        print_json("look", {**facts, "commands": pairs}, version=2)
+    elif table is not None:
+        out = Printer()
+        out.show(shown.raw_columns(table))
+        if commands:
+            out.show(shown.commands_block(commands))
+
+
+def _table(path: Path, options: "ReadOptions") -> "Table | None":
+    """The table of a file, where it can be read."""
     from ..core.errors import FitmodelsError
-    from ..datasets.reading import table_of_tests
+    from ..datasets.reading import tables_of_tests
 
     try:
-        table = table_of_tests(path, options)
+        return tables_of_tests(path, options)
     except FitmodelsError:
-        return
-    out = Printer()
-    out.show(shown.raw_columns(table))
-    if remedies := remedies_in(str(refusal)):
-        purpose = "Corrected:" if len(remedies) == 1 else "Either:"
-        out.show(shown.commands_block([(purpose, corrected(words, remedies[0]))]
-                                      + [("Or:", corrected(words, remedy)) for remedy in remedies[1:]]))  # fmt: skip
+        return None
+
+
+def _columns_as_found(table: "Table | None") -> list[dict[str, Any]]:
+    """Columns of a table with the roles and units of their headers."""
+    from ..datasets.columns import recognised
+
+    columns = () if table is None else table.columns
+    return [
+        {"number": column.number, "header": column.name, "name": column.name, "role": role, "unit": unit}
+        for column, (role, unit) in zip(columns, recognised(columns), strict=True)
+    ]
+
+
+def _first_rows(path: Path, options: "ReadOptions") -> list[list[str]]:
+    """Texts of the first rows, a cell for each column."""
+    table = _table(path, options)
+    columns = [] if table is None else [column.values[:FIRST_ROWS] for column in table.columns]
+    texts = ([f"{v:.6g}" if isinstance(v, float) else str(v)[:LONGEST_CELL] for v in values] for values in columns)
+    return [["" if text == "nan" else text for text in row] for row in zip(*texts, strict=True)]
 
 
 def _picture_path(args: argparse.Namespace) -> Path:

@@ -37,7 +37,9 @@ UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}  # names where the fi
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """Role of a column: symbol, quantity, canonical unit ("" for a label), kind, and all names.
+    """Role of a column: symbol, quantity, canonical unit ("" for a label), kind, all names, and local quantities.
+
+    ``local`` holds the quantity in German, French and Spanish, as far as it is known.
 
     >>> ROLES["V"].quantity, ROLES["V"].unit
     ('cutting speed', 'm/min')
@@ -48,11 +50,13 @@ class Role:
     unit: str
     kind: Kind
     names: tuple[str, ...]
+    local: tuple[str, ...] = ()
 
 
 def _role(symbol: str, quantity: str, unit: str, kind: Kind, *names: str) -> Role:
     """Build a role whose further names come as lists, a string for each language."""
-    return Role(symbol, quantity, unit, kind, (symbol, quantity, *", ".join(names).split(", ")))
+    local = tuple(listed.split(", ")[0] for listed in names[1:4])
+    return Role(symbol, quantity, unit, kind, (symbol, quantity, *", ".join(names).split(", ")), local)
 
 
 # fmt: off
@@ -130,7 +134,7 @@ _TABLE = (
     _role("Fxz", "thrust force", "N", "load", "thrust"),
     _role("Fc", "cutting force", "N", "load", "main cutting force, tangential force", "Schnittkraft",
           "effort de coupe, force de coupe, effort tangentiel", "fuerza de corte"),
-    _role("Ff", "feed force", "N", "load", "Vorschubkraft", "effort d'avance, force d'avance",
+    _role("Ff", "feed force", "N", "load", "feed force", "Vorschubkraft", "effort d'avance, force d'avance",
           "fuerza de avance"),
     _role("Fp", "passive force", "N", "load", "back force", "Passivkraft",
           "effort passif, effort de refoulement",
@@ -158,8 +162,8 @@ _TABLE = (
           "Rauheit, Rauigkeit, Mittenrauwert", "rugosité", "rugosidad, rugosidad media"),
     _role("Rz", "maximum height of profile", "um", "surface", "roughness depth",
           "Rautiefe, gemittelte Rautiefe"),
-    _role("edge", "cutting edge", "", "label", "test, test no, test number, test id, test #, case, case no",
-          "edge no, edge number, edge id, edge #, Schneide, Schneidkante, Schneidennr, Schneide Nr",
+    _role("edge", "cutting edge", "", "label", "test, test no, test number, test id, test #, case, case no, "
+          "edge no, edge number, edge id, edge #", "Schneide, Schneidkante, Schneidennr, Schneide Nr, "
           "Versuch, Versuchsnr, Versuch Nr, Versuchsnummer",
           "arête, arête de coupe, essai, essai no, numéro d'essai",
           "filo, filo de corte, ensayo, ensayo no"),

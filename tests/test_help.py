@@ -360,7 +360,10 @@ def place(fitted, tmp_path, monkeypatch, constant_load_file):
     return tmp_path
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+ENDLESS = ("app",)  # serves until it is interrupted; see test_app.py
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ENDLESS])
 def test_the_example_of_the_help_runs(name, place):
     PREPARED.get(name, lambda: None)()
     words = shlex.split(parser(name).example)
@@ -374,7 +377,7 @@ def test_the_example_of_the_help_runs(name, place):
 
 
 SLOW = ("batch", "compare", "ident", "look", "next", "publish", "reduce", "replay", "tune")  # run once, not three times
-TWICE = [name for name in COMMANDS if name not in (*SLOW, "help", "completion")]
+TWICE = [name for name in COMMANDS if name not in (*SLOW, *ENDLESS, "help", "completion")]
 
 
 @pytest.mark.parametrize("name", TWICE)

@@ -1,0 +1,292 @@
+"""Forms of the commands that take the laws of a file on to a machine, and the words of a command from a filled form."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import UsageError
+
+LONGEST = 200  # characters of a value
+LABELS = {  # kinds of exports, which are the suffixes of their files
+    "hal": "LinuxCNC HAL file", "comp": "LinuxCNC component for halcompile", "st": "IEC 61131-3 structured text",
+    "c": "C source for firmware", "fmu": "FMI 2.0 co-simulation", "nc": "NC program of the plan",
+    "csv": "table of the plan", "ngc": "G-code parameters and M52", "mat": "MATLAB struct",
+    "ssv": "FMI parameter values", "h": "C header of values", "ini": "key and value",
+}  # fmt: skip
+SYSTEMS = tuple((name, name) for name in ("region", "recursion", "constant-load", "roughness", "adaptive-force"))
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """One field of a form.
+
+    Attributes
+    ----------
+    name, label : str
+    words : str
+        What the command gets where the field is filled, ``{}`` in the place of the value: ``--rise {}``.
+    hint, value : str
+        An example, and what the field holds at first.
+    choices : tuple of (str, str)
+        Values and labels of a menu; empty for a text.
+    needed : bool
+    """
+
+    name: str
+    label: str
+    words: str
+    hint: str = ""
+    value: str = ""
+    choices: tuple[tuple[str, str], ...] = ()
+    needed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """A command with its form.
+
+    Attributes
+    ----------
+    name : str
+        Of the command.
+    title, words : str
+        What it does.
+    inputs : tuple of Input
+    fixed : str
+        Further words, with ``{stem}`` of the file and ``{to}`` of the kind of an export.
+    first : str
+        What stands after the command: ``params``, ``tests``, or ``record``, which is chosen.
+    is_form : bool
+        Whether it stands among the forms; ``compare`` stands beside the laws.
+    """
+
+    name: str
+    title: str
+    words: str
+    inputs: tuple[Input, ...] = ()
+    fixed: str = ""
+    first: str = "params"
+    is_form: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What the forms are about: a file, its parameter file, and the other files of the project."""
+
+    stem: str
+    params: str
+    content: Mapping[str, Any] = field(default_factory=dict)
+    others: Sequence[str] = ()
+
+
+def subject_of(folder: Path, stem: str, params: str, others: Sequence[str]) -> Subject:
+    """The subject of a parameter file of the folder; without content where it cannot be read."""
+    try:
+        content = json.loads((folder / params).read_text("utf-8"))
+    except (OSError, ValueError):
+        content = {}
+    return Subject(stem, params, content if isinstance(content, dict) else {}, others)
+
+
+def actions(of: Subject) -> tuple[Action, ...]:
+    """The forms, in the order in which they are needed."""
+    return (*_of_laws(of), *_of_control(of), CARD, CHECK, EXPORT)
+
+
+def _of_laws(of: Subject) -> tuple[Action, ...]:
+    """Forms of what the laws give."""
+    return (
+        Action("compare", "Compare forms", "Forms of each law on the same rows.", first="tests", is_form=False),
+        Action("predict", "Predict", "What the laws give at your settings, with intervals.", _conditions(of)),
+        Action(
+            "next",
+            "Plan further tests",
+            "The tests that narrow the answer most, as a table to fill in.",
+            (
+                Input("runs", "edges to add", "--runs {}", "4"),
+                Input("within", "half width asked for, %", "--within {}", "15"),
+            ),
+            "--out {stem}-next.csv --force",
+            "tests",
+        ),
+        Action("limits", "Limits", "Limits that optimum, replay and exports respect.", _limits(of), "--force"),
+        Action("costs", "Costs", "Rates, prices and times of a part.", COSTS, "--force"),
+        Action(
+            "optimum",
+            "Optimum",
+            "Speed and feed of least cost and of greatest rate; when to change the edge.",
+            (
+                Input("V", "cutting speed today, m/min", "--today V={}"),
+                Input("f", "feed today, mm/rev", "--today f={}"),
+                Input("depth", "depth of cut", "--depth {}", "2.5mm"),
+            ),
+            "--figure {stem}-cost.png --force",
+        ),
+    )
+
+
+def _of_control(of: Subject) -> tuple[Action, ...]:
+    """Forms of dynamics, settings and gains."""
+    records = tuple((name, name) for name in of.others)
+    return (
+        Action(
+            "ident",
+            "Dynamics",
+            "A model of the feed drive from a chirp record of the project, for the gains.",
+            (Input("record", "record", "{}", choices=records, needed=True), *SIGNALS),
+            "--params {params} --force",
+            "record",
+        ),
+        Action(
+            "settings",
+            "Constant load",
+            "Reference load, feed limits and tool change by the load law.",
+            SETTINGS,
+            "--force",
+        ),
+        Action("tune", "Gains", "PI gains that meet a specification, with its probability.", GAINS, "--force"),
+        Action(
+            "replay",
+            "Replay",
+            "The controllers of the papers with these laws, on simulated machines.",
+            (Input("system", "system", "--system {}", choices=(("", "all that the file supports"), *SYSTEMS)),),
+            "--out {stem}-replay",
+        ),
+    )
+
+
+SIGNALS = (
+    Input("input", "commanded column", "--input {}"),
+    Input("output", "measured column", "--output {}"),
+    Input("rate", "samples per second", "--rate {}"),
+)
+SETTINGS = (
+    Input("worn", "load limit of a worn tool", "--worn {}", "0.28", needed=True),
+    Input("window", "wear at tool change", "--window {}", "180:220um"),
+    Input("idle", "load of the running spindle in air", "--idle {}"),
+    Input(
+        "on-fault", "on a lost or wrong load", "--on-fault {}",
+        choices=(("", "feed to its lower limit"), ("stop", "stop the feed")),
+    ),
+)  # fmt: skip
+GAINS = (
+    Input("rise", "rise time at most, s", "--rise {}"),
+    Input("settle", "settling time at most, s", "--settle {}"),
+    Input("overshoot", "overshoot at most, as a fraction", "--overshoot {}", "0.02"),
+    Input("probability", "required probability", "--probability {}", "0.9"),
+    Input("low", "lowest command", "--low {}"),
+    Input("high", "highest command", "--high {}"),
+    Input("unit", "unit of the command", "--unit {}", "mm/min"),
+)
+CARD = Action("card", "Card", "The card again, with all that was added to the file.", fixed="--force")
+CHECK = Action("check", "Check", "Whether the file is consistent, and its control safe.")
+EXPORT = Action(
+    "export",
+    "Export",
+    "A file that a controller loads; what fails the check is refused.",
+    (
+        Input("to", "kind", "--to {}", choices=tuple(LABELS.items()), needed=True),
+        Input("system", "what is controlled", "--system {}", choices=(("", "as the file asks for"), *SYSTEMS)),
+        Input("diameter", "diameter of the part (NC program)", "--diameter {}", "60mm"),
+        Input("length", "length of the cut (NC program)", "--length {}", "100mm"),
+        Input("max-rpm", "highest spindle speed (NC program)", "--max-rpm {}", "3000"),
+    ),
+    "--out {stem}-control.{to} --force",
+)
+COSTS = (
+    Input("machine", "machine rate", "machine={}", "60/h"),
+    Input("edge", "price of an edge", "edge={}", "8"),
+    Input("change", "time of a change", "change={}", "1.5min"),
+    Input("handling", "handling time of a part", "handling={}", "2min"),
+    Input("volume", "volume cut from a part", "volume={}", "120cm3"),
+    Input("failure", "cost of a failed edge beyond its change", "failure={}", "40"),
+    Input("currency", "currency", "currency={}", "EUR"),
+)
+
+
+def _factors(of: Subject) -> list[Mapping[str, Any]]:
+    """Factors of the design, with finite ranges."""
+    found = (of.content.get("design") or {}).get("factors") or []
+    return [
+        one for one in found if isinstance(one.get("low"), int | float) and isinstance(one.get("high"), int | float)
+    ]
+
+
+def _conditions(of: Subject) -> tuple[Input, ...]:
+    return tuple(
+        Input(one["symbol"], f"{one['quantity']}, {one['unit']}", one["symbol"] + "={}",
+              f"{one['low']:g} to {one['high']:g}", f"{(one['low'] + one['high']) / 2:.3g}")
+        for one in _factors(of)
+    )  # fmt: skip
+
+
+def _limits(of: Subject) -> tuple[Input, ...]:
+    laws = (of.content.get("laws") or {}).items()
+    upper = [
+        Input(name, f"{law.get('quantity', name)} {name} at most, {law.get('unit', '')}", name + "={}")
+        for name, law in laws
+    ]
+    life = [Input("T", "tool life at least, min", "T={}")] if of.content.get("tool_life") else []
+    ranges = [
+        Input(one["symbol"], f"range of {one['quantity']}, {one['unit']}", one["symbol"] + "={}",
+              f"{one['low']:g}:{one['high']:g}", f"{one['low']:g}:{one['high']:g}")
+        for one in _factors(of) if one["symbol"] in ("V", "f")
+    ]  # fmt: skip
+    return (*upper, *life, *ranges)
+
+
+def command(action: Action, of: Subject, given: Mapping[str, str], tests: Sequence[str]) -> list[str]:
+    """Words of the command of a filled form.
+
+    Parameters
+    ----------
+    action : Action
+    of : Subject
+    given : mapping of str
+        Values of the fields.
+    tests : sequence of str
+        The file of tests with the options of its reading.
+
+    Raises
+    ------
+    UsageError
+        A needed field is empty, or a value holds what no value holds.
+
+    Examples
+    --------
+    >>> of = Subject("d", "d-fit/p/params.json")
+    >>> limits = Action("limits", "", "", (Input("P", "", "P={}"),), "--force")
+    >>> command(limits, of, {"P": "7 kW"}, ["d.csv"])
+    ['limits', 'd-fit/p/params.json', 'P=7 kW', '--force']
+    """
+    first = {"params": [of.params], "tests": list(tests)}.get(action.first, [])
+    words, filled = [action.name, *first], {}
+    for one in action.inputs:
+        value = _value(one, given.get(one.name, ""))
+        if value:
+            filled[one.name] = value
+            words += [part.replace("{}", value) for part in _joined(one.words, value).split(" ")]
+    return words + [
+        part.format(stem=of.stem, to=filled.get("to", ""), params=of.params) for part in action.fixed.split(" ") if part
+    ]
+
+
+def _joined(words: str, value: str) -> str:
+    """``--option={}`` for a value that begins like an option."""
+    return words.replace(" ", "=", 1) if value.startswith("-") and words.startswith("--") else words
+
+
+def _value(one: Input, given: str) -> str:
+    value = given.strip()
+    if len(value) > LONGEST or re.search(r"[\x00-\x1f\x7f]", value):
+        raise UsageError(f"{one.label}: a value has up to {LONGEST} characters and no line breaks.")
+    if one.choices and value not in {key for key, _ in one.choices}:
+        raise UsageError(f"{one.label}: choose one of {', '.join(label for _, label in one.choices) or 'none'}.")
+    if one.needed and not value:
+        raise UsageError(f"{one.label} is empty: fill it in{f', such as {one.hint}' if one.hint else ''}.")
+    if not one.words.startswith("--") and value.startswith("-") and "=" not in one.words:
+        raise UsageError(f"{one.label}: {value} begins like an option.")
+    return value

@@ -1,0 +1,222 @@
+"""Commands in processes of their own: started at once, two at a time, with their output so far; each can be cancelled.
+
+A process is forked from a server that has imported the package, so that a command begins without imports; where the
+system has no such servers (Windows), each process imports for itself.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import secrets
+import shutil
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing.context import BaseContext
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Literal
+
+Runner = Callable[[Sequence[str]], int]
+
+AT_ONCE = 2
+GRACE = 5.0  # s between the request to stop and the end of the process
+SHOWN = 200_000  # characters of an output
+KEPT = 60  # ended jobs
+COLUMNS = "100"
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+STARTED_BY_SERVER = "forkserver" in multiprocessing.get_all_start_methods()
+
+
+@dataclass(slots=True)
+class Job:
+    """A command that waits, runs or has ended.
+
+    Attributes
+    ----------
+    id : str
+    words : tuple of str
+        Without the program.
+    started, ended : float
+        Of a monotonic clock, s; 0 before.
+    clock_time : float
+        When it was started, s since 1970, as files state their times.
+    code : int or None
+        Exit code, None before the end; negative: the signal that ended it.
+    cancelled : bool
+    """
+
+    id: str
+    words: tuple[str, ...]
+    out: Path
+    err: Path
+    started: float = 0.0
+    ended: float = 0.0
+    clock_time: float = 0.0
+    code: int | None = None
+    cancelled: bool = False
+    process: BaseProcess | None = None
+    future: "Future[None] | None" = field(default=None, repr=False)
+
+    @property
+    def state(self) -> Literal["waiting", "running", "done", "cancelled"]:
+        """Where it stands."""
+        if self.code is None:
+            return "running" if self.started else "waiting"
+        return "cancelled" if self.cancelled else "done"
+
+    @property
+    def seconds(self) -> float:
+        """Seconds that it has run."""
+        return (self.ended or time.monotonic()) - self.started if self.started else 0.0
+
+    @property
+    def output(self) -> str:
+        """Standard output so far."""
+        return _text(self.out)
+
+    @property
+    def errors(self) -> str:
+        """Standard error so far."""
+        return _text(self.err)
+
+
+def _text(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            data = file.read(SHOWN + 1)
+    except OSError:
+        return ""
+    text = data[:SHOWN].decode("utf-8", "replace")
+    return text if len(data) <= SHOWN else f"{text}\n... (more in a terminal)"
+
+
+class Jobs:
+    """Commands of one folder.
+
+    Parameters
+    ----------
+    run : callable
+        Runs the words of a command in the process and returns its exit code; a function of a module.
+    folder : path
+        In which commands run.
+    preload : sequence of str
+        Modules that the server of processes imports before the first command.
+    ended : callable, optional
+        Called with the words and exit code of each command that has ended, and was not cancelled.
+
+    Examples
+    --------
+    >>> from fitmodels import cli
+    >>> jobs = Jobs(cli.main, ".")
+    >>> job = jobs.start(["--version"])
+    >>> job.future.result(60), job.code, job.output.split()[0]
+    (None, 0, 'fitmodels')
+    >>> jobs.close()
+    """
+
+    def __init__(
+        self,
+        run: Runner,
+        folder: str | os.PathLike[str],
+        preload: Sequence[str] = (),
+        ended: Callable[[Sequence[str], int], None] | None = None,
+    ) -> None:
+        for name in ONE_THREAD:  # small matrices; read when numpy is first imported, in the other process
+            os.environ.setdefault(name, "1")
+        os.environ["MPLBACKEND"] = "agg"
+        self._run, self._ended, self.folder = run, ended, Path(folder).resolve()
+        self._context: BaseContext = multiprocessing.get_context("forkserver" if STARTED_BY_SERVER else "spawn")
+        if STARTED_BY_SERVER:
+            self._context.set_forkserver_preload(list(preload))
+        self._outputs = Path(tempfile.mkdtemp(prefix="fitmodels-app-"))
+        self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="job")
+        self._jobs: dict[str, Job] = {}
+        self._lock = threading.Lock()
+
+    def start(self, words: Sequence[str]) -> Job:
+        """Start a command, or let it wait for the end of others."""
+        name = secrets.token_hex(8)
+        job = Job(name, tuple(words), self._outputs / f"{name}.out", self._outputs / f"{name}.err")
+        with self._lock:
+            self._jobs[name] = job
+            old = [one for one in self._jobs.values() if one.code is not None][:-KEPT]
+            for one in old:
+                del self._jobs[one.id]
+                one.out.unlink(missing_ok=True)
+                one.err.unlink(missing_ok=True)
+        job.future = self._pool.submit(self._work, job)
+        return job
+
+    def get(self, name: str) -> Job | None:
+        """The job of an id."""
+        return self._jobs.get(name)
+
+    def cancel(self, job: Job) -> None:
+        """Ask a command to stop, and end it where it does not; one that waits is not started."""
+        with self._lock:
+            if job.code is not None:
+                return
+            job.cancelled = True
+            process = job.process
+        if process is not None and process.pid is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(process.pid, signal.SIGINT if os.name == "posix" else signal.SIGTERM)
+            threading.Timer(GRACE, _end, [process]).start()
+
+    def close(self) -> None:
+        """Cancel what runs, and remove the outputs."""
+        for job in list(self._jobs.values()):
+            self.cancel(job)
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        shutil.rmtree(self._outputs, ignore_errors=True)
+
+    def _work(self, job: Job) -> None:
+        """Run a command in a process and wait for its end."""
+        with self._lock:
+            if not job.cancelled:
+                job.process = self._context.Process(  # type: ignore[attr-defined]
+                    target=_child,
+                    args=(self._run, job.words, str(self.folder), str(job.out), str(job.err)),
+                    daemon=True,
+                )
+                job.started, job.clock_time = time.monotonic(), time.time()
+        if job.process is not None:
+            job.process.start()
+            if job.cancelled:  # asked for while it was started
+                _end(job.process)
+            job.process.join()
+        job.ended = time.monotonic()
+        code = None if job.process is None else job.process.exitcode
+        if self._ended is not None and code is not None and not job.cancelled:
+            self._ended(job.words, code)
+        job.code = 130 if code is None else code
+
+
+def _end(process: BaseProcess) -> None:
+    with contextlib.suppress(ValueError, ProcessLookupError):
+        process.kill()
+
+
+def _child(run: Runner, words: Sequence[str], folder: str, out: str, err: str) -> None:
+    """Run a command with its output in files, and end with its exit code."""
+    os.chdir(folder)
+    os.environ["COLUMNS"] = COLUMNS
+    for number, name in ((1, out), (2, err)):
+        file = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        os.dup2(file, number)
+        os.close(file)
+    sys.stdout = open(1, "w", encoding="utf-8", closefd=False, buffering=1)  # noqa: SIM115  until the end
+    sys.stderr = open(2, "w", encoding="utf-8", closefd=False, buffering=1)  # noqa: SIM115
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        code = run(list(words))
+    except SystemExit as stop:
+        code = int(stop.code or 0)
+    sys.stdout.flush()
+    sys.exit(code)

@@ -1,0 +1,327 @@
+"""The page of a project: its files, how each is read, its laws, and the commands that lead to a machine."""
+
+import asyncio
+import mimetypes
+import re
+import shlex
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from ..core.errors import FitmodelsError, UsageError
+from . import options, reading
+from .command_forms import Subject, actions, command, subject_of
+from .jobs import Job, Jobs, Runner
+from .project import Entry, Project
+from .results import PICTURES, facts_of_laws, policy_of_card, reading_of, to_repeat, verdicts, written
+
+PRELOAD: Final = (
+    "fitmodels.pipeline.analysis", "fitmodels.pipeline.folders", "fitmodels.cards.figures", "fitmodels.cards.folder",
+    "fitmodels.cards.first_screen", "fitmodels.datasets.overview", "fitmodels.cli.wear", "fitmodels.cli.look",
+)  # fmt: skip
+SHOWN_STEPS = 30
+MOST_FILES = 50  # of one upload
+OTHERS = re.compile(r"fitmodels (costs|limits|settings|tune|ident|next)\b")  # commands that a message names
+
+
+@dataclass(slots=True)
+class Shown:
+    """Commands that show a file as it is set now, and its reading."""
+
+    key: tuple[str, ...]
+    look: Job
+    laws: Job
+    picture: Job
+    found: dict[str, Any] = field(default_factory=dict)
+
+
+class Page:
+    """The page of one project.
+
+    Parameters
+    ----------
+    project : Project
+    run : callable
+        Runs the words of a command and returns its exit code.
+    """
+
+    def __init__(self, project: Project, run: Runner) -> None:
+        self.project = project
+        self.jobs = Jobs(run, project.folder, PRELOAD, self._ended)
+        self._shown: dict[str, Shown] = {}
+        self._lock = threading.Lock()
+        self._templates = Environment(
+            loader=PackageLoader("fitmodels.app"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+            lstrip_blocks=True,
+        )  # fmt: skip
+        self._templates.filters["typed"] = lambda words: shlex.join(["fitmodels", *words])
+        self._templates.filters["joined"] = shlex.join
+        self._templates.filters["options_of"] = lambda text: shlex.join(shlex.split(text)[2:])
+
+    def application(self) -> Starlette:
+        """The application without its guard."""
+        of_file, get, post = "/files/{name}", ["GET"], ["POST"]
+        return Starlette(
+            routes=[
+                Route("/", self._start, methods=get),
+                Route("/files", self._add, methods=post),
+                Route(of_file, self._file, methods=get),
+                Route(f"{of_file}/reading", self._reading, methods=get),
+                Route(f"{of_file}/picture", self._picture, methods=get),
+                Route(f"{of_file}/laws", self._laws, methods=get),
+                Route(f"{of_file}/set", self._set, methods=post),
+                Route(f"{of_file}/apply", self._apply, methods=post),
+                Route(f"{of_file}/again", self._fit_again, methods=post),
+                Route(f"{of_file}/repeat", self._repeat, methods=post),
+                Route(f"{of_file}/undo", self._undo, methods=post),
+                Route(f"{of_file}/leave-out", self._leave_out, methods=post),
+                Route(f"{of_file}/machine", self._machine, methods=get),
+                Route(f"{of_file}/run/{{action}}", self._run, methods=post),
+                Route(f"{of_file}/results/{{path:path}}", self._result, methods=get),
+                Route("/jobs/{id}", self._job, methods=get),
+                Route("/jobs/{id}/cancel", self._cancel, methods=post),
+                Mount("/static", StaticFiles(packages=[("fitmodels.app", "templates")])),
+            ],
+            exception_handlers={FitmodelsError: self._refused, HTTPException: self._missing},
+        )
+
+    def _render(self, template: str, status: int = 200, **facts: Any) -> HTMLResponse:  # noqa: ANN401
+        return HTMLResponse(self._templates.get_template(template).render(**facts), status)
+
+    async def _refused(self, _: Request, error: Exception) -> Response:
+        return self._render("alert.html", HTTPStatus.UNPROCESSABLE_ENTITY, words=str(error))
+
+    async def _missing(self, _: Request, error: Exception) -> Response:
+        status = error.status_code if isinstance(error, HTTPException) else HTTPStatus.INTERNAL_SERVER_ERROR
+        return self._render("alert.html", status, words=getattr(error, "detail", ""))
+
+    # the project
+
+    async def _start(self, _: Request) -> Response:
+        found = await asyncio.to_thread(verdicts, self.project)
+        steps = self.project.steps[-SHOWN_STEPS:][::-1]
+        return self._render("project.html", project=self.project, verdicts=found, steps=steps)
+
+    async def _add(self, request: Request) -> Response:
+        async with request.form(max_files=MOST_FILES, max_fields=5) as form:
+            given = [part for part in form.getlist("file") if not isinstance(part, str) and part.filename]
+            added = [await asyncio.to_thread(self.project.add, part.filename or "", part.file) for part in given]
+        if not added:
+            raise UsageError("no file was chosen: choose a table of tests or a record.")
+        for entry in added:
+            self._show(entry)
+        target = f"/files/{quote(added[0].name)}" if len(added) == 1 else "/"
+        if "hx-request" in request.headers:
+            return Response(headers={"HX-Redirect": target})
+        return RedirectResponse(target, HTTPStatus.SEE_OTHER)
+
+    def _entry(self, name: str) -> Entry:
+        entry = self.project.entry(name)
+        if entry is None:
+            raise HTTPException(HTTPStatus.NOT_FOUND, "There is no such file in the project.")
+        return entry
+
+    # one file
+
+    async def _file(self, request: Request) -> Response:
+        entry = self._entry(request.path_params["name"])
+        changed = await asyncio.to_thread(self.project.is_changed, entry)
+        return self._render(
+            "file.html", entry=entry, project=self.project, changed=changed, command=options.command_of(entry)
+        )
+
+    def _show(self, entry: Entry, *, force: bool = False) -> Shown:
+        """Commands that read and fit a file as it is set now, started where they are not yet, or again by force."""
+        key = (entry.sha256, *entry.options)
+        with self._lock:
+            now = self._shown.get(entry.name)
+            if now is None or now.key != key or force:
+                for job in () if now is None else (now.look, now.laws, now.picture):
+                    self.jobs.cancel(job)
+                look = ["look", entry.name, *options.of_reading(entry.options)]
+                drawn = [*look, "--out", f"{entry.stem}-look.png", "--force"]
+                fit = options.command_of(entry, force=force)
+                look_job, fit_job, drawing = (self.jobs.start(words) for words in ([*look, "--json"], fit, drawn))
+                now = self._shown[entry.name] = Shown(key, look_job, fit_job, drawing)
+            return now
+
+    async def _reading(self, request: Request) -> Response:
+        entry = self._entry(request.path_params["name"])
+        now = self._show(entry)
+        if now.look.code is None:
+            return self._waiting(now.look, "reading", f"/files/{quote(entry.name)}/reading")
+        now.found = now.found or reading_of(now.look)
+        language = reading.language_of(request.headers.get("accept-language", ""))
+        columns = await asyncio.to_thread(reading.column_menus, now.found, language)
+        return self._render("reading.html", entry=entry, look=now.found, columns=columns, job=now.look)
+
+    async def _picture(self, request: Request) -> Response:
+        entry = self._entry(request.path_params["name"])
+        job = self._show(entry).picture
+        if job.code is None:
+            return self._waiting(job, "drawing", f"/files/{quote(entry.name)}/picture")
+        path = f"{entry.stem}-look.png" if job.code == 0 else ""
+        return self._render("picture.html", entry=entry, path=path, job=job)
+
+    async def _laws(self, request: Request) -> Response:
+        entry = self._entry(request.path_params["name"])
+        job = self._show(entry).laws
+        if job.code is None:
+            return self._waiting(job, "fitting", f"/files/{quote(entry.name)}/laws")
+        facts = await asyncio.to_thread(facts_of_laws, self.project, entry)
+        return self._render("laws.html", entry=entry, job=job, **facts)
+
+    def _waiting(self, job: Job, what: str, again: str) -> Response:
+        return self._render("waiting.html", job=job, what=what, again=again)
+
+    # its options
+
+    async def _set(self, request: Request) -> Response:
+        entry = self._entry(request.path_params["name"])
+        given = await _fields(request)
+        columns = self._show(entry).found.get("columns", [])
+        name, value = await asyncio.to_thread(reading.option_of_change, given, columns)
+        return self._changed(entry, options.replaced(entry.options, name, value))
+
+    async def _apply(self, request: Request) -> Response:
+        """Set the options of a remedy that the reading or a card names."""
+        entry = self._entry(request.path_params["name"])
+        wanted = (await _fields(request)).get("options", "")
+        found = self._show(entry).found
+        facts = await asyncio.to_thread(facts_of_laws, self.project, entry)
+        known = {doubt["remedy"] for doubt in found.get("doubts", [])} | set(facts["remedies"])
+        known |= {shlex.join(shlex.split(one["command"])[2:]) for one in found.get("commands", [])}
+        if wanted not in known:
+            raise UsageError("there is no such remedy any more: reload the page.")
+        return self._changed(entry, options.applied(entry.options, wanted))
+
+    async def _undo(self, request: Request) -> Response:
+        """Read the file as it came."""
+        return self._changed(self._entry(request.path_params["name"]), [], {})
+
+    async def _leave_out(self, request: Request) -> Response:
+        """Leave rows or edges out with a reason, or take them in again."""
+        entry = self._entry(request.path_params["name"])
+        given = await _fields(request)
+        target, reason = (given.get(name, "").strip() for name in ("target", "reason"))
+        if not target or len(target) > 200 or target.startswith("-") or any(ord(sign) < 32 for sign in target):
+            raise UsageError("name an edge, or lines, such as: lines 16, 18-20.")
+        reasons = {key: words for key, words in entry.reasons.items() if key != target}
+        if given.get("again") == "1":
+            kept = [pair for pair in options.pairs(entry.options) if pair != ("--leave-out", target)]
+            return self._changed(entry, options.words(kept), reasons)
+        if not reason or len(reason) > 500:
+            raise UsageError("state why it is left out: the reason is kept in the project.")
+        return self._changed(entry, options.replaced(entry.options, "--leave-out", target), {**reasons, target: reason})
+
+    def _changed(self, entry: Entry, words: list[str], reasons: dict[str, str] | None = None) -> Response:
+        """The page after the options of a file were changed."""
+        self._show(self.project.change(entry, words, reasons), force=True)
+        return Response(headers={"HX-Redirect": f"/files/{quote(entry.name)}"})
+
+    async def _fit_again(self, request: Request) -> Response:
+        """Fit again, in place of what other options gave."""
+        entry = self._entry(request.path_params["name"])
+        return self._changed(entry, list(entry.options))
+
+    # commands on its parameter file
+
+    def _subject(self, entry: Entry, wanted: str) -> tuple[list[str], Subject]:
+        """The parameter files of a file, and the one that is wanted, or the first."""
+        paths = self.project.parameter_files(entry)
+        if not paths:
+            raise UsageError("there is no parameter file yet: the laws above must be fitted first.")
+        others = [one.name for one in self.project.files if one.name != entry.name]
+        path = wanted if wanted in paths else paths[0]
+        return paths, subject_of(self.project.folder, entry.stem, path, others)
+
+    async def _machine(self, request: Request) -> Response:
+        entry = self._entry(request.path_params["name"])
+        wanted = request.query_params.get("params", "")
+        try:
+            paths, subject = await asyncio.to_thread(self._subject, entry, wanted)
+        except UsageError as missing:
+            return self._render("alert.html", words=str(missing))
+        forms = [one for one in actions(subject) if one.is_form]
+        return self._render("machine.html", entry=entry, actions=forms, paths=paths, path=subject.params)
+
+    async def _run(self, request: Request) -> Response:
+        entry = self._entry(request.path_params["name"])
+        given = await _fields(request)
+        _, subject = await asyncio.to_thread(self._subject, entry, given.get("params", ""))
+        action = {one.name: one for one in actions(subject)}.get(request.path_params["action"])
+        if action is None:
+            raise HTTPException(HTTPStatus.NOT_FOUND, "There is no such command on this page.")
+        own = options.of_comparison if action.name == "compare" else options.of_reading
+        job = self.jobs.start(command(action, subject, given, [entry.name, *own(entry.options)]))
+        return self._waiting(job, action.title.lower(), _address(job, entry))
+
+    async def _repeat(self, request: Request) -> Response:
+        """Run a command again that added to the former parameter file."""
+        entry = self._entry(request.path_params["name"])
+        wanted = (await _fields(request)).get("command", "")
+        known = {shlex.join(words): words for words in await asyncio.to_thread(to_repeat, self.project, entry)}
+        if wanted not in known:
+            raise UsageError("this command was run again already: reload the page.")
+        job = self.jobs.start(known[wanted])
+        return self._waiting(job, job.words[0], _address(job, entry))
+
+    async def _job(self, request: Request) -> Response:
+        job = self.jobs.get(request.path_params["id"])
+        if job is None:
+            raise HTTPException(HTTPStatus.NOT_FOUND, "This command is no longer known: run it again.")
+        entry = self._entry(request.query_params.get("file", ""))
+        if job.code is None:
+            return self._waiting(job, job.words[0], _address(job, entry))
+        files = await asyncio.to_thread(written, self.project, entry, job)
+        pictures = [name for name in files if name.endswith(PICTURES)]
+        links = list(dict.fromkeys(OTHERS.findall(job.errors)))
+        return self._render("result.html", entry=entry, job=job, written=files, pictures=pictures, links=links)
+
+    async def _cancel(self, request: Request) -> Response:
+        job = self.jobs.get(request.path_params["id"])
+        if job is not None:
+            await asyncio.to_thread(self.jobs.cancel, job)
+        return Response(status_code=HTTPStatus.NO_CONTENT)
+
+    def _ended(self, words: Sequence[str], code: int) -> None:
+        """Keep in the project what was run, but for readings."""
+        if words[0] not in ("look", "--version"):
+            self.project.ran(words, code)
+
+    async def _result(self, request: Request) -> Response:
+        """A file that a command has written, by its path among the results."""
+        entry = self._entry(request.path_params["name"])
+        results = await asyncio.to_thread(self.project.results, entry)
+        path: Path | None = results.get(request.path_params["path"])
+        if path is None:
+            raise HTTPException(HTTPStatus.NOT_FOUND, "There is no such result.")
+        if path.suffix == ".html":
+            text = await asyncio.to_thread(path.read_text, "utf-8")
+            return HTMLResponse(text, headers={"content-security-policy": policy_of_card(text)})
+        if path.suffix in PICTURES:
+            alone = {"content-security-policy": "default-src 'none'; sandbox"}
+            return FileResponse(path, media_type=mimetypes.guess_type(path.name)[0], headers=alone)
+        return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+
+
+async def _fields(request: Request) -> dict[str, str]:
+    """Fields of a form without files."""
+    async with request.form(max_files=0, max_fields=40) as form:
+        return {name: str(value) for name, value in form.items()}
+
+
+def _address(job: Job, entry: Entry) -> str:
+    return f"/jobs/{job.id}?file={quote(entry.name)}"

@@ -1,0 +1,147 @@
+"""What the results of a file offer: cards, laws, rows in doubt and remedies; and the JSON of its reading."""
+
+import json
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from .command_forms import subject_of
+from .jobs import Job
+from .options import OF_OUTPUT, applied, left_out, pairs, words
+from .project import Entry, Project
+
+RECORD: Final = "is a record of one run"  # in a refusal of look
+PICTURES: Final = (".png", ".svg")
+NO_READING: Final[Mapping[str, Any]] = {
+    "refused": None, "columns": [], "rows": [], "doubts": [], "assumed": [], "warnings": [], "commands": [],
+    "units": {},
+}  # fmt: skip
+POLICY_OF_CARD = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]{1,2000})"')
+
+
+def reading_of(job: Job) -> dict[str, Any]:
+    """The JSON of a reading; of one without, its message; ``record`` says whether the file is one."""
+    try:
+        found = json.loads(job.output)
+    except ValueError:
+        found = None
+    reading = {**NO_READING, **(found if isinstance(found, dict) else {"refused": job.errors or "cancelled"})}
+    reading["record"] = RECORD in (reading["refused"] or "")
+    return reading
+
+
+def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
+    """Cards, laws, rows in doubt, remedies and files of the results of a file."""
+    results = project.results(entry)
+    contents = [subject_of(project.folder, entry.stem, path, ()).content for path in project.parameter_files(entry)]
+    laws = [(name, law) for one in contents for name, law in (one.get("laws") or {}).items()]
+    return {
+        "cards": [name for name in results if name.endswith("/card.html")],
+        "results": sorted(results),
+        "laws": list(dict.fromkeys(name for name, _ in laws)),
+        "suspects": suspects([law for _, law in laws]),
+        "remedies": remedies(entry, results),
+        "left_out": left_out(entry.options),
+        "to_repeat": to_repeat(project, entry),
+        "older": older(entry, results),
+    }
+
+
+def older(entry: Entry, results: Mapping[str, Path]) -> set[str]:
+    """Results that are older than the parameter files of the fit: of former laws, or of former settings."""
+    top = f"{entry.stem}-fit/"
+    made = {name: path.stat().st_mtime for name, path in results.items()}
+    latest = max(
+        (time for name, time in made.items() if name.startswith(top) and name.endswith("/params.json")), default=0
+    )
+    return {name for name, time in made.items() if not name.startswith(top) and time < latest}
+
+
+ADDING: Final = ("limits", "costs", "ident", "settings", "tune")  # commands that add to a parameter file
+
+
+def to_repeat(project: Project, entry: Entry) -> list[tuple[str, ...]]:
+    """Commands that added to a parameter file of an entry before it was replaced, in their order."""
+    top, found = f"{entry.stem}-fit/", dict[tuple[str, str], tuple[str, ...]]()
+    replaced: dict[tuple[str, str], tuple[str, ...]] = {}
+    for step in project.steps:
+        words = step.words
+        if entry.name in words[:2] and "--force" in words and words[0] in (entry.name, "ident"):
+            replaced, found = {**replaced, **found}, {}
+        path = next((word for word in words[1:] if word.startswith(top)), "")
+        if words[0] in ADDING and path and step.code == 0:
+            key = words[0], path
+            found.pop(key, None)
+            found[key] = words
+    left = {key: words for key, words in replaced.items() if key not in found}
+    return sorted(left.values(), key=lambda words: ADDING.index(words[0]))
+
+
+def verdicts(project: Project) -> dict[str, list[tuple[str, str]]]:
+    """Laws of each file with the level of their verdicts."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for entry in project.files:
+        for path in project.parameter_files(entry):
+            laws = subject_of(project.folder, entry.stem, path, ()).content.get("laws") or {}
+            found.setdefault(entry.name, []).extend(
+                (name, (law.get("verdict") or {}).get("level") or "no verdict") for name, law in laws.items()
+            )
+    return found
+
+
+def suspects(laws: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """Targets that could be left out, with the sentence of the check that names them."""
+    found: dict[str, str] = {}
+    for law in laws:
+        for check in (law.get("checks") or {}).values():
+            for one in check.get("suspects") or ():
+                lines = one.get("lines") or ()
+                target = f"lines {','.join(map(str, lines))}" if lines else ",".join(one.get("edges") or ())
+                if target:
+                    found.setdefault(target, str(check.get("verdict", "")))
+    return list(found.items())
+
+
+def remedies(entry: Entry, results: Mapping[str, Path]) -> list[str]:
+    """Options of the remedies that the cards of a file name; to leave rows out needs a reason, and is none of them."""
+    found: dict[str, None] = {}
+    for name, path in results.items():
+        if not name.endswith("/card.json"):
+            continue
+        for text in _strings(json.loads(path.read_text("utf-8")), "command"):
+            typed = shlex.split(text)
+            if typed[:2] != ["fitmodels", entry.name]:
+                continue
+            own = [
+                pair for pair in pairs(typed[2:]) if pair[0] not in OF_OUTPUT and pair not in list(pairs(entry.options))
+            ]
+            if own and not any(option == "--leave-out" for option, _ in own):
+                found[shlex.join(words(own))] = None
+    return [one for one in found if applied(entry.options, one) != list(entry.options)]
+
+
+def _strings(data: object, key: str) -> list[str]:
+    """Texts under a key, at any depth."""
+    if isinstance(data, Mapping):
+        own = [data[key]] if isinstance(data.get(key), str) and data[key] else []
+        return own + [text for value in data.values() for text in _strings(value, key)]
+    return [text for one in data for text in _strings(one, key)] if isinstance(data, list) else []
+
+
+def written(project: Project, entry: Entry, job: Job) -> list[str]:
+    """Results that a command has written since it was started."""
+    found = project.results(entry)
+    return [name for name, path in found.items() if path.stat().st_mtime >= job.clock_time - 0.05]
+
+
+def policy_of_card(text: str) -> str:
+    """The policy that a card states, and that only this page may frame it; nothing at all of another page.
+
+    >>> policy_of_card("<p>no card</p>")
+    "default-src 'none'; frame-ancestors 'self'; sandbox allow-scripts allow-popups allow-downloads"
+    """
+    found = POLICY_OF_CARD.search(text[:20_000])
+    stated = found[1].replace("&#39;", "'") if found else "default-src 'none'"
+    return f"{stated}; frame-ancestors 'self'; sandbox allow-scripts allow-popups allow-downloads"

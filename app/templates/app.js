@@ -1,0 +1,37 @@
+// Drop a file onto the page, open the form that a message names, and say on failure that the program has ended.
+"use strict";
+(() => {
+  const said = document.getElementById("said");
+  const form = document.querySelector("[data-drop]");
+  const input = form && form.querySelector("input[type=file]");
+  for (const name of ["dragover", "drop"]) {
+    document.addEventListener(name, (event) => event.preventDefault());
+  }
+  if (form) {
+    document.addEventListener("dragover", () => form.classList.add("over"));
+    document.addEventListener("dragleave", (event) => {
+      if (!event.relatedTarget) form.classList.remove("over");
+    });
+    document.addEventListener("drop", (event) => {
+      form.classList.remove("over");
+      if (event.dataTransfer && event.dataTransfer.files.length) {
+        input.files = event.dataTransfer.files;
+        form.requestSubmit();
+      }
+    });
+    input.addEventListener("change", () => input.files.length && form.requestSubmit());
+  }
+  document.addEventListener("click", (event) => {
+    const link = event.target.closest("[data-open]");
+    const details = link && document.getElementById(link.dataset.open);
+    if (details) details.open = true;
+  });
+  document.body.addEventListener("htmx:sendError", () => {
+    said.textContent = "The program has ended or does not answer: run 'fitmodels app' again. Files and results are kept.";
+    said.classList.add("alert");
+  });
+  document.body.addEventListener("htmx:beforeRequest", () => {
+    said.textContent = "";
+    said.classList.remove("alert");
+  });
+})();

@@ -1,0 +1,447 @@
+"""The page of the app: who is answered, what is kept, and that it gives what its commands give."""
+
+import http.client
+import io
+import json
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import pytest
+from fitmodels import cli, datasets
+from fitmodels.app.command_forms import actions, command, subject_of
+from fitmodels.app.jobs import Jobs
+from fitmodels.app.options import applied, command_of, of_comparison, replaced
+from fitmodels.app.project import SUFFIXES, Project, safe_name
+from fitmodels.app.reading import column_menus, option_of_change, role_label, units_of
+from fitmodels.app.results import policy_of_card
+from fitmodels.core.errors import DataError, UsageError
+from hypothesis import given
+from hypothesis import strategies as st
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from app_pages import served
+
+sys.path.remove(str(Path(__file__).parent))
+
+BUNDLED = datasets.bundled("gc435_709m40").read_bytes()
+HEAD = "edge;vc [m/min];f [mm/rev];ap [mm];t [min];VB [mm]\n"
+HOSTILE = "<script>alert(1)</script>"
+
+
+def wear_table(head=HEAD, wear=1.0):
+    """A table of nine edges whose wear follows a power law."""
+    rows = [
+        f"E{k};{V};{f};2;{t};{wear * 0.004 * V**0.5 * f**0.2 * t**0.4 * (1 + 0.02 * ((k * t) % 3 - 1)):.4f}"
+        for k, (V, f) in enumerate((V, f) for V in (100, 150, 200) for f in (0.1, 0.2, 0.3))
+        for t in (2, 4, 8, 12)
+    ]
+    return (head + "\n".join(rows)).replace(".", ",").encode()
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory):
+    with served(tmp_path_factory.mktemp("project")) as one:
+        yield one
+
+
+# who is answered
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"host": "attacker.example"}, 421),
+        ({"host": "attacker.example:80"}, 421),
+        ({"cookie": None}, 403),
+        ({"cookie": "fitmodels-1=wrong"}, 403),
+        ({"cookie": 'fitmodels="; broken'}, 403),
+        ({"sec_fetch_site": "cross-site"}, 403),
+        ({"sec_fetch_site": "same-site"}, 403),
+    ],
+)
+def test_a_request_that_is_not_of_this_page_is_refused(client, headers, status):
+    for method, path in (("GET", "/"), ("GET", "/static/app.js"), ("POST", "/files")):
+        assert client.ask(method, path, **headers)[0] == status, (method, path)
+
+
+def test_a_form_of_another_site_changes_nothing(client):
+    before = client.page.project.files
+    for origin in ("http://attacker.example", "null", None, "https://127.0.0.1:1"):
+        assert client.ask("POST", "/files", b"", origin=origin)[0] == 403
+    assert client.page.project.files == before
+
+
+@pytest.mark.parametrize("token", ["", "wrong", "%00", "a" * 5000])
+def test_a_wrong_token_gives_no_cookie(client, token):
+    status, headers, _ = client.ask("GET", f"/start/{token}", cookie=None)
+    assert status in (403, 414)
+    assert "set-cookie" not in headers
+
+
+def test_the_cookie_is_none_of_scripts_and_other_sites(client):
+    status, headers, text = client.ask("GET", f"/start/{client.token}", cookie=None)
+    assert (status, headers["location"], text) == (303, "/", "")
+    said = headers["set-cookie"].lower()
+    assert "httponly" in said
+    assert "samesite=strict" in said
+    assert headers["referrer-policy"] == "no-referrer"
+    assert client.token not in client.get("/")
+
+
+def test_every_answer_has_a_policy_without_inline_scripts(client):
+    for path in ("/", "/static/app.css", "/static/htmx.min.js"):
+        _, headers, text = client.ask("GET", path)
+        policy = headers["content-security-policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["cache-control"] == "no-store"
+        if path == "/":
+            assert "<script>" not in text
+            assert " style=" not in text
+            assert "://" not in text.replace("data:,", "")
+
+
+def test_htmx_evaluates_nothing_and_adds_no_style(client):
+    assert '"allowEval":false' in client.get("/")
+    assert '"includeIndicatorStyles":false' in client.get("/")
+
+
+def test_a_request_that_is_too_large_is_refused_with_and_without_a_length(tmp_path):
+    with served(tmp_path, largest=20_000) as one:
+        assert one.upload("a.csv", b"1" * 30_000)[0] == 413
+        pieces = (b"x" * 8_000 for _ in range(4))  # chunked, without a length
+        kind = "multipart/form-data; boundary=m"
+        assert one.ask("POST", "/files", pieces, content_type=kind)[0] == 413
+        assert one.page.project.files == ()
+        assert [path.name for path in tmp_path.iterdir()] == []
+
+
+def test_an_upload_that_is_cut_off_leaves_nothing(client):
+    before = sorted(path.name for path in client.page.project.folder.iterdir())
+    with socket.create_connection(("127.0.0.1", client.port)) as raw:
+        head = (
+            f"POST /files HTTP/1.1\r\nHost: {client.host}\r\nOrigin: http://{client.host}\r\n"
+            f"Cookie: {client.cookie}\r\nContent-Type: multipart/form-data; boundary=m\r\nContent-Length: 100000\r\n"
+            "\r\n"
+            '--m\r\nContent-Disposition: form-data; name="file"; filename="cut.csv"\r\n\r\nV,f\n1,2\n'
+        )
+        raw.sendall(head.encode())
+    time.sleep(0.3)
+    assert client.page.project.entry("cut.csv") is None
+    assert sorted(path.name for path in client.page.project.folder.iterdir()) == before
+    assert "<h1>Project" in client.get("/")
+
+
+# names and paths
+
+
+@pytest.mark.parametrize(
+    "path", ["../../../etc/passwd", "..%2f..%2fproject.json", "/etc/passwd", "%2e%2e/project.json", "project.json"]
+)
+def test_no_path_of_the_browser_is_opened(client, path):
+    client.upload("paths.csv", wear_table())
+    status, _, text = client.ask("GET", f"/files/paths.csv/results/{path}")
+    assert status == 404
+    assert "root:" not in text
+    assert client.ask("GET", f"/files/{path}")[0] == 404
+    assert client.ask("GET", f"/static/{path}")[0] == 404
+
+
+def test_a_link_in_the_folder_is_no_result(tmp_path):
+    project = Project(tmp_path / "p")
+    entry = project.add("a.csv", io.BytesIO(b"V,f\n1,2\n"))
+    (tmp_path / "secret.txt").write_text("secret")
+    (project.folder / "a-secret.txt").symlink_to(tmp_path / "secret.txt")
+    (project.folder / "a-folder").symlink_to(tmp_path, target_is_directory=True)
+    (project.folder / "a-next.csv").write_text("V\n")
+    assert list(project.results(entry)) == ["a-next.csv"]
+
+
+@given(st.text(max_size=80), st.sampled_from(SUFFIXES))
+def test_names_are_harmless(text, suffix):
+    name = safe_name(text + suffix)
+    assert name == Path(name).name
+    assert not name.startswith((".", "-"))
+    assert all(sign.isalnum() or sign in "_." for sign in name)
+    assert len(name) < 90
+    assert safe_name(name) == name
+
+
+@pytest.mark.parametrize("name", ["a.exe", "a", "", "project.json", "a.csv.html"])
+def test_other_kinds_of_files_are_refused(name):
+    with pytest.raises(DataError, match=r"\.csv"):
+        safe_name(name)
+
+
+def test_results_of_one_file_are_none_of_another(tmp_path):
+    project = Project(tmp_path)
+    names = [
+        project.add(name, io.BytesIO(data)).name
+        for name, data in (("a.csv", b"1"), ("a.xlsx", b"2"), ("a-b.csv", b"3"))
+    ]
+    assert len(set(names)) == 3
+    stems = [Path(name).stem for name in names]
+    assert not any(other.startswith(f"{one}-") for one in stems for other in stems)
+
+
+def test_the_same_file_is_added_once_and_an_empty_one_never(tmp_path):
+    project = Project(tmp_path)
+    assert project.add("a.csv", io.BytesIO(b"V\n1\n")) == project.add("b.csv", io.BytesIO(b"V\n1\n"))
+    with pytest.raises(DataError, match="empty"):
+        project.add("c.csv", io.BytesIO(b""))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "project.json"]
+    assert Project(tmp_path).files == project.files
+
+
+@pytest.mark.parametrize("text", ["", "{", '{"schema": "fitmodels.project/2"}', '{"files": [{"name": 1}]}', "[]"])
+def test_a_project_file_of_another_kind_is_refused(tmp_path, text):
+    (tmp_path / "project.json").write_text(text)
+    with pytest.raises(UsageError, match="--folder"):
+        Project(tmp_path)
+    assert (tmp_path / "project.json").read_text() == text
+
+
+# what the page gives
+
+
+def test_the_page_gives_what_its_command_gives(client, tmp_path, monkeypatch):
+    """A file with a wrong unit, corrected by the menu: byte for byte the parameter file of the printed command."""
+    assert client.upload("wrong unit.csv", wear_table(wear=1000.0))[1] == "/files/wrong_unit.csv"
+    text = client.until_done("/files/wrong_unit.csv/reading")
+    assert "Doubt" in text or "Not read" in text
+    client.reading("wrong_unit.csv")
+    assert client.post("/files/wrong_unit.csv/set", set="unit", of="VB", to="um") == (200, "")
+    laws = client.until_done("/files/wrong_unit.csv/laws")
+    assert "VB   " in laws
+    shown = client.get("/files/wrong_unit.csv")
+    assert "fitmodels wrong_unit.csv --unit VB=um" in shown
+    (name,) = client.page.project.parameter_files(client.page.project.entry("wrong_unit.csv"))
+    made = (client.page.project.folder / name).read_bytes()
+    (tmp_path / "wrong_unit.csv").write_bytes(wear_table(wear=1000.0))
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["wrong_unit.csv", "--unit", "VB=um", "--force"]) == 0
+    assert (tmp_path / name).read_bytes() == made
+
+
+def test_from_tests_to_limits_and_an_export(client):
+    client.upload("gc.csv", BUNDLED)
+    laws = client.until_done("/files/gc.csv/laws")
+    assert "AW = " in laws
+    assert "NOT MEASURED" in laws
+    assert "card.html" in laws
+    machine = client.get("/files/gc.csv/machine")
+    assert 'id="action-limits"' in machine
+    assert "Fill in: " in client.run("gc.csv", "optimum")
+    found = client.run("gc.csv", "limits", AW="0.3mm", P="7kW", V="50:200", f="")
+    assert "Power P at most 7 kW" in found
+    client.run(
+        "gc.csv", "costs", machine="60/h", edge="8", change="1.5min", handling="2min", volume="120cm3", currency="EUR"
+    )
+    assert "least cost" in client.run("gc.csv", "optimum", V="145", f="0.3")
+    assert "gc-control.ini" in client.run("gc.csv", "export", to="ini")
+    status, headers, text = client.ask("GET", "/files/gc.csv/results/gc-control.ini")
+    assert (status, headers["content-disposition"][:10]) == (200, "attachment")
+    assert "AW" in text
+    # fitted again with other options, the file has lost what was added, and the page says so
+    assert client.post("/files/gc.csv/set", set="criterion", to="0.25")[0] == 200
+    again = client.until_done("/files/gc.csv/laws")
+    assert "Run it again" in again
+    assert "older than params.json" in again
+    words = "limits gc-fit/GC435_709M40-En-19/params.json AW=0.3mm P=7kW V=50:200 --force"
+    status, text = client.post("/files/gc.csv/repeat", command=words)
+    assert status == 200, text
+    client.until_done(f"/jobs/{text.split('/jobs/')[1].split('/')[0].split('?')[0]}?file=gc.csv")
+    assert words not in client.get("/files/gc.csv/laws").replace("&#39;", "'")
+    assert client.post("/files/gc.csv/repeat", command=words)[0] == 422
+
+
+def test_results_are_kept_when_the_page_is_opened_again(tmp_path):
+    with served(tmp_path) as one:
+        one.upload("gc.csv", BUNDLED)
+        one.until_done("/files/gc.csv/laws")
+        one.run("gc.csv", "limits", P="7kW")
+        (name,) = one.page.project.parameter_files(one.page.project.entry("gc.csv"))
+        before = (tmp_path / name).read_bytes()
+    with served(tmp_path) as one:
+        assert "unchanged" in one.until_done("/files/gc.csv/laws")
+        assert "fitmodels limits" in one.get("/")
+    assert (tmp_path / name).read_bytes() == before
+    assert json.loads(before)["limits"]["power"]["value"] == 7.0
+
+
+def test_rows_are_left_out_with_a_reason_and_taken_in_again(client):
+    client.upload("left.csv", wear_table(wear=1.01))
+    assert client.post("/files/left.csv/leave-out", target="E3", reason="")[0] == 422
+    assert client.post("/files/left.csv/leave-out", target="--out=x", reason="y")[0] == 422
+    assert client.post("/files/left.csv/leave-out", target="E3", reason="edge broke")[0] == 200
+    laws = client.until_done("/files/left.csv/laws")
+    assert "E3: edge broke" in " ".join(laws.split())
+    assert "8 edges" in laws
+    assert "--leave-out E3" in client.get("/files/left.csv")
+    assert client.post("/files/left.csv/leave-out", target="E3", again="1")[0] == 200
+    assert "9 edges" in client.until_done("/files/left.csv/laws")
+    assert client.page.project.entry("left.csv").options == ()
+
+
+def test_texts_of_a_file_are_text_on_the_page(client):
+    head = HEAD.replace("edge;", f"edge{HOSTILE};").replace("VB [mm]", "VB [mm]")
+    client.upload("script.csv", wear_table(head))
+    for part in ("reading", "laws"):
+        assert HOSTILE not in client.until_done(f"/files/script.csv/{part}")
+    assert HOSTILE not in client.get("/")
+
+
+def test_a_zip_bomb_is_refused_by_the_reader(client):
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as book:
+        book.writestr("[Content_Types].xml", "<Types/>")
+        book.writestr("xl/worksheets/sheet1.xml", b"0" * 300_000_000)
+    client.upload("bomb.xlsx", made.getvalue())
+    text = client.until_done("/files/bomb.xlsx/reading")
+    assert "Not read" in text
+    assert "Traceback" not in text
+
+
+def test_a_remedy_must_be_one_that_was_named(client):
+    client.upload("remedy.csv", wear_table(wear=1.02))
+    client.until_done("/files/remedy.csv/reading")
+    assert client.post("/files/remedy.csv/apply", options="--out /tmp/x")[0] == 422
+    for what, of, to in (
+        ("unit", "VB", "kW"),
+        ("role", "", "V"),
+        ("x", "", ""),
+        ("tool", "", "-x"),
+        ("unit", "nil", "mm"),
+    ):
+        assert client.post("/files/remedy.csv/set", set=what, of=of, to=to)[0] == 422
+    assert client.page.project.entry("remedy.csv").options == ()
+
+
+@pytest.mark.parametrize("value", ["x\ny", "v" * 300, "\x00"])
+def test_values_of_forms_are_bounded(client, value):
+    client.upload("gc.csv", BUNDLED)
+    client.until_done("/files/gc.csv/laws")
+    assert client.post("/files/gc.csv/run/limits", P=value)[0] == 422
+    assert client.post("/files/gc.csv/run/nothing", P="7")[0] == 404
+
+
+def test_a_record_is_identified_and_its_columns_can_be_chosen(client):
+    drive = Path(__file__).parent.parent / "docs" / "examples" / "drive.csv"
+    if not drive.exists():
+        drive = Path(cli.__file__).parent.parent / "docs" / "examples" / "drive.csv"
+    client.upload("drive.csv", drive.read_bytes())
+    text = client.until_done("/files/drive.csv/reading")
+    assert "A record of one run" in text
+    assert "G(z)" in client.until_done("/files/drive.csv/laws")
+    assert client.post("/files/drive.csv/set", set="output", to="col3")[0] == 200
+    assert "fitmodels ident drive.csv --output col3 --out drive-fit" in client.get("/files/drive.csv")
+
+
+# its parts
+
+
+def test_a_command_is_cancelled_and_another_waits(tmp_path):
+    jobs = Jobs(cli.main, tmp_path)
+    try:
+        (tmp_path / "a.csv").write_bytes(BUNDLED)
+        running = [jobs.start(["a.csv", "--draws", "4000000", "--out", str(k)]) for k in range(2)]
+        waits = jobs.start(["--version"])
+        end = time.monotonic() + 30
+        while any(job.state != "running" for job in running) and time.monotonic() < end:
+            time.sleep(0.02)
+        assert waits.state == "waiting"
+        for job in running:
+            jobs.cancel(job)
+        waits.future.result(60)
+        assert [job.state for job in running] == ["cancelled"] * 2 or all(
+            job.future.result(60) is None for job in running
+        )
+        assert (waits.state, waits.code) == ("done", 0)
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv"]
+    finally:
+        jobs.close()
+
+
+def test_options_are_set_once_each():
+    options = ["--unit", "VB=mm", "--leave-out", "E1", "--form", "VB=linear"]
+    assert replaced(options, "--form", "VB=power") == ["--unit", "VB=mm", "--leave-out", "E1", "--form", "VB=power"]
+    assert replaced(options, "--leave-out", "E2") == [*options, "--leave-out", "E2"]
+    assert applied(options, "--leave-out E1") == ["--unit", "VB=mm", "--form", "VB=linear", "--leave-out", "E1"]
+    assert of_comparison(options) == ["--unit", "VB=mm", "--leave-out", "E1"]
+
+
+def test_every_form_is_a_command_that_parses(tmp_path):
+    """The words of each filled form are those of its command."""
+    from importlib import import_module
+
+    (tmp_path / "params.json").write_text('{"laws": {"AW": {"unit": "mm"}}, "tool_life": {}}')
+    subject = subject_of(tmp_path, "d", "params.json", ["run.csv"])
+    for action in actions(subject):
+        filled = {one.name: one.choices[-1][0] if one.choices else one.hint or "1" for one in action.inputs}
+        words = command(action, subject, filled, ["d.csv"])
+        parser = import_module(f"fitmodels.cli.{words[0].replace('-', '_')}").parser()
+        parser.parse_args(words[1:])
+
+
+def test_menus_have_the_plausible_first():
+    look = {
+        "columns": [
+            {"number": 1, "header": "x", "name": "x", "role": None, "unit": "kW"},
+            {"number": 2, "header": "vc", "name": "vc", "role": "V", "unit": ""},
+        ],
+        "units": {"V": "m/min"}, "doubts": [{"columns": ("V",)}],
+    }  # fmt: skip
+    power, speed = column_menus(look, "de")
+    assert [one.value for one in power.roles[:2]] == ["", "P"]
+    assert power.units == ()
+    assert speed.roles[0].label == "V Schnittgeschwindigkeit"
+    assert speed.units[0].value in ("", "m/min")
+    assert speed.doubted
+    assert units_of("P")[0] == "kW"
+    assert role_label("Fxz", "es") == "Fxz thrust force"
+    with pytest.raises(UsageError):
+        option_of_change({"set": "role", "column": "9", "to": "V"}, look["columns"])
+
+
+def test_a_page_that_is_no_card_runs_nothing():
+    assert policy_of_card("<script>1</script>").startswith("default-src 'none';")
+
+
+def test_the_command_of_a_file_is_typed(tmp_path):
+    entry = Project(tmp_path).add("a.csv", io.BytesIO(b"V\n1\n"))
+    assert shlex.join(["fitmodels", *command_of(entry, force=True)]) == "fitmodels a.csv --force"
+
+
+def test_the_command_serves_until_it_is_interrupted(tmp_path):
+    """The example of its help, as a process: an address with a token, an answer, and an end without words."""
+    (tmp_path / "data.csv").write_bytes(wear_table())
+    words = [sys.executable, "-m", "fitmodels", "app", "data.csv", "--no-browser", "--quiet"]
+    with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        address = process.stdout.readline().strip()
+        host, _, token = address.removeprefix("http://").partition("/start/")
+        connection = http.client.HTTPConnection(host, timeout=30)
+        connection.request("GET", f"/start/{token}")
+        assert connection.getresponse().status == 303
+        connection.close()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+        assert process.stderr.read() == ""
+    assert json.loads((tmp_path / "fitmodels-project" / "project.json").read_text())["files"][0]["name"] == "data.csv"
+
+
+def test_a_taken_port_is_refused(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert cli.main(["app", "--no-browser", "--port", str(port)]) == 2
+    assert "--port" in capsys.readouterr().err
+    assert cli.main(["app", "--no-browser", "--port", "70000"]) == 2
+    assert cli.main(["app", "missing.csv", "--no-browser"]) in (2, 3)
