@@ -298,8 +298,9 @@ class Air:
 
     def add(self, block: Block, only: Collection[str] | None = None) -> None:
         """Take in a block of air, but the last moments before a cut and the first after one."""
-        self._waiting.append(block)
-        while block.end - self._waiting[0].end > SETTLED:
+        if block.start >= self._from:
+            self._waiting.append(block)
+        while self._waiting and block.end - self._waiting[0].end > SETTLED:
             earlier = self._waiting.popleft()
             if earlier.start >= self._from + SETTLED:
                 self._second.append(earlier)
@@ -364,9 +365,9 @@ class EarlyFeed:
             self._loads.setdefault(name, deque(maxlen=MOST_LEVELS)).append(value)
 
     def above(self, idle: Mapping[str, IdleLevel]) -> bool:
-        """Whether a load was above its idle level by as much as in a cut."""
-        known = {name: median(levels) - idle[name].level for name, levels in self._loads.items() if name in idle}
-        return any(away > FIRST_CUT * abs(idle[name].level) + 3 * idle[name].noise for name, away in known.items())
+        """Whether a load was above its idle level by as much as in a cut, or no idle level is known."""
+        known = [(median(levels), idle[name]) for name, levels in self._loads.items() if name in idle]
+        return not known or any(x > of.level + FIRST_CUT * abs(of.level) + 3 * of.noise for x, of in known)
 
     def sentences(self) -> list[str]:
         """That a minute of feed or more may have been a cut, where the machine was never seen to idle."""

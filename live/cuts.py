@@ -9,7 +9,7 @@ before that, cutting time counts and loads do not. A load that stands near zero 
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, replace
-from math import sqrt
+from math import inf, sqrt
 from statistics import median, stdev
 from typing import Any, Literal
 
@@ -26,6 +26,7 @@ ENDING = ("lost", "clock", "replaced", "end")  # notices after which a cut canno
 CONTRADICTED = 5.0  # s of a load above idle while the machine says that it does not cut
 OFTEN = 6  # excursions too short for a cut, within twelve seconds
 ZERO = 0.02  # share of a load below which its idle level may be that of a spindle that stands
+RUN_UP = 1.0  # s after a spindle stood in which no load is idle
 SILENT = 1.0  # s without a reading in a cut, after which the signal is lost
 
 Found = Window | CutEnd | Notice
@@ -75,6 +76,7 @@ class Cuts:
         self._speeds: Mapping[str, float] = {}
         self._short: list[float] = []  # s, beginnings of excursions too short for a cut
         self._mute = 0.0  # s without a load
+        self._reached: dict[str, float] = {}  # level above idle of the last cuts
         self._seen, self._early, self._last = SeenLoads(), EarlyFeed(), 0.0
         self._forget()
 
@@ -110,9 +112,8 @@ class Cuts:
         """State of the machine as the loads show it."""
         if self._cut:
             return "entry" if self._windows.entering else "cutting"
-        if self._stopped:
-            return "off"
-        return "idle" if self._air.known and not self._early.seconds else "starting"
+        known = self._air.known and not self._early.seconds
+        return "off" if self._stopped else "idle" if known else "starting"
 
     def add(self, item: Sample | Notice) -> list[Found]:
         """What is found with a sample, or with a notice that the source is lost, jumped in time, changed or ended.
@@ -120,8 +121,7 @@ class Cuts:
         Gaps and readings that are missing show in the samples: a short gap in a cut counts as cutting.
         """
         if isinstance(item, Notice):
-            last = self.close() if item.kind == "end" else self._lost() if item.kind in ENDING else ()
-            return list(last)
+            return list(self.close() if item.kind == "end" else self._lost() if item.kind in ENDING else ())
         found: list[Found] = []
         for block in self._blocks.add(item):
             if not isinstance(block, Gap):
@@ -182,8 +182,6 @@ class Cuts:
             yield from self._end()
         if not self._cut:
             self._at_speed(block)
-        if self._believed and block.phase == "feed" and not (self._windows.proved or self.number):
-            self._early.add(block)
         if self._believed and block.phase in ("off", "idle"):
             yield from self._said(block)
         elif self._cut:
@@ -231,12 +229,12 @@ class Cuts:
         if at_rest:
             self._air.add(block, at_rest)
         else:
-            self._air.begin(block.end)
-        if block.phase == "idle" and self._air.known:
-            self._windows.proved = True
-            if self._early.above(self.idle):
-                yield from self._windows.early(self._early)
-            self._early = EarlyFeed()
+            self._air.begin(block.end + RUN_UP)
+            self._air.begun = block.end
+        self._windows.proved |= block.phase == "idle" and bool(self._air.known)
+        if self._early.seconds and (self._stopped or self._windows.proved):
+            early, self._early = self._early, EarlyFeed()
+            yield from self._windows.early(early) if early.above(self.idle) else ()
 
     def _contradicted(self, name: str) -> Iterator[Found]:
         """A load that stays above idle shows contact, whatever the machine says: a column may be dead."""
@@ -246,8 +244,7 @@ class Cuts:
             return
         self._believed, self._stopped, self._lead, self._sign = False, False, name, 1.0
         level, idle = median([b.loads[name] for b in span if name in b.loads]), self.idle[name].level
-        text = AGAINST.format(name, level, CONTRADICTED, idle, span[-1].phase)
-        yield Notice(span[0].start, "refused", text)
+        yield Notice(span[0].start, "refused", AGAINST.format(name, level, CONTRADICTED, idle, span[-1].phase))
         yield from self._begin(span)
 
     def _at_speed(self, block: Block) -> None:
@@ -265,6 +262,8 @@ class Cuts:
             name, away = self._furthest(block.loads)
         high = self._high(name) if name else float("inf")
         if not self._span and abs(away) <= high:
+            if self._believed and block.phase == "feed" and not (self._windows.proved and self._air.known):
+                self._early.add(block)
             self._air.add(block)
         elif not self._span or away * self._sign > self._left(abs(self._level), high):
             if not self._span:
@@ -297,7 +296,8 @@ class Cuts:
         usual = THRESHOLD * median(reach) if reach else FIRST_CUT * abs(idle.level)
         now = self._ahead[-1].end if self._ahead else idle.time
         sd = sqrt(idle.noise**2 + idle.reading + idle.variance_at(now))
-        return max(NOISE * sd, usual, COARSE * abs(idle.level), 1e-12)
+        noise = min(NOISE * sd, self._reached.get(name, inf) / 2)
+        return max(noise, usual, COARSE * abs(idle.level), 1e-12)
 
     @staticmethod
     def _left(level: float, high: float) -> float:
@@ -340,6 +340,7 @@ class Cuts:
         if name in DRIVEN and self._windows.proved and abs(new) < OFF * abs(old):
             self._stopped = True
             return
+        self._early = EarlyFeed()  # its time is in that since air began
         if not self._windows.proved:
             minutes = (span[0].start - begun) / 60
             yield Window(begun, span[0].start, minutes, dict(span[0].conditions), {}, self._windows.number)
@@ -358,9 +359,8 @@ class Cuts:
             return
         idle = self.idle[name]
         if self._stopped:
-            if block.loads[name] < idle.level / 2:
-                return
-            self._stopped, self._started = False, [block]
+            if block.loads[name] >= idle.level / 2:
+                self._stopped, self._started = False, [block]
             return
         self._started.append(block)
         passed = block.end - self._started[0].start
@@ -396,4 +396,5 @@ class Cuts:
     def _end(self, *, lost: bool = False) -> Iterator[Found]:
         yield from self._windows.close(lost=lost)
         self._air.begin(self._windows.last)
+        self._reached[self._lead] = max(self._level, self._reached.get(self._lead, 0.0) / 2)
         self._cut, self._below, self._level = False, [], 0.0

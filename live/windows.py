@@ -62,10 +62,13 @@ UNPROVED = (
     "counts and loads do not."
 )
 BELOW = (
-    "{} is {:.4g} in the cut and {:.4g} when idle: a cut must exceed idle. Reverse its sign at the source, or map "
-    "another channel. Cutting time counts without this load."
+    "{0} is {1:.4g} in the cut and {2:.4g} when idle: a cut must exceed idle. Reverse its sign (--scale {0}=-1), or "
+    "map another channel. Cutting time counts without this load."
 )
-
+UNSURE = (
+    "{} is {:.4g} in the cut, and its idle level is too uncertain ({:.4g}): cutting time counts without this load. Let "
+    "the spindle idle for some seconds before a cut."
+)
 NONE = (
     "no cut was found in {:.3g} min: {} lay between {:.4g} and {:.4g}. Check which column or channel it is and its "
     "unit, and give --rest."
@@ -362,7 +365,8 @@ class Windows:
         found = load_mean(mean, level, self.noise.setdefault(name, MeanNoise()), end - start)
         above = mean.value - idle.level
         if found is None or above <= 0:
-            yield from self.once(f"below {name}", end, BELOW.format(name, mean.value, idle.level))
+            text = BELOW if above <= 0 else UNSURE
+            yield from self.once(f"{name} {above <= 0}", end, text.format(name, mean.value, idle.level))
             return None
         self.reach.setdefault(name, deque(maxlen=10)).append(above)
         return found

@@ -383,3 +383,18 @@ def test_a_load_that_stands_still_does_not_contradict_the_machine():
     assert sum(each.contact for each in windows(found)) == pytest.approx(3.0, abs=0.05)
     assert any("stands still at 6.1" in text for text in texts(found))
     assert not any("the machine says" in text for text in texts(found))
+
+
+@pytest.mark.parametrize(("rate", "approach"), [(1.0, 1), (1.0, 3), (50.0, 1), (50.0, 3)])
+def test_a_spindle_that_stops_between_cuts_and_idles_only_briefly_loses_no_cut(rate, approach):
+    """Its load was taken as idle from the second cut on, in silence, or no cut was found at all."""
+    part = [(20, 0.02, "off"), (approach, 0.9, "idle"), (60, 5.0, "feed"), (1, 0.9, "idle")]
+    times, states = with_states([*part * 4, (20, 0.02, "off")], rate=rate, noise=0.02)
+    found = watch(Cuts(), times, state=states)
+    assert sum(each.contact for each in (*windows(found), *ends(found))) == pytest.approx(4.0, abs=0.15)
+
+
+def test_a_load_that_falls_in_the_cut_and_one_whose_idle_level_is_uncertain_are_told_apart():
+    reversed_sign = [(15, -0.5, "idle"), (30, -2.0, "feed"), (15, -0.5, "idle")]
+    times, states = with_states(reversed_sign)
+    assert any("--scale P=-1" in text for text in texts(watch(Cuts(), times, state=states)))

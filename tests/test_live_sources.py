@@ -141,7 +141,7 @@ def test_state_tool_and_override(tmp_path):
     path = written(tmp_path, "\n".join(["t [s],P [kW],status,tool,F prog [mm/min],ovr [%],n [rpm]", *rows, ""]))
     samples, _ = read(path, map={"fm_set": "F prog [mm/min]", "override": "ovr [%]"})
     assert [s.conditions["fm"] for s in samples] == [500, 500, 0, 1000]
-    assert [s.state for s in samples] == ["unknown", "idle", "idle", "off"]
+    assert [s.state for s in samples] == ["feed", "idle", "idle", "off"]
     assert {s.tool for s in samples} == {"T4"}
 
 

@@ -133,7 +133,9 @@ def _apply_override(conditions: dict[str, float]) -> None:
 def _state_by_motion(conditions: Mapping[str, float]) -> State:
     if abs(conditions.get("n", 1.0)) < _STANDS:
         return "off"
-    return "idle" if abs(conditions.get("fm", 1.0)) < _STANDS else "unknown"
+    if "fm" not in conditions:
+        return "unknown"
+    return "idle" if abs(conditions["fm"]) < _STANDS else "feed"
 
 
 def channels_of(labels: Sequence[str], options: SourceOptions, name: str, units: Sequence[str] = ()) -> Channels:
