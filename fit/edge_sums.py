@@ -240,22 +240,26 @@ def _sorted(key: Index) -> Index:
 
 
 def _root(square: Array) -> Array | None:
-    """Rows, shape (q, q), whose sums of products are ``square``; None above the condition number `LARGEST`."""
-    value, rows = _square_roots(square[None])
-    held = value[0][len(square) - np.count_nonzero(np.diag(square)) :]  # a column of zeros has the least value, 0
-    return rows[0] if not held.size or held[0] * LARGEST**2 >= held[-1] else None
+    """Rows, shape (r, q), whose sums of products are ``square``; None above the condition number `LARGEST`."""
+    values, rows = _square_roots(square[None])
+    ends = values[0, [0, -1]] if values.size else (1.0, 1.0)
+    return rows[0] if ends[0] * LARGEST**2 >= ends[1] else None
 
 
 def _square_roots(square: Array) -> tuple[Array, Array]:
-    """Rows, shape (G, q, q), whose sums of products are ``square``, and their squared singular values, shape (G, q).
+    """Rows, shape (G, r, q), whose sums of products are ``square``, and their squared singular values, shape (G, r).
 
-    Columns are scaled to one length first, so that a long one does not round away a short one.
+    There are as many rows as columns that change in any group. These are scaled to one length first, so that a long one
+    does not round away a short one.
     """
     length = np.sqrt(np.einsum("gii->gi", square))
+    moves = np.flatnonzero(length.any(axis=0))
     length[length == 0] = 1.0
-    value, vector = np.linalg.eigh(square / length[:, :, None] / length[:, None, :])
-    roots = np.sqrt(np.maximum(value, 0.0))[:, :, None] * vector.transpose(0, 2, 1)
-    return value, np.asarray(roots * length[:, None, :])
+    scaled = square / length[:, :, None] / length[:, None, :]
+    value, vector = np.linalg.eigh(scaled[:, moves[:, None], moves])
+    rows = np.zeros((len(square), len(moves), square.shape[1]))
+    rows[:, :, moves] = np.sqrt(np.maximum(value, 0.0))[:, :, None] * vector.transpose(0, 2, 1)
+    return value, rows * length[:, None, :]
 
 
 def _first_law(W: Array) -> BaseLaw:
@@ -274,7 +278,7 @@ class EquivalentRows:
     edge : ndarray of int, shape (G,), number of each group's edge
     size : ndarray, shape (G,)
     centre : ndarray, shape (G, p + 1), means of the law's columns and of the logarithm of the response less ``base``
-    roots : ndarray, shape (G, q, p + 1), rows with the sums of products about the means
+    roots : ndarray, shape (G, r, p + 1), rows with the sums of products about the means
     moves : ndarray, shape (p,), largest change of a column within an edge
     base : ndarray, shape (p,), parameters of the law subtracted from the response
     """
@@ -323,7 +327,7 @@ def equivalent_rows(
     columns = [*gone, sums.q - 1]
     one, k = np.ones((len(edge), 1)), len(keep)
     _, about = _square_roots(sums.square)
-    roots = np.zeros((len(edge), sums.q, k + 2 + shifts.shape[1]))
+    roots = np.zeros((*about.shape[:2], k + 2 + shifts.shape[1]))
     roots[:, :, 1 : k + 1], roots[:, :, -1] = about[:, :, keep], about[:, :, columns] @ back
     return EquivalentRows(
         names=names,
@@ -338,7 +342,7 @@ def equivalent_rows(
 
 def _moves(first: Array, far: Array, edge: Index) -> Array:
     """Largest change of each column of the law within an edge, from the first rows of groups and their moves."""
-    opening = first[np.unique(edge, return_index=True)[1]][edge]  # groups are in the order of their first rows
+    opening = first[np.unique(edge, return_index=True)[1]][edge]  # one group of each edge
     moves: Array = np.abs(first - opening).max(axis=0)
     factors = slice(1, 1 + far.shape[1])
     moves[factors] = np.maximum(moves[factors], far.max(axis=0))
