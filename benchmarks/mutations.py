@@ -673,7 +673,7 @@ SAME_UNITS = {
 }  # fmt: skip
 
 
-OF_VALUES = ("unit",)  # mutations that leave the table as it is: the checks of the fit judge them too
+DOUBLED = 2.0  # growth of the scatter of rows below which nothing shows that a column is shifted or scaled
 SCATTER = 3.0  # standard deviations within which good rows lie too: nothing shows such a cell
 EQUAL_SE = 1e-7  # relative, of standard errors
 
@@ -698,9 +698,9 @@ def left_out(outcome):
 
 def failed_checks(outcome):
     """Checks of the laws that are not passed, or that cannot be computed."""
-    found = set()
+    found, pairs = set(), [] if outcome.runs is None else list(outcome.runs.pairs())
     for (_, response), law in outcome.laws.items():
-        checks = fit.judge(law).checks
+        checks = fit.judge(law, runs=pairs[0] if len(pairs) == 1 else None).checks
         found |= {f"{response}: {name}" for name, check in checks.items() if getattr(check, "concern", 0)}
     return found
 
@@ -828,8 +828,9 @@ def judged(kind, how, good, bad, copy, sheet):
     if bad.refusal:
         return "refused", ""
     changed = changes(good.laws, bad.laws, "cell" in kind or kind == "long")
-    if kind == "long":  # a response whose name is lost has no law, and its column is listed as not used
-        changed = {response: text for response, text in changed.items() if text != "no law"}
+    if kind in ("long", "header"):  # a response whose name is lost has no law, and its column is listed as not used
+        lost = {response for response, text in changed.items() if text == "no law"}
+        changed = {response: text for response, text in changed.items() if not _only_lost(good, bad, response, lost)}
     change = "; ".join(f"{response}: {text}" for response, text in changed.items())
     if not changed:
         return "below 1 SE" if "cell" in kind else "unchanged", ""
@@ -845,9 +846,25 @@ def judged(kind, how, good, bad, copy, sheet):
     added = {response: after.get(response, set()) - before[response] for response in changed}
     if all(added.values()) and how is not column_shifted:  # there, the row left out is not the fault
         return "message", ""
-    if (kind in OF_VALUES or how is column_shifted) and failed_checks(bad) - failed_checks(good):
+    if failed_checks(bad) - failed_checks(good):
         return "check", ""
+    if all(_growth_of_scatter(good, bad, response) < DOUBLED for response in changed):
+        return f"not visible: the scatter grows less than {DOUBLED:g} times, and every check is passed", ""
     return "SILENT", change
+
+
+def _only_lost(good, bad, response, lost):
+    """Whether a law is lost with the name of its response, or differs only by factors that are lost."""
+    right, law = (next((one for key, one in seen.laws.items() if key[1] == response), None) for seen in (good, bad))
+    return law is None or (lost and set(right.factors) - lost == set(law.factors) != set(right.factors))
+
+
+def _growth_of_scatter(good, bad, response):
+    """Ratio of the residual standard errors of a law, infinite where its factors differ."""
+    right, law = (next((one for key, one in seen.laws.items() if key[1] == response), None) for seen in (good, bad))
+    if law is None or law.factors != right.factors:
+        return np.inf
+    return np.sqrt(law.rss / law.df_resid / (right.rss / right.df_resid))
 
 
 def _written(sheet, folder):

@@ -203,6 +203,8 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
     table = candidate_settings(law)
     reached = table[_durations(law, args, table, np.inf) <= longest]
     conditions = dict(decision.at)
+    if not set(table.columns.astype(str)) <= set(conditions):  # rows without edges, each with a time of its own
+        return None
     own = {name: round_significant(conditions[name], 4) for name in table.columns.astype(str)}
     return pd.concat([pd.DataFrame([own], dtype=float), reached], ignore_index=True)
 

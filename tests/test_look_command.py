@@ -289,3 +289,23 @@ def test_alternatives_of_a_message_are_separate_commands():
     assert remedies_in('give --map "V=vc (m/min)" or --map V=col2') == ['--map "V=vc (m/min)"', "--map V=col2"]
     assert remedies_in("assign them, for instance --map V=col1") == []
     assert remedies_in("no remedy") == []
+
+
+def test_a_column_of_forces_without_numbers_raises_no_warning(here):
+    rows = "\n".join(f"{80 + 10 * k},0.2,1.5,,{100 + k}" for k in range(8))
+    (here / "a.csv").write_text(f"V [m/min],f [mm/rev],d [mm],Fx [N],Ff [N]\n{rows}\n")
+    assert run("look", "a.csv").code == 0
+
+
+def test_next_plans_for_rows_that_have_times_but_no_edges(here):
+    """Names of two columns were exchanged, so that no edges were found and the life was extrapolated."""
+    V, t = [80, 120, 180, 80, 120, 180, 100, 150], [2, 4, 7, 10, 14, 18]
+    wear = [[0.02 * v**0.3 * time**0.25 * (1 + 0.01 * (k + time) % 0.05) for time in t] for k, v in enumerate(V)]
+    rows = "\n".join(
+        f"{v},{0.2 + 0.01 * (k % 3)},{1 + 0.5 * (k % 2)},{time},{wear[k][j]:.4f}"
+        for k, v in enumerate(V)
+        for j, time in enumerate(t)
+    )
+    (here / "a.csv").write_text(f"V [m/min],f [mm/rev],d [mm],t [min],AW [mm]\n{rows}\n")
+    result = run("next", "a.csv", "--edge", "none")
+    assert result.code == 0, result.err

@@ -89,7 +89,8 @@ def _compare_feed_force(draft: Draft, values: dict[str, Array]) -> None:
 
 def _compare_specific_force(draft: Draft, values: dict[str, Array], area: Array, options: ReadOptions) -> None:
     """Doubt the largest force of a file without Fc where no cutting process has its ratio to the area of the chip."""
-    forces = {role: float(np.nanmedian(values[role])) for role in FORCES if role in values and role != "Fc"}
+    held = {role: values[role][np.isfinite(values[role])] for role in FORCES if role in values and role != "Fc"}
+    forces = {role: float(np.median(numbers)) for role, numbers in held.items() if numbers.size}
     if "Fc" in values or not forces:
         return
     role = max(forces, key=lambda name: forces[name])
