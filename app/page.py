@@ -27,10 +27,7 @@ from .jobs import Job, Jobs, Runner
 from .project import Entry, Project
 from .results import PICTURES, facts_of_laws, policy_of_card, reading_of, to_repeat, verdicts, written
 
-PRELOAD: Final = (
-    "fitmodels.pipeline.analysis", "fitmodels.pipeline.folders", "fitmodels.cards.figures", "fitmodels.cards.folder",
-    "fitmodels.cards.first_screen", "fitmodels.datasets.overview", "fitmodels.cli.wear", "fitmodels.cli.look",
-)  # fmt: skip
+PRELOAD: Final = ("fitmodels.app.warm", "fitmodels.datasets.overview")
 SHOWN_STEPS = 30
 MOST_FILES = 50  # of one upload
 OTHERS = re.compile(r"fitmodels (costs|limits|settings|tune|ident|next)\b")  # commands that a message names
@@ -43,7 +40,7 @@ class Shown:
     key: tuple[str, ...]
     look: Job
     laws: Job
-    picture: Job
+    picture: Job | None = None  # drawn after the laws
     found: dict[str, Any] = field(default_factory=dict)
 
 
@@ -149,13 +146,23 @@ class Page:
             now = self._shown.get(entry.name)
             if now is None or now.key != key or force:
                 for job in () if now is None else (now.look, now.laws, now.picture):
-                    self.jobs.cancel(job)
-                look = ["look", entry.name, *options.of_reading(entry.options)]
-                drawn = [*look, "--out", f"{entry.stem}-look.png", "--force"]
-                fit = options.command_of(entry, force=force)
-                look_job, fit_job, drawing = (self.jobs.start(words) for words in ([*look, "--json"], fit, drawn))
-                now = self._shown[entry.name] = Shown(key, look_job, fit_job, drawing)
+                    if job is not None:
+                        self.jobs.cancel(job)
+                fit = self.jobs.start(options.command_of(entry, force=force))
+                look = self.jobs.start(["look", entry.name, *options.of_reading(entry.options), "--json"])
+                now = self._shown[entry.name] = Shown(key, look, fit)
             return now
+
+    def _drawn(self, entry: Entry) -> Job:
+        """The command that draws the picture of a reading, or what it waits for."""
+        now = self._show(entry)
+        with self._lock:
+            if now.laws.code is None:
+                return now.laws
+            if now.picture is None:
+                words = ["look", entry.name, *options.of_reading(entry.options)]
+                now.picture = self.jobs.start([*words, "--out", f"{entry.stem}-look.png", "--force"])
+            return now.picture
 
     async def _reading(self, request: Request) -> Response:
         entry = self._entry(request.path_params["name"])
@@ -169,9 +176,9 @@ class Page:
 
     async def _picture(self, request: Request) -> Response:
         entry = self._entry(request.path_params["name"])
-        job = self._show(entry).picture
-        if job.code is None:
-            return self._waiting(job, "drawing", f"/files/{quote(entry.name)}/picture")
+        job = self._drawn(entry)
+        if job.code is None or job.words[0] != "look":
+            return self._render("waiting.html", job=None, what="drawing", again=f"/files/{quote(entry.name)}/picture")
         path = f"{entry.stem}-look.png" if job.code == 0 else ""
         return self._render("picture.html", entry=entry, path=path, job=job)
 
