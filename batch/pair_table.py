@@ -1,6 +1,7 @@
 """A separate table with the groups of pairs: their ISO group, grade, coolant."""
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..core.errors import DataError, UsageError
+from ..core.text import shortened
 from ..datasets.tables.decode import encoding_of, load_bytes, text_lines
 from ..datasets.tables.dialect import is_comment, split_line, text_source
 from ..datasets.tables.numerals import Cell, is_missing
@@ -17,6 +19,7 @@ from .outcomes import Concern, PairOutcome
 from .source.common import some_names
 
 NAMES = ("tool", "work")
+LISTED = 12  # headers in a message
 MARKS = (";", "\t", "|", ",", " ")
 Line = tuple[int, Sequence[Cell]]
 
@@ -59,9 +62,10 @@ def read_pairs(path: str | os.PathLike[str]) -> pd.DataFrame:
         raise DataError(f"{path.name} holds no filled cell. Export the table again.")
     header, named = filled[0][1], _named(filled[0][1])
     if not named:
+        seen = ", ".join([*filter(None, header)][:LISTED])
         raise DataError(
-            f"{path.name}: neither tool nor work is a column of its header, {', '.join(filter(None, header))}. The "
-            "table of pairs begins with a row of headers such as tool, work, iso513."
+            f"{path.name}: neither tool nor work is a column of its header, {seen}. The table of pairs begins "
+            "with a row of headers such as tool, work, iso513."
         )
     others = {name: place for place, name in enumerate(header) if name and place not in named.values()}
     _check_header(path.name, header, others)
@@ -71,7 +75,9 @@ def read_pairs(path: str | os.PathLike[str]) -> pd.DataFrame:
          {**{name: named.get(name) for name in NAMES}, **others}.items()},
         dtype=object,
     )  # fmt: skip
-    return _once(path.name, table, [number for number, _ in filled[1:]])
+    made = _once(path.name, table, [number for number, _ in filled[1:]])
+    made.attrs["file"] = path.name
+    return made
 
 
 def with_groups(outcomes: Sequence[PairOutcome], table: pd.DataFrame) -> tuple[PairOutcome, ...]:
@@ -94,8 +100,9 @@ def with_groups(outcomes: Sequence[PairOutcome], table: pd.DataFrame) -> tuple[P
     groups = _groups(table)
     made = tuple(_with(outcome, groups) for outcome in outcomes)
     if outcomes and groups and not any(key in groups for outcome in outcomes for key in _keys(outcome)):
+        file = table.attrs.get("file", "the table of pairs")
         raise UsageError(
-            f"the table of pairs names {_some(groups)}, none of which the source holds; it holds"
+            f"{file} names {_some(groups)}, none of which the source holds; it holds"
             f" {_some([(outcome.tool, outcome.work) for outcome in outcomes])}. Check how tools and works are written."
         )
     return made
@@ -148,12 +155,12 @@ def _named(header: Sequence[str]) -> dict[str, int]:
 
 def _check_header(file: str, header: Sequence[str], others: Mapping[str, int]) -> None:
     if not others:
-        raise DataError(f"{file} has no groups of pairs: besides {', '.join(header)} it needs a column such as iso513.")
-    twice = [name for name in header if name and header.count(name) > 1]
-    if twice:
         raise DataError(
-            f"{file} has {header.count(twice[0])} columns named {twice[0]!r}. Rename or delete all but one."
+            f"{file} has no groups of pairs: besides {', '.join(header[:LISTED])} it needs a column such as iso513."
         )
+    name, count = next(((name, n) for name, n in Counter(header).items() if name and n > 1), ("", 0))
+    if count:
+        raise DataError(f"{file} has {count} columns named {shortened(name)!r}. Rename or delete all but one.")
 
 
 def _row(file: str, number: int, cells: Sequence[str], width: int) -> list[str]:

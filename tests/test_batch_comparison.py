@@ -333,3 +333,18 @@ def test_pictures_are_replaced_all_or_none_and_former_ones_go_with_them(tmp_path
     assert write_figures(made, tmp_path, "simulated", [first.name, "exponents_P_V.svg"]) == [first, second]
     assert {path.name for path in tmp_path.iterdir()} == {*before}
     assert first.read_bytes() != before[first.name]
+
+
+def test_a_table_of_pairs_with_many_columns_is_read(tmp_path):
+    names = ",".join(f"group {k}" for k in range(2000))
+    (tmp_path / "pairs.csv").write_text(f"tool,{names}\nA{',x' * 2000}\n")
+    assert read_pairs(tmp_path / "pairs.csv").shape == (1, 2002)
+    (tmp_path / "pairs.csv").write_text(f"tool,group,{names},group\nA\n")
+    with pytest.raises(DataError, match="2 columns named 'group'"):
+        read_pairs(tmp_path / "pairs.csv")
+
+
+def test_a_table_of_other_pairs_is_named(tmp_path):
+    (tmp_path / "pairs.csv").write_text("tool,iso513\nOther,P\n")
+    with pytest.raises(UsageError, match=r"pairs\.csv names Other"):
+        with_groups([PairOutcome("Z", "x", 9)], read_pairs(tmp_path / "pairs.csv"))
