@@ -186,8 +186,8 @@ class EdgeSums:
         mean = self.size[:G] @ means / n
         level = np.concatenate([self.base.origin[:k], np.zeros(shifts.shape[1] + 1)])
         inside = np.hstack([self.inside[:, :k], np.zeros((len(self.inside), shifts.shape[1])), self.inside[:, k:]])
-        R = np.linalg.qr(np.vstack([np.sqrt(self.size[:G])[:, None] * (means - mean), inside]), mode="r")
-        return Summary(int(n), k, mean + level, np.asarray(R)[: int(n) - 1], self.base.params)
+        R = _in_rows(np.vstack([np.sqrt(self.size[:G])[:, None] * (means - mean), inside]), int(n) - 1)
+        return Summary(int(n), k, mean + level, R, self.base.params)
 
     def groups(self) -> tuple[Index, Index]:
         """Edge and level of each group, both shape (G,)."""
@@ -218,6 +218,18 @@ class EdgeSums:
         for name in ("size", "mean", "first", "far", "square"):
             old = getattr(self, name)
             setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]))]))
+
+
+def _in_rows(A: Array, most: int) -> Array:
+    """Triangle of rows A, in at most as many rows as their rank is; of permuted columns where these are more."""
+    if most >= A.shape[1]:
+        return np.asarray(np.linalg.qr(A, mode="r"))
+    from scipy.linalg import qr
+
+    R, order = qr(A, mode="r", pivoting=True)  # the rows that go hold rounding alone
+    found = np.zeros((most, A.shape[1]))
+    found[:, order] = R[:most]
+    return found
 
 
 def _grouped(edge: Index, level: Index | None) -> tuple[Index | None, Index, NDArray[np.int64]]:

@@ -171,6 +171,13 @@ def test_good_bad_and_ugly_pairs_are_as_in_the_loop():
     assert set(many.pairs["tool"][many.estimates.stacked]) >= stacked
 
 
+def test_two_factors_that_follow_from_a_third_are_left_out_as_in_the_loop():
+    frame = pair_rows("f and d from V", 31).assign(
+        f=lambda frame: frame["V"] ** -0.5, d=lambda frame: frame["V"] ** 0.2
+    )
+    assert assert_as_the_loop(frame, "AW", FACTORS, "tool").one_by_one == 1
+
+
 def test_rows_in_any_order_give_the_same_pairs():
     frame = pd.concat(ugly_pairs(), ignore_index=True)
     shuffled = frame.sample(frac=1, random_state=3).reset_index(drop=True)

@@ -132,6 +132,8 @@ def assert_same_edges(streamed, memory):
         pytest.param(table(within=1e-5, between=1e-5), {}, id="hardly any scatter"),
         pytest.param(gc435(), {}, id="a measured set"),
         pytest.param(table(7, edges=3), {"edge": None}, id="seven rows"),
+        pytest.param(table(5, edges=3).assign(f=0.2), {}, id="five rows and a constant factor"),
+        pytest.param(table(6, edges=3).assign(f=0.2, V=80.0), {"edge": None}, id="six rows and two constant factors"),
         pytest.param(table(5), {"edge": None}, id="as many rows as parameters"),
     ],
 )  # fmt: skip
@@ -390,6 +392,7 @@ def test_why_there_is_nothing_by_edge_is_reported_as_in_memory(frame):
     [
         pytest.param(table(4), {"edge": None}, id="too few rows"),
         pytest.param(table(1), {"edge": None}, id="one row"),
+        pytest.param(table(3).assign(V=80.0), {}, id="three rows and a constant factor"),
         pytest.param(table(50).assign(AW=-1.0), {}, id="no usable row"),
         pytest.param(table(50).assign(AW=0.2), {}, id="a response that stands still"),
         pytest.param(table(50).assign(V=1.0, f=1.0, d=1.0, t=1.0), {}, id="no factor that moves"),

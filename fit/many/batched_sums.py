@@ -22,6 +22,7 @@ Flags = NDArray[np.bool_]
 
 BLOCK = 32_768  # rows that are fitted together, so that they stay in the cache
 LARGEST_VIF = 1e5  # sum of the variance inflation factors up to which sums of products keep eleven digits
+LEAST = 1e-10  # of a pivot: the variance inflation of a column with less is above `LARGEST_VIF`
 # Least eigenvalue of I - (Z'Z)^-1 Z_g'Z_g at which ten digits of a standard error are safe; below it, pairs are fitted
 # singly.
 SAFE = 1e-3
@@ -142,12 +143,13 @@ def _inverse_roots(C: Array) -> Array:
         row = C[i, i:].copy()
         for j in range(i):
             row -= R[j, i] * R[j, i:]
-        R[i, i:] = row / np.sqrt(np.maximum(row[0], 1e-30))  # of dependent columns: their pair is fitted singly
+        R[i, i:] = row / np.sqrt(np.maximum(row[0], LEAST))
+        R[i, i] = np.sqrt(np.maximum(row[0], LEAST))
     for i in range(p - 1, -1, -1):
         V[i, i] = 1.0
         for j in range(i + 1, p):
             V[i] -= R[i, j] * V[j]
-        V[i] /= np.maximum(R[i, i], 1e-15)
+        V[i] /= R[i, i]
     return V
 
 
