@@ -155,9 +155,19 @@ def highest(
         past = _past(estimate, given, at, minutes)
         if past <= risk and _allowed(estimate, bounds, at):
             work = f"{probability_words(past)} of being past the criterion after the work of {minutes:.3g} min"
-            text = f"Highest {_setting(symbol, at, given)}: probability {work}; the limit is {risk:g}."
+            loads = "".join(_load(estimate, bounds, name, at) for name in estimate.laws.loads)
+            text = f"Highest {_setting(symbol, at, given)}: probability {work}; the limit is {risk:g}{loads}."
             return Advice("feed" if symbol == "f" else "speed", text, past, {symbol: float(value)})
     return None
+
+
+def _load(estimate: EdgeEstimate, bounds: Bounds, name: str, at: Mapping[str, float]) -> str:
+    """A load at these conditions and its limit, as the end of a sentence; empty for one that is not used."""
+    if name in estimate.distrusted:
+        return ""
+    load, top = estimate.expected_load(name, at, LEVEL), bounds.loads.get(name)
+    limit = "no limit in the file" if top is None else f"limit {top:.3g}"
+    return f"; expected {name} {load.median:.3g} {load.unit}, {limit}"
 
 
 def _setting(symbol: str, at: Mapping[str, float], given: Mapping[str, float]) -> str:

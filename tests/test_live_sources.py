@@ -435,3 +435,30 @@ def test_a_header_without_a_load_names_a_column_that_is_not_used():
     list(lines.take("time [s],I [A],V [m/min],state"))
     with pytest.raises(DataError, match=r'--map "P=I \[A\]"'):
         list(lines.take("0,1,2,3"))
+
+
+@pytest.mark.parametrize(
+    ("stamps", "seconds"),
+    [
+        (("31.12.2026 23:59:59", "01.01.2027 00:00:01,5"), 2.5),
+        (("1.3.2026 8:15:00", "1.3.2026 8:15:00.25"), 0.25),
+        (("2026-03-01T08:15:00", "2026-03-01T08:15:02"), 2.0),
+    ],
+)
+def test_dates_of_machine_logs_are_times(stamps, seconds):
+    first, second = (Stamps("", "run.csv").seconds(stamp) for stamp in stamps)
+    assert second - first == pytest.approx(seconds)
+    assert Stamps("", "run.csv").seconds("03/01/2026 08:15:00") is None  # the month or the day may be first
+
+
+def test_a_recorded_run_without_a_readable_time_says_why(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("Date,P [kW]\n" + "".join(f"03/01/2026 08:15:0{k},1.{k}\n" for k in range(5)))
+    with pytest.raises(DataError, match=r"no readings below its header: line 6: '03/01/2026 08:15:04' is no time"):
+        list(open_source(str(path), SourceOptions(loads={"P": "kW"}, map={"time": "Date"}, replay=math.inf)))
+
+
+def test_points_between_thousands_are_read_with_a_decimal_comma():
+    lines = Lines("run.csv", SourceOptions(loads={"P": "kW"}))
+    items = [item for line in ("t [s];P [W]", "0,0;1.005,5", "0,5;5,5") for item in lines.take(line)]
+    assert [item.loads["P"] for item in items if isinstance(item, Sample)] == pytest.approx([1.0055, 0.0055])

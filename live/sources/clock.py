@@ -17,6 +17,7 @@ LEAST_GAP = 1.0  # s
 GAP = 5.0  # steps without a sample
 LATE = 1.0  # s: a row that is so much too early is out of order, and left out
 MOST_LATE = 10  # rows in a row, after which the clock was set back
+_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[ T]+(\d{1,2})(:\d\d:\d\d(?:[.,]\d+)?)")  # day first
 _DAY = re.compile(r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)")
 _EPOCHS = {"s": (1e9, 1e10, 1.0), "ms": (1e12, 1e13, 1e-3), "us": (1e15, 1e16, 1e-6)}  # since 1970, from 2001 to 2286
 
@@ -101,7 +102,7 @@ class Clock:
 
 
 class Stamps:
-    """Time stamps of a source as s: numbers with a unit, ISO 8601, times of day.
+    """Time stamps of a source as s: numbers with a unit, ISO 8601, ``31.12.2026 8:15:00``, times of day.
 
     Parameters
     ----------
@@ -168,6 +169,8 @@ class Stamps:
         if match := _DAY.fullmatch(text):
             self.assumed = "time: of day; it goes back at midnight"
             return 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
+        if match := _DOTTED.fullmatch(text):
+            text = f"{match[3]}-{match[2]:0>2}-{match[1]:0>2} {match[4]:0>2}{match[5]}"
         try:
             stamp = datetime.fromisoformat(text.replace(",", "."))
         except ValueError:

@@ -220,7 +220,8 @@ def replayed(path: Path, options: SourceOptions) -> Items:
                     yield from pace.wait(item.time)
                 yield item
     if not lines.samples:
-        raise DataError(f"{path.name} holds no readings below its header.")
+        why = f": {lines.fault}" if lines.fault else ""
+        raise DataError(f"{path.name} holds no readings below its header{why}.")
     yield Notice(time.time(), "end", f"{path.name} is at its end")
 
 

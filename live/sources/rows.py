@@ -21,7 +21,7 @@ LONGEST: Final = 65_536  # characters of a line
 MOST_KEYS: Final = 1000  # of a JSON object, nested ones counted
 IDLE: Final = 0.5  # s without a reading, after which the monitor gets its turn
 SAY_AGAIN: Final = 5.0  # s between two notices on unreadable lines
-_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_COMMA = re.compile(r"[+-]?(?:\d+|\d{1,3}(?:\.\d{3})+),\d+(?:[eE][+-]?\d+)?")  # 5,39 or 1.005,39
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
 _DELIMITERS = (";", "\t", ",", "|")
 
@@ -52,6 +52,7 @@ class Lines:
         self._missed = False  # a load, for ``silent`` s
         self._skipped = False  # samples that the journal holds
         self.samples = 0  # that were read
+        self.fault = ""  # of the last line that could not be read
         self.restart()
 
     def restart(self) -> None:
@@ -122,7 +123,8 @@ class Lines:
             self._said.add(self._stamps.assumed)
             yield Notice(wall_time(), "connected", self._stamps.assumed)
         if time is None:
-            yield from self._unreadable(f"line {self._number}: {shortened(str(clock), 30)!r} is no time")
+            value = shortened(str(clock), 30)
+            yield from self._unreadable(f"line {self._number}: {value!r} is no time (2026-12-31 08:15:00.5 is one)")
         else:
             yield from self._sample(channels.sample(time, values), arrival)
 
@@ -167,7 +169,7 @@ class Lines:
 
     def _unreadable(self, text: str) -> Iterator[Notice]:
         """A notice on lines that cannot be read, not more often than every 5 s."""
-        self._unsaid += 1
+        self._unsaid, self.fault = self._unsaid + 1, text
         now = wall_time()
         if abs(now - self._last_said) >= SAY_AGAIN:
             others = f" ({self._unsaid} lines in all)" if self._unsaid > 1 else ""
@@ -289,7 +291,7 @@ class _Csv:
             return float(cell)
         if _COMMA.fullmatch(cell) and self._decimal != ".":
             self._decimal = ","
-            return float(cell.replace(",", "."))
+            return float(cell.replace(".", "").replace(",", "."))
         return cell or None
 
 
