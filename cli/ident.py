@@ -194,7 +194,7 @@ def _collected(
         data_sha256=records[0].sha256,
         simulated=True if disclaimers(note for rec in records for note in rec.notes) else None,
         n_rows=len(found.record),
-        command=typed(args.words),
+        command=typed([word for word in args.words if word != "--force"]),
         options={name: value for name in RECORDED if (value := getattr(args, name)) is not None},
     )
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 LISTED = 5  # folders that are named
-OF_OUTPUT = ("--full", "--quiet", "-q")  # options that change no result
+OF_OUTPUT = ("--force", "--full", "--quiet", "-q")  # options that change no result
 
 
 def parser() -> Parser:
