@@ -13,6 +13,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -21,7 +22,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from ..core.errors import FitmodelsError, UsageError
-from . import options, reading
+from . import options, reading, region
 from .command_forms import Subject, actions, command, subject_of
 from .jobs import Job, Jobs, Runner
 from .project import Entry, Project
@@ -85,6 +86,7 @@ class Page:
                 Route(f"{of_file}/undo", self._undo, methods=post),
                 Route(f"{of_file}/leave-out", self._leave_out, methods=post),
                 Route(f"{of_file}/machine", self._machine, methods=get),
+                Route(f"{of_file}/region", self._region, methods=get),
                 Route(f"{of_file}/run/{{action}}", self._run, methods=post),
                 Route(f"{of_file}/results/{{path:path}}", self._result, methods=get),
                 Route("/jobs/{id}", self._job, methods=get),
@@ -263,6 +265,17 @@ class Page:
             return self._render("alert.html", words=str(missing))
         forms = [one for one in actions(subject) if one.is_form]
         return self._render("machine.html", entry=entry, actions=forms, paths=paths, path=subject.params)
+
+    async def _region(self, request: Request) -> Response:
+        """The region of speed and feed within the limits of the sliders; without values, the sliders themselves."""
+        entry = self._entry(request.path_params["name"])
+        given = dict(request.query_params)
+        _, subject = await asyncio.to_thread(self._subject, entry, given.pop("params", ""))
+        if not given:
+            found = await asyncio.to_thread(region.sliders, self.project.folder, subject.params)
+            return self._render("region.html", entry=entry, sliders=found, path=subject.params)
+        svg, words = await asyncio.to_thread(region.drawn, self.project.folder, subject.params, given)
+        return self._render("region_drawn.html", svg=Markup(svg), words=words)  # noqa: S704  texts are escaped in it
 
     async def _run(self, request: Request) -> Response:
         entry = self._entry(request.path_params["name"])

@@ -3,6 +3,7 @@
 import http.client
 import io
 import json
+import re
 import shlex
 import signal
 import socket
@@ -13,13 +14,14 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from fitmodels import cli, datasets
+from fitmodels import cli, datasets, parameters
 from fitmodels.app.command_forms import actions, command, subject_of
 from fitmodels.app.jobs import Jobs
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
 from fitmodels.app.reading import column_menus, option_of_change, role_label, units_of
 from fitmodels.app.results import policy_of_card
+from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
 from hypothesis import given
 from hypothesis import strategies as st
@@ -261,6 +263,23 @@ def test_from_tests_to_limits_and_an_export(client):
     client.until_done(f"/jobs/{text.split('/jobs/')[1].split('/')[0].split('?')[0]}?file=gc.csv")
     assert words not in client.get("/files/gc.csv/laws").replace("&#39;", "'")
     assert client.post("/files/gc.csv/repeat", command=words)[0] == 422
+
+
+def test_the_region_follows_its_sliders(client):
+    """At a power of 3 kW the best pair of the page is that of `controllers.visible_region`."""
+    client.upload("gc.csv", BUNDLED)
+    client.until_done("/files/gc.csv/laws")
+    found = client.get("/files/gc.csv/region")
+    assert re.findall(r'type="range" name="(\w+)"', found) == ["AW", "Fxz", "P", "d", "t"]
+    drawn = client.get("/files/gc.csv/region?AW=0.3&P=3&Fxz=3000&d=2&t=10")
+    (name,) = client.page.project.parameter_files(client.page.project.entry("gc.csv"))
+    limits = {"power": 3.0, "wear": 0.3, "force": None}
+    best = visible_region(parameters.read(client.page.project.folder / name), limits=limits, d=2.0, t=10.0).best
+    assert best.words[: best.words.index("MRR")] in drawn
+    assert "NOT MEASURED" in drawn
+    assert "exclude each other" in client.get("/files/gc.csv/region?P=0.001")
+    assert client.ask("GET", "/files/gc.csv/region?P=-1")[0] == 422
+    assert client.ask("GET", "/files/gc.csv/region?P=x")[0] == 422
 
 
 def test_results_are_kept_when_the_page_is_opened_again(tmp_path):

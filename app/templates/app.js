@@ -26,6 +26,10 @@
     const details = link && document.getElementById(link.dataset.open);
     if (details) details.open = true;
   });
+  document.addEventListener("input", (event) => {
+    const shown = event.target.dataset && document.getElementById(event.target.dataset.shown);
+    if (shown) shown.textContent = event.target.value;
+  });
   document.body.addEventListener("htmx:sendError", () => {
     said.textContent = "The program has ended or does not answer: run 'fitmodels app' again. Files and results are kept.";
     said.classList.add("alert");

@@ -1,0 +1,177 @@
+"""The region of speed and feed within limits that are moved by sliders, as a picture and its best pair."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from ..cards.content.design import middle
+from ..cards.forms.svg_panel import LIMIT, LINE, TESTED, Margins, PanelAxis, PanelCanvas, PanelDrawing, svg
+from ..controllers.region.visible import VisibleRegion, visible_region
+from ..core.errors import UsageError
+from ..datasets.vocabulary import ROLES
+from ..parameters import ParameterFile, read
+
+POINTS: Final = 81  # of the grid along each axis
+STEPS: Final = 200  # of a slider
+MARGIN: Final = 0.05  # of an axis
+
+
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """A limit or setting that is moved.
+
+    Attributes
+    ----------
+    name : str
+        Symbol of the response, or d and t.
+    label, unit : str
+    low, high, step, value : str
+        Numbers as texts.
+    """
+
+    name: str
+    label: str
+    unit: str
+    low: str
+    high: str
+    step: str
+    value: str
+
+
+def sliders(folder: Path, params: str) -> tuple[Slider, ...]:
+    """Sliders of the limits of responses and of depth and time; none where the laws have no speed and feed.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read.
+    """
+    pf = read(folder / params)
+    laws = [law for law in pf.laws.values() if {"V", "f"} <= {one.symbol for one in law.factors}]
+    if not laws:
+        return ()
+    made = [_of_response(pf, law) for law in laws if _kind(law.response)]
+    others = {one.symbol: one for law in laws for one in law.factors if one.symbol in ("d", "t")}
+    return (*made, *(_slider(s, ROLES[s].quantity, f.unit, f.low, f.high, middle(laws[0]).get(s, f.low))
+                     for s, f in sorted(others.items())))  # fmt: skip
+
+
+def _of_response(pf: ParameterFile, law: Any) -> Slider:  # noqa: ANN401  a section of a law
+    """The slider of a limit, at that of the file or at the largest value of the tests."""
+    highest = float(np.max(_values(pf, law)))
+    set_now = _limits(pf).get(law.response)
+    value = set_now if set_now is not None else 0.8 * highest
+    return _slider(law.response, f"{law.quantity} at most", law.unit, highest / 10, 1.3 * highest, value)
+
+
+def _values(pf: ParameterFile, law: Any) -> np.ndarray:  # noqa: ANN401
+    """Values of a law at the ends of its tested ranges."""
+    ends = [[one.low, one.high] for one in law.factors]
+    grid = np.meshgrid(*ends)
+    return np.asarray(law.values({one.symbol: g for one, g in zip(law.factors, grid, strict=True)}))
+
+
+def _limits(pf: ParameterFile) -> dict[str, float]:
+    """Upper limits of the file by symbol."""
+    if pf.limits is None:
+        return {}
+    single = [one for one in (pf.limits.power, pf.limits.force, pf.limits.wear) if one is not None and one.of]
+    return {str(one.of): float(one.value) for one in single}
+
+
+def _kind(symbol: str) -> str:
+    """Name of the limit of a response: power, force or wear; empty where it has none."""
+    role = ROLES.get(symbol)
+    if role is None:
+        return ""
+    return "wear" if role.kind == "wear" else {"N": "force", "kW": "power"}.get(role.unit, "")
+
+
+def _slider(name: str, label: str, unit: str, low: float, high: float, value: float) -> Slider:
+    step = 10.0 ** math.floor(math.log10(max((high - low) / STEPS, 1e-12)))
+    at = round(min(max(value, low), high) / step) * step
+    low, high = math.floor(low / step) * step, math.ceil(high / step) * step
+    return Slider(name, label, unit, *(f"{x:.6g}" for x in (low, high, step, at)))
+
+
+def drawn(folder: Path, params: str, given: Mapping[str, str]) -> tuple[str, str]:
+    """The region as an ``svg`` element, and a sentence on its best pair or on why it is empty.
+
+    Parameters
+    ----------
+    folder, params
+        The parameter file.
+    given : mapping of str
+        Values of the sliders by name.
+
+    Raises
+    ------
+    UsageError
+        A value is no number above zero.
+    """
+    pf = read(folder / params)
+    numbers = {one.name: _number(one, given) for one in sliders(folder, params)}
+    limits: dict[str, Any] = dict.fromkeys(("power", "force", "wear"))
+    for name, value in numbers.items():
+        kind = _kind(name)
+        if kind and limits[kind] is None:
+            limits[kind] = {"value": value, "unit": pf.laws[name].unit, "of": name}
+        elif kind:  # a second force
+            limits.setdefault("responses", {})[name] = {"high": value, "unit": pf.laws[name].unit}
+    region = visible_region(pf, limits=limits, d=numbers.get("d", 1.0), t=numbers.get("t", 1.0))
+    words = region.conflict if region.empty else f"Greatest metal removal rate: {region.best.words}."
+    if pf.identity.simulated:
+        words = f"NOT MEASURED (simulated). {words}"
+    if not region.empty and not region.best.tested:
+        words += " EXTRAPOLATED: this pair lies outside the tested region of the laws."
+    return svg(1, _drawing(region, numbers)), words
+
+
+def _number(slider: Slider, given: Mapping[str, str]) -> float:
+    text = given.get(slider.name, slider.value)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (value > 0 and math.isfinite(value)):
+        raise UsageError(f"{slider.label}: {text[:40]!r} is no number above zero.")
+    return value
+
+
+def _drawing(region: VisibleRegion, numbers: Mapping[str, float]) -> PanelDrawing:
+    """Speed and feed on logarithmic axes: the region shaded, the limit of each response, the best pair."""
+    low, high = region.box.low, region.box.high
+    axes = [_axis(*ends, words) for *ends, words in zip(low, high, ("V [m/min]", "f [mm/rev]"), strict=True)]
+    x, y = (np.linspace(axis.low, axis.high, POINTS) for axis in axes)
+    V, f = np.meshgrid(np.exp(x), np.exp(y))
+    inside = np.asarray(region.contains(V, f), dtype=float)
+    level = {name: surface.value(np.stack([np.log(V), np.log(f)], axis=-1)) for name, surface in region.planes.items()}
+
+    def draw(panel: PanelCanvas) -> None:
+        if inside.any():
+            panel.ax.contourf(x, y, inside, [0.5, 1.5], colors=[TESTED])
+        for name, values in level.items():
+            if name in numbers and values.min() < numbers[name] < values.max():
+                found = panel.ax.contour(x, y, values, np.array([numbers[name]]), colors=LIMIT, linewidths=1.6).points
+                if len(found[0]):
+                    at = panel.at(*found[0][len(found[0]) // 2])
+                    panel.text(*at, f"{name} {numbers[name]:.4g}", "middle", "f-limit halo")
+        if not region.empty:
+            at = math.log(region.best.V), math.log(region.best.f)
+            panel.ax.plot([at[0]], [at[1]], color=LINE, marker="o", ms=8, lw=0)
+            panel.text(*panel.at(*at), " best", style="f-ink halo")
+
+    words = ", ".join(f"{name} at most {value:.4g}" for name, value in numbers.items() if name in region.planes)
+    title = "Region of speed and feed within the limits"
+    return PanelDrawing(title, f"{title}: {words}; shaded.", axes[0], axes[1], draw, Margins(height=280))
+
+
+def _axis(low: float, high: float, name: str) -> PanelAxis:
+    """An axis of natural logarithms with ticks at its ends and middle."""
+    margin = MARGIN * (high - low)
+    ticks = [low, (low + high) / 2, high]
+    return PanelAxis(low - margin, high + margin, ticks, [f"{math.exp(t):.3g}" for t in ticks], name)
