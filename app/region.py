@@ -145,7 +145,8 @@ def _number(slider: Slider, given: Mapping[str, str]) -> float:
 def _drawing(region: VisibleRegion, numbers: Mapping[str, float]) -> PanelDrawing:
     """Speed and feed on logarithmic axes: the region shaded, the limit of each response, the best pair."""
     low, high = region.box.low, region.box.high
-    axes = [_axis(*ends, words) for *ends, words in zip(low, high, ("V [m/min]", "f [mm/rev]"), strict=True)]
+    names = ("V [m/min]", "f [mm/rev]")
+    axes = [_axis(float(a), float(b), name) for a, b, name in zip(low, high, names, strict=True)]
     x, y = (np.linspace(axis.low, axis.high, POINTS) for axis in axes)
     V, f = np.meshgrid(np.exp(x), np.exp(y))
     inside = np.asarray(region.contains(V, f), dtype=float)

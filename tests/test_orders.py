@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
+from fitmodels.ident.estimators.order_losses import left_out
 from fitmodels.ident.estimators.order_selection import choose_order
+from fitmodels.ident.estimators.regressors import Lags, LagTriangle, r_of
 from matplotlib.axes import Axes
 from scipy.signal import lfilter
 
@@ -157,3 +159,13 @@ def test_the_order_map_draws(criterion):
 def test_refuses_in_words(rec, asked, sentence):
     with pytest.raises(IdentError, match=sentence):
         choose_order(rec, **asked)
+
+
+def test_parts_with_fewer_samples_than_lags_decide_no_order():
+    """Runs of a few samples, without their rest, had fewer rows than columns, which ended with an internal error."""
+    lags, rng = Lags(3, 1, 4), np.random.default_rng(4)
+    parts = [LagTriangle(r_of(rng.standard_normal((3, 8))), 3, lags) for _ in range(2)]
+    error = left_out(parts, [1, 3], 3, [1, 2])
+    assert error.shape == (2, 2, 3)
+    assert np.isinf(error[:, 1]).all()
+    assert np.isfinite(error[:, 0, 0]).all()

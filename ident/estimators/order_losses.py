@@ -58,7 +58,7 @@ def left_out(parts: Sequence[Gram | LagTriangle], na: Sequence[int], nb: int, nk
     triangles = isinstance(parts[0], LagTriangle)
     for k, out in enumerate(parts):
         others = [part.matrix for j, part in enumerate(parts) if j != k]
-        trained = r_of(np.concatenate(others)) if triangles else np.sum(others, axis=0)
+        trained = _square(r_of(np.concatenate(others))) if triangles else np.sum(others, axis=0)
         for i, a in enumerate(na):
             columns = _columns(out.lags, a, nb, nk)
             total[:, i] += _error(trained, out.matrix, columns, a, triangles)
@@ -90,6 +90,11 @@ def _error(trained: Array, out: Array, columns: NDArray[np.intp], a: int, triang
     else:
         error = (whole * (out[columns[:, :, None], columns[:, None, :]] @ whole)).sum(axis=1)
     return np.where(collinear[:, a:], np.inf, error)
+
+
+def _square(r: Array) -> Array:
+    """A triangle with rows of zeros, as many as it has columns: few samples leave fewer rows."""
+    return np.concatenate([r, np.zeros((max(r.shape[1] - len(r), 0), r.shape[1]))])
 
 
 def _collinear(factors: Array) -> NDArray[np.bool_]:
