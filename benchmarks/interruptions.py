@@ -44,8 +44,9 @@ NAMES = re.compile(
     r"(?<![0-9a-f])[0-9a-f]{8}-\d+-[0-9a-f]{16}|(?<=fitmodels-)[a-z0-9_]{8}(?![a-z0-9_])"
 )  # of temporary files
 # commands that write nothing; watch, which appends to a journal and adds a version beside a file, is killed and meets
-# a full disk in tests/test_watch_journal.py and tests/test_learning.py
-READING = ("check", "completion", "confirm", "help", "predict", "watch")
+# a full disk in tests/test_watch_journal.py and tests/test_learning.py; app runs the others, and replaces its
+# project.json whole
+READING = ("app", "check", "completion", "confirm", "help", "predict", "watch")
 CARD = """license = "CC-BY-4.0"
 authors = ["Doe, Jane (0000-0002-1825-0097)"]
 contact = "jane.doe@example.org"
