@@ -88,11 +88,26 @@ def subject_of(folder: Path, stem: str, params: str, others: Sequence[str]) -> S
         content = json.loads((folder / params).read_text("utf-8"))
     except (OSError, ValueError):
         content = {}
-    return Subject(stem, params, content if isinstance(content, dict) else {}, others)
+    return Subject(stem, params, content if _is_whole(content) else {}, others)
+
+
+def _is_whole(content: object) -> bool:
+    """Whether the parts that the page shows have the shapes that they have in a parameter file."""
+    if not isinstance(content, dict):
+        return False
+    laws, design, parts = content.get("laws") or {}, content.get("design") or {}, {"symbol", "quantity", "unit"}
+    return (
+        isinstance(laws, dict)
+        and all(isinstance(law, dict) and isinstance(law.get("verdict") or {}, dict) for law in laws.values())
+        and isinstance(design, dict)
+        and all(isinstance(one, dict) and one.keys() >= parts for one in design.get("factors") or ())
+    )
 
 
 def actions(of: Subject) -> tuple[Action, ...]:
-    """The forms, in the order in which they are needed."""
+    """The forms, in the order in which they are needed; of a record those that need no law."""
+    if not of.content.get("laws") and of.content.get("dynamics"):
+        return (TUNE, CARD, CHECK, EXPORT)
     return (*_of_laws(of), *_of_control(of), CARD, CHECK, EXPORT)
 
 
@@ -144,10 +159,10 @@ def _of_control(of: Subject) -> tuple[Action, ...]:
             "settings",
             "Constant load",
             "Reference load, feed limits and tool change by the load law.",
-            SETTINGS,
+            _settings(of),
             "--force",
         ),
-        Action("tune", "Gains", "PI gains that meet a specification, with its probability.", GAINS, "--force"),
+        TUNE,
         Action(
             "replay",
             "Replay",
@@ -163,24 +178,16 @@ SIGNALS = (
     Input("output", "measured column", "--output {}"),
     Input("rate", "samples per second", "--rate {}"),
 )
-SETTINGS = (
-    Input("worn", "load limit of a worn tool", "--worn {}", "0.28", needed=True),
-    Input("window", "wear at tool change", "--window {}", "180:220um"),
-    Input("idle", "load of the running spindle in air", "--idle {}"),
-    Input(
-        "on-fault", "on a lost or wrong load", "--on-fault {}",
-        choices=(("", "feed to its lower limit"), ("stop", "stop the feed")),
-    ),
-)  # fmt: skip
 GAINS = (
-    Input("rise", "rise time at most, s", "--rise {}"),
-    Input("settle", "settling time at most, s", "--settle {}"),
+    Input("rise", "rise time at most, s", "--rise {}", "2"),
+    Input("settle", "settling time at most, s", "--settle {}", "4"),
     Input("overshoot", "overshoot at most, as a fraction", "--overshoot {}", "0.02"),
     Input("probability", "required probability", "--probability {}", "0.9"),
-    Input("low", "lowest command", "--low {}"),
-    Input("high", "highest command", "--high {}"),
+    Input("low", "lowest command, such as the lower feed limit of Constant load", "--low {}"),
+    Input("high", "highest command, such as the upper feed limit of Constant load", "--high {}"),
     Input("unit", "unit of the command", "--unit {}", "mm/min"),
 )
+TUNE = Action("tune", "Gains", "PI gains that meet a specification, with its probability.", GAINS, "--force")
 CARD = Action("card", "Card", "The card again, with all that was added to the file.", fixed="--force")
 CHECK = Action("check", "Check", "Whether the file is consistent, and its control safe.")
 EXPORT = Action(
@@ -213,6 +220,21 @@ def _factors(of: Subject) -> list[Mapping[str, Any]]:
     return [
         one for one in found if isinstance(one.get("low"), int | float) and isinstance(one.get("high"), int | float)
     ]
+
+
+def _settings(of: Subject) -> tuple[Input, ...]:
+    """Fields of constant load; loads in the unit of the law of load."""
+    found = of.content.get("laws") or {}
+    unit = next((f", {found[name].get('unit', '')}" for name in ("I", "P", "Fc", "M") if name in found), "")
+    return (
+        Input("worn", f"load limit of a worn tool{unit}", "--worn {}", "0.28", needed=True),
+        Input("window", "wear at tool change", "--window {}", "180:220um"),
+        Input("idle", f"load of the running spindle in air{unit}", "--idle {}"),
+        Input(
+            "on-fault", "on a lost or wrong load", "--on-fault {}",
+            choices=(("", "feed to its lower limit"), ("stop", "stop the feed")),
+        ),
+    )  # fmt: skip
 
 
 def _conditions(of: Subject) -> tuple[Input, ...]:

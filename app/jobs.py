@@ -193,9 +193,11 @@ class Jobs:
             job.process.join()
         job.ended = time.monotonic()
         code = None if job.process is None else job.process.exitcode
-        if self._ended is not None and code is not None and not job.cancelled:
-            self._ended(job.words, code)
-        job.code = 130 if code is None else code
+        try:
+            if self._ended is not None and code is not None and not job.cancelled:
+                self._ended(job.words, code)
+        finally:
+            job.code = 130 if code is None else code
 
 
 def _end(process: BaseProcess) -> None:

@@ -22,11 +22,12 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from ..core.errors import FitmodelsError, UsageError
+from ..core.files import cause
 from . import options, reading, region
 from .command_forms import Subject, actions, command, subject_of
 from .jobs import Job, Jobs, Runner
 from .project import Entry, Project
-from .results import PICTURES, facts_of_laws, policy_of_card, reading_of, to_repeat, verdicts, written
+from .results import PICTURES, colour, facts_of_laws, policy_of_card, reading_of, to_repeat, verdicts, written
 
 PRELOAD: Final = ("fitmodels.app.warm", "fitmodels.datasets.overview")
 SHOWN_STEPS = 30
@@ -60,10 +61,12 @@ class Page:
         self.jobs = Jobs(run, project.folder, PRELOAD, self._ended)
         self._shown: dict[str, Shown] = {}
         self._lock = threading.Lock()
+        self._unrecorded = ""  # why the last command is not in the list of the project
         self._templates = Environment(
             loader=PackageLoader("fitmodels.app"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
             lstrip_blocks=True,
         )  # fmt: skip
+        self._templates.filters["colour"] = colour
         self._templates.filters["typed"] = lambda words: shlex.join(["fitmodels", *words])
         self._templates.filters["joined"] = shlex.join
         self._templates.filters["options_of"] = lambda text: shlex.join(shlex.split(text)[2:])
@@ -93,7 +96,7 @@ class Page:
                 Route("/jobs/{id}/cancel", self._cancel, methods=post),
                 Mount("/static", StaticFiles(packages=[("fitmodels.app", "templates")])),
             ],
-            exception_handlers={FitmodelsError: self._refused, HTTPException: self._missing},
+            exception_handlers={FitmodelsError: self._refused, HTTPException: self._missing, OSError: self._unwritten},
         )
 
     def _render(self, template: str, status: int = 200, **facts: Any) -> HTMLResponse:  # noqa: ANN401
@@ -106,12 +109,19 @@ class Page:
         status = error.status_code if isinstance(error, HTTPException) else HTTPStatus.INTERNAL_SERVER_ERROR
         return self._render("alert.html", status, words=getattr(error, "detail", ""))
 
+    async def _unwritten(self, _: Request, error: Exception) -> Response:
+        reason = cause(error) if isinstance(error, OSError) else ""
+        words = f"The project folder cannot be read or written: {reason}. Nothing was changed."
+        return self._render("alert.html", HTTPStatus.INSUFFICIENT_STORAGE, words=words)
+
     # the project
 
     async def _start(self, _: Request) -> Response:
         found = await asyncio.to_thread(verdicts, self.project)
         steps = self.project.steps[-SHOWN_STEPS:][::-1]
-        return self._render("project.html", project=self.project, verdicts=found, steps=steps)
+        return self._render(
+            "project.html", project=self.project, verdicts=found, steps=steps, unrecorded=self._unrecorded
+        )
 
     async def _add(self, request: Request) -> Response:
         async with request.form(max_files=MOST_FILES, max_fields=5) as form:
@@ -264,7 +274,10 @@ class Page:
         except UsageError as missing:
             return self._render("alert.html", words=str(missing))
         forms = [one for one in actions(subject) if one.is_form]
-        return self._render("machine.html", entry=entry, actions=forms, paths=paths, path=subject.params)
+        return self._render(
+            "machine.html", entry=entry, actions=forms, paths=paths, path=subject.params,
+            is_record=not subject.content.get("laws"),
+        )  # fmt: skip
 
     async def _region(self, request: Request) -> Response:
         """The region of speed and feed within the limits of the sliders; without values, the sliders themselves."""
@@ -319,7 +332,10 @@ class Page:
     def _ended(self, words: Sequence[str], code: int) -> None:
         """Keep in the project what was run, but for readings."""
         if words[0] not in ("look", "--version"):
-            self.project.ran(words, code)
+            try:
+                self.project.ran(words, code)
+            except (FitmodelsError, OSError) as error:
+                self._unrecorded = str(error)
 
     async def _result(self, request: Request) -> Response:
         """A file that a command has written, by its path among the results."""

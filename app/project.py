@@ -104,6 +104,7 @@ class Project:
             make_folder(self.folder)
         except OSError as failure:
             raise UsageError(f"the project folder {self.folder} cannot be made: {cause(failure)}.") from None
+        self._known = b""
         self._content = self._read()
 
     @property
@@ -143,7 +144,11 @@ class Project:
                     return found
                 entry = Entry(name=self._free(wanted), sha256=digest.hexdigest())
                 made.replace(self.folder / entry.name)
-                self._write(files=(*self.files, entry))
+                try:
+                    self._write(files=(*self.files, entry))
+                except (UsageError, OSError):
+                    (self.folder / entry.name).unlink(missing_ok=True)
+                    raise
         finally:
             made.unlink(missing_ok=True)
         return entry
@@ -196,7 +201,8 @@ class Project:
         if not path.exists():
             return _Content()
         try:
-            return _Content.model_validate_json(read_bounded(path, "state"))
+            self._known = read_bounded(path, "state")
+            return _Content.model_validate_json(self._known)
         except (ValidationError, OSError) as failure:
             raise UsageError(
                 f"{path} is no project of fitmodels ({printable(str(failure).splitlines()[0])}): choose another folder "
@@ -204,9 +210,15 @@ class Project:
             ) from None
 
     def _write(self, **changed: object) -> None:
-        content = self._content.model_copy(update=changed)
-        write_whole(self.folder / FILE, json_text(content.model_dump(by_alias=True), indent=1).encode())
-        self._content = content
+        path, content = self.folder / FILE, self._content.model_copy(update=changed)
+        if (path.read_bytes() if path.exists() else b"") != self._known:
+            raise UsageError(
+                f"{path} was changed by another program: end this page, and start 'fitmodels app' again. Nothing was "
+                "changed here."
+            )
+        data = json_text(content.model_dump(by_alias=True), indent=1).encode()
+        write_whole(path, data)
+        self._content, self._known = content, data
 
 
 def safe_name(name: str) -> str:

@@ -41,6 +41,7 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
         "cards": [name for name in results if name.endswith("/card.html")],
         "results": sorted(results),
         "laws": list(dict.fromkeys(name for name, _ in laws)),
+        "levels": levels(laws),
         "suspects": suspects([law for _, law in laws]),
         "remedies": remedies(entry, results),
         "left_out": left_out(entry.options),
@@ -85,10 +86,28 @@ def verdicts(project: Project) -> dict[str, list[tuple[str, str]]]:
     for entry in project.files:
         for path in project.parameter_files(entry):
             laws = subject_of(project.folder, entry.stem, path, ()).content.get("laws") or {}
-            found.setdefault(entry.name, []).extend(
-                (name, (law.get("verdict") or {}).get("level") or "no verdict") for name, law in laws.items()
-            )
+            found.setdefault(entry.name, []).extend(levels(list(laws.items())))
     return found
+
+
+def levels(laws: Sequence[tuple[str, Mapping[str, Any]]]) -> list[tuple[str, str]]:
+    """Names of laws with the level of their verdicts.
+
+    >>> levels([("VB", {"verdict": {"level": "do not use"}}), ("P", {})])
+    [('VB', 'do not use'), ('P', 'no verdict')]
+    """
+    return [(name, (law.get("verdict") or {}).get("level") or "no verdict") for name, law in laws]
+
+
+def colour(level: str) -> str:
+    """Class of the style sheet in which a level of a verdict is shown, beside its words.
+
+    >>> colour("usable with reservations"), colour("do not use")
+    ('doubt', 'bad')
+    """
+    if "reservations" in level:
+        return "doubt"
+    return "bad" if level.startswith("do not") else "good" if level.startswith("usable") else ""
 
 
 def suspects(laws: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
@@ -110,8 +129,7 @@ def remedies(entry: Entry, results: Mapping[str, Path]) -> list[str]:
     for name, path in results.items():
         if not name.endswith("/card.json"):
             continue
-        for text in _strings(json.loads(path.read_text("utf-8")), "command"):
-            typed = shlex.split(text)
+        for typed in _commands(path):
             if typed[:2] != ["fitmodels", entry.name]:
                 continue
             own = [
@@ -120,6 +138,14 @@ def remedies(entry: Entry, results: Mapping[str, Path]) -> list[str]:
             if own and not any(option == "--leave-out" for option, _ in own):
                 found[shlex.join(words(own))] = None
     return [one for one in found if applied(entry.options, one) != list(entry.options)]
+
+
+def _commands(path: Path) -> list[list[str]]:
+    """Words of the commands that a card names; none of a card that cannot be read."""
+    try:
+        return [shlex.split(text) for text in _strings(json.loads(path.read_text("utf-8")), "command")]
+    except (OSError, ValueError, RecursionError):
+        return []
 
 
 def _strings(data: object, key: str) -> list[str]:

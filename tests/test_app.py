@@ -1,5 +1,6 @@
 """The page of the app: who is answered, what is kept, and that it gives what its commands give."""
 
+import errno
 import http.client
 import io
 import json
@@ -362,6 +363,58 @@ def test_a_record_is_identified_and_its_columns_can_be_chosen(client):
     assert "G(z)" in client.until_done("/files/drive.csv/laws")
     assert client.post("/files/drive.csv/set", set="output", to="col3")[0] == 200
     assert "fitmodels ident drive.csv --output col3 --out drive-fit" in client.get("/files/drive.csv")
+
+
+# what goes wrong around it
+
+
+def test_a_project_file_that_another_program_changed_is_not_replaced(tmp_path):
+    with served(tmp_path) as one:
+        one.upload("gc.csv", BUNDLED)
+        one.until_done("/files/gc.csv/laws")
+        other = Project(tmp_path)  # of a second page of the same folder
+        other.add("b.csv", io.BytesIO(b"V\n1\n"))
+        kept = (tmp_path / "project.json").read_bytes()
+        status, text = one.upload("c.csv", b"V\n2\n")
+        assert status == 422
+        assert "changed by another program" in text
+        one.run("gc.csv", "limits", P="7kW")  # runs, and is not recorded
+        assert "could not be recorded" in one.get("/")
+    assert (tmp_path / "project.json").read_bytes() == kept
+    assert not (tmp_path / "c.csv").exists()
+
+
+def test_results_that_are_damaged_do_not_stop_the_page(tmp_path):
+    with served(tmp_path) as one:
+        one.upload("gc.csv", BUNDLED)
+        one.until_done("/files/gc.csv/laws")
+        (name,) = one.page.project.parameter_files(one.page.project.entry("gc.csv"))
+        for text in ("{", "[]", '{"laws": []}', '{"laws": {"P": 1}}', '{"design": {"factors": [1]}}'):
+            (tmp_path / name).write_text(text)
+            (tmp_path / name).with_name("card.json").write_text(text)
+            for page in ("/", "/files/gc.csv", "/files/gc.csv/laws", "/files/gc.csv/machine"):
+                one.get(page)
+        assert "exit code" in one.run("gc.csv", "limits")
+        (tmp_path / "gc.csv").write_bytes(BUNDLED + b"1")
+        assert "no longer the one that was added" in one.get("/files/gc.csv")
+        (tmp_path / "gc.csv").unlink()
+        assert "no longer the one that was added" in one.get("/files/gc.csv")
+
+
+def test_a_full_disk_is_said(client, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(client.page.project, "add", full)
+    status, text = client.upload("full.csv", b"V\n3\n")
+    assert status == 507
+    assert "no space left on device. Nothing was changed." in text
+
+
+def test_a_record_has_the_forms_that_need_no_law(tmp_path):
+    (tmp_path / "params.json").write_text('{"dynamics": {"sample_time": 0.02}}')
+    subject = subject_of(tmp_path, "d", "params.json", [])
+    assert [one.name for one in actions(subject)] == ["tune", "card", "check", "export"]
 
 
 # its parts

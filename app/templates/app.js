@@ -21,6 +21,11 @@
     });
     input.addEventListener("change", () => input.files.length && form.requestSubmit());
   }
+  if (!form) {
+    document.addEventListener("drop", () => {
+      said.textContent = "A file is added on the page of the project: follow the link 'fitmodels' at the top.";
+    });
+  }
   document.addEventListener("click", (event) => {
     const link = event.target.closest("[data-open]");
     const details = link && document.getElementById(link.dataset.open);
