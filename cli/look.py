@@ -134,15 +134,17 @@ def _show_columns(path: Path, options: "ReadOptions", refusal: "FitmodelsError",
     first = "Corrected:" if len(remedies) == 1 else "Either:"
     commands = [("Or:" if k else first, corrected(args.words, remedy)) for k, remedy in enumerate(remedies)]
     table = _table(path, options)
+    if table is None:
+        return
     if args.json:
         facts = {"refused": str(refusal), "columns": _columns_as_found(table), "rows": _first_rows(path, options)}
         pairs = [{"purpose": why, "command": how} for why, how in commands]
         print_json("look", {**facts, "commands": pairs}, version=2)
-    elif table is not None:
-        out = Printer()
-        out.show(shown.raw_columns(table))
-        if commands:
-            out.show(shown.commands_block(commands))
+        return
+    out = Printer()
+    out.show(shown.raw_columns(table))
+    if commands:
+        out.show(shown.commands_block(commands))
 
 
 def _table(path: Path, options: "ReadOptions") -> "Table | None":
@@ -156,11 +158,11 @@ def _table(path: Path, options: "ReadOptions") -> "Table | None":
         return None
 
 
-def _columns_as_found(table: "Table | None") -> list[dict[str, Any]]:
+def _columns_as_found(table: "Table") -> list[dict[str, Any]]:
     """Columns of a table with the roles and units of their headers."""
     from ..datasets.columns import recognised
 
-    columns = () if table is None else table.columns
+    columns = table.columns
     return [
         {"number": column.number, "header": column.name, "name": column.name, "role": role, "unit": unit}
         for column, (role, unit) in zip(columns, recognised(columns), strict=True)
