@@ -124,7 +124,13 @@ def _columns(law: ProfiledLawPart, at: Mapping[str, float]) -> list[float]:
         np.log(np.divide(at[name], g)) if log else at[name] - g
         for name, log, g in zip(law.factors, law.logs, law.centres, strict=True)
     ]
-    return [1.0, *(math.prod(np.power(x, d) for x, d in zip(u, degrees, strict=True)) for degrees in law.terms)]
+    return [
+        1.0,
+        *(
+            math.prod(x if d == 1 else np.power(x, d) for x, d in zip(u, degrees, strict=True) if d)
+            for degrees in law.terms
+        ),
+    ]
 
 
 def inside(law: ProfiledLawPart, at: Mapping[str, float]) -> bool:

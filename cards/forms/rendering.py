@@ -60,8 +60,8 @@ def checksum(text: str) -> str:
 
 def number(n: NumberPart) -> Markup:
     """A number with its unit, which no line break parts."""
-    unit = Markup('\u00a0<span class="unit">{}</span>').format(n.unit) if n.unit and n.text else Markup()
-    return Markup('<span class="number{}">{}{}</span>').format(_kept(n.text + n.unit), n.text, unit)
+    unit = f'\u00a0<span class="unit">{escape(n.unit)}</span>' if n.unit and n.text else ""
+    return Markup(f'<span class="number{_kept(n.text + n.unit)}">{escape(n.text)}{unit}</span>')  # noqa: S704  escaped
 
 
 def interval(c: CoefficientPart) -> str:
@@ -100,7 +100,7 @@ def prose(text: str) -> Markup:
     out, at = [], 0
     for found in TYPESET.finditer(text):
         out.append(escape(text[at : found.start()]))
-        out.append(doi(found[0]) if found["doi"] else Markup('<span class="kept">{}</span>').format(found[0]))
+        out.append(doi(found[0]) if found["doi"] else Markup(f'<span class="kept">{escape(found[0])}</span>'))  # noqa: S704
         at = found.end()
     return Markup().join([*out, escape(text[at:])])
 
