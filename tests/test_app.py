@@ -120,7 +120,8 @@ def test_htmx_evaluates_nothing_and_adds_no_style(client):
 def test_a_request_that_is_too_large_is_refused_with_and_without_a_length(tmp_path):
     with served(tmp_path, largest=20_000) as one:
         assert one.upload("a.csv", b"1" * 30_000)[0] == 413
-        pieces = (b"x" * 8_000 for _ in range(4))  # chunked, without a length
+        head = b'--m\r\nContent-Disposition: form-data; name="file"; filename="a.csv"\r\n\r\n'
+        pieces = (part for part in (head, *[b"x" * 8_000] * 4))  # chunked, without a length
         kind = "multipart/form-data; boundary=m"
         assert one.ask("POST", "/files", pieces, content_type=kind)[0] == 413
         assert one.page.project.files == ()
