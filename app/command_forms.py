@@ -1,6 +1,7 @@
 """Forms of the commands that take the laws of a file on to a machine, and the words of a command from a filled form."""
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -107,7 +108,7 @@ def _is_whole(content: object) -> bool:
 def actions(of: Subject) -> tuple[Action, ...]:
     """The forms, in the order in which they are needed; of a record those that need no law."""
     if not of.content.get("laws") and of.content.get("dynamics"):
-        return (TUNE, CARD, CHECK, EXPORT)
+        return (tune(of), CARD, CHECK, EXPORT)
     return (*_of_laws(of), *_of_control(of), CARD, CHECK, EXPORT)
 
 
@@ -148,6 +149,13 @@ def _of_control(of: Subject) -> tuple[Action, ...]:
     records = tuple((name, name) for name in of.others)
     return (
         Action(
+            "settings",
+            "Constant load",
+            "Reference load, feed limits and tool change by the load law.",
+            _settings(of),
+            "--force",
+        ),
+        Action(
             "ident",
             "Dynamics",
             "A model of the feed drive from a chirp record of the project, for the gains.",
@@ -155,14 +163,7 @@ def _of_control(of: Subject) -> tuple[Action, ...]:
             "--params {params} --force",
             "record",
         ),
-        Action(
-            "settings",
-            "Constant load",
-            "Reference load, feed limits and tool change by the load law.",
-            _settings(of),
-            "--force",
-        ),
-        TUNE,
+        tune(of),
         Action(
             "replay",
             "Replay",
@@ -173,21 +174,36 @@ def _of_control(of: Subject) -> tuple[Action, ...]:
     )
 
 
+def tune(of: Subject) -> Action:
+    """The form of the gains; its limits are the feed limits of Constant load, where the file has them."""
+    line = of.content.get("load_line") or {}
+    low, high = (line.get(name) for name in ("lower", "upper"))
+    known = isinstance(low, int | float) and isinstance(high, int | float)
+    ends = (f"{math.ceil(low)}", f"{math.floor(high)}") if known else ("", "")
+    unit = str(line.get("unit_feed") or "") if known else ""
+    command = (
+        Input("low", "lowest command, in the unit below", "--low {}", "521", ends[0]),
+        Input("high", "highest command, in the unit below", "--high {}", "1034", ends[1]),
+        Input("unit", "unit of the command", "--unit {}", "mm/min", unit),
+    )
+    words = "PI gains that meet a specification, with its probability."
+    return Action("tune", "Gains", words, (*SPECIFICATION, *command), "--force")
+
+
+FOLLOWING = {  # what is done after a command
+    "settings": "ident", "ident": "tune", "tune": "check", "check": "export", "limits": "costs", "costs": "optimum",
+}  # fmt: skip
 SIGNALS = (
     Input("input", "commanded column", "--input {}"),
     Input("output", "measured column", "--output {}"),
     Input("rate", "samples per second", "--rate {}"),
 )
-GAINS = (
+SPECIFICATION = (
     Input("rise", "rise time at most, s", "--rise {}", "2"),
     Input("settle", "settling time at most, s", "--settle {}", "4"),
     Input("overshoot", "overshoot at most, as a fraction", "--overshoot {}", "0.02"),
     Input("probability", "required probability", "--probability {}", "0.9"),
-    Input("low", "lowest command, such as the lower feed limit of Constant load", "--low {}"),
-    Input("high", "highest command, such as the upper feed limit of Constant load", "--high {}"),
-    Input("unit", "unit of the command", "--unit {}", "mm/min"),
 )
-TUNE = Action("tune", "Gains", "PI gains that meet a specification, with its probability.", GAINS, "--force")
 CARD = Action("card", "Card", "The card again, with all that was added to the file.", fixed="--force")
 CHECK = Action("check", "Check", "Whether the file is consistent, and its control safe.")
 EXPORT = Action(

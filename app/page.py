@@ -24,7 +24,7 @@ from starlette.staticfiles import StaticFiles
 from ..core.errors import FitmodelsError, UsageError
 from ..core.files import cause
 from . import options, reading, region
-from .command_forms import Subject, actions, command, subject_of
+from .command_forms import FOLLOWING, Subject, actions, command, subject_of
 from .jobs import Job, Jobs, Runner
 from .project import Entry, Project
 from .results import PICTURES, colour, facts_of_laws, policy_of_card, reading_of, to_repeat, verdicts, written
@@ -321,7 +321,19 @@ class Page:
         files = await asyncio.to_thread(written, self.project, entry, job)
         pictures = [name for name in files if name.endswith(PICTURES)]
         links = list(dict.fromkeys(OTHERS.findall(job.errors)))
-        return self._render("result.html", entry=entry, job=job, written=files, pictures=pictures, links=links)
+        shown = {"entry": entry, "job": job, "written": files, "pictures": pictures, "links": links}
+        done = await asyncio.to_thread(self._after, entry, job) if job.code == 0 else {}
+        return self._render("result.html", **{"following": None, "gains": (), **shown, **done})
+
+    def _after(self, entry: Entry, job: Job) -> dict[str, Any]:
+        """The form that follows a command, and the gains' limits after those of a constant load were set."""
+        path = next((word for word in job.words if word.endswith("params.json")), "")
+        if not self.project.parameter_files(entry):
+            return {}
+        _, subject = self._subject(entry, path)
+        forms = {one.name: one for one in actions(subject)}
+        gains = [one for one in forms["tune"].inputs if one.value] if job.words[0] == "settings" else []
+        return {"following": forms.get(FOLLOWING.get(job.words[0], "")), "gains": gains}
 
     async def _cancel(self, request: Request) -> Response:
         job = self.jobs.get(request.path_params["id"])

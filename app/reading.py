@@ -60,10 +60,13 @@ def role_label(symbol: str, language: str = "en") -> str:
 
     >>> role_label("V"), role_label("V", "de"), role_label("Fxz", "fr")
     ('V cutting speed', 'V Schnittgeschwindigkeit', 'Fxz thrust force')
+    >>> role_label("edge")
+    'cutting edge'
     """
     role = ROLES[symbol]
     local = dict(zip(LANGUAGES, role.local, strict=False))
-    return f"{symbol} {local.get(language) or role.quantity}"
+    quantity = local.get(language) or role.quantity
+    return quantity if symbol in quantity.split() else f"{symbol} {quantity}"
 
 
 def language_of(accepted: str) -> str:

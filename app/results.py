@@ -15,8 +15,8 @@ from .project import Entry, Project
 RECORD: Final = "is a record of one run"  # in a refusal of look
 PICTURES: Final = (".png", ".svg")
 NO_READING: Final[Mapping[str, Any]] = {
-    "refused": None, "columns": [], "rows": [], "doubts": [], "assumed": [], "warnings": [], "commands": [],
-    "units": {},
+    "refused": None, "columns": [], "rows": [], "lines": [], "doubts": [], "assumed": [], "warnings": [],
+    "commands": [], "units": {},
 }  # fmt: skip
 POLICY_OF_CARD = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]{1,2000})"')
 

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
             raise
         if args.json:
             proposed = [{"purpose": why, "command": how} for why, how in _commands(runs, args.words)]
-            found = {**facts(runs), "refused": None, "commands": proposed, "rows": _first_rows(path, options)}
+            found = {**facts(runs), "refused": None, "commands": proposed, **_first_rows(path, options)}
             print_json("look", found, version=2)
             return 0
     commands = _commands(runs, args.words)
@@ -137,7 +137,7 @@ def _show_columns(path: Path, options: "ReadOptions", refusal: "FitmodelsError",
     if table is None:
         return
     if args.json:
-        facts = {"refused": str(refusal), "columns": _columns_as_found(table), "rows": _first_rows(path, options)}
+        facts = {"refused": str(refusal), "columns": _columns_as_found(table), **_first_rows(path, options)}
         pairs = [{"purpose": why, "command": how} for why, how in commands]
         print_json("look", {**facts, "commands": pairs}, version=2)
         return
@@ -169,12 +169,15 @@ def _columns_as_found(table: "Table") -> list[dict[str, Any]]:
     ]
 
 
-def _first_rows(path: Path, options: "ReadOptions") -> list[list[str]]:
-    """Texts of the first rows, a cell for each column."""
+def _first_rows(path: Path, options: "ReadOptions") -> dict[str, Any]:
+    """Texts of the first rows, a cell for each column, and their lines in the file."""
     table = _table(path, options)
-    columns = [] if table is None else [column.values[:FIRST_ROWS] for column in table.columns]
+    if table is None:
+        return {"rows": [], "lines": []}
+    columns = [column.values[:FIRST_ROWS] for column in table.columns]
     texts = ([f"{v:.6g}" if isinstance(v, float) else str(v)[:LONGEST_CELL] for v in values] for values in columns)
-    return [["" if text == "nan" else text for text in row] for row in zip(*texts, strict=True)]
+    rows = [["" if text == "nan" else text for text in row] for row in zip(*texts, strict=True)]
+    return {"rows": rows, "lines": [int(line) for line in table.lines[:FIRST_ROWS]]}
 
 
 def _picture_path(args: argparse.Namespace) -> Path:

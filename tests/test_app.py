@@ -464,6 +464,17 @@ def test_every_form_is_a_command_that_parses(tmp_path):
         parser.parse_args(words[1:])
 
 
+def test_the_limits_of_the_gains_are_those_of_the_constant_load(tmp_path):
+    """The feed limits that the settings gave, and their unit, stand in the form of the gains."""
+    line = {"lower": 513.005, "upper": 1031.23, "unit_feed": "mm/min"}
+    (tmp_path / "params.json").write_text(json.dumps({"laws": {"I": {"unit": "A"}}, "load_line": line}))
+    forms = {one.name: one for one in actions(subject_of(tmp_path, "d", "params.json", []))}
+    assert {one.name: one.value for one in forms["tune"].inputs if one.value} == {
+        "low": "514", "high": "1031", "unit": "mm/min",
+    }  # fmt: skip
+    assert list(forms).index("settings") < list(forms).index("ident") < list(forms).index("tune")
+
+
 def test_menus_have_the_plausible_first():
     look = {
         "columns": [
@@ -505,7 +516,7 @@ def test_the_command_serves_until_it_is_interrupted(tmp_path):
         assert connection.getresponse().status == 303
         connection.close()
         process.send_signal(signal.SIGINT)
-        assert process.wait(30) == 0
+        assert process.wait(120) == 0
         assert process.stderr.read() == ""
     assert json.loads((tmp_path / "fitmodels-project" / "project.json").read_text())["files"][0]["name"] == "data.csv"
 
