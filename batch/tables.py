@@ -130,7 +130,8 @@ def _cells(values: pd.Series) -> list[str]:
     if values.dtype == object and pd.api.types.infer_dtype(values, skipna=True) not in ("string", "empty"):
         return [_cell(value) for value in values.tolist()]  # 1, 1.0 and True are the same to `factorize`
     code, unique = pd.factorize(values)  # a missing value is the last one
-    return np.array([*map(_cell, unique), ""], dtype=object)[code].tolist()
+    found: list[str] = np.array([*map(_cell, unique), ""], dtype=object)[code].tolist()
+    return found
 
 
 def _floats(values: NDArray[np.float64]) -> list[str]:

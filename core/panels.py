@@ -67,7 +67,7 @@ class PanelAxis:
         """Ends of the axis: those that were set, or the range of the data with a margin."""
         if self.ends is not None:
             return self.ends
-        low, high = self.seen if self.seen[0] <= self.seen[1] else (0.0, 1.0)
+        low, high = map(float, self.seen if self.seen[0] <= self.seen[1] else (0.0, 1.0))
         if low == high:
             reach = MARGIN * abs(low) or MARGIN
             return low - reach, high + reach

@@ -356,8 +356,6 @@ def test_values_of_forms_are_bounded(client, value):
 
 def test_a_record_is_identified_and_its_columns_can_be_chosen(client):
     drive = Path(__file__).parent.parent / "docs" / "examples" / "drive.csv"
-    if not drive.exists():
-        drive = Path(cli.__file__).parent.parent / "docs" / "examples" / "drive.csv"
     client.upload("drive.csv", drive.read_bytes())
     text = client.until_done("/files/drive.csv/reading")
     assert "A record of one run" in text

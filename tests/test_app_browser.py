@@ -24,10 +24,10 @@ sys.path.remove(str(Path(__file__).parent))
 pytestmark = pytest.mark.browser
 
 INSTALL = "pip install 'fitmodels[browser,app]'; apt-get install chromium"
-EXAMPLES = Path(cli.__file__).parent.parent / "docs" / "examples"
+EXAMPLES = Path(__file__).parent.parent / "docs" / "examples"
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1400, "height": 900}
 FIRST = 30_000  # ms until a command has ended on a busy machine
-GERMAN = (EXAMPLES / "verschleiss.csv").read_bytes() if EXAMPLES.exists() else b""
+GERMAN = (EXAMPLES / "verschleiss.csv").read_bytes()
 DROP = """([text, name]) => {
   const bytes = Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
   const moved = new DataTransfer();
@@ -237,7 +237,7 @@ def test_by_keyboard_alone_from_a_file_to_an_export(opened):
     tabbed_to(tab, "Skip to the content")
     tab.keyboard.press("Enter")
     tabbed_to(tab, "Drop a file")
-    with tab.expect_file_chooser() as chooser:
+    with tab.expect_file_chooser(timeout=4 * FIRST) as chooser:
         tab.keyboard.press("Space")
     content = datasets.bundled("gc435_709m40").read_bytes() + b"\n"
     with tab.expect_navigation():
