@@ -178,9 +178,9 @@ def tune(of: Subject) -> Action:
     """The form of the gains; its limits are the feed limits of Constant load, where the file has them."""
     line = of.content.get("load_line") or {}
     low, high = (line.get(name) for name in ("lower", "upper"))
-    known = isinstance(low, int | float) and isinstance(high, int | float)
-    ends = (f"{math.ceil(low)}", f"{math.floor(high)}") if known else ("", "")
-    unit = str(line.get("unit_feed") or "") if known else ""
+    ends, unit = ("", ""), ""
+    if isinstance(low, int | float) and isinstance(high, int | float):
+        ends, unit = (f"{math.ceil(low)}", f"{math.floor(high)}"), str(line.get("unit_feed") or "")
     command = (
         Input("low", "lowest command, in the unit below", "--low {}", "521", ends[0]),
         Input("high", "highest command, in the unit below", "--high {}", "1034", ends[1]),

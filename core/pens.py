@@ -216,6 +216,6 @@ def _font(size: int, bold: bool) -> "ImageFont.FreeTypeFont":
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     for place in (found.submodule_search_locations or ()) if found else ():
         if (path := Path(place) / "mpl-data" / "fonts" / "ttf" / name).exists():
-            return ImageFont.truetype(path, size, layout_engine=ImageFont.Layout.BASIC)
+            return ImageFont.truetype(str(path), size, layout_engine=ImageFont.Layout.BASIC)
     fallback: ImageFont.FreeTypeFont = ImageFont.load_default(size)  # type: ignore[assignment]
     return fallback
