@@ -5,6 +5,7 @@ import os
 import shutil
 import sys
 import tomllib
+import warnings
 from collections import deque
 from operator import mul
 from pathlib import Path
@@ -160,3 +161,37 @@ def pytest_sessionfinish(session, exitstatus):
     if os.environ.get("FITMODELS_DATA") and any("consumer" not in report.keywords for report in skipped):
         reporter.write_line("FITMODELS_DATA is set, so a skipped test is a failure")
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def missing(what):
+    """Skip a test of a page, or fail it where the gate requires its programs."""
+    words = f"{what} is not installed: pip install 'fitmodels[browser,app]'; apt-get install chromium"
+    pytest.fail(words) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(words)
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """Chromium, driven by Playwright."""
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        missing("playwright")
+    path = shutil.which("chromium")
+    if path is None:
+        missing("chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])  # root has no sandbox
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def axe():
+    """The class Axe of axe-playwright-python, with the rules of axe-core."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of the import of its own resources
+        try:
+            from axe_playwright_python.sync_playwright import Axe
+        except ImportError:
+            missing("axe-playwright-python")
+    return Axe

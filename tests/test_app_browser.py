@@ -5,11 +5,8 @@ axe-core is Deque's (https://github.com/dequelabs/axe-core, rules of WCAG 2); it
 
 import base64
 import io
-import os
 import shlex
-import shutil
 import sys
-import warnings
 from pathlib import Path
 
 import pytest
@@ -23,7 +20,6 @@ sys.path.remove(str(Path(__file__).parent))
 
 pytestmark = pytest.mark.browser
 
-INSTALL = "pip install 'fitmodels[browser,app]'; apt-get install chromium"
 EXAMPLES = Path(__file__).parent.parent / "docs" / "examples"
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1400, "height": 900}
 FIRST = 30_000  # ms until a command has ended on a busy machine
@@ -34,26 +30,6 @@ DROP = """([text, name]) => {
   moved.items.add(new File([bytes], name));
   return moved;
 }"""
-
-
-def missing(what):
-    words = f"{what} is not installed: {INSTALL}"
-    pytest.fail(words) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(words)
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("playwright")
-    path = shutil.which("chromium")
-    if path is None:
-        missing("chromium")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])  # root has no sandbox
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
@@ -271,13 +247,7 @@ def test_by_keyboard_alone_from_a_file_to_an_export(opened):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])
-def test_axe_finds_no_serious_fault_and_nothing_is_wider_than_the_page(opened, client, viewport, scheme):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of the import of its own resources
-        try:
-            from axe_playwright_python.sync_playwright import Axe
-        except ImportError:
-            missing("axe-playwright-python")
+def test_axe_finds_no_serious_fault_and_nothing_is_wider_than_the_page(opened, axe, client, viewport, scheme):
     page = client.upload("axe.csv", wrong_unit().replace(b"VB [mm]", b"VB [um]"))[1]
     client.until_done(f"{page}/laws")
     tab = opened(viewport=viewport, color_scheme=scheme)
@@ -288,7 +258,7 @@ def test_axe_finds_no_serious_fault_and_nothing_is_wider_than_the_page(opened, c
             tab.locator("#action-limits summary").click()
             tab.locator("#reading details summary").click()
             tab.wait_for_load_state("networkidle")
-        found = Axe().run(tab).response["violations"]
+        found = axe().run(tab).response["violations"]
         serious = [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")]
         assert serious == [], address
         assert tab.evaluate("() => document.documentElement.scrollWidth") <= viewport["width"]

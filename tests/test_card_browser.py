@@ -3,10 +3,7 @@
 axe-core is Deque's (https://github.com/dequelabs/axe-core, rules of WCAG 2); it comes with axe-playwright-python.
 """
 
-import os
 import re
-import shutil
-import warnings
 
 import numpy as np
 import pandas as pd
@@ -20,29 +17,8 @@ from fitmodels.fit.regression import fit_form
 
 pytestmark = pytest.mark.browser
 
-INSTALL = "pip install playwright axe-playwright-python; apt-get install chromium"
 PHONE, DESKTOP, NARROW = {"width": 390, "height": 844}, {"width": 1280, "height": 900}, {"width": 360, "height": 740}
 HOSTILE = "</script><img src=http://192.0.2.1/x onerror=alert(1)>"
-
-
-def missing(what):
-    words = f"{what} is not installed: {INSTALL}"
-    pytest.fail(words) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(words)
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("playwright")
-    path = shutil.which("chromium")
-    if path is None:
-        missing("chromium")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])  # root has no sandbox
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
@@ -269,17 +245,11 @@ def test_print_shows_the_table_instead_of_the_sliders_and_is_light(opened, wear)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])
 @pytest.mark.parametrize("which", ["wear", "drive"])
-def test_axe_finds_no_serious_fault(opened, request, which, viewport, scheme):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of the import of its own resources
-        try:
-            from axe_playwright_python.sync_playwright import Axe
-        except ImportError:
-            missing("axe-playwright-python")
+def test_axe_finds_no_serious_fault(opened, axe, request, which, viewport, scheme):
     tab = opened[0](request.getfixturevalue(which), viewport=viewport, color_scheme=scheme)
     if which == "wear":
         tab.locator("#slider-0").press("End")  # grey numbers and the warning are judged too
-    found = Axe().run(tab).response["violations"]
+    found = axe().run(tab).response["violations"]
     assert [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")] == []
 
 

@@ -4,10 +4,6 @@ axe-core is Deque's (https://github.com/dequelabs/axe-core, rules of WCAG 2); it
 Welch's test is scipy's ``ttest_ind_from_stats``, Holm's adjusted p values are statsmodels'.
 """
 
-import os
-import shutil
-import warnings
-
 import numpy as np
 import pytest
 from fitmodels import parameters
@@ -17,7 +13,6 @@ from statsmodels.stats.multitest import multipletests
 
 pytestmark = pytest.mark.browser
 
-INSTALL = "pip install playwright axe-playwright-python; apt-get install chromium"
 PHONE, DESKTOP, NARROW = {"width": 390, "height": 844}, {"width": 1280, "height": 900}, {"width": 360, "height": 740}
 HOSTILE = "</script><img src=http://192.0.2.1/x onerror=alert(1)>"
 SE, ALIKE, APART = 0.05, 0.5, 1.0
@@ -31,11 +26,6 @@ setup = "none, simulated"
 no_sensors = "simulated"
 iso513 = "{group}"
 """
-
-
-def missing(what):
-    words = f"{what} is not installed: {INSTALL}"
-    pytest.fail(words) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(words)
 
 
 def law(response, exponents, df):
@@ -78,21 +68,6 @@ def made(tmp_path_factory):
     report = publishing.publish(folder, out)
     assert report.problems == ()
     return out, {card.slug: truth[card.tool, card.work] for card in report.cards}
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("playwright")
-    path = shutil.which("chromium")
-    if path is None:
-        missing("chromium")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])  # root has no sandbox
-        yield browser
-        browser.close()
 
 
 @pytest.fixture
@@ -307,15 +282,9 @@ def test_with_scripts_off_the_index_is_a_table_of_links_and_the_exponents_stand_
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])
 @pytest.mark.parametrize("name", ["index.html", "compare.html", "compare.html#reference=insert-1-work-p&group=S"])
-def test_axe_finds_no_serious_fault(opened, name, viewport, scheme):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of the import of its own resources
-        try:
-            from axe_playwright_python.sync_playwright import Axe
-        except ImportError:
-            missing("axe-playwright-python")
+def test_axe_finds_no_serious_fault(opened, axe, name, viewport, scheme):
     tab = opened[0](name, viewport=viewport, color_scheme=scheme)
-    found = Axe().run(tab).response["violations"]
+    found = axe().run(tab).response["violations"]
     assert [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")] == []
 
 
