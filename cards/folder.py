@@ -13,9 +13,6 @@ from ..core.folders import FolderState, folder_state, put_folder, staged
 from ..core.journal import recover
 from ..parameters import ParameterFile, draws_of
 from ..parameters import write as write_parameters
-from .content.card import Card
-from .content.figure_texts import limits_of
-from .content.parts import DesignPart, PublicationPart
 
 if TYPE_CHECKING:
     from ..fit import LawFit
@@ -24,6 +21,8 @@ if TYPE_CHECKING:
     from ..ident.physical_models.drive import DriveFit
     from ..ident.physical_models.force_process import ForceProcess
     from ..ident.physical_models.step_response import StepFit
+    from .content.card import Card
+    from .content.parts import PublicationPart
 
     PhysicalFit = StepFit | DriveFit | ForceProcess
 
@@ -61,7 +60,7 @@ def files(pf: ParameterFile) -> tuple[str, ...]:
     return (PARAMETERS, DRAWS, *FORMS, *FIGURES) if drawn else FILES
 
 
-def markdown(pf: ParameterFile, *, folder: Path | None = None, publication: PublicationPart | None = None) -> str:
+def markdown(pf: ParameterFile, *, folder: Path | None = None, publication: "PublicationPart | None" = None) -> str:
     """The card of a parameter file as README.md, schema ``fitmodels.card/7``: Markdown with YAML front matter.
 
     Parameters
@@ -84,7 +83,7 @@ def markdown(pf: ParameterFile, *, folder: Path | None = None, publication: Publ
     return card_markdown(compose(pf, publication=publication, folder=folder))
 
 
-def card_files(card: Card, pf: ParameterFile, neighbours: Sequence[str] = ()) -> dict[str, bytes]:
+def card_files(card: "Card", pf: ParameterFile, neighbours: Sequence[str] = ()) -> dict[str, bytes]:
     """The card in its three forms: name of each file -> its bytes.
 
     Parameters
@@ -121,7 +120,7 @@ def write(
     identification: "Identification | None" = None,
     physical: "PhysicalFit | None" = None,
     data_lines: Sequence[str] = (),
-    publication: PublicationPart | None = None,
+    publication: "PublicationPart | None" = None,
     force: bool = False,
     whole: bool = False,
     former: FolderState | None = None,
@@ -218,9 +217,10 @@ def is_ours(name: str) -> bool:
 
 
 def _write_forms(
-    pf: ParameterFile, folder: Path, publication: PublicationPart | None, data_lines: Sequence[str]
+    pf: ParameterFile, folder: Path, publication: "PublicationPart | None", data_lines: Sequence[str]
 ) -> None:
     from .content.card import compose
+    from .content.parts import DesignPart
 
     card = compose(pf, publication=publication, folder=folder)
     if card.design is None and data_lines:
@@ -244,6 +244,7 @@ def _draw(
         draw_dynamics(identification, folder, banner)
     if laws:
         from ..core.figure_style import Limit
+        from .content.figure_texts import limits_of
         from .figures import draw_figures, draw_posteriors
 
         draw_figures(laws, folder, banner, {name: Limit(*limit) for name, limit in limits_of(pf).items()})

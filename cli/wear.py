@@ -178,12 +178,13 @@ class _First(_Full):
 
     def pair(self, pair: "PairAnalysis", folder: "Folder | None", *, complete: bool) -> None:
         """Print a pair as soon as its laws are judged; on standard error why it has none, or none that may be used."""
-        from ..cards import terminal
         from ..cards.first_screen import rendered
 
         if failure := _failure(pair, folder):
             complain(failure)
         if complete and pair.comparisons:
+            from ..cards import terminal
+
             self.out.show(terminal.comparison_line(pair.comparisons))
         if pair.parameters is not None and not self._unchanged(pair.name, pair.parameters):
             path = "params.json" if folder is None else str(folder.path / "params.json")
@@ -295,11 +296,13 @@ def _left(left: "Sequence[Path]", runs: "Runs") -> str:
 
 def _failure(pair: "PairAnalysis", folder: "Folder | None") -> str:
     """Why a pair has no laws, or no complete folder; empty for one that has both."""
-    from ..cards.terminal import nothing_fitted
-
     if pair.failed:
         return f"{pair.name}: {pair.failed}{_kept(pair, folder)}"
-    return "" if pair.parameters is not None else nothing_fitted(pair.runs, pair.refused)
+    if pair.parameters is not None:
+        return ""
+    from ..cards.terminal import nothing_fitted
+
+    return nothing_fitted(pair.runs, pair.refused)
 
 
 def _show(pair: "PairAnalysis", folder: "Folder | None", args: argparse.Namespace, out: Printer) -> None:

@@ -138,11 +138,14 @@ _REWRITES = (
     (r"(?<=\w)\s+(?=-?\d)", ""),
     (r"\s+", "*"),
 )
+_PLAIN = re.compile(r"(?!.*\b(?:per|pro|par|por|je)\b)[A-Za-z0-9/]+")  # spellings that no rewriting changes
 _PROSE = re.compile(r"^\W*(?:in|en|units?|einheit|unité|unidad|/)(?:\s*+[:=])?\s++(?=\S)", re.IGNORECASE)
 
 
 def _key(text: str) -> str:
     """Bring a spelling to the form compared: no brackets, ``*`` for blanks, plain digits, u for micro."""
+    if _PLAIN.fullmatch(text):
+        return text
     key = unicodedata.normalize("NFKC", text.translate(_SIGNS)).translate(_MINUS_AND_MU).strip()
     for pattern, replacement in _REWRITES:
         key = re.sub(pattern, replacement, key)

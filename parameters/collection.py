@@ -3,11 +3,11 @@
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import PurePath, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from pydantic import JsonValue, ValidationError
 
 from ..core.errors import ParameterError
@@ -221,4 +221,4 @@ def _validated(base: Mapping[str, object], given: Mapping[str, Any], more: Mappi
 
 
 def _versions() -> dict[str, str]:
-    return {"python": platform.python_version(), "numpy": np.__version__, "scipy": version("scipy")}
+    return {"python": platform.python_version(), "numpy": np.__version__, "scipy": scipy.__version__}

@@ -128,12 +128,13 @@ def draw(
     >>> draw(law_density(law, weak(law, edges=False)), 1, 1000).sample.method
     'importance'
     """
+    if method == "exact" and isinstance(density, LawDensity):
+        from .exact_draws import exact
+
+        return _diagnosed(density, exact(density, np.random.default_rng(seed), draws))
     from .ensemble_sampler import chains
-    from .exact_draws import exact
     from .importance_sampling import importance
 
-    if method == "exact" and isinstance(density, LawDensity):
-        return _diagnosed(density, exact(density, np.random.default_rng(seed), draws))
     if method not in (None, "importance", "emcee"):
         raise UsageError(f"method={method!r}: it is 'importance' or 'emcee'.")
     if method == "emcee":
