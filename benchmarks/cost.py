@@ -20,11 +20,13 @@ import numpy as np
 import pandas as pd
 from fitmodels import parameters
 from fitmodels.parameters.file import as_bytes, sealed
+from fitmodels.parameters.published import published
 from fuzz_forms import good, reduced, said, write_table
 from reading_speed import tests
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
+EXAMPLES = Path(__file__).resolve().parent.parent / "docs" / "examples"
 LINEAR = 1.15
 SEEN = 0.2  # s of CPU that must depend on the size for a slope
 REASONS = {}  # row -> why it grows faster than its input
@@ -195,6 +197,24 @@ def plan(path, n):
     path.write_text("\n".join(["edge,V [m/min],f [mm/rev],d [mm]", *rows]) + "\n", "utf-8")
 
 
+def controlled(path, n):
+    """The parameter file of a controller, with a note of n sentences."""
+    pf = published("CLM-2023")
+    note = " ".join(f"Remark {k} on the load line." for k in range(n))
+    path.write_bytes(as_bytes(sealed(pf, identity=pf.identity.model_copy(update={"note": note}))))
+
+
+def running(path, n):
+    """A recorded run of n readings of power with cuts of 90 s at a steady load, and laws of wear and power."""
+    said(str(EXAMPLES / "verschleiss.csv"), "--out", "out", "--draws", "1000", at=path.parent)
+    next((path.parent / "out").rglob("params.json")).parent.rename(path.parent / "fit")
+    at = np.arange(n)
+    cutting = at % 120 >= 30
+    power = np.where(cutting, 3, 0.9) + 0.03 * np.random.default_rng(1).normal(size=n)
+    frame = pd.DataFrame({"time [s]": at, "P [kW]": power.round(3), "V [m/min]": 200, "f [mm/rev]": 0.3})
+    frame.assign(state=np.where(cutting, "cut", "idle")).to_csv(path, index=False)
+
+
 ROWS = {  # row -> what is done, file or folder, maker, smallest of the doubled sizes, size of the small input
     "read csv, rows": ("table a.csv", csv, 25_000, 240),
     "read xlsx, rows": ("table a.xlsx", workbook, 2_000, 240),
@@ -210,6 +230,10 @@ ROWS = {  # row -> what is done, file or folder, maker, smallest of the doubled 
     "read record lvm, rows": ("record a.lvm", labview, 40_000, 1_000),
     "read params.json, lines": ("params params.json", sections, 100_000, 10),
     "read draws, draws": ("check fit/params.json", fitted, 4_000, 1_000),
+    "look, rows": ("look a.csv --json", csv, 20_000, 60),
+    "next, rows": ("next a.csv --runs 2", csv, 4_000, 60),
+    "ident, rows": ("ident a.csv --tool T --work W --out out --orders 1,1,1", record, 30_000, 1_000),
+    "watch, readings": ("watch fit/params.json --from a.csv --replay max --value d=2mm --json", running, 4_000, 400),
     "read priors, lines": ("data.csv --json --draws 1000 --priors priors.toml", priors, 5_000, 10),
     "read card.toml, authors": ("card params.json --json --toml card.toml", metadata, 8_000, 2),
     "batch files and pairs.csv, pairs": ("batch src --out out --jobs 1 --table-only --pairs pairs.csv", pairs, 25, 2),
@@ -219,6 +243,15 @@ ROWS = {  # row -> what is done, file or folder, maker, smallest of the doubled 
     "write params.json with draws": ("data.csv --out out --draws {n}", few, 4_000, 1_000),
     "write report --json, rows": ("a.csv --json", csv, 1_000, 60),
     "write card, lines": ("card params.json --force", sections, 2_000, 10),
+    **{
+        f"export {kind}, sentences": (
+            f"export params.json --to {kind} --out out.{kind} --accept-verdict --force",
+            controlled,
+            60_000,
+            10,
+        )
+        for kind in ("ini", "h", "c", "comp", "st", "ngc", "mat", "ssv")
+    },
     "reduce, records": ("reduce records --plan tests.csv --out data.csv", cuts, 2, 1),
     "simulate, edges": ("simulate params.json --plan plan.csv --out s.csv", plan, 100, 10),
 }
