@@ -1,6 +1,6 @@
 """Rows of the pairs of a block in standard units, ready to be fitted."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -83,14 +83,15 @@ class PairRows:
     constants: Mapping[str, float] = field(default_factory=dict)
     of_pair: Mapping[Pair, PairSource] = field(default_factory=dict)
 
-    def simulated(self, pair: Pair) -> bool:
-        """Whether the notes of a pair mark its rows as simulated."""
-        return bool(disclaimers(self.of_pair[pair].notes if pair in self.of_pair else self.notes))
-
-    def doubts(self, pair: Pair) -> tuple[str, ...]:
-        """Warnings from reading a pair, and doubts about its values where they were judged."""
-        about = self.of_pair.get(pair)
-        return self.warnings if about is None else (*map(str, about.doubts), *about.warnings)
+    def remarks(self, pairs: Sequence[Pair]) -> list[tuple[bool, tuple[str, ...]]]:
+        """Whether notes mark the rows of each pair as simulated; doubts about its values, and warnings from reading."""
+        shared = bool(disclaimers(self.notes)), self.warnings
+        if not self.of_pair:
+            return [shared] * len(pairs)
+        return [
+            shared if about is None else (bool(disclaimers(about.notes)), (*map(str, about.doubts), *about.warnings))
+            for about in map(self.of_pair.get, pairs)
+        ]
 
     def runs(self) -> Iterator[tuple[Pair, Runs]]:
         """The runs of each pair, in the order in which the rows name them."""

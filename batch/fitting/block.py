@@ -121,14 +121,14 @@ def _of_rows(
     of_laws = concerns_of_laws(laws, none, len(of.pairs))
     asked = set(laws[PAIR].tolist())
     outcomes = []
-    for i, pair in enumerate(of.pairs):
+    remarks = rows.remarks(of.pairs)
+    for i, (pair, nobs) in enumerate(zip(of.pairs, of.counts.tolist(), strict=True)):
         reason, why = none.get(i, ""), of_laws[i]
         if i not in asked:
             reason = no_law_asked(name for name in of.held if of.has(i, name))
             why = (Concern(NO_LAW, reason),)
-        simulated, nobs = rows.simulated(pair), int(of.counts[i])
-        doubts = (Concern(DOUBT, words) for words in rows.doubts(pair))
-        why = (*why, *concerns[i], *doubts, *odd[i])
+        simulated, doubts = remarks[i]
+        why = (*why, *concerns[i], *(Concern(DOUBT, words) for words in doubts), *odd[i])
         outcomes.append(PairOutcome(pair.tool, pair.work, nobs, reason, why, groups[i], simulated))
     return _with_files(of, outcomes, laws, block, options) if options.files else (outcomes, laws)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints, numbers_of_runs
 from ...datasets import Runs
 from ...datasets.options import Process
 from ...datasets.plausibility.ranges import process_of
@@ -18,9 +19,7 @@ from ..outcomes import Cell, Failure, attempt
 from ..plan import BatchOptions, Pair
 from ..rows import NO_LINES, PairRows
 
-Ints = NDArray[np.intp]
 Flags = NDArray[np.bool_]
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +63,8 @@ class NumberedRows:
 
     def _processes(self) -> list[Process | None]:
         of_all = self.rows.process or process_of(map(str, self.rows.frame), self.rows.notes)
-        about = self.rows.of_pair
+        if not (about := self.rows.of_pair):
+            return [of_all] * len(self.pairs)
         return [about[pair].process if pair in about else of_all for pair in self.pairs]
 
     def has(self, i: int, symbol: str) -> bool:
@@ -147,10 +147,9 @@ def texts(column: "pd.Series[str]") -> NDArray[np.object_]:
 def _numbered(frame: pd.DataFrame) -> tuple[Ints, tuple[Pair, ...]]:
     tools, tool = _codes(frame["tool"])
     works, work = _codes(frame["work"])
-    number, keys = pd.factorize(tools.astype(np.int64) * max(len(work), 1) + works)
-    at = np.divmod(keys, max(len(work), 1))
+    number, first = numbers_of_runs(tools * max(len(work), 1) + works)
     named, made_of = ([str(name) for name in names] for names in (tool, work))
-    return number, tuple(Pair(named[i], made_of[j]) for i, j in zip(*(part.tolist() for part in at), strict=True))
+    return number, tuple(Pair(named[tools[i]], made_of[works[i]]) for i in first.tolist())
 
 
 def _codes(column: "pd.Series[str]") -> tuple[Ints, "pd.Index[str]"]:
@@ -268,7 +267,8 @@ def _of_stack(of: NumberedRows, asked: Asked, pairs: Ints, edge: str | None, uni
     from ...fit import many_power_laws
 
     names = [asked.response, *asked.factors]
-    table = of.rows.frame[[*names, *([edge] if edge else [])]].assign(**{NUMBER: of.number})
+    held = {name: of.rows.frame[name] for name in (*names, *([edge] if edge else []))}
+    table = pd.DataFrame(held | {NUMBER: of.number}, copy=False)
     rows = np.arange(len(table))
     if len(pairs) < len(of.pairs):
         mine = np.zeros(len(of.pairs), dtype=bool)
@@ -283,6 +283,8 @@ def _infinite_pairs(of: NumberedRows, names: list[str], rows: Ints) -> dict[int,
     """Pairs, by their number, that hold an infinite value, and the line where it stands in their file."""
     at: dict[int, str] = {}
     for name in names:
+        if name in of.ends and not np.isinf(of.ends[name]).any():
+            continue
         values = of.rows.frame[name].to_numpy(dtype=float, na_value=np.nan)
         infinite = rows[np.isinf(values[rows])]
         pairs, first = np.unique(of.number[infinite], return_index=True)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints, numbers_of_runs
 from ...core.errors import UsageError
 
 try:
@@ -31,10 +31,6 @@ def why(error: BaseException) -> str:
     """
     first = (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(". ")
     return first if len(first) <= 200 else f"{first[:200]} ..."
-
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +131,9 @@ def numbered(tool: Labels, work: Labels, number: Callable[[tuple[str, str]], int
     [1, 0, 1]
     """
     wide = len(work.texts)
-    codes, unique = pd.factorize(tool.codes * wide + work.codes)
-    asked = [number((tool.texts[key // wide], work.texts[key % wide])) for key in unique.tolist()]
+    keys = tool.codes * wide + work.codes
+    codes, first = numbers_of_runs(keys)
+    asked = [number((tool.texts[key // wide], work.texts[key % wide])) for key in keys[first].tolist()]
     return np.array(asked, dtype=np.intp)[codes]
 
 

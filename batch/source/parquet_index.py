@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ...core.arrays import Array, Ints
 from ...datasets.columns import ColumnUse
 from ...datasets.vocabulary import ROLES, UNNAMED
 from ..plan import Pair, Piece, Reading
 from .parquet_arrow import (
     UNREADABLE,
-    Array,
-    Ints,
     Labels,
     constant,
     kind_of,

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ...core.arrays import Array, Ints
 from ...core.errors import DataError
 from ...datasets.columns import ColumnUse
 from ...datasets.derived.rules import apply, known_of
@@ -16,7 +17,7 @@ from ...datasets.units import convert
 from ...datasets.vocabulary import ROLES
 from ..plan import Block, Piece, Plan
 from ..rows import NO_LINES, PairRows
-from .parquet_arrow import UNREADABLE, Array, Ints, Labels, joined, numbered, why
+from .parquet_arrow import UNREADABLE, Labels, joined, numbered, why
 from .parquet_blocks import SORTED
 from .parquet_index import BATCH, is_measured, of_rows, parts
 from .parquet_schema import footer, group_column, needed_columns, stamp_of
@@ -192,7 +193,7 @@ def _frame(read: list[_Read], block: Block, plan: Plan) -> tuple[pd.DataFrame, d
     for name in plan.reading.groups:  # a group may be a column that has a role too
         if name not in data and name not in texts and (role := group_column(plan.columns, name).role) in texts:
             texts[name] = texts[str(role)]
-    return pd.DataFrame({**data, **texts}), units
+    return pd.DataFrame({**data, **texts}, copy=False), units
 
 
 def _pair_names(pair: Ints, block: Block) -> "dict[str, pd.Categorical[str]]":

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...datasets.columns import ColumnUse
 from ..plan import Block, Piece, Reading
 from ..records import read_json
-from .parquet_arrow import UNREADABLE, Array, Ints, Labels, numbered, pa, pq, why
+from .parquet_arrow import UNREADABLE, Labels, numbered, pa, pq, why
 from .parquet_index import Held, Index, of_rows, parts
 from .parquet_schema import SourceColumns, needed_columns
 

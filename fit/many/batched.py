@@ -133,7 +133,7 @@ def _part(rows: PairRows, pairs: Ints, pattern: Flags) -> tuple[Array, Ints, Int
     names, here = np.flatnonzero(np.append(pattern, True)), _ranges(begin, counts)
     whole = here[-1] - here[0] == len(here) - 1
     part = slice(here[0], here[-1] + 1) if whole else here
-    W = np.stack([rows.logs[j, part] for j in names])
+    W = rows.logs[:, part] if whole and len(names) == len(rows.logs) else np.stack([rows.logs[j, part] for j in names])
     first = np.cumsum(counts) - counts
     if rows.edge_starts is None:
         return W, first, np.arange(len(pairs))

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.arrays import numbers_of_runs
 from ...core.errors import UsageError
 from ...datasets.runs import UNNAMED
 from ..edges import SAME
@@ -31,7 +33,7 @@ class PairRows:
         The columns that name the pairs, pairs in the order in which the rows name them.
     raw : mapping of str to ndarray, shape (M,)
         Response and factors, all M rows.
-    edge : ndarray of str, shape (M,), or None
+    edge : Categorical of str, shape (M,), or None
     number : ndarray of int, shape (M,)
         Pair of each row.
     source : ndarray of int, shape (N,)
@@ -46,7 +48,7 @@ class PairRows:
 
     names: pd.DataFrame
     raw: Mapping[str, Array]
-    edge: NDArray[np.object_] | None
+    edge: "pd.Categorical[str] | None"
     number: Ints
     source: Ints
     logs: Array
@@ -78,21 +80,27 @@ def sorted_rows(
     _check(table, response, factors, keys, edge)
     raw = {name: _numbers(table, name) for name in (*factors, response)}
     number, names = _numbered(table, keys)
-    edge_code, edge_text = (None, None) if edge is None else _edges(table[edge])
+    edges = None if edge is None else _edges(table[edge])
     usable = np.logical_and.reduce([(values > 0) & (values < np.inf) for values in raw.values()])
-    key = number if edge_code is None or edge_text is None else number * max(len(edge_text), 1) + edge_code
+    key = number if edges is None else number * max(len(edges.categories), 1) + edges.codes
     source = np.flatnonzero(usable)
-    if np.any(np.diff(key[source]) < 0):
-        source = source[np.argsort(key[source], kind="stable")]
+    key = key[source]
+    if sort := bool(np.any(key[1:] < key[:-1])):
+        order = np.argsort(key, kind="stable")
+        source, key = source[order], key[order]
+    rows = source if sort or len(source) < len(table) else slice(None)
+    logs = np.empty((len(raw), len(source)))
+    for values, into in zip(raw.values(), logs, strict=True):
+        np.log(values[rows], out=into)
     return PairRows(
         names=names,
         raw=raw,
-        edge=None if edge_code is None or edge_text is None else edge_text[edge_code],
+        edge=edges,
         number=number,
         source=source,
-        logs=np.log(np.stack([values[source] for values in raw.values()])),
-        bounds=np.searchsorted(number[source], np.arange(len(names) + 1)),
-        edge_starts=None if edge_code is None else _changes(key[source]),
+        logs=logs,
+        bounds=np.searchsorted(number[rows], np.arange(len(names) + 1)),
+        edge_starts=None if edges is None else _changes(key),
     )
 
 
@@ -121,14 +129,18 @@ def _numbers(table: pd.DataFrame, name: str) -> Array:
 
 def _numbered(table: pd.DataFrame, keys: list[str]) -> tuple[Ints, pd.DataFrame]:
     """Number of the pair of each row, in order of appearance, and the names of the pairs."""
-    number, _ = pd.factorize(_named(table[keys[0]], keys[0]))
+    number, first = _codes(table[keys[0]], keys[0])
     for name in keys[1:]:
-        codes, levels = pd.factorize(_named(table[name], name))
-        number, _ = pd.factorize(number * max(len(levels), 1) + codes)
-    first = np.empty(number.max(initial=-1) + 1, dtype=np.intp)
-    first[number[::-1]] = np.arange(len(number))[::-1]
+        codes, levels = _codes(table[name], name)
+        number, first = numbers_of_runs(number * max(len(levels), 1) + codes)
     names = pd.DataFrame({name: _named(table[name].iloc[first], name).reset_index(drop=True) for name in keys})
     return number, names
+
+
+def _codes(column: "pd.Series[Any]", name: str) -> tuple[Ints, Ints]:
+    """Number of the name of each row, in order of appearance, and the first row of each name."""
+    whole = isinstance(column.dtype, np.dtype) and column.dtype.kind in "iu"
+    return numbers_of_runs(column.to_numpy() if whole else pd.factorize(_named(column, name))[0])
 
 
 def _named(column: "pd.Series[str]", name: str) -> "pd.Series[str]":
@@ -137,12 +149,12 @@ def _named(column: "pd.Series[str]", name: str) -> "pd.Series[str]":
     return column.astype(object).where(~missing, UNNAMED.get(name, "unnamed")) if missing.any() else column
 
 
-def _edges(column: "pd.Series[str]") -> tuple[Ints, NDArray[np.object_]]:
-    """Codes of the edges, shape (M,), and their names in alphabetical order, as ``Runs.labels`` writes them."""
+def _edges(column: "pd.Series[str]") -> "pd.Categorical[str]":
+    """The edges, shape (M,), their names in alphabetical order, as ``Runs.labels`` writes them."""
     codes, levels = pd.factorize(column, use_na_sentinel=False)
     texts = np.array([_text(level) for level in levels], dtype=object)
     again, names = pd.factorize(texts, sort=True)
-    return again[codes], np.asarray(names, dtype=object)
+    return pd.Categorical.from_codes(again[codes], categories=pd.Index(names, dtype=object))
 
 
 def _text(level: object) -> str:
@@ -205,8 +217,9 @@ def screen(rows: PairRows) -> Screening:
     copied = (np.add.reduceat(alike, starts, dtype=np.intp) > 1) & (counts >= 2 * FEWEST)
     p = 1 + k - constant.sum(axis=1)
     found.plain[here] = (counts > p) & (p > 1) & (reach[k] > 0) & ~close & ~copied
-    infinite = np.logical_or.reduce([np.isinf(values) for values in rows.raw.values()])
-    found.plain[rows.number[infinite]] = False
+    if len(rows.source) < len(rows.number):
+        infinite = np.logical_or.reduce([np.isinf(values) for values in rows.raw.values()])
+        found.plain[rows.number[infinite]] = False
     found.constant[here], found.level[here], found.within[here] = constant, level, _within(rows, starts)
     found.largest[here] = np.maximum.reduceat(np.abs(rows.logs[k]), starts)
     return found
