@@ -21,9 +21,10 @@ from .law_rows import COUNTS, FLAGS, LAW, PAIR, TEXTS, Column, column
 from .outcomes import BlockOutcome, Cell, Concern, PairOutcome
 from .plan import BatchOptions, Block, Pair, Plan
 
-SCHEMA = "fitmodels.batch-block/3"
+SCHEMA = "fitmodels.batch-block/4"
 RECORDS = Path(".batch", "blocks")
 PAIRS = "pairs"
+COLUMNS = ("tool", "work", "nobs", "reason", "simulated")  # of the pairs of a record
 WRITERS = 4  # a file waits for the disk longer than for the processor: four together take a sixth of the time
 
 
@@ -160,15 +161,11 @@ def _inside(name: str) -> bool:
 
 
 def _plain(outcome: BlockOutcome) -> dict[str, Any]:
-    """The outcome as JSON takes it, without the bytes of files."""
-    pairs = [
-        {
-            "tool": pair.tool, "work": pair.work, "nobs": int(pair.nobs), "reason": pair.reason,
-            "concerns": [[concern.kind, concern.words] for concern in pair.concerns],
-            "groups": dict(pair.groups), "simulated": pair.simulated,
-        }
-        for pair in outcome.pairs
-    ]  # fmt: skip
+    """The outcome as JSON takes it, column by column, without the bytes of files."""
+    pairs: dict[str, Any] = {name: [getattr(pair, name) for pair in outcome.pairs] for name in COLUMNS}
+    pairs["nobs"] = [int(nobs) for nobs in pairs["nobs"]]
+    pairs["concerns"] = [[i, one.kind, one.words] for i, pair in enumerate(outcome.pairs) for one in pair.concerns]
+    pairs["groups"] = [[i, *item] for i, pair in enumerate(outcome.pairs) for item in pair.groups.items()]
     laws = {str(name): _packed(values) for name, values in outcome.laws.items()}
     rest = {"laws": laws, "unreadable": dict(outcome.unreadable), "units": dict(outcome.units)}
     return {"pairs": pairs, **rest, "seconds": float(outcome.seconds), "memory": int(outcome.memory)}
@@ -191,23 +188,27 @@ def _unpacked(name: str, packed: list[Cell] | str) -> Column:
 
 
 def _whole(value: object) -> int:
-    if type(value) is int and abs(value) < 2**63:
+    if type(value) is int and 0 <= value < 2**63:
         return value
     raise ValueError(value)
 
 
 def _outcome(data: Mapping[str, Any]) -> BlockOutcome:
+    given = data["pairs"]
+    columns = [given[name] for name in COLUMNS]
+    concerns: list[list[Concern]] = [[] for _ in columns[0]]
+    groups: list[dict[str, str]] = [{} for _ in columns[0]]
+    for i, kind, words in given["concerns"]:
+        concerns[_whole(i)].append(Concern(kind, words))
+    for i, header, name in given["groups"]:
+        groups[_whole(i)][header] = name
     pairs = tuple(
-        PairOutcome(
-            pair["tool"], pair["work"], _whole(pair["nobs"]), pair["reason"],
-            tuple(Concern(kind, words) for kind, words in pair["concerns"]), pair["groups"],
-            pair["simulated"],
-        )
-        for pair in data["pairs"]
-    )  # fmt: skip
-    columns = {name: _unpacked(name, packed) for name, packed in data["laws"].items()}
-    laws = pd.DataFrame(columns)
-    whole = {len(values) for values in columns.values()} == {len(laws)} and set(LAW) <= set(columns)
+        PairOutcome(tool, work, _whole(nobs), reason, tuple(concerns[i]), groups[i], simulated)
+        for i, (tool, work, nobs, reason, simulated) in enumerate(zip(*columns, strict=True))
+    )
+    of_laws = {name: _unpacked(name, packed) for name, packed in data["laws"].items()}
+    laws = pd.DataFrame(of_laws)
+    whole = {len(values) for values in of_laws.values()} == {len(laws)} and set(LAW) <= set(of_laws)
     if not (whole and laws[PAIR].between(0, len(pairs) - 1).all()):
         raise ValueError(PAIR)
     return BlockOutcome(pairs, laws, data["unreadable"], data["units"], data["seconds"], data["memory"])

@@ -173,7 +173,9 @@ def tear(out):
 
 
 def swap(out, name, value):
-    at(out).write_text(json.dumps(json.loads(at(out).read_text()) | {name: value}))
+    data = json.loads(at(out).read_text()) | {name: value}
+    data.pop("sha256")
+    at(out).write_bytes(records._sealed(data))
 
 
 def alter(out, change):
@@ -200,7 +202,13 @@ SPOILT = {
     "a whole number is too large": lambda out: alter(out, lambda outcome: spoil(outcome, "nobs", [1, 2**70])),
     "a whole number is text": lambda out: alter(out, lambda outcome: spoil(outcome, "nobs", [1, "x"])),
     "a pair has no number of rows": lambda out: alter(
-        out, lambda outcome: outcome | {"pairs": [outcome["pairs"][0], outcome["pairs"][1] | {"nobs": "x"}]}
+        out, lambda outcome: outcome | {"pairs": outcome["pairs"] | {"nobs": [1, "x"]}}
+    ),
+    "a pair has no tool": lambda out: alter(
+        out, lambda outcome: outcome | {"pairs": outcome["pairs"] | {"tool": ["a"]}}
+    ),
+    "a concern is of no pair": lambda out: alter(
+        out, lambda outcome: outcome | {"pairs": outcome["pairs"] | {"concerns": [[-1, "few edges", "4 edges"]]}}
     ),
     "reasons are missing": lambda out: alter(
         out, lambda outcome: outcome | {"laws": {k: v for k, v in outcome["laws"].items() if k != "reason"}}
@@ -412,7 +420,7 @@ def test_a_record_that_was_changed_is_not_taken(out):
     record(out, KEY, outcome(A), folders)
     path = out / place.RECORDS / f"{KEY}.json"
     content = path.read_text()
-    for changed in (content.replace('"nobs":144', '"nobs":145'), content.replace('"nobs":144', '"nobs":NaN')):
+    for changed in (content.replace('"nobs":[144', '"nobs":[145'), content.replace('"nobs":[144', '"nobs":[NaN')):
         path.write_text(changed)
         assert recorded(out, KEY, folders) is None
     path.write_text(content)
