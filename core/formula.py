@@ -28,6 +28,7 @@ Montgomery & Anderson-Cook, Response Surface Methodology, ch. 6.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -81,7 +82,7 @@ def second_order_terms(factors: Sequence[str]) -> tuple[Term, ...]:
     return (*first, *squares, *products)
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, repr=False)  # without slots: `cached_property` keeps its values in __dict__
 class Formula(Displayable):
     """Equation of one law: its form, response, factors and, of second order, its terms and centres.
 
@@ -126,12 +127,12 @@ class Formula(Displayable):
         """True where each factor has one coefficient, in the order of the factors."""
         return not self.form.second_order
 
-    @property
+    @cached_property
     def all_terms(self) -> tuple[Term, ...]:
         """Terms in the order of the coefficients after the constant."""
         return self.terms if self.form.second_order else first_order_terms(self.factors)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the coefficients, constant first: ``c0, V, f`` or ``a, b`` or ``A, B, k1``."""
         named = self.form.coefficients
@@ -155,7 +156,7 @@ class Formula(Displayable):
         given = {name for name, _ in self.fixed}
         return (True, *(term.name not in given for term in self.all_terms))
 
-    @property
+    @cached_property
     def logs(self) -> tuple[bool, ...]:
         """For each factor, whether it enters by its logarithm and is therefore above zero."""
         k = len(self.factors)
@@ -192,9 +193,11 @@ class Formula(Displayable):
     def transformed(self, X: ArrayLike) -> Array:
         """Factors as they enter the terms, shape (..., k): logarithms or values, less the centre."""
         X = np.asarray(X, dtype=float)
+        if all(self.logs) and not self.centres:
+            return np.asarray(np.log(X), dtype=float)
         g = np.array(self.centres or [1.0 if log else 0.0 for log in self.logs])
         if all(self.logs):
-            return np.asarray(np.log(X / g) if self.centres else np.log(X), dtype=float)
+            return np.asarray(np.log(X / g), dtype=float)
         if not any(self.logs):
             return X - g if self.centres else X
         columns = [np.log(X[..., j] / g[j]) if log else X[..., j] - g[j] for j, log in enumerate(self.logs)]
@@ -203,9 +206,11 @@ class Formula(Displayable):
     def columns(self, X: ArrayLike) -> Array:
         """Columns of the linear predictor, shape (..., 1 + number of terms), for factors X (..., k)."""
         U = self.transformed(X)
-        ones = np.ones((*U.shape[:-1], 1))
         if self.first_order:
-            return np.concatenate([ones, U], axis=-1)
+            Z = np.ones((*U.shape[:-1], 1 + U.shape[-1]))
+            Z[..., 1:] = U
+            return Z
+        ones = np.ones((*U.shape[:-1], 1))
         places = [[j for j, d in enumerate(term.degrees) for _ in range(d)] for term in self.terms]
         terms = [U[..., at[0]] if len(at) == 1 else U[..., at[0]] * U[..., at[1]] for at in places]
         return np.concatenate([ones, np.stack(terms, axis=-1)], axis=-1)

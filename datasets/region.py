@@ -55,7 +55,11 @@ def leverages(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -
         Level of the category, where the law has one; left out, it is the level of reference.
     """
     U = coded(facts, points)
-    at = level_numbers(facts, level, U.shape[:-1])
+    return _leverages(facts, U, level_numbers(facts, level, U.shape[:-1]))
+
+
+def _leverages(facts: Facts, U: Array, at: NDArray[np.intp]) -> Array:
+    """Leverage in each space at coded points U (..., k) of the level numbers ``at``, shape (...,)."""
     shifts = [(at == j).astype(float) for j in range(1, len(facts["levels"]))]
     z = np.stack([np.ones(U.shape[:-1]), *np.moveaxis(U, -1, 0), *shifts], axis=-1)
     out = np.empty((*U.shape[:-1], len(facts["spaces"])))
@@ -99,7 +103,7 @@ def excess(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -> A
     parts = [np.abs(U) - (1 + ROUNDING), radius[..., None]]
     if facts["spaces"]:
         largest = np.stack([np.asarray(space["largest"])[at] for space in facts["spaces"]], axis=-1)
-        parts.append(leverages(facts, points, level) - largest * (1 + SLACK))
+        parts.append(_leverages(facts, U, at) - largest * (1 + SLACK))
     return np.concatenate(parts, axis=-1)
 
 

@@ -28,7 +28,7 @@ from ..datasets import region
 from .messages import short
 from .sections.base import Covariance, NoCovariance
 from .sections.law_fields import LawFields
-from .sections.law_parts import Edges
+from .sections.law_parts import Edges, Region
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class Band:
     """Value and ends of an interval in the unit of the law, in the shape of the factors.
 
     ``of`` describes the interval; ``edge`` is new, same or independent rows; ``centre`` is the quantity that the value
-    estimates.
+    estimates; ``factors`` are the values of the factors, in the order of the law.
     """
 
     value: Array
@@ -74,6 +74,7 @@ class Band:
     of: str
     edge: str
     centre: Centre
+    factors: list[Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +149,11 @@ def equation_of(law: LawFields, level: str | None) -> Equation:
 
 def region_contains(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> NDArray[np.bool_]:
     """Whether each point lies in the tested region of the law."""
-    values = checked_values(law, given)
+    return contains_values(law, level, checked_values(law, given))
+
+
+def contains_values(law: LawFields, level: str | None, values: list[Array]) -> NDArray[np.bool_]:
+    """Whether each point lies in the tested region, for the factors as `checked_values` gives them."""
     if law.region is None:
         pairs = zip(values, law.factors, strict=True)
         return np.asarray(np.logical_and.reduce([(value >= f.low) & (value <= f.high) for value, f in pairs]))
@@ -156,7 +161,12 @@ def region_contains(law: LawFields, level: str | None, given: Mapping[str, Array
     if level is not None and level not in known:
         has = ", ".join(known) or "nothing"
         raise ParameterError(f"the law of {law.response} has no level {short(level)}; it has {has}.")
-    return np.asarray(region.inside(law.region.model_dump(), np.stack(values, axis=-1), level))
+    return np.asarray(region.inside(region_facts(law.region), np.stack(values, axis=-1), level))
+
+
+def region_facts(tested: Region) -> region.Facts:
+    """The region as `fitmodels.datasets.region` evaluates it."""
+    return {**vars(tested), "spaces": [vars(space) for space in tested.spaces]}
 
 
 def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factors: Mapping[str, ArrayLike]) -> Band:
@@ -173,7 +183,8 @@ def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factor
     spread = _spread(law, covariance, asked, parts=moves or asked.kind == "tolerance")
     smearing = _smearing(law, spread) if centre == "smeared" else 1.0
     with np.errstate(all="ignore"):  # `as_given` refuses what is not finite
-        Z = terms(law, by, factors)
+        values = checked_values(law, factors)
+        Z = _terms_of(law, by, values)
         median = response(law, Z)
         G = error_gradient(law, Z, median)
         variance = np.zeros(median.shape) if spread.edge == "same" else _quadratic(law, G)
@@ -183,7 +194,7 @@ def interval_band(law: LawFields, asked: IntervalOptions, by: str | None, factor
         )  # fmt: skip
     row = "row" if law.life is None else "life"
     of = interval_label(asked.kind, asked.level, asked.coverage, spread.words, row)
-    return Band(value, low, high, of, spread.edge, centre)
+    return Band(value, low, high, of, spread.edge, centre, values)
 
 
 def _covariance(law: LawFields) -> Covariance:
@@ -251,11 +262,16 @@ def terms(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> 
     ParameterError
         A factor or a level that the law cannot take.
     """
-    values = checked_values(law, given)
+    return _terms_of(law, level, checked_values(law, given))
+
+
+def _terms_of(law: LawFields, level: str | None, values: list[Array]) -> Array:
     shape = values[0].shape if values else ()
     columns = law.formula.columns(np.stack(values, axis=-1)) if values else np.ones((1,))
     at = _level(law, level)
-    shifts = [np.full((*shape, 1), float(other == at)) for other in (law.by.shifts if law.by else ())]
+    if law.by is None:
+        return columns
+    shifts = [np.full((*shape, 1), float(other == at)) for other in law.by.shifts]
     return np.concatenate([columns, *shifts], axis=-1)
 
 
@@ -274,6 +290,8 @@ def checked_values(law: LawFields, given: Mapping[str, ArrayLike]) -> list[Array
             )
     logs = law.formula.logs
     values = [_number(law, f.symbol, f.unit, given[f.symbol], log) for f, log in zip(law.factors, logs, strict=True)]
+    if all(value.shape == values[0].shape for value in values):
+        return values
     try:
         return list(np.broadcast_arrays(*values))
     except ValueError:

@@ -49,12 +49,14 @@ def _is_written_whole(value: float) -> bool:
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, str):  # first: most values of a file are texts and floats
+        return value
     if isinstance(value, float):
         return int(value) if _is_written_whole(value) else value
-    if isinstance(value, Mapping):
-        return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(inner) for inner in value]
+    if isinstance(value, dict | Mapping):
+        return {key: _plain(inner) for key, inner in value.items()}
     return value
 
 

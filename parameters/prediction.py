@@ -13,9 +13,10 @@ from .evaluation import (
     IntervalOptions,
     as_given,
     checked_values,
+    contains_values,
     covariance_of,
     interval_band,
-    region_contains,
+    region_facts,
     terms,
 )
 from .sections.base import NoCovariance
@@ -41,8 +42,8 @@ def predict_with_interval(
     by = None if by is None else str(by)
     at = {**factors, **{name: source.value for name, source in taken.items()}}
     found = interval_band(law, asked, by, at)
-    values = checked_values(law, at)
-    inside = region_contains(law, by, at)
+    values = found.factors
+    inside = contains_values(law, by, values)
     for source in taken.values():
         inside = inside & source.inside
     given = tuple(
@@ -107,10 +108,11 @@ def predict_life(
     with np.errstate(over="ignore", under="ignore"):
         value, low, high = (float(np.exp(end)) for end in (root.value, root.low, root.high))
     at = {**values, "t": value}
-    inside = bool(region_contains(law, None, at))
+    found_at = checked_values(law, at)
+    inside = bool(contains_values(law, None, found_at))
     given = tuple(
         GivenFactor(f.symbol, f.unit, at[f.symbol], f.low, f.high, single(beyond))
-        for f, beyond in zip(law.factors, _beyond(law, checked_values(law, at)), strict=True)
+        for f, beyond in zip(law.factors, _beyond(law, found_at), strict=True)
     )
     words = f"time at which {law.response} reaches {life.criterion:g} {life.unit_of_wear}"
     found = LifePrediction(
@@ -139,9 +141,9 @@ def edge_scatter(law: LawFields, life: ToolLifeSection) -> tuple[float, str]:
 
 
 def _beyond(law: LawFields, values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:
-    """For each factor, -1 below its tested range, 1 above it: by the criterion of `region_contains`."""
+    """For each factor, -1 below its tested range, 1 above it: by the criterion of `contains_values`."""
     if law.region is None:
         pairs = zip(values, law.factors, strict=True)
         return [(value > f.high).astype(np.intp) - (value < f.low) for value, f in pairs]
-    U = region.coded(law.region.model_dump(), np.stack(values, axis=-1))
+    U = region.coded(region_facts(law.region), np.stack(values, axis=-1))
     return list(np.moveaxis(np.where(np.abs(U) > 1 + region.ROUNDING, np.sign(U), 0).astype(np.intp), -1, 0))

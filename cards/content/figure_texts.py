@@ -1,7 +1,8 @@
 """Figures of a card with captions and text alternatives: drawn from the file, or pictures in its folder."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from .design import at_words, middle, reference
 from .laws import law_coefficients
 from .numbers import INFINITE, figure, percent, quantity
 from .parts import CoefficientPart, FigurePart, ProfiledLawPart
-from .profiler import WEARS, band_of, profile, profiled, substituted_wear
+from .profiler import WEARS, Value, band_of, profile, profiled, substituted_wear
 
 FOLDER = "figures"
 PICTURES = {  # written to the folder of a card by fitmodels
@@ -78,55 +79,93 @@ def _limits(pf: ParameterFile) -> Iterator[tuple[str, float | None, str, str]]:
         yield symbol, each.low if each.high is None else each.high, each.unit, "limit"
 
 
-def response_text(pf: ParameterFile, law: LawSection) -> str:
-    """A law at both ends of its first factor, in a sentence; of a law on wear, also with the wear held."""
-    first, wear = law.factors[0], wear_words(pf, law)
-    others = {
-        name: value for name, value in middle(law).items() if name != first.symbol and not (wear and name in WEARS)
-    }
-    at = at_words(law, others, reference(law))
-    words = ", ".join(filter(None, (at, wear[0] if wear else "")))
-    text = f"{law.response} {_ends(pf, law)}{f', with {words}' if words else ''}"
-    return f"{text}; with {wear[1]} it {_ends(pf, law, held=True)}." if wear else f"{text}."
+@dataclass(frozen=True, slots=True)
+class DrawnLaw:
+    """A law as its figures and their texts show it.
 
-
-def _ends(pf: ParameterFile, law: LawSection, *, held: bool = False) -> str:
-    """Turn and values of a law between both ends of its first factor."""
-    first, of = law.factors[0], profiled(law, pf)
-    low, high = (at_first(pf, law, end, held=held) for end in (first.low, first.high))
-    ends = [
-        f"{_value(of, here)} at {first.symbol} {quantity(figure(end, 4, first.unit))}"
-        for here, end in ((low, first.low), (high, first.high))
-    ]
-    turn = "increases" if profile(of, high)[0] > profile(of, low)[0] else "decreases"
-    return f"{turn} from {ends[0]} to {ends[1]}"
-
-
-def wear_words(pf: ParameterFile, law: LawSection) -> tuple[str, str] | None:
-    """How the wear in a law is set, from its own law or held at its middle; None where there is no such choice."""
-    wear = substituted_wear(law, pf)
-    if not wear or wear == law.factors[0].symbol:
-        return None
-    unit = next(f.unit for f in law.factors if f.symbol == wear)
-    return OWN.format(wear), HELD.format(wear, quantity(figure(middle(law)[wear], 3, unit)))
-
-
-def at_first(pf: ParameterFile, law: LawSection, values: Any, *, held: bool = False) -> dict[str, Any]:  # noqa: ANN401
-    """Conditions at values of the first factor, a number or an array, the others at their middle.
-
-    A wear follows from its own law at these conditions, unless it is ``held``.
+    Attributes
+    ----------
+    law : LawSection
+    middle : dict of float
+        Middle of each factor.
+    level : str or None
+        The level of a category.
+    over : tuple of str
+        The first two factors over which it is drawn: tested at more than one value, and no wear of its own law.
+    own : LawSection or None
+        The law of the wear among the factors, where the wear can follow from it.
+    own_middle : dict of float
+        Middle of the factors of ``own``.
+    wear : tuple of str, or None
+        How the wear is set, in words: from its own law, and held at its middle.
+    limit : tuple of float and str, or None
+        Limit of the response, and its words.
     """
-    return with_own_wear(pf, law, {**middle(law), law.factors[0].symbol: values}, held=held)
+
+    law: LawSection
+    middle: dict[str, float]
+    level: str | None
+    over: tuple[str, ...]
+    own: LawSection | None
+    own_middle: dict[str, float]
+    wear: tuple[str, str] | None
+    limit: tuple[float, str] | None
+
+    def at_first(self, values: Any, *, held: bool = False) -> dict[str, Any]:  # noqa: ANN401
+        """Conditions at values of the first factor, a number or an array, the others at their middle.
+
+        A wear follows from its own law at these conditions, unless it is ``held``.
+        """
+        at = {**self.middle, self.law.factors[0].symbol: values}
+        return at if held else self.with_own_wear(at)
+
+    def with_own_wear(self, at: Mapping[str, Any]) -> dict[str, Any]:
+        """Conditions with the wear of its own law in place of the one given."""
+        if self.own is None:
+            return dict(at)
+        here = {name: at.get(name, value) for name, value in self.own_middle.items()}
+        return {**at, self.own.response: self.own.values(here, by=reference(self.own))}
 
 
-def with_own_wear(pf: ParameterFile, law: LawSection, at: Mapping[str, Any], *, held: bool = False) -> dict[str, Any]:
-    """Conditions with the wear of its own law in place of the one given, unless it is ``held``."""
-    words = None if held else wear_words(pf, law)
-    if words is None:
-        return dict(at)
-    own = pf.laws[substituted_wear(law, pf)]
-    here = {f.symbol: at.get(f.symbol, middle(own)[f.symbol]) for f in own.factors}
-    return {**at, own.response: own.values(here, by=reference(own))}
+def drawn_laws(pf: ParameterFile) -> tuple[DrawnLaw, ...]:
+    """The laws of a file that are drawn: those with factors."""
+    limits = limits_of(pf)
+    return tuple(_drawn_law(pf, law, limits.get(law.response)) for law in pf.laws.values() if law.factors)
+
+
+def _drawn_law(pf: ParameterFile, law: LawSection, limit: tuple[float, str] | None) -> DrawnLaw:
+    wear, at = substituted_wear(law, pf), middle(law)
+    over = tuple(f.symbol for f in law.factors if f.symbol != wear and f.high > f.low)[:2]
+    if not wear or wear == law.factors[0].symbol:
+        return DrawnLaw(law, at, reference(law), over, None, {}, None, limit)
+    own, unit = pf.laws[wear], next(f.unit for f in law.factors if f.symbol == wear)
+    words = OWN.format(wear), HELD.format(wear, quantity(figure(at[wear], 3, unit)))
+    return DrawnLaw(law, at, reference(law), over, own, middle(own), words, limit)
+
+
+def response_text(of: DrawnLaw, part: ProfiledLawPart) -> str:
+    """A law at both ends of its first factor, in a sentence; of a law on wear, also with the wear held."""
+    law, wear = of.law, of.wear
+    others = {
+        name: value
+        for name, value in of.middle.items()
+        if name != law.factors[0].symbol and not (wear and name in WEARS)
+    }
+    at = at_words(law, others, of.level)
+    words = ", ".join(filter(None, (at, wear[0] if wear else "")))
+    text = f"{law.response} {_ends(of, part)}{f', with {words}' if words else ''}"
+    return f"{text}; with {wear[1]} it {_ends(of, part, held=True)}." if wear else f"{text}."
+
+
+def _ends(of: DrawnLaw, part: ProfiledLawPart, *, held: bool = False) -> str:
+    """Turn and values of a law between both ends of its first factor."""
+    first = of.law.factors[0]
+    low, high = (profile(part, of.at_first(end, held=held)) for end in (first.low, first.high))
+    ends = [
+        f"{_value(part, found)} at {first.symbol} {quantity(figure(end, 4, first.unit))}"
+        for found, end in ((low, first.low), (high, first.high))
+    ]
+    return f"{'increases' if high[0] > low[0] else 'decreases'} from {ends[0]} to {ends[1]}"
 
 
 def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
@@ -135,15 +174,15 @@ def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
     tables = {law.response: _exponents(law) for law in powers}
     if any(tables.values()):
         yield FigurePart(name="exponents", caption=EXPONENTS, alternative=_of_exponents(tables))
-    moved = [law for law in pf.laws.values() if law.factors]
-    if moved:
+    laws = [(of, profiled(of.law, pf)) for of in drawn_laws(pf)]
+    if laws:
         yield FigurePart(
             name="responses",
-            caption=RESPONSES.format(_wear_caption(pf), band_of(pf)),
-            alternative=" ".join(response_text(pf, law) for law in moved),
+            caption=RESPONSES.format(_wear_caption([of for of, _ in laws]), band_of(pf)),
+            alternative=" ".join(response_text(of, part) for of, part in laws),
         )
-    if any(len(surface_factors(pf, law)) == 2 for law in moved):
-        text = " ".join(surface_text(pf, law) for law in moved if len(surface_factors(pf, law)) == 2)
+    if any(len(of.over) == 2 for of, _ in laws):
+        text = " ".join(surface_text(of, part) for of, part in laws if len(of.over) == 2)
         yield FigurePart(name="surfaces", caption=SURFACES, alternative=text)
     if pf.dynamics is not None:
         yield FigurePart(name="dynamics", caption=DYNAMICS, alternative=_of_dynamics(pf.dynamics))
@@ -151,27 +190,18 @@ def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
         yield FigurePart(name="loop", caption=LOOP, alternative=_of_loop(pf.pi))
 
 
-def _wear_caption(pf: ParameterFile) -> str:
+def _wear_caption(laws: Sequence[DrawnLaw]) -> str:
     """Which curve is which, where a law is on a wear that has its own law."""
-    found = next((substituted_wear(law, pf) for law in pf.laws.values() if law.factors and wear_words(pf, law)), "")
+    found = next((of.own.response for of in laws if of.own is not None), "")
     return f" ({OWN.format(found)}; dashed: {found} held)" if found else ""
 
 
-def surface_factors(pf: ParameterFile, law: LawSection) -> tuple[str, ...]:
-    """The first two factors over which a law is drawn: tested at more than one value, and no wear of its own law."""
-    own = substituted_wear(law, pf)
-    return tuple(f.symbol for f in law.factors if f.symbol != own and f.high > f.low)[:2]
-
-
-def surface_text(pf: ParameterFile, law: LawSection) -> str:
+def surface_text(of: DrawnLaw, part: ProfiledLawPart) -> str:
     """A law at the middle of the tests and the limit of its response, in a sentence."""
-    over, at = surface_factors(pf, law), with_own_wear(pf, law, middle(law))
-    limit = limits_of(pf).get(law.response)
-    bound = f"; the {limit[1]} is drawn dashed where it is reached" if limit else ""
-    words = at_words(law, middle(law), reference(law))
-    return (
-        f"Contours of {law.response} over {over[0]} and {over[1]}: {_value(profiled(law, pf), at)} at {words}{bound}."
-    )
+    bound = f"; the {of.limit[1]} is drawn dashed where it is reached" if of.limit else ""
+    value = _value(part, profile(part, of.with_own_wear(of.middle)))
+    words = at_words(of.law, of.middle, of.level)
+    return f"Contours of {of.law.response} over {of.over[0]} and {of.over[1]}: {value} at {words}{bound}."
 
 
 def _pictures(pf: ParameterFile, folder: Path | None) -> Iterator[FigurePart]:
@@ -197,8 +227,8 @@ def _of_exponents(tables: dict[str, list[CoefficientPart]]) -> str:
     return f"Exponents as points with bars. {'; '.join(said)}."
 
 
-def _value(law: ProfiledLawPart, at: dict[str, float]) -> str:
-    value, low, high = profile(law, at)
+def _value(law: ProfiledLawPart, found: Value) -> str:
+    value, low, high = found
     band = "" if low is None else f" ({figure(low, 3).text} to {figure(high, 3).text})"
     return f"{quantity(figure(value, 3, law.unit))}{band}"
 
@@ -251,7 +281,10 @@ def _of_picture(pf: ParameterFile, stem: str) -> str:
                   if law.residual_se is not None]  # fmt: skip
         return f"Residuals scatter about zero; their standard error: {', '.join(spread) or 'not known'}."
     if stem == "response_surfaces" and pf.laws:
-        return " ".join(response_text(pf, law) if law.factors else law.equation for law in laws)
+        drawn = {of.law.response: of for of in drawn_laws(pf)}
+        return " ".join(
+            response_text(drawn[law.response], profiled(law, pf)) if law.factors else law.equation for law in laws
+        )
     if stem == "pi" and pf.pi is not None and pf.pi.figures is not None:
         return _of_loop(pf.pi)
     if stem == "bode" and pf.dynamics is not None:

@@ -152,12 +152,11 @@ def inside(law: ProfiledLawPart, at: Mapping[str, float]) -> bool:
 
 def profile_all(profiler: ProfilerPart, at: Mapping[str, float], *, held: bool = False) -> dict[str, Value]:
     """Every law at the sliders; a law on wear takes it from its own law, or as in ``at`` where it is ``held``."""
-    laws = {law.response: law for law in profiler.laws}
     out: dict[str, Value] = {}
     for law in sorted(profiler.laws, key=lambda each: bool(each.wear)):
         here = dict(at)
         if law.wear and not held:
-            here[law.wear] = profile(laws[law.wear], at)[0]
+            here[law.wear] = out[law.wear][0]  # the law of a wear is on no wear itself, and came before
         out[law.response] = profile(law, here)
     return {law.response: out[law.response] for law in profiler.laws}
 

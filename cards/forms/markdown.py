@@ -42,6 +42,7 @@ SPECIAL = re.compile(r"([\\`*\[\]|~#{}$]|(?<![^\W_])_|_(?![^\W_]))")
 ENTITY = re.compile(r"&(?=[#\w])")
 TAG = re.compile(r"<(?![\d ])")  # <0.001 is no tag
 LEAD = re.compile(r"^(?:(\d+)(?=[.)](?:\s|$))|(?=[-+](?:[\s-]|$)|=+$))")
+PLAIN = re.compile(r"-?[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9.,:;()/%-]*(?: [A-Za-z0-9.,:;()/%-]+)*")  # as it is
 NO_PREDICTION = "No prediction: this law must not be used."
 OUTSIDE = f"{MARKS[RESERVATIONS].icon} outside the tested region: extrapolated"
 
@@ -76,7 +77,9 @@ def text(value: object) -> str:
     >>> print(text("<b> a_1 [x](y) p <0.001"))
     &lt;b&gt; a_1 \[x\](y) p <0.001
     """
-    safe = ENTITY.sub("&amp;", one_line(value))
+    if PLAIN.fullmatch(words := str(value)):
+        return words
+    safe = ENTITY.sub("&amp;", one_line(words))
     safe = TAG.sub("&lt;", SPECIAL.sub(r"\\\1", safe)).replace(">", "&gt;")
     return LEAD.sub(lambda found: f"{found[1] or ''}\\", safe, count=1)
 

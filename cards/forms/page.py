@@ -22,7 +22,7 @@ from ..content.card import Card, compose
 from ..content.guidance import join_words
 from ..content.numbers import ends_words, quantity
 from ..content.parts import FactorRangePart, ProfilerPart
-from ..content.profiler import Value, inside, profile_all
+from ..content.profiler import Value, inside, profile, profile_all
 from .page_figures import vector_figures
 from .rendering import (
     anchor,
@@ -324,16 +324,14 @@ def points(profiler: ProfilerPart) -> Iterator[ProfiledPoint]:
 
 
 def _point(profiler: ProfilerPart, at: Mapping[str, float]) -> ProfiledPoint:
-    answers, answers_held = profile_all(profiler, at), profile_all(profiler, at, held=True)
+    answers = profile_all(profiler, at)
     wears = {law.wear: answers[law.wear][0] for law in profiler.laws if law.wear}
     known = {law.response: inside(law, {**at, **wears}) for law in profiler.laws}
     values = tuple(
         ProfiledValue(*value_texts(answers[law.response]), known[law.response] and known.get(law.wear, True))
         for law in profiler.laws
     )
-    held = tuple(
-        ProfiledValue(*value_texts(answers_held[law.response]), inside(law, at)) for law in profiler.laws if law.wear
-    )
+    held = tuple(ProfiledValue(*value_texts(profile(law, at)), inside(law, at)) for law in profiler.laws if law.wear)
     settings = tuple(format_plain(at[f.symbol], 4) for f in profiler.factors)
     return ProfiledPoint(settings, values, held, _removal_rate(profiler, at))
 

@@ -12,22 +12,19 @@ from ...core.errors import ParameterError
 from ...core.figure_style import contour_levels
 from ...core.panels import PanelAxes
 from ...core.rounding import with_unit
-from ...parameters import LawSection, ParameterFile
+from ...parameters import ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
 from ...parameters.sections.dynamics import DynamicsSection
 from ...parameters.sections.law_parts import Factor
 from ..content.card import Card
-from ..content.design import at_words, middle, middle_of, reference
+from ..content.design import at_words, middle_of
 from ..content.figure_texts import (
-    at_first,
-    limits_of,
+    DrawnLaw,
+    drawn_laws,
     response_text,
-    surface_factors,
     surface_text,
-    wear_words,
-    with_own_wear,
 )
-from ..content.parts import CoefficientPart, FigurePart, LawPart
+from ..content.parts import CoefficientPart, FigurePart, LawPart, ProfiledLawPart
 from ..content.profiler import WEARS
 from .svg_panel import (
     BAND,
@@ -115,9 +112,9 @@ def _drawings(figure: FigurePart, card: Card, pf: ParameterFile | None) -> Itera
     elif pf is None:
         return
     elif figure.name == "responses":
-        yield from responses(card, pf)
+        yield from responses(figure, card, drawn_laws(pf))
     elif figure.name == "surfaces":
-        yield from surfaces(pf)
+        yield from surfaces(figure, card, drawn_laws(pf))
     elif figure.name == "dynamics" and pf.dynamics is not None:
         yield from bode(figure, pf.dynamics)
     elif figure.name == "loop" and pf.dynamics is not None and pf.pi is not None:
@@ -169,25 +166,33 @@ def _line(panel: PanelCanvas, row: float) -> float:
     return panel.at(0.0, row)[1] + 0.35 * SIZE
 
 
-def responses(card: Card, pf: ParameterFile) -> Iterator[PanelDrawing]:
+def responses(figure: FigurePart, card: Card, laws: Sequence[DrawnLaw]) -> Iterator[PanelDrawing]:
     """Each law over its first factor, the others at the middle of their ranges, with the tested range marked."""
-    laws = [law for law in pf.laws.values() if law.factors]
     levels = {law.response: law.domain[0].levels for law in card.laws if law.domain}
-    for law in laws:
+    parts = _profiled(card)
+    for of in laws:
+        law = of.law
         at_low, at_high = law.factors[0].low, law.factors[0].high
         ticks = [(n.value, n.text) for n in levels.get(law.response, ()) if n.value is not None]
         ends = [(at_low, f"{at_low:.4g}"), (at_high, f"{at_high:.4g}")]
         title = f"{law.response} over {law.factors[0].symbol}"
-        yield _response(pf, law, title, ticks if len(ticks) > 1 else ends)
+        text = response_text(of, parts[law.response]) if law.response in parts else figure.alternative
+        yield _response(of, title, text, ticks if len(ticks) > 1 else ends)
 
 
-def _response(pf: ParameterFile, law: LawSection, title: str, ticks: Sequence[tuple[float, str]]) -> PanelDrawing:
-    first, limit, wear = law.factors[0], limits_of(pf).get(law.response), wear_words(pf, law)
+def _profiled(card: Card) -> dict[str, ProfiledLawPart]:
+    """Laws of the profiler of the card by their responses."""
+    return {law.response: law for law in (() if card.profiler is None else card.profiler.laws)}
+
+
+def _response(of: DrawnLaw, title: str, text: str, ticks: Sequence[tuple[float, str]]) -> PanelDrawing:
+    law, limit, wear = of.law, of.limit, of.wear
+    first = law.factors[0]
     low, high = first.low, first.high
     margin = BEYOND * (high - low) if high > low else BEYOND * abs(high)
     x = np.unique(np.r_[np.linspace(max(low - margin, low / (1 + BEYOND)), high + margin, POINTS), low, high])
-    value, band = _over(law, at_first(pf, law, x))
-    held = np.asarray(law.values(at_first(pf, law, x, held=True), by=reference(law))) if wear else None
+    value, band = _over(of, of.at_first(x))
+    held = np.asarray(law.values(of.at_first(x, held=True), by=of.level)) if wear else None
     top = HIGHEST * float(value.max()) if band is None else min(HIGHEST * float(value.max()), float(band[1].max()))
     top = max(top, 0.0 if held is None else float(held.max()), limit[0] if limit and limit[0] < FAR * top else 0.0)
     bottom = 0.0 if band is None else min(float(band[0].min()), 0.0)
@@ -212,7 +217,7 @@ def _response(pf: ParameterFile, law: LawSection, title: str, ticks: Sequence[tu
         _limit(panel, limit)
 
     margins = Margins(height=240, top=54) if wear else Margins()
-    return PanelDrawing(title, response_text(pf, law), across, up, draw, margins)
+    return PanelDrawing(title, text, across, up, draw, margins)
 
 
 def _limit(panel: PanelCanvas, limit: tuple[float, str] | None) -> None:
@@ -222,37 +227,37 @@ def _limit(panel: PanelCanvas, limit: tuple[float, str] | None) -> None:
         panel.text(panel.margins.left + 4, panel.at(0, limit[0])[1] - 4, limit[1], style="f-limit halo")
 
 
-def _over(law: LawSection, at: dict[str, Any]) -> tuple[Array, tuple[Array, Array] | None]:
+def _over(of: DrawnLaw, at: dict[str, Any]) -> tuple[Array, tuple[Array, Array] | None]:
     """Values at conditions, and the band of one further row on a new edge where there is one."""
-    level = reference(law)
     try:
-        found = law.predict(at, by=level)
+        found = of.law.predict(at, by=of.level)
     except ParameterError:
-        return np.asarray(law.values(at, by=level)), None
+        return np.asarray(of.law.values(at, by=of.level)), None
     return np.asarray(found.value), (np.asarray(found.low), np.asarray(found.high))
 
 
-def surfaces(pf: ParameterFile) -> Iterator[PanelDrawing]:
+def surfaces(figure: FigurePart, card: Card, laws: Sequence[DrawnLaw]) -> Iterator[PanelDrawing]:
     """Contours of each law over its first two factors inside the tested region, the limit of its response dashed."""
-    for law in pf.laws.values():
-        over = surface_factors(pf, law)
-        if len(over) == 2:
-            yield _surface(pf, law, (over[0], over[1]))
+    parts = _profiled(card)
+    for of in laws:
+        if len(of.over) == 2:
+            part = parts.get(of.law.response)
+            yield _surface(of, figure.alternative if part is None else surface_text(of, part))
 
 
-def _surface(pf: ParameterFile, law: LawSection, over: tuple[str, str]) -> PanelDrawing:
+def _surface(of: DrawnLaw, text: str) -> PanelDrawing:
     """Axes are logarithmic where the law takes logarithms; ``u`` and ``v`` are the coordinates that are drawn."""
+    law, over, level, wear, limit = of.law, of.over, of.level, of.wear, of.limit
     found = {f.symbol: (f, log) for f, log in zip(law.factors, law.formula.logs, strict=True)}
     axes = [_factor_axis(*found[name]) for name in over]
     u, v = (np.linspace(axis.ticks[0], axis.ticks[-1], FINE) for axis in axes)
     grid = np.meshgrid(u, v)
     shown = {name: np.exp(g) if found[name][1] else g for name, g in zip(over, grid, strict=True)}
-    at = {name: np.broadcast_to(x, grid[0].shape) for name, x in {**middle(law), **shown}.items()}
-    at, level = with_own_wear(pf, law, at), reference(law)
+    at = {name: np.broadcast_to(x, grid[0].shape) for name, x in {**of.middle, **shown}.items()}
+    at = of.with_own_wear(at)
     inside = np.asarray(law.inside(by=level, **at))
     z = np.ma.masked_array(np.asarray(law.values(at, by=level)), ~inside)
-    wear, limit = wear_words(pf, law), limits_of(pf).get(law.response)
-    others = {symbol: value for symbol, value in middle(law).items() if symbol not in over}
+    others = {symbol: value for symbol, value in of.middle.items() if symbol not in over}
     held = {name: value for name, value in others.items() if not (wear and name in WEARS)}
     words = ", ".join(filter(None, (at_words(law, held, level, 3), wear[0] if wear else "")))
 
@@ -269,9 +274,7 @@ def _surface(pf: ParameterFile, law: LawSection, over: tuple[str, str]) -> Panel
                 panel.text(WIDTH - 2, 2.6 * SIZE, f"{limit[1]}: {side}", "end", "f-limit")
 
     title = f"{law.response} over {over[0]} and {over[1]}"
-    return PanelDrawing(
-        title, surface_text(pf, law), axes[0], axes[1]._replace(name=""), draw, Margins(height=250, top=44)
-    )
+    return PanelDrawing(title, text, axes[0], axes[1]._replace(name=""), draw, Margins(height=250, top=44))
 
 
 def _factor_axis(factor: Factor, log: bool) -> PanelAxis:

@@ -157,8 +157,8 @@ class SvgPen:
 
 def _path(points: Array) -> str:
     """Data of a path through points, without those that are not finite."""
-    rounded = np.round(points[np.isfinite(points).all(axis=1)], 1).tolist()
-    return "M" + "L".join(f"{x:g} {y:g}" for x, y in rounded) if rounded else ""
+    rounded = np.round(points[np.isfinite(points).all(axis=1)], 1)
+    return "M" + "L".join(["%g %g"] * len(rounded)) % tuple(rounded.ravel().tolist()) if len(rounded) else ""
 
 
 def even(low: float, high: float, name: str = "", steps: int = 4) -> PanelAxis:

@@ -7,6 +7,7 @@ line. Link and columns give both the prediction and the gradient of its interval
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -113,7 +114,9 @@ class LawFields(Section):
     @property
     def formula(self) -> Formula:
         """The equation: its form, terms and centres, which give columns, names of the coefficients and text."""
-        symbols = tuple(factor.symbol for factor in self.factors)
+        symbols = tuple([factor.symbol for factor in self.factors])
+        if not (self.terms or self.centres or self.fixed):
+            return _first_order(self.form, self.response, symbols)
         terms = tuple(Term(term.name, tuple(term.powers.get(symbol, 0) for symbol in symbols)) for term in self.terms)
         centres = tuple(self.centres[symbol] for symbol in symbols) if self.centres else ()
         return Formula(self.form, self.response, symbols, terms, centres, tuple(self.fixed.items()))
@@ -146,6 +149,9 @@ class LawFields(Section):
         first, *others = (self.coefficients[name] for name in self.coefficient_names)
         head = math.log(first) if self.logarithmic else first
         return np.array([head, *others, *(self.by.shifts.values() if self.by else ())])
+
+
+_first_order = lru_cache(maxsize=256)(Formula)  # of first order, with nothing but names
 
 
 def _check_coefficients(law: LawFields) -> None:
