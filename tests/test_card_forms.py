@@ -6,9 +6,11 @@ What reads here was written elsewhere: huggingface_hub, PyYAML, markdown-it-py, 
 import io
 import json
 import re
+import sys
 from dataclasses import replace
 from importlib.resources import files
 
+import jinja2
 import pytest
 import yaml
 from fitmodels import cards, datasets, fit, parameters
@@ -22,6 +24,7 @@ from fitmodels.cards.forms.front_matter import hub_metadata, yaml_text
 from fitmodels.cards.forms.linked_data import json_ld
 from fitmodels.cards.forms.markdown import card_markdown, text
 from fitmodels.cards.forms.page import page_html
+from fitmodels.cards.forms.rendering import environment
 from fitmodels.cards.terminal import pair_blocks, verdicts_reminder
 from fitmodels.cli.output import Printer
 from fitmodels.core.errors import UsageError
@@ -606,3 +609,33 @@ def test_a_card_says_that_its_data_were_not_judged(files):
     assert "not judged" in compose(files["load line"].model_copy(update={"reading": None})).empty["doubts"]
     assert "doubts" not in compose(files["load line"]).empty
     assert "Doubts about the data" not in card_markdown(compose(files["load line"]))
+
+
+def test_a_template_is_compiled_once_and_again_where_its_copy_is_damaged(tmp_path, monkeypatch):
+    compiled = []
+
+    class Counting(jinja2.Environment):
+        def _compile(self, source, filename):
+            compiled.append(filename)
+            return super()._compile(source, filename)
+
+    monkeypatch.setattr(jinja2, "Environment", Counting)
+    monkeypatch.setattr(sys, "pycache_prefix", str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    environment(autoescape=True).get_template("macros.html")
+    assert len(compiled) == 1
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    for _ in range(2):
+        environment(autoescape=True).get_template("macros.html")
+    assert len(compiled) == 2
+    (copy,) = (path for path in tmp_path.rglob("*") if path.is_file())
+    whole = copy.read_bytes()
+    for damaged in (b"", whole[:-20], whole[:40], b"x" + whole):
+        copy.write_bytes(damaged)
+        environment(autoescape=True).get_template("macros.html")
+        assert copy.read_bytes() == whole
+    assert len(compiled) == 6
+    monkeypatch.setattr(sys, "pycache_prefix", str(copy))  # where no folder can be made
+    environment(autoescape=True).get_template("macros.html")
+    assert len(compiled) == 7
