@@ -34,6 +34,8 @@ class Input:
     choices : tuple of (str, str)
         Values and labels of a menu; empty for a text.
     needed : bool
+    is_rare : bool
+        Whether it is shown below the others, on request.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Input:
     value: str = ""
     choices: tuple[tuple[str, str], ...] = ()
     needed: bool = False
+    is_rare: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,10 +189,30 @@ def tune(of: Subject) -> Action:
         Input("high", "highest command, in the unit below", "--high {}", "1034", ends[1]),
         Input("unit", "unit of the command", "--unit {}", "mm/min", unit),
     )
+    scaling = Input("scaling", "feed per unit of the command of the record, where not derived", "--scaling {}")
     words = "PI gains that meet a specification, with its probability."
-    return Action("tune", "Gains", words, (*SPECIFICATION, *command), "--force")
+    return Action("tune", "Gains", words, (*SPECIFICATION, *command, scaling), "--force")
 
 
+ENGAGEMENT = (  # thresholds and times of the control; loads and feeds in the units of the settings
+    ("feed-programmed", "feed_programmed, at which the override is 100 %"),
+    ("engage-at", "engage_at, load that identifies a cut"),
+    ("hysteresis", "hysteresis, whole width of this threshold"),
+    ("engage-after", "engage_after, s above the threshold until the loop controls"),
+    ("feed-forward", "feed_forward, share of the correction by the load law, 0 to 1"),
+    ("back-off", "back_off, fastest fall of the override per second"),
+    ("recover", "recover, fastest rise of the override per second"),
+    ("filter-corner", "filter_corner, Hz, of a low-pass of the load"),
+    ("sample-time", "sample_time, s, period of the thread"),
+    ("load-low", "load_low, smallest valid reading"),
+    ("load-high", "load_high, largest valid reading"),
+    ("arm-after", "arm_after, s of spindle running before the load is monitored"),
+    ("lost-after", "lost_after, s with invalid readings that is a fault"),
+    ("stuck-after", "stuck_after, s of equal readings in the cut that is a fault"),
+    ("heartbeat", "heartbeat, s without a sign of the load's source that is a fault"),
+    ("overload-after", "overload_after, s of overload that stops the feed"),
+    ("dwell", "dwell, s on the lower limit before the tool counts as worn"),
+)
 FOLLOWING = {  # what is done after a command
     "settings": "ident", "ident": "tune", "tune": "check", "check": "export", "limits": "costs", "costs": "optimum",
 }  # fmt: skip
@@ -245,11 +268,13 @@ def _settings(of: Subject) -> tuple[Input, ...]:
     return (
         Input("worn", f"load limit of a worn tool{unit}", "--worn {}", "0.28", needed=True),
         Input("window", "wear at tool change", "--window {}", "180:220um"),
+        Input("wear-limit", "wear of the lower limit, if not the end of the window", "--wear-limit {}", "200um"),
         Input("idle", f"load of the running spindle in air{unit}", "--idle {}"),
         Input(
             "on-fault", "on a lost or wrong load", "--on-fault {}",
             choices=(("", "feed to its lower limit"), ("stop", "stop the feed")),
         ),
+        *(Input(name, label, f"--{name} {{}}", is_rare=True) for name, label in ENGAGEMENT),
     )  # fmt: skip
 
 

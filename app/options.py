@@ -10,7 +10,7 @@ FLAGS: Final = ("--hidden",)
 BY_ROLE: Final = ("--map", "--unit", "--range", "--value", "--form")  # once for each role
 OF_ROWS: Final = ("--correct", "--leave-out")  # once for each target
 OF_FITTING: Final = ("--law", "--error", "--criterion", "--gauge-sd", "--form", "--by")
-OF_RECORD: Final = ("--input", "--output", "--rate")
+OF_RECORD: Final = ("--input", "--output", "--reference", "--time", "--rate", "--resample")
 OF_OUTPUT: Final = ("--force", "--out", "--full", "--quiet", "--json")
 
 
@@ -88,13 +88,13 @@ def of_comparison(options: Sequence[str]) -> list[str]:
     )
 
 
-def left_out(options: Sequence[str]) -> list[str]:
-    """Targets that are left out.
+def typed(options: Sequence[str]) -> list[tuple[str, str]]:
+    """Each option as typed, and its value.
 
-    >>> left_out(["--leave-out", "E07", "--leave-out", "lines 3"])
-    ['E07', 'lines 3']
+    >>> typed(["--leave-out", "E07", "--leave-out", "lines 3"])
+    [('--leave-out E07', 'E07'), ("--leave-out 'lines 3'", 'lines 3')]
     """
-    return [value for name, value in pairs(options) if name == "--leave-out"]
+    return [(shlex.join(words([pair])), pair[1]) for pair in pairs(options)]
 
 
 def command_of(entry: Entry, *, force: bool = False) -> list[str]:

@@ -1,8 +1,6 @@
 """The page of a project: its files, how each is read, its laws, and the commands that lead to a machine."""
 
 import asyncio
-import mimetypes
-import re
 import shlex
 import threading
 from collections.abc import Sequence
@@ -17,22 +15,21 @@ from markupsafe import Markup
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from ..core.errors import FitmodelsError, UsageError
 from ..core.files import cause
-from . import options, reading, region
+from . import messages, options, reading, region
 from .command_forms import FOLLOWING, Subject, actions, command, subject_of
 from .jobs import Job, Jobs, Runner
 from .project import Entry, Project
-from .results import PICTURES, colour, facts_of_laws, policy_of_card, reading_of, to_repeat, verdicts, written
+from .results import PICTURES, answer_of, colour, facts_of_laws, reading_of, verdicts, written
 
 PRELOAD: Final = ("fitmodels.app.warm", "fitmodels.datasets.overview")
 SHOWN_STEPS = 30
 MOST_FILES = 50  # of one upload
-OTHERS = re.compile(r"fitmodels (costs|limits|settings|tune|ident|next)\b")  # commands that a message names
 
 
 @dataclass(slots=True)
@@ -69,6 +66,10 @@ class Page:
         self._templates.filters["colour"] = colour
         self._templates.filters["typed"] = lambda words: shlex.join(["fitmodels", *words])
         self._templates.filters["joined"] = shlex.join
+        self._templates.filters |= {
+            "on_page": messages.on_page, "of_laws": messages.of_laws, "described": messages.described,
+            "localised": reading.localised,
+        }  # fmt: skip
         self._templates.filters["options_of"] = lambda text: shlex.join(shlex.split(text)[2:])
 
     def application(self) -> Starlette:
@@ -88,6 +89,7 @@ class Page:
                 Route(f"{of_file}/repeat", self._repeat, methods=post),
                 Route(f"{of_file}/undo", self._undo, methods=post),
                 Route(f"{of_file}/leave-out", self._leave_out, methods=post),
+                Route(f"{of_file}/take-back", self._take_back, methods=post),
                 Route(f"{of_file}/machine", self._machine, methods=get),
                 Route(f"{of_file}/region", self._region, methods=get),
                 Route(f"{of_file}/run/{{action}}", self._run, methods=post),
@@ -180,11 +182,24 @@ class Page:
         entry = self._entry(request.path_params["name"])
         now = self._show(entry)
         if now.look.code is None:
-            return self._waiting(now.look, "reading", f"/files/{quote(entry.name)}/reading")
+            return self._waiting(entry, now.look, "reading", f"/files/{quote(entry.name)}/reading")
         now.found = now.found or reading_of(now.look)
-        language = reading.language_of(request.headers.get("accept-language", ""))
-        columns = await asyncio.to_thread(reading.column_menus, now.found, language)
-        return self._render("reading.html", entry=entry, look=now.found, columns=columns, job=now.look)
+        columns = await asyncio.to_thread(reading.column_menus, now.found, _language(request))
+        set_here = [(typed, entry.reasons.get(value, "")) for typed, value in options.typed(entry.options)]
+        return self._render(
+            "reading.html", entry=entry, look=now.found, columns=columns, job=now.look, set_here=set_here,
+            sheets=reading.sheets_of(now.found), fields=reading.fields_of(now.found), to=self._places(entry),
+            assumed=reading.assumptions(now.found, entry.options),
+        )  # fmt: skip
+
+    def _places(self, entry: Entry, own: str = "") -> messages.Places:
+        """What messages on a file can lead to: the forms of its laws, the menus of its columns."""
+        now = self._shown.get(entry.name)
+        try:
+            forms = actions(self._subject(entry, "")[1])
+        except UsageError:
+            forms = ()
+        return messages.places(forms, {} if now is None else now.found, own)
 
     async def _picture(self, request: Request) -> Response:
         entry = self._entry(request.path_params["name"])
@@ -198,12 +213,12 @@ class Page:
         entry = self._entry(request.path_params["name"])
         job = self._show(entry).laws
         if job.code is None:
-            return self._waiting(job, "fitting", f"/files/{quote(entry.name)}/laws")
+            return self._waiting(entry, job, "fitting", f"/files/{quote(entry.name)}/laws")
         facts = await asyncio.to_thread(facts_of_laws, self.project, entry)
-        return self._render("laws.html", entry=entry, job=job, **facts)
+        return self._render("laws.html", entry=entry, job=job, to=self._places(entry), **facts)
 
-    def _waiting(self, job: Job, what: str, again: str) -> Response:
-        return self._render("waiting.html", job=job, what=what, again=again)
+    def _waiting(self, entry: Entry, job: Job, what: str, again: str) -> Response:
+        return self._render("waiting.html", job=job, what=what, again=again, to=self._places(entry, job.words[0]))
 
     # its options
 
@@ -231,19 +246,25 @@ class Page:
         return self._changed(self._entry(request.path_params["name"]), [], {})
 
     async def _leave_out(self, request: Request) -> Response:
-        """Leave rows or edges out with a reason, or take them in again."""
+        """Leave rows or edges out with a reason."""
         entry = self._entry(request.path_params["name"])
         given = await _fields(request)
         target, reason = (given.get(name, "").strip() for name in ("target", "reason"))
         if not target or len(target) > 200 or target.startswith("-") or any(ord(sign) < 32 for sign in target):
             raise UsageError("name an edge, or lines, such as: lines 16, 18-20.")
-        reasons = {key: words for key, words in entry.reasons.items() if key != target}
-        if given.get("again") == "1":
-            kept = [pair for pair in options.pairs(entry.options) if pair != ("--leave-out", target)]
-            return self._changed(entry, options.words(kept), reasons)
         if not reason or len(reason) > 500:
             raise UsageError("state why it is left out: the reason is kept in the project.")
-        return self._changed(entry, options.replaced(entry.options, "--leave-out", target), {**reasons, target: reason})
+        reasons = {**entry.reasons, target: reason}
+        return self._changed(entry, options.replaced(entry.options, "--leave-out", target), reasons)
+
+    async def _take_back(self, request: Request) -> Response:
+        """Read the file without one of its options."""
+        entry = self._entry(request.path_params["name"])
+        wanted = (await _fields(request)).get("option", "")
+        known = options.typed(entry.options)
+        kept = [word for typed, _ in known if typed != wanted for word in shlex.split(typed)]
+        left = {value for typed, value in known if typed != wanted}
+        return self._changed(entry, kept, {key: words for key, words in entry.reasons.items() if key in left})
 
     def _changed(self, entry: Entry, words: list[str], reasons: dict[str, str] | None = None) -> Response:
         """The page after the options of a file were changed."""
@@ -276,7 +297,7 @@ class Page:
         forms = [one for one in actions(subject) if one.is_form]
         return self._render(
             "machine.html", entry=entry, actions=forms, paths=paths, path=subject.params,
-            is_record=not subject.content.get("laws"),
+            is_record=not subject.content.get("laws"), language=_language(request),
         )  # fmt: skip
 
     async def _region(self, request: Request) -> Response:
@@ -286,7 +307,9 @@ class Page:
         _, subject = await asyncio.to_thread(self._subject, entry, given.pop("params", ""))
         if not given:
             found = await asyncio.to_thread(region.sliders, self.project.folder, subject.params)
-            return self._render("region.html", entry=entry, sliders=found, path=subject.params)
+            return self._render(
+                "region.html", entry=entry, sliders=found, path=subject.params, language=_language(request)
+            )
         svg, words = await asyncio.to_thread(region.drawn, self.project.folder, subject.params, given)
         return self._render("region_drawn.html", svg=Markup(svg), words=words)  # noqa: S704  texts are escaped in it
 
@@ -299,17 +322,18 @@ class Page:
             raise HTTPException(HTTPStatus.NOT_FOUND, "There is no such command on this page.")
         own = options.of_comparison if action.name == "compare" else options.of_reading
         job = self.jobs.start(command(action, subject, given, [entry.name, *own(entry.options)]))
-        return self._waiting(job, action.title.lower(), _address(job, entry))
+        return self._waiting(entry, job, action.title.lower(), _address(job, entry))
 
     async def _repeat(self, request: Request) -> Response:
-        """Run a command again that added to the former parameter file."""
+        """Run a command again that added to the former parameter file, or made a result that is older than it."""
         entry = self._entry(request.path_params["name"])
         wanted = (await _fields(request)).get("command", "")
-        known = {shlex.join(words): words for words in await asyncio.to_thread(to_repeat, self.project, entry)}
-        if wanted not in known:
+        facts = await asyncio.to_thread(facts_of_laws, self.project, entry)
+        known = {shlex.join(words): words for words in (*facts["to_repeat"], *facts["older"].values())}
+        if not wanted or wanted not in known:
             raise UsageError("this command was run again already: reload the page.")
         job = self.jobs.start(known[wanted])
-        return self._waiting(job, job.words[0], _address(job, entry))
+        return self._waiting(entry, job, job.words[0], _address(job, entry))
 
     async def _job(self, request: Request) -> Response:
         job = self.jobs.get(request.path_params["id"])
@@ -317,11 +341,11 @@ class Page:
             raise HTTPException(HTTPStatus.NOT_FOUND, "This command is no longer known: run it again.")
         entry = self._entry(request.query_params.get("file", ""))
         if job.code is None:
-            return self._waiting(job, job.words[0], _address(job, entry))
+            return self._waiting(entry, job, job.words[0], _address(job, entry))
         files = await asyncio.to_thread(written, self.project, entry, job)
         pictures = [name for name in files if name.endswith(PICTURES)]
-        links = list(dict.fromkeys(OTHERS.findall(job.errors)))
-        shown = {"entry": entry, "job": job, "written": files, "pictures": pictures, "links": links}
+        to = await asyncio.to_thread(self._places, entry, job.words[0])
+        shown = {"entry": entry, "job": job, "written": files, "pictures": pictures, "to": to}
         done = await asyncio.to_thread(self._after, entry, job) if job.code == 0 else {}
         return self._render("result.html", **{"following": None, "gains": (), **shown, **done})
 
@@ -356,19 +380,18 @@ class Page:
         path: Path | None = results.get(request.path_params["path"])
         if path is None:
             raise HTTPException(HTTPStatus.NOT_FOUND, "There is no such result.")
-        if path.suffix == ".html":
-            text = await asyncio.to_thread(path.read_text, "utf-8")
-            return HTMLResponse(text, headers={"content-security-policy": policy_of_card(text)})
-        if path.suffix in PICTURES:
-            alone = {"content-security-policy": "default-src 'none'; sandbox"}
-            return FileResponse(path, media_type=mimetypes.guess_type(path.name)[0], headers=alone)
-        return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+        return await asyncio.to_thread(answer_of, path)
 
 
 async def _fields(request: Request) -> dict[str, str]:
     """Fields of a form without files."""
     async with request.form(max_files=0, max_fields=40) as form:
         return {name: str(value) for name, value in form.items()}
+
+
+def _language(request: Request) -> str:
+    """The language of the browser, of those that the vocabulary has."""
+    return reading.language_of(request.headers.get("accept-language", ""))
 
 
 def _address(job: Job, entry: Entry) -> str:

@@ -1,24 +1,31 @@
 """Menus of the columns of a file: roles and units, the plausible ones first, from the JSON of ``fitmodels look``."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from markupsafe import Markup, escape
+
 from ..core.errors import UsageError
+from ..datasets.edges.assignment import EDGE_WORDS
 from ..datasets.units import SPELLINGS, canonical, same_dimension
 from ..datasets.vocabulary import ROLES
+from .messages import FIELDS
 
+LABELS = {option.removeprefix("--"): label for option, (label, _) in FIELDS.items()}
 LANGUAGES = ("de", "fr", "es")
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """An entry of a menu."""
+    """An entry of a menu; with its language where that is not English."""
 
     value: str
     label: str
     chosen: bool = False
+    language: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +62,16 @@ def units_of(symbol: str) -> tuple[str, ...]:
     return (own, *(unit for unit in SPELLINGS if unit != own and same_dimension(unit, own))) if own else ()
 
 
+def local_quantity(symbol: str, language: str) -> str:
+    """Quantity of a role in another language than English; empty where the vocabulary has none.
+
+    >>> local_quantity("V", "de"), local_quantity("Fxz", "fr"), local_quantity("V", "en")
+    ('Schnittgeschwindigkeit', '', '')
+    """
+    local = ROLES[symbol].local if symbol in ROLES else ()
+    return dict(zip(LANGUAGES, local, strict=False)).get(language) or ""
+
+
 def role_label(symbol: str, language: str = "en") -> str:
     """Symbol and quantity of a role, in a language where the vocabulary has it.
 
@@ -63,10 +80,21 @@ def role_label(symbol: str, language: str = "en") -> str:
     >>> role_label("edge")
     'cutting edge'
     """
-    role = ROLES[symbol]
-    local = dict(zip(LANGUAGES, role.local, strict=False))
-    quantity = local.get(language) or role.quantity
+    quantity = local_quantity(symbol, language) or ROLES[symbol].quantity
     return quantity if symbol in quantity.split() else f"{symbol} {quantity}"
+
+
+def localised(label: str, symbol: str, language: str) -> Markup:
+    """A label with the quantity of its symbol in another language, marked as such, where the vocabulary has it.
+
+    >>> localised("cutting speed today, m/min", "V", "de")
+    Markup('<span lang="de">Schnittgeschwindigkeit</span> today, m/min')
+    """
+    local = local_quantity(symbol, language)
+    if not local or ROLES[symbol].quantity not in label:
+        return escape(label)
+    before, _, after = label.partition(ROLES[symbol].quantity)
+    return escape(before) + Markup('<span lang="{}">{}</span>').format(language, local) + escape(after)
 
 
 def language_of(accepted: str) -> str:
@@ -105,9 +133,12 @@ def _menus(
     first = [str(column["suggestion"])] if column.get("suggestion") else []
     fitting = [name for name in ROLES if name not in taken and given in units_of(name)]
     every = dict.fromkeys([*([role] if role else []), *first, *fitting, *ROLES])
-    roles = [Choice(name, role_label(name, language), name == role) for name in every if name in ROLES]
-    if not role:
-        roles = [Choice("", "not used", chosen=True), *roles]
+    roles = [
+        Choice(name, role_label(name, language), name == role, language if local_quantity(name, language) else "")
+        for name in every
+        if name in ROLES
+    ]
+    roles = [*roles, Choice("", "not used")] if role else [Choice("", "not used", chosen=True), *roles]
     own = (given or units.get(role, "")) if role else ""
     listed = tuple(Choice(unit, unit, unit == own) for unit in units_of(role)) if role else ()
     if listed and not any(one.chosen for one in listed):
@@ -118,10 +149,70 @@ def _menus(
 
 
 SINGLE = {
-    "edge": "--edge", "tool": "--tool", "work": "--work", "criterion": "--criterion", "decimal": "--decimal",
-    "by": "--by", "input": "--input", "output": "--output", "rate": "--rate", "sheet": "--sheet",
+    name: f"--{name}"
+    for name in (
+        "edge", "tool", "work", "criterion", "gauge-sd", "by", "process", "decimal", "delimiter", "sheet", "hidden",
+        "correct", "input", "output", "reference", "time", "rate", "resample",
+    )
 }  # fmt: skip
-OF_ROLE = {"value": "--value", "form": "--form"}
+OF_ROLE = {"value": "--value", "range": "--range", "form": "--form"}
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field that says what a file does not: its name, label, example, what it holds, and the choices of a menu."""
+
+    name: str
+    label: str
+    hint: str = ""
+    value: str = ""
+    choices: tuple[str, ...] = ()
+
+
+def fields_of(look: Mapping[str, Any]) -> tuple[Field, ...]:
+    """Fields of a file of tests that set what the menus of its columns do not."""
+    return (
+        Field("tool", LABELS["tool"], "GC4035", str(look.get("tool") or "")),
+        Field("work", LABELS["work"], "42CrMo4", str(look.get("work") or "")),
+        Field("edge", f"{LABELS['edge']} (none: do not infer)", "Test"),
+        Field("criterion", f"{LABELS['criterion']}, mm", "0.3"),
+        Field("gauge-sd", f"{LABELS['gauge-sd']}, mm", "0.005"),
+        Field("by", LABELS["by"], "coolant"),
+        Field("correct", f"{LABELS['correct']} a quantity of lines or edges", "lines 24:VB/10"),
+        Field("process", LABELS["process"], choices=("turning", "milling", "drilling", "grinding")),
+        Field("decimal", LABELS["decimal"], choices=("point", "comma")),
+        Field("delimiter", LABELS["delimiter"], ";"),
+    )
+
+
+def sheets_of(look: Mapping[str, Any]) -> tuple[Choice, ...]:
+    """The menu of the sheets of a workbook with several; those that a refusal names where none was chosen.
+
+    >>> [one.value for one in sheets_of({"refused": "several sheets: give one of --sheet 'A 1' (3 rows), --sheet B"})]
+    ['', 'A 1', 'B']
+    """
+    read, others = look.get("sheets") or (), look.get("other_sheets") or ()
+    if not read and look.get("refused"):
+        found = re.findall(r"--sheet (?:'([^']+)'|([^\s'(]+))", look["refused"])
+        others = [(quoted or plain).rstrip(".,;") for quoted, plain in found]
+    if len(read) + len(others) < 2:
+        return ()
+    several = [Choice("", "all, joined" if read else "choose one", chosen=True)] if len(read) != 1 else []
+    return (*several, *(Choice(one, one, chosen=len(read) == 1 and one in read) for one in (*read, *others)))
+
+
+AS_ASKED = ("left out as asked", "corrected as asked")
+
+
+def assumptions(look: Mapping[str, Any], options: Sequence[str]) -> list[str]:
+    """What was assumed, without what was asked for; numbers of tests that were taken as edges among them."""
+    said = [words for words in look.get("assumed", ()) if not words.startswith(AS_ASKED)]
+    for one in look.get("columns", ()):
+        is_asked = "--edge" in options or any(word.startswith("edge=") for word in options)
+        is_named = any(word in one["header"].casefold() for word in EDGE_WORDS)
+        if one["role"] == "edge" and not (is_asked or is_named) and not any("edges" in words for words in said):
+            said.append(f"column {one['header']!r} numbers the cutting edges: rows of equal number are of one edge")
+    return said
 
 
 def option_of_change(form: Mapping[str, str], columns: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
@@ -151,9 +242,10 @@ def option_of_change(form: Mapping[str, str], columns: Sequence[Mapping[str, Any
         raise UsageError("a value has up to 200 characters and no line breaks.")
     if what == "role":
         number = form.get("column", "")
-        if to not in ROLES or not any(str(one.get("number")) == number for one in columns):
+        column = next((one for one in columns if str(one.get("number")) == number), None)
+        if column is None or (to or column.get("role")) not in ROLES:
             raise UsageError(f"there is no role {to!r} or no column {number!r}: reload the page.")
-        return "--map", f"{to}=col{number}"
+        return "--map", f"{to}=col{number}" if to else f"{column['role']}=none"
     if what == "unit":
         if of not in ROLES or (to and to not in units_of(of)):
             raise UsageError(f"{of} has no unit {to!r}: reload the page.")

@@ -1,15 +1,19 @@
 """What the results of a file offer: cards, laws, rows in doubt and remedies; and the JSON of its reading."""
 
 import json
+import mimetypes
 import re
 import shlex
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
+from starlette.responses import FileResponse, HTMLResponse, Response
+
 from .command_forms import subject_of
 from .jobs import Job
-from .options import OF_OUTPUT, applied, left_out, pairs, words
+from .options import OF_OUTPUT, applied, pairs, typed, words
 from .project import Entry, Project
 
 RECORD: Final = "is a record of one run"  # in a refusal of look
@@ -44,20 +48,33 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
         "levels": levels(laws),
         "suspects": suspects([law for _, law in laws]),
         "remedies": remedies(entry, results),
-        "left_out": left_out(entry.options),
+        "left_out": [(value, one) for one, value in typed(entry.options) if one.startswith("--leave-out")],
         "to_repeat": to_repeat(project, entry),
-        "older": older(entry, results),
+        "older": older(project, entry, results),
     }
 
 
-def older(entry: Entry, results: Mapping[str, Path]) -> set[str]:
-    """Results that are older than the parameter files of the fit: of former laws, or of former settings."""
+def older(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[str, tuple[str, ...]]:
+    """Results that are older than the parameter files of the fit, with the command that made them, where it is known.
+
+    The picture of a reading is none of them: it is drawn again when the file is read.
+    """
     top = f"{entry.stem}-fit/"
     made = {name: path.stat().st_mtime for name, path in results.items()}
     latest = max(
         (time for name, time in made.items() if name.startswith(top) and name.endswith("/params.json")), default=0
     )
-    return {name for name, time in made.items() if not name.startswith(top) and time < latest}
+    found = [name for name, time in made.items() if not name.startswith(top) and time < latest]
+    return {name: _command_of(project, name) for name in found if name != f"{entry.stem}-look.png"}
+
+
+def _command_of(project: Project, result: str) -> tuple[str, ...]:
+    """The last command that wrote a file, or its folder; empty where none is known."""
+    for step in reversed(project.steps):
+        targets = [after for word, after in pairwise(step.words) if word in ("--out", "--figure")]
+        if step.code == 0 and any(result == one or result.startswith(f"{one}/") for one in targets):
+            return step.words
+    return ()
 
 
 ADDING: Final = ("limits", "costs", "ident", "settings", "tune")  # commands that add to a parameter file
@@ -129,11 +146,13 @@ def remedies(entry: Entry, results: Mapping[str, Path]) -> list[str]:
     for name, path in results.items():
         if not name.endswith("/card.json"):
             continue
-        for typed in _commands(path):
-            if typed[:2] != ["fitmodels", entry.name]:
+        for command in _commands(path):
+            if command[:2] != ["fitmodels", entry.name]:
                 continue
             own = [
-                pair for pair in pairs(typed[2:]) if pair[0] not in OF_OUTPUT and pair not in list(pairs(entry.options))
+                pair
+                for pair in pairs(command[2:])
+                if pair[0] not in OF_OUTPUT and pair not in list(pairs(entry.options))
             ]
             if own and not any(option == "--leave-out" for option, _ in own):
                 found[shlex.join(words(own))] = None
@@ -160,6 +179,17 @@ def written(project: Project, entry: Entry, job: Job) -> list[str]:
     """Results that a command has written since it was started."""
     found = project.results(entry)
     return [name for name, path in found.items() if path.stat().st_mtime >= job.clock_time - 0.05]
+
+
+def answer_of(path: Path) -> Response:
+    """A result as the answer to a request: a card or picture to be shown, another file to be taken along."""
+    if path.suffix == ".html":
+        text = path.read_text("utf-8")
+        return HTMLResponse(text, headers={"content-security-policy": policy_of_card(text)})
+    if path.suffix in PICTURES:
+        alone = {"content-security-policy": "default-src 'none'; sandbox"}
+        return FileResponse(path, media_type=mimetypes.guess_type(path.name)[0], headers=alone)
+    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
 def policy_of_card(text: str) -> str:

@@ -170,14 +170,15 @@ def _columns_as_found(table: "Table") -> list[dict[str, Any]]:
 
 
 def _first_rows(path: Path, options: "ReadOptions") -> dict[str, Any]:
-    """Texts of the first rows, a cell for each column, and their lines in the file."""
+    """Texts of the first rows, a cell for each column, their lines, and the sheets of a workbook."""
     table = _table(path, options)
     if table is None:
-        return {"rows": [], "lines": []}
+        return {"rows": [], "lines": [], "sheets": [], "other_sheets": []}
     columns = [column.values[:FIRST_ROWS] for column in table.columns]
     texts = ([f"{v:.6g}" if isinstance(v, float) else str(v)[:LONGEST_CELL] for v in values] for values in columns)
     rows = [["" if text == "nan" else text for text in row] for row in zip(*texts, strict=True)]
-    return {"rows": rows, "lines": [int(line) for line in table.lines[:FIRST_ROWS]]}
+    lines = [int(line) for line in table.lines[:FIRST_ROWS]]
+    return {"rows": rows, "lines": lines, "sheets": list(table.sheets), "other_sheets": list(table.other_sheets)}
 
 
 def _picture_path(args: argparse.Namespace) -> Path:

@@ -128,6 +128,8 @@ def joined_sheets(tables: Sequence[Table], titles: Sequence[str], path: Path) ->
     return replace(
         joined,
         sha256=tables[0].sha256,
+        sheets=tuple(titles),
+        other_sheets=tuple(one for one in (*tables[0].sheets, *tables[0].other_sheets) if one not in titles),
         notes=tuple(dict.fromkeys(text for table in tables for text in table.notes if not text.startswith("Sheet "))),
         warnings=tuple(map(_of_sheets, joined.warnings)),
         assumed=tuple(map(_of_sheets, joined.assumed)),

@@ -18,9 +18,10 @@ import pytest
 from fitmodels import cli, datasets, parameters
 from fitmodels.app.command_forms import actions, command, subject_of
 from fitmodels.app.jobs import Jobs
+from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
-from fitmodels.app.reading import column_menus, option_of_change, role_label, units_of
+from fitmodels.app.reading import assumptions, column_menus, option_of_change, role_label, units_of
 from fitmodels.app.results import policy_of_card
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
@@ -243,7 +244,7 @@ def test_from_tests_to_limits_and_an_export(client):
     assert "card.html" in laws
     machine = client.get("/files/gc.csv/machine")
     assert 'id="action-limits"' in machine
-    assert "Fill in: " in client.run("gc.csv", "optimum")
+    assert 'data-open="action-costs"' in client.run("gc.csv", "optimum")
     found = client.run("gc.csv", "limits", AW="0.3mm", P="7kW", V="50:200", f="")
     assert "Power P at most 7 kW" in found
     client.run(
@@ -307,7 +308,8 @@ def test_rows_are_left_out_with_a_reason_and_taken_in_again(client):
     assert "E3: edge broke" in " ".join(laws.split())
     assert "8 edges" in laws
     assert "--leave-out E3" in client.get("/files/left.csv")
-    assert client.post("/files/left.csv/leave-out", target="E3", again="1")[0] == 200
+    assert "--leave-out" not in client.until_done("/files/left.csv/reading").split("Assumed")[-1]
+    assert client.post("/files/left.csv/take-back", option="--leave-out E3")[0] == 200
     assert "9 edges" in client.until_done("/files/left.csv/laws")
     assert client.page.project.entry("left.csv").options == ()
 
@@ -417,6 +419,64 @@ def test_a_record_has_the_forms_that_need_no_law(tmp_path):
 
 
 # its parts
+
+
+def test_messages_name_the_forms_and_fields_of_the_page(tmp_path):
+    """No option, and no command that the page has as a form, is left in the messages of what is missing."""
+    (tmp_path / "params.json").write_text('{"laws": {"I": {"unit": "A"}}}')
+    forms = actions(subject_of(tmp_path, "d", "params.json", ["drive.csv"]))
+    to = places(forms, {"columns": [{"role": "VB", "number": 4}]})
+    for text, links in (
+        ("fitmodels: d has no costs; write them with fitmodels costs d/params.json machine=60/h edge=8.", ["costs"]),
+        ("fitmodels costs: these are required: machine=60/h; see 'fitmodels costs -h'.", []),
+        ("no dynamics: fitmodels ident run.csv --params d/params.json.", ["ident"]),
+        ("no PI gains; find them with `fitmodels tune params.json`.", ["tune"]),
+        ("write it: fitmodels limits PARAMS AW=0.3mm, or VB=0.3mm by the name of its wear law.", ["limits"]),
+        ("the limit at the middle of the window, --wear-limit 0.2mm.", ["settings-wear-limit"]),
+        ("`fitmodels settings --idle`, or fit runs", ["settings-idle"]),
+        ("9 edges; --edge none takes the rows as independent; name it with --work", ["set-edge", "set-work"]),
+        ("give --map VB=none, --map f=col3 or --unit VB=um", ["role-4", "role-3", "unit-4"]),
+    ):
+        shown = str(on_page(text, places(forms, {}, "settings") if "wear-limit" in text else to))
+        assert re.findall('data-open="(?:action-)?([^"]+)"', shown) == links, shown
+        words = re.sub("<[^>]+>", "", shown)
+        assert "--" not in words
+        assert "fitmodels" not in words
+    assert on_page("<b>&", to) == "&lt;b&gt;&amp;"
+    assert "in a terminal" in on_page("add it with `fitmodels roughness`.", to)
+
+
+def test_the_sheet_that_was_read_is_named_and_another_is_chosen_by_a_menu(client):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for k, title in enumerate(("Halle 1", "Halle 2")):
+        sheet = book.active if k == 0 else book.create_sheet()
+        sheet.title = title
+        for line in wear_table().decode().replace(",", ".").splitlines():
+            sheet.append([float(cell) if cell[0].isdigit() else cell for cell in line.split(";")])
+    made = io.BytesIO()
+    book.save(made)
+    client.upload("halls.xlsx", made.getvalue())
+    text = client.until_done("/files/halls.xlsx/reading")
+    assert "several sheets" in text
+    assert '<option value="Halle 2">' in text
+    assert client.post("/files/halls.xlsx/set", set="sheet", to="Halle 2")[0] == 200
+    text = client.until_done("/files/halls.xlsx/reading")
+    assert "sheet <strong>Halle 2</strong>" in text
+    assert '<option value="Halle 1">' in text
+    assert "--sheet 'Halle 2'" in client.get("/files/halls.xlsx").replace("&#39;", "'")
+
+
+def test_numbers_of_tests_that_are_edges_are_listed_as_assumed():
+    columns = [{"number": 1, "header": "Versuch", "role": "edge"}]
+    look = {"columns": columns, "assumed": ["left out as asked, --leave-out lines 3: 1 row (line 3)", "work: unnamed"]}
+    assert [words.split(":")[0] for words in assumptions(look, [])] == [
+        "work",
+        "column 'Versuch' numbers the cutting edges",
+    ]
+    assert assumptions(look, ["--edge", "Versuch"]) == ["work: unnamed"]
+    columns[0]["header"] = "Schneide"
+    assert assumptions(look, []) == ["work: unnamed"]
 
 
 def test_a_command_is_cancelled_and_another_waits(tmp_path):

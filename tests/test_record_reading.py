@@ -86,7 +86,7 @@ def test_one_run_however_it_is_written(read, content, options, u, y, units):
 
 def test_what_was_presumed_stands_in_the_notes(read):
     notes = reported(read(text(header="t;u;y")))
-    assert "input u and output y are assumed from their order" in notes
+    assert "input u and output y are assumed from their names" in notes
     assert "seconds are assumed" in notes
     assert "sampled every 0.02 s (50 Hz), uniformly" in notes
     assert "assumed from" not in reported(read(text(), "u", "y"))

@@ -26,10 +26,24 @@
       said.textContent = "A file is added on the page of the project: follow the link 'fitmodels' at the top.";
     });
   }
+  // The field of a link gets the value that the message names, a form the values of its fields by name.
+  const fill = (target, given) => {
+    if (given && target.matches("input")) target.value = given;
+    for (const part of given && target.matches("details") ? given.split(" ") : []) {
+      const [name, value] = part.split("=");
+      const field = target.querySelector(`input[name="${CSS.escape(name)}"]`);
+      if (field && value) field.value = value;
+    }
+  };
   document.addEventListener("click", (event) => {
     const link = event.target.closest("[data-open]");
-    const details = link && document.getElementById(link.dataset.open);
-    if (details) details.open = true;
+    const target = link && document.getElementById(link.dataset.open);
+    if (!target) return;
+    for (let outer = target.closest("details"); outer; outer = outer.parentElement.closest("details")) {
+      outer.open = true;
+    }
+    fill(target, link.dataset.fill || "");
+    if (!target.matches("details, section, h2, h3")) setTimeout(() => target.focus());
   });
   document.addEventListener("input", (event) => {
     const shown = event.target.dataset && document.getElementById(event.target.dataset.shown);

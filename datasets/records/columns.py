@@ -211,8 +211,10 @@ def choose(
         if len(candidates) == 2:
             u, y = candidates
             if _INPUT.fullmatch(y.name.strip()) or _OUTPUT.fullmatch(u.name.strip()):
-                return y, u, (f"input {y.name} and output {u.name} are assumed from their names",)
-            return u, y, (f"input {u.name} and output {y.name} are assumed from their order",)
+                u, y = y, u
+            is_named = _INPUT.fullmatch(u.name.strip()) or _OUTPUT.fullmatch(y.name.strip())
+            how = "names" if is_named else "order"
+            return u, y, (f"input {u.name} and output {y.name} are assumed from their {how}",)
         raise UsageError(_unnamed(candidates, "--input and --output"))
     chosen, option = (u, "--output") if u is not None else (y, "--input")
     rest = [h for h in candidates if chosen is not None and h.column.number != chosen.column.number]

@@ -50,6 +50,8 @@ class Table:
     assumed : tuple of str
         How a table of another shape was brought to one row per measurement.
     doubts : tuple of Doubt
+    sheets, other_sheets : tuple of str
+        Titles of the sheets of a workbook that were read, and of the others.
 
     >>> import pathlib, tempfile
     >>> path = pathlib.Path(tempfile.mkdtemp(), "a.csv")
@@ -68,6 +70,8 @@ class Table:
     dialect: Dialect
     assumed: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+    sheets: tuple[str, ...] = ()
+    other_sheets: tuple[str, ...] = ()
 
     @property
     def n_rows(self) -> int:
@@ -150,9 +154,9 @@ def read_table(
     source: TextSource | WorkbookSheet
     words = Words(is_unit, is_name)
     kind = encoding = book_format(data, path.name)
-    written = ""
+    written, titles = "", ()
     if kind:
-        source, layout, notes, warnings = _from_workbook(data, path.name, sheet, words, hidden)
+        source, layout, notes, warnings, titles = _from_workbook(data, path.name, sheet, words, hidden)
     elif sheet is not None:
         raise UsageError(f"{path.name} is a text file and has no sheets: leave out --sheet {sheet}.")
     else:
@@ -185,13 +189,15 @@ def read_table(
         warnings=(*warnings, *realigned, *doubts, *average_sentences(averages), *findings.sentences()),
         dialect=Dialect(encoding, written, point, thousands, layout.header_line > 0),
         doubts=cell_doubts,
+        sheets=titles[:1],
+        other_sheets=titles[1:],
     )
 
 
 def _from_workbook(
     data: bytes, name: str, title: str | None, words: Words, hidden: bool
-) -> tuple[WorkbookSheet, Layout, list[tuple[int, str]], list[str]]:
-    """The sheet with the table of tests, its layout, notes on the other sheets and warnings on what is left out."""
+) -> tuple[WorkbookSheet, Layout, list[tuple[int, str]], list[str], tuple[str, ...]]:
+    """The sheet with the table, its layout, notes on other sheets, warnings on what is left out, and all titles."""
     from .sheets import choose_sheet, left_out, padded
     from .workbook import open_book
 
@@ -199,7 +205,10 @@ def _from_workbook(
     table, lines = choose_sheet(book, name, title, words, hidden)
     notes, warnings = left_out(table, book)
     table = padded(table)
-    return table.sheet, table.layout, [(0, text) for text in (*notes, *lines)], _header_warning(table.layout) + warnings
+    above = [(0, text) for text in (*notes, *lines)]
+    title = table.sheet.title
+    titles = (title, *(one for one in book.titles if one != title))
+    return table.sheet, table.layout, above, _header_warning(table.layout) + warnings, titles
 
 
 def _from_text(source: TextSource, words: Words) -> tuple[Layout, list[tuple[int, str]], list[str]]:
