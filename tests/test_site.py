@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from fitmodels import parameters
 from fitmodels.cards import publishing
-from fitmodels.cards.publishing import pool
+from fitmodels.cards.publishing import build, pair, pool
 from fitmodels.cards.publishing.entries import CardEntry, with_slugs
 from fitmodels.cards.publishing.pages import updated
 from fitmodels.core.errors import DataError, UsageError
@@ -195,7 +195,7 @@ def test_a_page_allows_its_own_style_and_script_and_nothing_else(made, name):
 
 def test_the_list_holds_the_numbers_of_the_cards_and_the_hashes_of_their_files(made):
     listed = json.loads((made / "cards.json").read_text("utf-8"))
-    assert listed["schema"] == "fitmodels.site/3"
+    assert listed["schema"] == "fitmodels.site/4"
     for one in listed["cards"]:
         home = made / "cards" / one["slug"]
         assert set(one["files"]) == OF_A_CARD
@@ -327,6 +327,100 @@ def test_the_same_site_again_is_unchanged_and_another_needs_force(tmp_path):
     assert len(publishing.publish(pairs, out, force=True).cards) == 2
     assert len(list((out / "cards").iterdir())) == 2
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pairs", "site"]
+
+
+@pytest.fixture
+def written(monkeypatch):
+    """Names of the pairs whose cards are written, not copied."""
+    names = []
+    monkeypatch.setattr(build, "review", lambda task: (names.append(task.name), pair.review(task))[1])
+    return names
+
+
+def test_a_pair_that_did_not_change_is_not_written_again(tmp_path, written):
+    pairs, out = tmp_path / "pairs", tmp_path / "site"
+    for name, exponent in (("one", 0.5), ("two", 0.9), ("three", 0.7)):  # of one tool and work: with suffixes
+        add(pairs, name, law(exponent))
+    publishing.publish(pairs, out)
+    assert publishing.publish(pairs, out).unchanged
+    assert sorted(written) == ["one", "three", "two"]  # once each
+    (pairs / "two" / "params.json").unlink()
+    add(pairs, "four", law(0.4), tool="CNMG")
+    toml = pairs / "one" / "card.toml"
+    toml.write_text(toml.read_text("utf-8").replace("dry", "wet"), encoding="utf-8")
+    del written[:]
+    publishing.publish(pairs, out, force=True)
+    assert sorted(written) == ["four", "one"]
+    publishing.publish(pairs, tmp_path / "anew")
+    assert content(out) == content(tmp_path / "anew")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda home: (home / "params.json").write_bytes((home / "params.json").read_bytes() + b"\n"),
+        lambda home: (home / "card.toml").write_bytes(b'title = "Another"\n' + (home / "card.toml").read_bytes()),
+        lambda home: (home.parent / "card.toml").write_text('doi = "10.1000/182"\n'),
+        lambda home: ((home / "figures").mkdir(), (home / "figures" / "bode.png").write_bytes(b"a picture")),
+        lambda home: (home / "params-draws-0123456789ab.npz").write_bytes(b"draws"),
+    ],
+)
+def test_a_card_is_written_again_where_what_it_is_made_from_changed(tmp_path, written, change):
+    pairs, out = tmp_path / "pairs", tmp_path / "site"
+    home = add(pairs, "one", law())
+    publishing.publish(pairs, out)
+    change(home)
+    publishing.publish(pairs, out, force=True)
+    publishing.publish(pairs, tmp_path / "anew")
+    assert written == ["one"] * 3
+    assert content(out) == content(tmp_path / "anew")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda card: (card / "index.html").unlink(),
+        lambda card: (card / "index.html").write_bytes(b"<p>damaged"),
+        lambda card: (card / "more.html").write_bytes(b"added"),
+        lambda card: [path.unlink() for path in card.iterdir()],
+    ],
+)
+def test_a_card_that_was_changed_in_the_site_is_written_again(tmp_path, written, damage):
+    pairs, out = tmp_path / "pairs", tmp_path / "site"
+    add(pairs, "one", law())
+    publishing.publish(pairs, out)
+    before = content(out)
+    damage(out / "cards" / "gc435-709m40")
+    publishing.publish(pairs, out, force=True)
+    assert written == ["one", "one"]
+    assert content(out) == before
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("slug", "../gc435-709m40"), ("slug", "."), ("slug", 3), ("made_from", "0" * 64), ("files", {"../x": "0" * 64})],
+)
+def test_an_entry_that_does_not_agree_with_its_folder_is_not_used(tmp_path, written, field, value):
+    pairs, out = tmp_path / "pairs", tmp_path / "site"
+    add(pairs, "one", law())
+    publishing.publish(pairs, out)
+    before = content(out)
+    listed = json.loads(before["cards.json"])
+    listed["cards"][0][field] = value
+    (out / "cards.json").write_text(json.dumps(listed), encoding="utf-8")
+    publishing.publish(pairs, out, force=True)
+    assert written == ["one", "one"]
+    assert content(out) == before
+
+
+def test_cards_of_other_code_and_of_a_draft_are_written_again(tmp_path, written, monkeypatch):
+    pairs, out = tmp_path / "pairs", tmp_path / "site"
+    add(pairs, "one", law())
+    publishing.publish(pairs, out, draft=True)
+    publishing.publish(pairs, out)
+    monkeypatch.setattr(pair, "writer_digest", lambda: "of another version")
+    publishing.publish(pairs, out, force=True)
+    assert written == ["one"] * 3
 
 
 def test_what_others_keep_in_the_folder_stays_and_a_card_that_is_gone_goes(tmp_path):

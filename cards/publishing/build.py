@@ -1,7 +1,7 @@
 """A site of many cards: all checked first, then written completely or not at all."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,10 +13,10 @@ from ...core.files import cause, write_whole
 from ...core.folders import FolderState, folder_state, put_folder, staged
 from .entries import CardEntry, with_slugs
 from .pages import atom_feed, card_list, compare_page, index_page
-from .pair import TOML, PairReview, PairTask, PublicationProblem, pair_folders, review, shared_toml
+from .pair import TOML, PairReview, PairTask, PublicationProblem, kept, pair_folders, review, shared_toml, source_digest
 from .pool import each
 from .requirements import QUESTIONS, shared_template
-from .site_folder import NAMES, is_draft, is_ours, refuse, same
+from .site_folder import NAMES, is_draft, is_ours, published_cards, refuse, same
 
 TITLE = "Model cards of tools and work materials"
 Progress = Callable[[str], None]
@@ -138,7 +138,8 @@ def publish(
         with staged(site) as made:
             refuse(site, folder)
             former = folder_state(site)
-            reviews = _review(folder, pairs, jobs, progress, made / "cards", draft=draft)
+            tasks = _tasks(folder, pairs, made / "cards", draft=draft)
+            reviews = _reviews(tasks, {} if draft else published_cards(site), jobs, progress)
             problems = _problems(reviews)
             templates = _templates(folder, reviews)
             if problems and not (draft and any(one.entry for one in reviews)):
@@ -162,27 +163,37 @@ def check(
     """Check all pairs in a folder as ``publish`` does, without writing a site."""
     folder, site = Path(folder), None if site is None else Path(site)
     pairs = pair_folders(folder, site)
-    reviews = _review(folder, pairs, jobs, progress)
+    reviews = _reviews(_tasks(folder, pairs), {}, jobs, progress)
     problems = _problems(reviews)
     entries = () if problems else tuple(_ordered(reviews))
     return PublicationReport(entries, problems, _templates(folder, reviews), found=len(pairs))
 
 
-def _review(
-    folder: Path,
-    pairs: Sequence[Path],
-    jobs: int,
-    progress: Progress,
-    to: Path | None = None,
-    *,
-    draft: bool = False,
-) -> list[PairReview]:
+def _tasks(folder: Path, pairs: Sequence[Path], to: Path | None = None, *, draft: bool = False) -> list[PairTask]:
     above = shared_toml(folder, pairs)
-    tasks = [
-        PairTask(pair, pair.relative_to(folder).as_posix(), None if to is None else to / f".{number}", above, draft)
+    if to is None:
+        return [PairTask(pair, pair.relative_to(folder).as_posix(), above=above) for pair in pairs]
+    return [
+        PairTask(
+            pair, pair.relative_to(folder).as_posix(), to / f".{number}", above, draft,
+            made_from="" if draft else source_digest(pair, above),
+        )
         for number, pair in enumerate(pairs)
-    ]
-    return each(review, tasks, jobs, lambda done: progress(f"{done} of {len(tasks)} cards"))
+    ]  # fmt: skip
+
+
+def _reviews(
+    tasks: Sequence[PairTask], published: Mapping[str, tuple[CardEntry, Path]], jobs: int, progress: Progress
+) -> list[PairReview]:
+    """Result of each task: cards of the former site that need no change are copied, the others written."""
+    same = {task.name: kept(task, *published[task.made_from]) for task in tasks if task.made_from in published}
+    found = {name: one for name, one in same.items() if one is not None}
+    if found:
+        progress(f"{len(found)} of {len(tasks)} cards, unchanged")
+    new = [task for task in tasks if task.name not in found]
+    written = each(review, new, jobs, lambda done: progress(f"{len(found) + done} of {len(tasks)} cards"))
+    found |= {one.task.name: one for one in written}
+    return [found[task.name] for task in tasks]
 
 
 def _problems(reviews: Sequence[PairReview]) -> tuple[PublicationProblem, ...]:

@@ -51,10 +51,11 @@ class LawEntry(Part):
 
 
 class CardEntry(Part):
-    """A card in the list of a site, as ``cards.json`` (schema ``fitmodels.site/3``) has it.
+    """A card in the list of a site, as ``cards.json`` (schema ``fitmodels.site/4``) has it.
 
-    ``slug`` names the folder of the card; ``files`` are paths in it -> SHA-256; ``gaps`` of a draft are sentences on
-    what keeps the card from being published.
+    ``slug`` names the folder of the card; ``files`` are paths in it -> SHA-256; ``made_from`` is the SHA-256 of the
+    files and of the code that the card was made from; ``gaps`` of a draft are sentences on what keeps the card from
+    being published.
     """
 
     slug: str
@@ -74,6 +75,7 @@ class CardEntry(Part):
     content_sha256: str
     data_sha256: str = ""
     files: dict[str, str] = Field(default_factory=dict)
+    made_from: str = ""
     gaps: tuple[Shown, ...] = ()
 
     @property

@@ -221,7 +221,7 @@ def _add(parent: ET.Element, name: str, text: str | None = None, **attributes: s
 
 
 def card_list(entries: Sequence[CardEntry], title: str, *, draft: bool = False) -> bytes:
-    """The list, schema ``fitmodels.site/3``; ``draft`` is true where its cards are not published.
+    """The list, schema ``fitmodels.site/4``; ``draft`` is true where its cards are not published.
 
     Examples
     --------

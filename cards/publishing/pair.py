@@ -4,20 +4,26 @@ import hashlib
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
-from ...core.bounded import read_bounded
+from ...core.bounded import read_bounded, sha256_of
 from ...core.errors import DataError, FitmodelsError, UsageError
 from ...core.journal import FORMER, recover, recover_below
+from ...core.version import __version__
 from ...parameters import ParameterFile, read
 from ..content.card import Card, compose
+from ..content.figure_texts import FOLDER as FIGURES
 from ..folder import PAGE, PARAMETERS, PROGRAM, README, card_files
 from .card_toml import read_toml
 from .entries import CardEntry, card_entry
 from .pages import mark_page, mark_readme
 from .requirements import QUESTIONS, PublicationCheck, card_toml_template, check_publication
+from .site_folder import intact_files
 
 TOML = "card.toml"
+WRITERS = ("cards", "controllers", "parameters", "fit", "ident", "datasets", "core")  # packages that `cards` may import
+CODE = (".py", ".md", ".html", ".css", ".js")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +54,8 @@ class PairTask:
         The ``card.toml`` for all pairs, if there is one.
     draft : bool
         Whether a card with problems is written too, with a list of them on it.
+    made_from : str
+        `source_digest` of the pair; empty where its card is not to be kept.
     """
 
     folder: Path
@@ -55,6 +63,7 @@ class PairTask:
     to: Path | None = None
     above: Path | None = None
     draft: bool = False
+    made_from: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +142,47 @@ def review(task: PairTask) -> PairReview:
         return PairReview(task, None, problems, template)
     gaps = tuple(one.words for one in problems)
     hashes = {} if task.to is None else _write(task, whole, card, gaps)
-    return PairReview(task, card_entry(card, whole, hashes, gaps), problems, template)
+    entry = card_entry(card, whole, hashes, gaps).model_copy(update={"made_from": task.made_from})
+    return PairReview(task, entry, problems, template)
+
+
+def kept(task: PairTask, entry: CardEntry, folder: Path) -> PairReview | None:
+    """The pair with its card copied from ``folder`` of the former site; None where files there are not as listed."""
+    made = intact_files(folder, entry.files)
+    if made is None or task.to is None:
+        return None
+    _write_files(task.to, made)
+    return PairReview(task, entry)
+
+
+@lru_cache(maxsize=1)
+def writer_digest() -> str:
+    """SHA-256 of version and code that write a card: all packages that `cards` imports, and templates."""
+    digest, top = hashlib.sha256(__version__.encode()), Path(__file__).parents[2]
+    for package in WRITERS:
+        for path in sorted((top / package).rglob("*")):
+            if path.suffix in CODE:
+                digest.update(f"{path.relative_to(top).as_posix()}\0".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def source_digest(folder: Path, above: Path | None) -> str:
+    """SHA-256 of all that the card of a pair is made from: code, parameters, both card.toml, pictures, draws.
+
+    Empty where a file cannot be read.
+    """
+    recover(folder / PARAMETERS)
+    digest = hashlib.sha256(writer_digest().encode())
+    named = [("above", above), *((path.name, path) for path in (folder / PARAMETERS, folder / TOML))]
+    named += [(f"{path.parent.name}/{path.name}", path) for path in sorted((folder / FIGURES).glob("*.png"))]
+    named += [(path.name, path) for path in sorted(folder.glob("*.npz"))]
+    try:
+        for name, path in named:
+            if path is not None and os.path.lexists(path):
+                digest.update(f"{name}\0{sha256_of(path)}\0".encode())
+    except (OSError, DataError):
+        return ""
+    return digest.hexdigest()
 
 
 def read_pair(
@@ -202,7 +251,11 @@ def _write(task: PairTask, pf: ParameterFile, card: Card, gaps: tuple[str, ...])
     if task.draft:
         made["index.html"] = mark_page(made["index.html"], gaps)
         made[README] = mark_readme(made[README], gaps)
+    _write_files(to, made)
+    return {name: hashlib.sha256(content).hexdigest() for name, content in sorted(made.items())}
+
+
+def _write_files(to: Path, made: dict[str, bytes]) -> None:
     for name, content in made.items():
         (to / name).parent.mkdir(parents=True, exist_ok=True)
         (to / name).write_bytes(content)
-    return {name: hashlib.sha256(content).hexdigest() for name, content in sorted(made.items())}
