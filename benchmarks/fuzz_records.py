@@ -7,8 +7,8 @@ equal
     one to four changes of form: units, delimiter, decimal mark, encoding, quotes, names in other languages, order of
     columns, offset of the time, notation of the times, a further column, workbook. The model must be the same.
 any other kind
-    one fault of measurement. Where the gain in the excited band moves by one standard error or more, the record must
-    be refused, or a note, a verdict or a disturbance must be new.
+    one fault of measurement. Where the response in the excited band moves by one standard error of the difference or
+    more, the record must be refused, or a note, a verdict or a disturbance must be new.
 """
 
 import re
@@ -23,6 +23,7 @@ from fitmodels import ident
 from fitmodels.core.errors import FitmodelsError
 from fitmodels.datasets import read_record
 from fitmodels.ident import Model
+from fitmodels.ident.draws import drawn_models
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
@@ -368,15 +369,11 @@ def trial(seed, folder):
 
 
 def _errors(model):
-    """Standard errors of the response, complex, by draws of the coefficients."""
+    """Standard errors of the response, complex, by draws of the structures and their coefficients."""
     if model.cov_params is None:
         return np.full(len(FREQUENCIES), np.nan)
-    rng = np.random.default_rng(1)
-    draws = rng.multivariate_normal(model.theta, model.cov_params, size=200, method="eigh", check_valid="ignore")
-    z = np.exp(-2j * np.pi * FREQUENCIES * model.sample_time)
-    a = 1 + draws[:, : model.na] @ np.array([z ** (k + 1) for k in range(model.na)])
-    b = draws[:, model.na :] @ np.array([z ** (model.nk + k) for k in range(model.nb)])
-    return np.sqrt(np.mean(np.abs(b / a - model.response(FREQUENCIES)) ** 2, axis=0))
+    responses = np.array([one.response(FREQUENCIES) for one in drawn_models(model, 200).models])
+    return np.sqrt(np.mean(np.abs(responses - model.response(FREQUENCIES)) ** 2, axis=0))
 
 
 @cache
@@ -408,7 +405,7 @@ def _judged(kind, good, found):
     """Verdict on a record with a fault, and whether that is a fault of the program."""
     if found.refusal:
         return "refused", ""
-    moved = float(np.max(np.abs(found.gain - good.gain) / good.error))
+    moved = float(np.max(np.abs(found.gain - good.gain) / np.hypot(good.error, found.error)))
     if moved < 1:
         return "below 1 SE", ""
     if found.level > good.level:

@@ -1,14 +1,8 @@
-"""Additive disturbances of the output: spikes, drift and spectral lines, tested in a regression of high order.
-
-Spikes are additive outliers: an isolated wrong sample appears in the innovations as the polynomial a, which a matched
-filter separates from a load impulse (a single innovation). Their samples are then treated as missing. Source: Chang,
-Tiao & Chen 1988, doi 10.1080/00401706.1988.10488367.
+"""Drift and spectral lines of the output, tested in a regression of high order.
 
 A line is tested by the F test of a sine and a cosine in addition to all lags, at every frequency of a grid: the
 regression alone absorbs a line almost completely. Source: Thomson 1982, doi 10.1109/PROC.1982.12433 (F test of a line).
 """
-
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +10,11 @@ from numpy.typing import NDArray
 from ..core.arrays import Array
 from ..datasets.records.record import Record
 from .estimators.filters import filtered
-from .estimators.high_order_arx import U_LAGS, LongArx, golden, input_lags, long_arx, spread
+from .estimators.high_order_arx import LongArx, golden, input_lags, long_arx
 
-SPIKE = 6.0  # robust standard deviations of the innovations
-SMALLEST = 0.02  # of the standard deviation of y: smaller spikes do no harm
-EARLY = (10.0, 0.1)  # the same two of the first samples of a segment, which respond to an unknown input before it
-PATCH = (1, 2, 3)  # samples of one spike
-MOST_NEAR = 3  # further spikes within the response of one
-DEPENDENT = 0.1  # share of a response that the others must leave
-LIKE_A_SPIKE = 0.95  # of the response as a load impulse, a change of the innovation
-MOST_SPIKES, ROUNDS = 0.05, 6  # share of the samples above which the noise has heavy tails; repetitions
 FALSE_ALARM = 1e-5  # probability that a record without lines has one
+NEGLIGIBLE = 0.005  # of the standard deviation of y: smaller lines are left to the noise model
+CONFIRMED = 1e-3  # p value of a drift or line in a regression with twice as many lags
 DRIFT, DRIFT_ALARM = 3, 1e-5  # degree; stricter, as a slow plant leaves some of its dynamics
 INTEGRATING = 1e-6  # a(1) of an integrator, relative to the sum of |a|: its output drifts without a disturbance
 MOST_LINES, MOST_SEGMENTS = 4, 3  # lines, and segments in which they are searched
@@ -36,7 +24,6 @@ ALIASES = 2  # multiples of the sample rate for which the true frequency of a li
 MAINS = (50.0, 60.0)
 UNDAMPED = 0.98  # modulus of a root that may stand for a line
 REFINED = 12  # evaluations of the exact frequency
-MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
 
 def additional_columns(rec: Record, lines: tuple[float, ...], drift: int) -> Array:
@@ -53,143 +40,6 @@ def additional_columns(rec: Record, lines: tuple[float, ...], drift: int) -> Arr
             columns.append(np.zeros(len(rec)))
             columns[-1][s] = values
     return np.column_stack(columns) if columns else np.empty((len(rec), 0))
-
-
-def without_spikes(rec: Record, y_lags: int) -> tuple[Record, NDArray[np.intp], bool]:
-    """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes.
-
-    The first samples of a segment have no innovations; their spikes are found in the reversed record.
-    """
-    clean, bad = _cleaned(rec, y_lags, np.ones(len(rec), dtype=bool), (SPIKE, SMALLEST))
-    if bad.mean() <= MOST_SPIKES:
-        first = np.zeros(len(rec), dtype=bool)
-        for s in rec.stretches:
-            first[s.start : s.start + y_lags * len(U_LAGS)] = True
-        back, early = _cleaned(_reversed(clean), y_lags, first[::-1], EARLY)
-        clean, bad = replace(clean, y=back.y[::-1].copy()), bad | early[::-1]
-    if bad.mean() > MOST_SPIKES:
-        return rec, np.empty(0, dtype=np.intp), True
-    return clean, np.flatnonzero(bad), False
-
-
-def _cleaned(
-    rec: Record, y_lags: int, searched: NDArray[np.bool_], least: tuple[float, float]
-) -> tuple[Record, NDArray[np.bool_]]:
-    """The record with spikes among the ``searched`` samples replaced, and these; too many are not replaced.
-
-    ``least`` is the smallest spike, relative to the innovations and to the output.
-    """
-    bad = np.zeros(len(rec), dtype=bool)
-    clean, lags = rec, input_lags(spread(rec), y_lags)
-    for _ in range(ROUNDS):
-        fit = long_arx(spread(clean), y_lags, lags)
-        e = innovations(clean, fit)
-        new = _spikes(e, fit.a, clean.stretches, (least[0], least[1] * float(np.std(clean.y)))) & ~bad & searched
-        if not new.any():
-            break
-        bad |= new
-        if bad.mean() > MOST_SPIKES:
-            return rec, bad
-        clean = _filled(clean, e, fit.a, bad)
-    return clean, bad
-
-
-def _reversed(rec: Record) -> Record:
-    """The record in reverse order of time."""
-    starts = tuple(len(rec) - s.stop for s in reversed(rec.stretches))
-    offsets = np.asarray(rec.offsets)[::-1]
-    return replace(rec, u=rec.u[::-1], y=rec.y[::-1], starts=starts, offsets=offsets, reference=None)
-
-
-def innovations(rec: Record, fit: LongArx) -> Array:
-    """Innovations e of all samples (N,), without the level of each stretch; 0 where lags are missing."""
-    e = filtered(fit.a, [1.0], rec.y, rec.stretches) - filtered(fit.b, [1.0], rec.u, rec.stretches)
-    for s in rec.stretches:
-        start = min(s.start + max(len(fit.a), len(fit.b)) - 1, s.stop)
-        if start < s.stop:
-            e[start : s.stop] -= np.median(e[start : s.stop])
-        e[s.start : start] = 0.0
-    return np.asarray(e)
-
-
-def _spikes(e: Array, a: Array, stretches: tuple[slice, ...], least: tuple[float, float]) -> NDArray[np.bool_]:
-    """Samples of spikes of at least the size ``least``, in standard deviations of e and in the unit of y.
-
-    A spike is the largest matched response within the length of a, and larger than that of a load impulse.
-    """
-    scale = MAD * float(np.median(np.abs(e[e != 0.0]))) if e.any() else 0.0
-    found = np.zeros(len(e), dtype=bool)
-    if scale == 0.0:
-        return found
-    limit = max(least[0] * scale, least[1] * float(np.linalg.norm(a)))
-    for s in stretches:
-        part, width = e[s], np.ones(s.stop - s.start, dtype=np.intp)
-        best, ends = np.zeros(len(part)), len(part) - 1 - np.arange(len(part))
-        for count in PATCH:
-            shape = np.convolve(a, np.ones(count))
-            length = np.sqrt(np.cumsum(shape**2))[
-                np.minimum(ends, len(shape) - 1)
-            ]  # the last samples see its beginning
-            response = np.abs(_matched(part, shape)) / length
-            larger = response > best * (1.1 if count > 1 else 1.0)  # fewer samples where both explain it
-            best, width = np.where(larger, response, best), np.where(larger, count, width)
-        for k in np.flatnonzero(best > limit):
-            near = slice(max(k - len(a), 0), k + len(a))
-            if best[k] < best[near].max():
-                continue
-            if best[k] >= LIKE_A_SPIKE * np.abs(part[near]).max():
-                found[s.start + k : min(s.start + k + width[k], s.stop)] = True
-            else:
-                found[s.start + np.array(_overlapping(part, a, int(k), limit), dtype=np.intp)] = True
-    return found
-
-
-def _overlapping(e: Array, a: Array, k: int, limit: float) -> list[int]:
-    """Samples of two or more spikes, k and those near it, that together explain more than as many load impulses.
-
-    The largest responses are taken one after the other, each given those before it.
-    """
-    products = np.r_[np.correlate(a, a, "full")[len(a) - 1 :], 0.0]
-    c, at = _matched(e, a), [k]
-    last = len(e) - len(a)
-    if k > last:
-        return []
-    for _ in range(MOST_NEAR):
-        near = np.arange(max(min(at) - len(a), 0), min(max(at) + len(a), last))
-        lags = products[np.minimum(np.abs(near[:, None] - np.array(at)), len(a))]
-        inverse = np.linalg.inv(products[np.minimum(np.abs(np.subtract.outer(at, at)), len(a))])
-        left = c[near] - lags @ inverse @ c[at]
-        own = np.maximum(products[0] - np.einsum("ij,jk,ik->i", lags, inverse, lags), 0.0)
-        apart = np.abs(near[:, None] - np.array(at)).min(axis=1) >= len(PATCH)
-        further = np.where(apart, left**2 / np.maximum(own, DEPENDENT * products[0]), 0.0)
-        if not further.size or further.max() <= limit**2:
-            return []
-        at.append(int(near[np.argmax(further)]))
-        explained = c[at] @ np.linalg.solve(products[np.minimum(np.abs(np.subtract.outer(at, at)), len(a))], c[at])
-        around = e[max(min(at) - len(a), 0) : max(at) + len(a)]
-        if explained >= LIKE_A_SPIKE**2 * np.sort(around**2)[-len(at) :].sum():
-            return at
-    return []
-
-
-def _matched(e: Array, shape: Array) -> Array:
-    """Sum of shape(i) e(k + i) for every k of a stretch (n,)."""
-    return np.convolve(e, shape[::-1])[len(shape) - 1 :][: len(e)]
-
-
-def _filled(rec: Record, e: Array, a: Array, bad: NDArray[np.bool_]) -> Record:
-    """The record with the samples ``bad`` replaced by the values with the smallest innovations."""
-    y = rec.y.copy()
-    for s in rec.stretches:
-        at = np.flatnonzero(bad[s])
-        for group in np.split(at, np.flatnonzero(np.diff(at) >= len(a)) + 1):
-            if group.size:
-                first, stop = group[0], min(group[-1] + len(a), s.stop - s.start)
-                effect = np.zeros((stop - first, len(group)))
-                for k, sample in enumerate(group):
-                    effect[sample - first : sample - first + len(a), k] = a[: stop - sample]
-                y[s.start + group] -= np.linalg.lstsq(effect, e[s.start + first : s.start + stop])[0]
-    return replace(rec, y=y)
 
 
 def drift_degree(fit: LongArx, columns: Array) -> int:
@@ -315,3 +165,79 @@ def origins_of_line(f: float, rate: float) -> str:
         f"Sampled at {rate:.4g} Hz, it may stem from {', '.join(named[:-1])} or {named[-1]} Hz: compare with teeth x "
         "rpm / 60"
     )
+
+
+def drift_and_lines(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...], LongArx]:
+    """Degree of drift, frequencies of lines, and the regression with both."""
+    drift, lines = _additive(rec, fit)
+    if drift or lines:
+        drift, lines = _confirmed(rec, 2 * (len(fit.a) - 1), drift, lines)
+    additional = additional_columns(rec, lines, drift)
+    return drift, lines, long_arx(rec, len(fit.a) - 1, fit.lags, additional) if additional.shape[1] else fit
+
+
+def _additive(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...]]:
+    """Degree of drift and frequencies of lines in Hz."""
+    lines: tuple[float, ...] = ()
+    order, held = len(fit.a) - 1, fit
+    powers = additional_columns(rec, (), DRIFT)
+    drift = drift_degree(fit, powers) if powers.shape[1] < fit.free / 10 else 0
+    if drift:
+        held = long_arx(rec, order, fit.lags, additional_columns(rec, (), drift))
+        drift, held = (drift, held) if _plausible(rec, held, drift) else (0, fit)
+    while len(lines) < MOST_LINES:
+        f, p = strongest_line(held, rec, additional_columns(rec, lines, drift))
+        if p > FALSE_ALARM:
+            break
+        lines = (*lines, f / rec.sample_time)
+        held = long_arx(rec, order, fit.lags, additional_columns(rec, lines, drift))
+    sizes = amplitudes(rec, held, lines, drift)
+    return drift, tuple(f for f, size in zip(lines, sizes, strict=True) if relative_size(size, rec) > NEGLIGIBLE)
+
+
+def amplitudes(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -> list[float]:
+    """Amplitude of each line of the output, in the stretch where it is largest."""
+    if not lines:
+        return []
+    block = fit.additional.reshape(len(rec.starts), -1)[:, drift:]
+    z = np.exp(-2j * np.pi * rec.sample_time * np.outer(lines, np.arange(len(fit.a))))
+    sizes = np.hypot(block[:, ::2], block[:, 1::2]).max(axis=0) / np.abs(z @ fit.a)
+    return [float(size) for size in sizes]
+
+
+def _confirmed(rec: Record, order: int, drift: int, lines: tuple[float, ...]) -> tuple[int, tuple[float, ...]]:
+    """Drift and lines that are significant with twice as many lags: a lightly damped plant needs them."""
+    lags = input_lags(rec, order)
+
+    def p_value(own: Array, others: Array) -> float:
+        fit = long_arx(rec, order, lags, others)
+        return fit.f_test(own[fit.rows])[0]
+
+    if drift and p_value(additional_columns(rec, (), drift), additional_columns(rec, lines, 0)) > CONFIRMED:
+        drift = 0
+    kept = tuple(
+        f
+        for f in lines
+        if p_value(additional_columns(rec, (f,), 0), additional_columns(rec, tuple(x for x in lines if x != f), drift))
+        < CONFIRMED
+    )
+    return drift, kept
+
+
+def _plausible(rec: Record, fit: LongArx, drift: int) -> bool:
+    """Whether the drift of the output is known and within its range: an integrator drifts without a disturbance."""
+    size = drift_of_longest(rec, fit, drift)[0]
+    return size is not None and size < float(np.ptp(rec.y))
+
+
+def drift_of_longest(rec: Record, fit: LongArx, drift: int) -> tuple[float | None, int]:
+    """Range of the drift over the longest stretch, and its samples."""
+    longest = int(np.argmax(np.diff([*rec.starts, len(rec)])))
+    count = rec.stretches[longest].stop - rec.stretches[longest].start
+    block = len(fit.additional) // len(rec.starts)
+    return drift_range(fit.a, fit.additional[longest * block : longest * block + drift], count), count
+
+
+def relative_size(size: float, rec: Record) -> float:
+    """Size relative to the standard deviation of y."""
+    return size / max(float(np.std(rec.y)), 1e-300)

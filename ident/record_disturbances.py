@@ -1,4 +1,4 @@
-"""Disturbances of a record: spikes, drift, lines, static nonlinearity and quantisation, each with size and place.
+"""Disturbances of a record: spikes, jumps, missing samples, drift, lines, nonlinearity, quantisation.
 
 Spikes are replaced in the record; drift and lines are additional regressors of the output; the others cannot be
 removed and are reservations. Records of more than 4000 samples are tested on their middle part, spikes on all samples.
@@ -15,27 +15,22 @@ from ..core.rounding import format_plain as plain
 from ..core.verdict import RESERVATIONS, USABLE
 from ..datasets.records.record import Record
 from .additive_disturbances import (
-    DRIFT,
-    FALSE_ALARM,
-    MOST_LINES,
-    MOST_SPIKES,
     additional_columns,
-    drift_degree,
-    drift_range,
+    amplitudes,
+    drift_and_lines,
+    drift_of_longest,
     origins_of_line,
-    strongest_line,
-    without_spikes,
+    relative_size,
 )
 from .estimators.high_order_arx import EXACT, LongArx, input_lags, long_arx, middle, offsets_of, order_of, spread
+from .outliers import JUMP, MOST_SPIKES, innovations, jumps, skips, without_spikes
 from .static_nonlinearity import Nonlinearity, clipped, nonlinearity, quantum
 
-NEGLIGIBLE = 0.005  # of the standard deviation of y: smaller lines are left to the noise model
 RELEVANT = 0.02  # of the standard deviation of y: smaller drift and lines are named without a reservation
 NARROW = 0.02  # of half the range of u: smaller dead zones and backlash are named without a reservation
 FEWEST_STEPS = 20  # of a quantised output over its range
 COARSE = 0.5  # standard deviation of the rounding per standard deviation of the innovations
-CONFIRMED = 1e-3  # p value of a drift or line in a regression with twice as many lags
-CHECKED = "Spikes, drift, lines and nonlinearity"
+CHECKED = "Spikes, jumps, missing samples, drift, lines and nonlinearity"
 SHOWN = 6  # samples of spikes that are named
 
 
@@ -46,10 +41,11 @@ class Disturbance:
     Attributes
     ----------
     kind : str
-        ``spikes``, ``heavy tails``, ``drift``, ``line``, ``dead zone``, ``backlash``, ``saturation``, ``curvature``,
-        ``quantisation``, or ``clipped output``.
+        ``spikes``, ``heavy tails``, ``jump``, ``drift``, ``line``, ``dead zone``, ``backlash``, ``saturation``,
+        ``curvature``, ``missing samples``, ``quantisation``, or ``clipped output``.
     size : float
-        In ``unit``: amplitude of a line, range of a drift, largest spike, width of a dead zone, level of a saturation.
+        In ``unit``: amplitude of a line, range of a drift, largest spike or jump, width of a dead zone, level of a
+        saturation, number of missing samples.
     unit : str
     place : str
         Samples, frequency or range of the input.
@@ -145,14 +141,15 @@ def disturbances(rec: Record) -> Disturbances:
     part = middle(clean)
     lags = input_lags(part, order)
     fit = long_arx(part, order, lags)
-    static = [*_of_quantum(rec, fit), *_of_clipping(rec)]
+    static = [*_of_missing_samples(rec), *_of_quantum(rec, fit), *_of_clipping(rec)]
     clean = replace(rec, y=clean.y + offsets_of(clean)[:, 1] - offsets_of(rec)[:, 1], sha256=rec.sha256)
     if fit.rss <= EXACT * float(part.y @ part.y):
         return Disturbances(tuple(static), clean, remark="the record has no noise")
-    drift, lines, held = _tested(part, fit)
+    drift, lines, held = drift_and_lines(part, fit)
     found = _static(spread(clean), order, lines, drift, held if len(part) == len(rec) else None)
     named = [
         *_of_spikes(rec, clean, replaced, heavy),
+        *_of_jumps(clean, fit),
         *_of_drift(part, held, drift),
         *_of_lines(part, held, lines, drift),
     ]
@@ -180,82 +177,11 @@ def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:
     return replace(clean, u=rec.u, offsets=rec.offsets), replaced, heavy
 
 
-def _tested(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...], LongArx]:
-    """Degree of drift, frequencies of lines, and the regression with both."""
-    drift, lines = _additive(rec, fit)
-    if drift or lines:
-        drift, lines = _confirmed(rec, 2 * (len(fit.a) - 1), drift, lines)
-    additional = additional_columns(rec, lines, drift)
-    return drift, lines, long_arx(rec, len(fit.a) - 1, fit.lags, additional) if additional.shape[1] else fit
-
-
 def _static(rec: Record, order: int, lines: tuple[float, ...], drift: int, held: LongArx | None) -> Nonlinearity | None:
     """Nonlinearity of the input, tested with drift and lines; ``held`` is their regression on this record, if known."""
     additional = additional_columns(rec, lines, drift)
     held = held or long_arx(rec, order, input_lags(rec, order), additional)
     return nonlinearity(held, rec, rec.u + offsets_of(rec)[:, 0], additional)
-
-
-def _additive(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...]]:
-    """Degree of drift and frequencies of lines in Hz."""
-    lines: tuple[float, ...] = ()
-    order, held = len(fit.a) - 1, fit
-    powers = additional_columns(rec, (), DRIFT)
-    drift = drift_degree(fit, powers) if powers.shape[1] < fit.free / 10 else 0
-    if drift:
-        held = long_arx(rec, order, fit.lags, additional_columns(rec, (), drift))
-        drift, held = (drift, held) if _plausible(rec, held, drift) else (0, fit)
-    while len(lines) < MOST_LINES:
-        f, p = strongest_line(held, rec, additional_columns(rec, lines, drift))
-        if p > FALSE_ALARM:
-            break
-        lines = (*lines, f / rec.sample_time)
-        held = long_arx(rec, order, fit.lags, additional_columns(rec, lines, drift))
-    sizes = _amplitudes(rec, held, lines, drift)
-    return drift, tuple(f for f, size in zip(lines, sizes, strict=True) if _relative(size, rec) > NEGLIGIBLE)
-
-
-def _amplitudes(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -> list[float]:
-    """Amplitude of each line of the output, in the stretch where it is largest."""
-    if not lines:
-        return []
-    block = fit.additional.reshape(len(rec.starts), -1)[:, drift:]
-    z = np.exp(-2j * np.pi * rec.sample_time * np.outer(lines, np.arange(len(fit.a))))
-    sizes = np.hypot(block[:, ::2], block[:, 1::2]).max(axis=0) / np.abs(z @ fit.a)
-    return [float(size) for size in sizes]
-
-
-def _confirmed(rec: Record, order: int, drift: int, lines: tuple[float, ...]) -> tuple[int, tuple[float, ...]]:
-    """Drift and lines that are significant with twice as many lags: a lightly damped plant needs them."""
-    lags = input_lags(rec, order)
-
-    def p_value(own: Array, others: Array) -> float:
-        fit = long_arx(rec, order, lags, others)
-        return fit.f_test(own[fit.rows])[0]
-
-    if drift and p_value(additional_columns(rec, (), drift), additional_columns(rec, lines, 0)) > CONFIRMED:
-        drift = 0
-    kept = tuple(
-        f
-        for f in lines
-        if p_value(additional_columns(rec, (f,), 0), additional_columns(rec, tuple(x for x in lines if x != f), drift))
-        < CONFIRMED
-    )
-    return drift, kept
-
-
-def _plausible(rec: Record, fit: LongArx, drift: int) -> bool:
-    """Whether the drift of the output is known and within its range: an integrator drifts without a disturbance."""
-    size = _drift_of_longest(rec, fit, drift)[0]
-    return size is not None and size < float(np.ptp(rec.y))
-
-
-def _drift_of_longest(rec: Record, fit: LongArx, drift: int) -> tuple[float | None, int]:
-    """Range of the drift over the longest stretch, and its samples."""
-    longest = int(np.argmax(np.diff([*rec.starts, len(rec)])))
-    count = rec.stretches[longest].stop - rec.stretches[longest].start
-    block = len(fit.additional) // len(rec.starts)
-    return drift_range(fit.a, fit.additional[longest * block : longest * block + drift], count), count
 
 
 def _unit(unit: str) -> str:
@@ -272,8 +198,7 @@ def _of_spikes(rec: Record, clean: Record, at: NDArray[np.intp], heavy: bool) ->
     if not at.size:
         return []
     largest = float(np.abs(rec.y[at] - clean.y[at]).max())
-    shown = ", ".join(str(k + 1) for k in at[:SHOWN]) + (f" and {len(at) - SHOWN} more" if len(at) > SHOWN else "")
-    place = f"sample{'s' * (len(at) > 1)} {shown}"
+    place = f"sample{'s' * (len(at) > 1)} {_shown(at)}"
     words = (
         f"the output {rec.output} has spikes of up to {plain(largest, 3)}{_unit(rec.unit_y)} at {len(at)} of "
         f"{len(rec)} samples ({place}); they were replaced by values consistent with the other samples: check "
@@ -282,13 +207,44 @@ def _of_spikes(rec: Record, clean: Record, at: NDArray[np.intp], heavy: bool) ->
     return [Disturbance("spikes", largest, rec.unit_y, place, words)]
 
 
+def _of_jumps(rec: Record, fit: LongArx) -> list[Disturbance]:
+    e = innovations(rec, fit)
+    at = jumps(e, JUMP[1] * float(np.std(rec.y)))
+    if not at.size:
+        return []
+    largest, place = float(np.abs(e[at]).max()), f"sample{'s' * (len(at) > 1)} {_shown(at)}"
+    words = (
+        f"the output {rec.output} jumps by up to {plain(largest, 2)}{_unit(rec.unit_y)} at {place}, which neither "
+        f"{rec.input} nor the noise of the other samples explains: the load or the offset of the sensor changed there, "
+        "or samples are missing. Record again, or identify what is before and after it separately"
+    )
+    return [Disturbance("jump", largest, rec.unit_y, place, words)]
+
+
+def _of_missing_samples(rec: Record) -> list[Disturbance]:
+    found = skips(rec.u, rec.stretches)
+    if not found:
+        return []
+    places = np.array([k for k, _ in found], dtype=np.intp)
+    place, most = f"sample{'s' * (len(found) > 1)} {_shown(places)}", max(n for _, n in found)
+    words = (
+        f"the input {rec.input}, smooth elsewhere, continues at {place} as if up to {most} samples before it were "
+        "missing, though the times go on: the acquisition loses samples. Record again, with times from its clock"
+    )
+    return [Disturbance("missing samples", float(most), "", place, words)]
+
+
+def _shown(at: NDArray[np.intp]) -> str:
+    return ", ".join(str(k + 1) for k in at[:SHOWN]) + (f" and {len(at) - SHOWN} more" if len(at) > SHOWN else "")
+
+
 def _of_drift(rec: Record, fit: LongArx, drift: int) -> list[Disturbance]:
     if not drift:
         return []
-    size, count = _drift_of_longest(rec, fit, drift)
+    size, count = drift_of_longest(rec, fit, drift)
     if size is None:
         return []
-    relative, time = _relative(size, rec), count * rec.sample_time
+    relative, time = relative_size(size, rec), count * rec.sample_time
     words = (
         f"the output {rec.output} drifts by {plain(size, 2)}{_unit(rec.unit_y)} within {plain(time)} s "
         f"({100 * relative:.0f} % of its standard deviation), estimated simultaneously with the plant as a polynomial "
@@ -297,18 +253,14 @@ def _of_drift(rec: Record, fit: LongArx, drift: int) -> list[Disturbance]:
     return [Disturbance("drift", size, rec.unit_y, "whole record", words, _level(relative))]
 
 
-def _relative(size: float, rec: Record) -> float:
-    return size / max(float(np.std(rec.y)), 1e-300)
-
-
 def _level(relative: float) -> int:
     return RESERVATIONS if relative >= RELEVANT else USABLE
 
 
 def _of_lines(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) -> list[Disturbance]:
     out = []
-    for f, size in zip(lines, _amplitudes(rec, fit, lines, drift), strict=True):
-        relative = _relative(size, rec)
+    for f, size in zip(lines, amplitudes(rec, fit, lines, drift), strict=True):
+        relative = relative_size(size, rec)
         words = (
             f"the output {rec.output} has a line at {f:.4g} Hz of amplitude {plain(size, 2)}{_unit(rec.unit_y)} "
             f"({100 * relative:.0f} % of its standard deviation), estimated simultaneously with the plant. "

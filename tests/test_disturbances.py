@@ -7,6 +7,7 @@ from fitmodels.ident import Model, chirp, identify, tune_pi
 from fitmodels.ident.additive_disturbances import origins_of_line
 from fitmodels.ident.continuous import ContinuousModel
 from fitmodels.ident.estimators.high_order_arx import input_lags, long_arx
+from fitmodels.ident.outliers import skips
 from fitmodels.ident.record_disturbances import disturbances
 from fitmodels.ident.static_nonlinearity import backlash
 
@@ -180,7 +181,41 @@ def test_an_identification_is_as_accurate_beside_disturbances_and_names_them():
     assert found.verdict.level == 1
     assert [item.kind for item in found.disturbances.found] == ["spikes", "drift", "line"]
     assert sum("output y" in reason for reason in found.verdict.reasons) == 3
-    assert "Spikes, drift, lines and nonlinearity" in found.verdict.checked
+    assert "Spikes, jumps, missing samples, drift, lines and nonlinearity" in found.verdict.checked
+
+
+@pytest.mark.parametrize("size", [1.0, -5.0])
+def test_a_jump_of_the_output_is_named(size):
+    """An offset that changes within the record gives a wrong model that simulates it with a fit of 88 %."""
+    extra = np.where(np.arange(750) >= 111, size, 0.0)
+    found = identify(record(CLM, extra=extra))
+    assert ("jump", "sample 112") in [(item.kind, item.place) for item in found.disturbances.found]
+    assert found.verdict.level >= 1
+    assert any("jumps by up to" in reason and "Record again" in reason for reason in found.verdict.reasons)
+
+
+@pytest.mark.parametrize(("first", "missing"), [(90, 1), (389, 3), (600, 20)])
+def test_missing_samples_of_a_smooth_input_are_named(first, missing):
+    """Times that go on hide them; the chirp does not."""
+    whole, kept = record(CLM), np.r_[0:first, first + missing : 750]
+    (item,) = disturbances(Record(u=whole.u[kept], y=whole.y[kept], sample_time=T)).found[-1:]
+    assert (item.kind, item.size, item.place) == ("missing samples", missing, f"sample {first + 1}")
+
+
+@pytest.mark.parametrize(
+    "u",
+    [
+        np.r_[np.zeros(300), np.ones(450)],
+        np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], 75), 10),
+        np.abs(np.arange(750) % 200 - 100.0),
+        np.repeat(np.arange(5.0), 150),
+        np.r_[chirp(), chirp()],
+        np.random.default_rng(1).standard_normal(750),
+    ],
+    ids=["step", "binary", "triangle", "stairs", "two sweeps", "noise"],
+)
+def test_edges_of_an_input_are_no_missing_samples(u):
+    assert skips(u, (slice(0, len(u)),)) == []
 
 
 def test_a_slow_plant_is_not_taken_for_a_drift():
