@@ -1,9 +1,9 @@
-"""Import time of each package and wall time of the main job, of two installed versions in turn.
+"""Import time of each package, of two installed versions in turn.
 
     python benchmarks/imports.py OLD/bin/python NEW/bin/python
 
-Each import and each command runs as a process of its own, old and new in turn, so that a busy machine slows both; the
-ratio is that of the medians of the CPU times.
+Each import runs as a process of its own, old and new in turn, so that a busy machine slows both; the ratio is that
+of the medians of the CPU times. `benchmarks/speed.py` has the commands.
 """
 
 import resource
@@ -13,7 +13,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("", ".datasets", ".fit", ".ident", ".parameters", ".controllers", ".cards", ".batch", ".cli")
 REPETITIONS = 9
 
@@ -33,7 +32,7 @@ def medians(jobs, folder):
 
 
 def main():
-    """Print a line a package and one for the main job."""
+    """Print a line a package."""
     pythons = [str(Path(word).absolute()) for word in sys.argv[1:3]]
     with tempfile.TemporaryDirectory() as folder:
         empty = medians([[python, "-c", ""] for python in pythons], folder)
@@ -42,10 +41,6 @@ def main():
             old, new = medians([[python, "-c", f"import fitmodels{package}"] for python in pythons], folder)
             old, new = old - empty[0], new - empty[1]
             print(f"import fitmodels{package:28}{1e3 * old:>9.0f}{1e3 * new:>9.0f}{new / old:>8.2f}")
-        data = str(ROOT / "datasets/gc435_709m40/data.csv")
-        words = [[str(Path(python).parent / "fitmodels"), data, "--force"] for python in pythons]
-        old, new = medians(words, folder)
-        print(f"{'fitmodels data.csv':44}{1e3 * old:>9.0f}{1e3 * new:>9.0f}{new / old:>8.2f}")
 
 
 if __name__ == "__main__":

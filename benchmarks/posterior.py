@@ -38,9 +38,9 @@ def rate(draws: np.ndarray, seconds: float) -> float:
 def best_of(run, times: int = 7) -> float:
     out = []
     for seed in range(times):
-        began = time.perf_counter()
+        began = time.process_time()
         phi = run(seed)
-        out.append(rate(phi.reshape(4, -1, phi.shape[-1]), time.perf_counter() - began))
+        out.append(rate(phi.reshape(4, -1, phi.shape[-1]), time.process_time() - began))
     return min(out)
 
 
@@ -55,16 +55,16 @@ def of_emcee(density, move, steps: int, vectorize: bool) -> float:
     else:
         sampler = emcee.EnsembleSampler(walkers, len(mode.at), lambda x: log_posterior(density, x[None])[0], moves=move)
     sampler.random_state = rng.get_state()
-    began = time.perf_counter()
+    began = time.process_time()
     sampler.run_mcmc(start, steps)
-    took = time.perf_counter() - began
+    took = time.process_time() - began
     return rate(sampler.get_chain()[int(BURN * steps) :].swapaxes(0, 1), took)
 
 
 def of_chains(density) -> float:
-    began = time.perf_counter()
+    began = time.process_time()
     sample = chains(density, 1, ess=WANTED)
-    took = time.perf_counter() - began
+    took = time.process_time() - began
     return rate(sample.phi.reshape(sample.chains, -1, sample.phi.shape[1]), took)
 
 
@@ -101,12 +101,12 @@ def of_nuts(law, edges: bool, natural: bool) -> tuple[float, float] | None:
     mcmc = numpyro.infer.MCMC(
         kernel, num_warmup=500, num_samples=1500, num_chains=4, chain_method="sequential", progress_bar=False
     )
-    began = time.perf_counter()
+    began = time.process_time()
     mcmc.run(jax.random.PRNGKey(0))
-    first = time.perf_counter() - began
-    began = time.perf_counter()
+    first = time.process_time() - began
+    began = time.process_time()
     mcmc.run(jax.random.PRNGKey(1))
-    second = time.perf_counter() - began
+    second = time.process_time() - began
     found = mcmc.get_samples(group_by_chain=True)
     draws = np.stack([np.asarray(v) for k, v in found.items() if k != "z"], axis=-1)
     return rate(draws, first), rate(draws, second)

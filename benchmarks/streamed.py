@@ -12,10 +12,8 @@ so that the condition number of the design is 6e6. The difference from QR is the
 coefficients, against numpy's QR of the columns about their means, 1e6 rows (aims 1e-12 and 1e-9). Bits: a hash of
 coefficients, both covariances, R2 and F, which must be that of other chunks and of two threads.
 
-Last, the law of 1.5e6 rows in memory in the same run as numpy's QR of their logarithms and statsmodels.
-
 Rows are generated chunk by chunk, each fit in a separate process, so that the peak memory is that of its size. The
-processor time of generation is subtracted.
+processor time of generation is subtracted. `benchmarks/speed.py` compares the law with numpy's QR and statsmodels.
 """
 
 import argparse
@@ -115,36 +113,6 @@ def speed(n, against):
     print(flush=True)
 
 
-def compared(n):
-    """Processor seconds of the law of n rows in memory: ours, numpy's QR of them, statsmodels by edge (CR1)."""
-    from statsmodels.regression.linear_model import OLS
-
-    parts = list(chunks(n))
-    table = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    names = [*TRUTH, "AW"]
-
-    def logs():
-        return np.log(np.column_stack([table[name] for name in names]))
-
-    def by_statsmodels():
-        W = logs()
-        W[:, -1], y = 1.0, W[:, -1].copy()
-        OLS(y, W).fit(cov_type="cluster", cov_kwds={"groups": table["edge"]})
-
-    calls = {
-        "streamed": lambda: streamed_power_law(parts, "AW", list(TRUTH)),
-        "QR": lambda: np.linalg.qr(logs(), mode="r"),
-        "statsmodels": by_statsmodels,
-    }
-    return {name: min(_seconds(call) for _ in range(3)) for name, call in calls.items()}
-
-
-def _seconds(call):
-    began = time.process_time()
-    call()
-    return time.process_time() - began
-
-
 def digits(kind):
     """Difference from QR, and whether other chunks and threads give the same bits."""
     theta, condition = of_qr(IN_MEMORY, kind)
@@ -171,9 +139,6 @@ def main():
     print("      rows     CPU s  ns per row  peak MB  deviation, SE by edge  ratio of CPU       ratio of peak memory")
     for n in (1_500_000, 10_000_000, *map(int, given.rows)):
         speed(n, given.against)
-    took = compared(1_500_000)
-    print("1.5e6 rows in memory:", ", ".join(f"{name} {seconds:.3f} s" for name, seconds in took.items()))
-    print(*(f"ratio to {name} {took['streamed'] / took[name]:.2f}" for name in ("QR", "statsmodels")), sep=", ")
     for kind in AIMS:
         digits(kind)
 
