@@ -109,7 +109,7 @@ def on_page(text: str, to: Places) -> Markup:
     >>> on_page("work: not named; name it with --work. See --seed", Places({}, {}))
     Markup('work: not named; name it with <a href="#set-work" data-open="set-work">Work material</a>. See --seed')
     >>> on_page("the wear is 0.3 mm: --unit VB=um or --edge none", Places({}, {"VB": 4}))  # doctest: +ELLIPSIS
-    Markup('the wear is 0.3 mm: <a href="#unit-4" ...>unit of VB</a> <code>um</code> or <a ...
+    Markup('the wear is 0.3 mm: <a href="#unit-4" ...>unit of VB</a>: <code>um</code> or <a ...
     """
     text = HELP.sub("", PREFIX.sub("", text))
     for old, new in PLAIN:
@@ -133,7 +133,7 @@ def described(options: str, to: Places) -> Markup:
     """Options as typed, in the words of the page and without links.
 
     >>> described("--unit VB=um --correct 'lines 24:VB/10'", Places({}, {}))
-    Markup('unit of VB <code>um</code>, Correct <code>lines 24:VB/10</code>')
+    Markup('unit of VB: <code>um</code>, Correct: <code>lines 24:VB/10</code>')
     """
     return Markup(", ").join(_worded(name, value, to, "")[0] for name, value in pairs(shlex.split(options)))
 
@@ -155,7 +155,7 @@ def _command(text: str, start: re.Match[str], to: Places) -> tuple[Markup, int]:
             if option in ("--" + one.words[2:].split(" ")[0] for one in form.inputs)
         ]
         shown = Markup(", ").join(options) if options else _linked(escape(form.title), f"action-{name}", given)
-        return shown + (Markup(" <code>{}</code>").format(given) if given else ""), after
+        return shown + (Markup(": <code>{}</code>").format(given) if given else ""), after
     if name == "look":
         return _linked(Markup("How the file was read"), "h-reading"), after
     if "." in name:
@@ -232,7 +232,7 @@ def _worded(option: str, value: str, to: Places, command: str) -> tuple[Markup, 
     else:
         label, place, shown = option, "", value
     words = escape(label)
-    return (words + Markup(" <code>{}</code>").format(shown) if shown else words), place
+    return (words + Markup(": <code>{}</code>").format(shown) if shown else words), place
 
 
 def _role_words(role: str, column: str, to: Places) -> tuple[str, str, str]:
@@ -248,7 +248,7 @@ def _linked(words: Markup, place: str, given: str = "") -> Markup:
     """Words with a link to a place of the page; ``given`` fills in its form."""
     if not place:
         return words
-    label, code, value = words.partition(" <code>")
+    label, code, value = words.partition(": <code>")
     fill = Markup(' data-fill="{}"').format(given) if given else Markup()
     link = Markup('<a href="#{0}" data-open="{0}"{1}>{2}</a>').format(place, fill, Markup(label))  # noqa: S704
     return link + Markup(code + value)  # noqa: S704  parts of what was escaped

@@ -25,7 +25,7 @@ from . import messages, options, reading, region
 from .command_forms import FOLLOWING, Subject, actions, command, subject_of
 from .jobs import Job, Jobs, Runner
 from .project import Entry, Project
-from .results import PICTURES, answer_of, colour, facts_of_laws, reading_of, verdicts, written
+from .results import PICTURES, answer_of, colour, current_files, facts_of_laws, reading_of, verdicts, written
 
 PRELOAD: Final = ("fitmodels.app.warm", "fitmodels.datasets.overview")
 SHOWN_STEPS = 30
@@ -280,7 +280,7 @@ class Page:
 
     def _subject(self, entry: Entry, wanted: str) -> tuple[list[str], Subject]:
         """The parameter files of a file, and the one that is wanted, or the first."""
-        paths = self.project.parameter_files(entry)
+        paths = current_files(self.project, entry)
         if not paths:
             raise UsageError("there is no parameter file yet: the laws above must be fitted first.")
         others = [one.name for one in self.project.files if one.name != entry.name]

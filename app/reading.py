@@ -15,6 +15,7 @@ from ..datasets.vocabulary import ROLES
 from .messages import FIELDS
 
 LABELS = {option.removeprefix("--"): label for option, (label, _) in FIELDS.items()}
+UNNAMED = ("several", "unnamed-tool", "unnamed-work")
 LANGUAGES = ("de", "fr", "es")
 
 
@@ -171,9 +172,10 @@ class Field:
 
 def fields_of(look: Mapping[str, Any]) -> tuple[Field, ...]:
     """Fields of a file of tests that set what the menus of its columns do not."""
+    tool, work = ("" if (name := str(look.get(key) or "")) in UNNAMED else name for key in ("tool", "work"))
     return (
-        Field("tool", LABELS["tool"], "GC4035", str(look.get("tool") or "")),
-        Field("work", LABELS["work"], "42CrMo4", str(look.get("work") or "")),
+        Field("tool", LABELS["tool"], "GC4035", tool),
+        Field("work", LABELS["work"], "42CrMo4", work),
         Field("edge", f"{LABELS['edge']} (none: do not infer)", "Test"),
         Field("criterion", f"{LABELS['criterion']}, mm", "0.3"),
         Field("gauge-sd", f"{LABELS['gauge-sd']}, mm", "0.005"),

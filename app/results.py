@@ -13,7 +13,7 @@ from starlette.responses import FileResponse, HTMLResponse, Response
 
 from .command_forms import subject_of
 from .jobs import Job
-from .options import OF_OUTPUT, applied, pairs, typed, words
+from .options import OF_OUTPUT, applied, command_of, pairs, typed, words
 from .project import Entry, Project
 
 RECORD: Final = "is a record of one run"  # in a refusal of look
@@ -38,14 +38,18 @@ def reading_of(job: Job) -> dict[str, Any]:
 
 def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
     """Cards, laws, rows in doubt, remedies and files of the results of a file."""
-    results = project.results(entry)
-    contents = [subject_of(project.folder, entry.stem, path, ()).content for path in project.parameter_files(entry)]
-    laws = [(name, law) for one in contents for name, law in (one.get("laws") or {}).items()]
+    results, files = project.results(entry), current_files(project, entry)
+    folders = [path.removesuffix("params.json") for path in files]
+    former = [path for path in project.parameter_files(entry) if path not in files or not _is_of(project, entry, path)]
+    found = laws_of(project, entry)
+    laws = [(name, law) for _, name, law in found]
     return {
-        "cards": [name for name in results if name.endswith("/card.html")],
+        "cards": [name for name in results if name.endswith("/card.html") and name.startswith(tuple(folders))],
+        "is_former": bool(files) and files[0] in former,
+        "former": [path.removesuffix("/params.json") for path in former],
         "results": sorted(results),
         "laws": list(dict.fromkeys(name for name, _ in laws)),
-        "levels": levels(laws),
+        "levels": levels(found),
         "suspects": suspects([law for _, law in laws]),
         "remedies": remedies(entry, results),
         "left_out": [(value, one) for one, value in typed(entry.options) if one.startswith("--leave-out")],
@@ -97,23 +101,46 @@ def to_repeat(project: Project, entry: Entry) -> list[tuple[str, ...]]:
     return sorted(left.values(), key=lambda words: ADDING.index(words[0]))
 
 
+def current_files(project: Project, entry: Entry) -> list[str]:
+    """Parameter files that the command of a file wrote; those of former options where it has written none."""
+    found = project.parameter_files(entry)
+    return [path for path in found if _is_of(project, entry, path)] or found
+
+
+def _is_of(project: Project, entry: Entry, path: str) -> bool:
+    """Whether a parameter file is of the command that fits a file as it is set now."""
+    provenance = subject_of(project.folder, entry.stem, path, ()).content.get("provenance")
+    command = provenance.get("command") if isinstance(provenance, dict) else None
+    return bool(command == shlex.join(["fitmodels", *command_of(entry)]))
+
+
+def laws_of(project: Project, entry: Entry) -> list[tuple[str, str, Mapping[str, Any]]]:
+    """Laws of a file: tool and work where there are several pairs of them, name, and section of the parameter file."""
+    paths = current_files(project, entry)
+    pairs_of_laws = [Path(path).parent.name.replace("_", " on ", 1) if len(paths) > 1 else "" for path in paths]
+    contents = [subject_of(project.folder, entry.stem, path, ()).content for path in paths]
+    return [
+        (pair, name, law)
+        for pair, content in zip(pairs_of_laws, contents, strict=True)
+        for name, law in (content.get("laws") or {}).items()
+    ]
+
+
 def verdicts(project: Project) -> dict[str, list[tuple[str, str]]]:
     """Laws of each file with the level of their verdicts."""
-    found: dict[str, list[tuple[str, str]]] = {}
-    for entry in project.files:
-        for path in project.parameter_files(entry):
-            laws = subject_of(project.folder, entry.stem, path, ()).content.get("laws") or {}
-            found.setdefault(entry.name, []).extend(levels(list(laws.items())))
-    return found
+    return {entry.name: levels(laws_of(project, entry)) for entry in project.files}
 
 
-def levels(laws: Sequence[tuple[str, Mapping[str, Any]]]) -> list[tuple[str, str]]:
+def levels(laws: Sequence[tuple[str, str, Mapping[str, Any]]]) -> list[tuple[str, str]]:
     """Names of laws with the level of their verdicts.
 
-    >>> levels([("VB", {"verdict": {"level": "do not use"}}), ("P", {})])
-    [('VB', 'do not use'), ('P', 'no verdict')]
+    >>> levels([("", "VB", {"verdict": {"level": "do not use"}}), ("K10 on C45", "P", {})])
+    [('VB', 'do not use'), ('K10 on C45: P', 'no verdict')]
     """
-    return [(name, (law.get("verdict") or {}).get("level") or "no verdict") for name, law in laws]
+    return [
+        (f"{pair}: {name}" if pair else name, (law.get("verdict") or {}).get("level") or "no verdict")
+        for pair, name, law in laws
+    ]
 
 
 def colour(level: str) -> str:

@@ -314,6 +314,21 @@ def test_rows_are_left_out_with_a_reason_and_taken_in_again(client):
     assert client.page.project.entry("left.csv").options == ()
 
 
+def test_results_of_former_settings_are_not_shown_as_those_of_the_file(client):
+    client.upload("named.csv", wear_table(wear=1.03))
+    assert "unnamed-work" in client.until_done("/files/named.csv/laws")
+    assert client.post("/files/named.csv/set", set="work", to="42CrMo4")[0] == 200
+    laws = client.until_done("/files/named.csv/laws")
+    assert laws.count("<iframe") == 1
+    assert "not part of this result: named-fit/unnamed-tool_unnamed-work" in laws
+    assert "42CrMo4" in re.search('name="params" value="([^"]+)"', client.get("/files/named.csv/machine"))[1]
+    assert client.post("/files/named.csv/set", set="edge", to="no such column")[0] == 200
+    laws = client.until_done("/files/named.csv/laws")
+    assert "These settings have given no result" in laws
+    assert client.post("/files/named.csv/take-back", option="--edge 'no such column'")[0] == 200
+    assert "These settings" not in client.until_done("/files/named.csv/laws")
+
+
 def test_texts_of_a_file_are_text_on_the_page(client):
     head = HEAD.replace("edge;", f"edge{HOSTILE};").replace("VB [mm]", "VB [mm]")
     client.upload("script.csv", wear_table(head))
