@@ -45,6 +45,7 @@ def collect(
     posteriors: Sequence["Posterior"] = (),
     no_posterior: "Mapping[str, NotAvailable] | None" = None,
     draws_kept: bool = True,
+    complete: bool = True,
     gauge_sd: float | None = None,
     dynamics: "Identification | Model | DynamicsSection | Mapping[str, Any] | None" = None,
     held_out_fit: float | None = None,
@@ -91,6 +92,9 @@ def collect(
     draws_kept : bool
         Whether their draws will be in a file next to this one, whose name and checksum are then recorded.
         Without it the section is complete but for the draws, which its seed makes again.
+    complete : bool
+        False leaves out the section of the posteriors and the checksum, which `completed` adds: laws with their
+        verdicts, tool life and predictions are known a quarter of the time before.
     gauge_sd : float, optional
         Standard deviation of the wear gauge, in the unit of the wear.
     dynamics : Identification or Model, optional
@@ -138,22 +142,49 @@ def collect(
         "tool": source.tool, "work": source.work, "iso13399": dict(iso13399 or {}), "sensors": [*map(as_data, sensors)],
         "simulated": simulated, "note": note, "iso513": iso513, "setup": setup, "machine": machine or _machine(design),
     }  # fmt: skip
-    provenance = {
-        "created": created, "data_file": None if data_file is None else _base_name(data_file),
-        "data_sha256": data_sha256, "n_rows": source.n_rows if n_rows is None else n_rows, "fitmodels": __version__,
-        "versions": _versions(), "command": command, "options": dict(options or {}), "seed": seed,
-    }  # fmt: skip
     found = laws_by_response(laws, source.tool, source.work, gauge_sd, _runs(design), posteriors)
     life = tool_life_section(tool_life, laws, found, _runs(design))
     bounds = None if limits is None else limits_section(limits)
     sections = {
-        "tool_life": life, "limits": bounds, "posterior": _posterior(posteriors, no_posterior or {}, draws_kept),
         "design": None if design is None else design_section(design, found, criterion_of(life, bounds, options or {})),
-        "dynamics": None if dynamics is None else dynamics_section(dynamics, held_out_fit),
-        "pi": None if pi is None else pi_section(pi, scaling_u=scaling_u, forced=pi_forced), "roughness": roughness,
-        "load_line": load_line, "adaptive_force": adaptive_force, "reading": reading_section(design),
+        "dynamics": None if dynamics is None else dynamics_section(dynamics, held_out_fit), "roughness": roughness,
+        "pi": None if pi is None else pi_section(pi, scaling_u=scaling_u, forced=pi_forced), "load_line": load_line,
+        "tool_life": life, "limits": bounds, "adaptive_force": adaptive_force, "reading": reading_section(design),
     }  # fmt: skip
-    return _validated({"identity": identity, "laws": found, "provenance": provenance}, sections, more)
+    base = {"identity": identity, "laws": found, "provenance": {
+        "created": created, "command": command, "options": dict(options or {}), "seed": seed,
+        **_origin(data_file, data_sha256, source.n_rows if n_rows is None else n_rows),
+    }}  # fmt: skip
+    pf = _gathered(base, sections, more, drawn=bool(posteriors or no_posterior))
+    return completed(pf, posteriors, no_posterior, draws_kept=draws_kept) if complete else pf
+
+
+def completed(
+    pf: ParameterFile,
+    posteriors: Sequence["Posterior"] = (),
+    no_posterior: "Mapping[str, NotAvailable] | None" = None,
+    *,
+    draws_kept: bool = True,
+) -> ParameterFile:
+    """The file that `collect` began, with the section of these posteriors and its checksum; arguments as there.
+
+    Raises
+    ------
+    GateError
+        Convergence checks of a posterior failed.
+    ParameterError
+        Values that the schema refuses.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> started = collect(laws=[law], complete=False)
+    >>> started.content_sha256, completed(started) == collect(laws=[law])
+    (None, True)
+    """
+    section = _posterior(posteriors, no_posterior or {}, draws_kept)
+    return sealed(pf if section is None else _validated({**dict(pf), "posterior": section}))
 
 
 def _base_name(path: str | PurePath) -> str:
@@ -208,17 +239,32 @@ def _posterior(
     return posterior_section(posteriors, none) if kept else posterior_section(posteriors, none, None)
 
 
-def _validated(base: Mapping[str, object], given: Mapping[str, Any], more: Mapping[str, object]) -> ParameterFile:
+def _gathered(
+    base: Mapping[str, object], given: Mapping[str, Any], more: Mapping[str, object], *, drawn: bool
+) -> ParameterFile:
+    """The file of these sections, to which `completed` adds that of the posteriors where they were ``drawn``."""
     sections = {**base, **{name: as_data(section) for name, section in given.items() if section is not None}}
-    taken = sorted({"schema_version", "content_sha256", *sections} & set(more))
-    if taken:
+    written = {"schema_version", "content_sha256", *sections} | ({"posterior"} if drawn else set())
+    if taken := sorted(written & set(more)):
         raise ParameterError(f"{taken[0]} is written by collect itself; give its parts by name.")
-    data = {**sections, **more}
+    return _validated({**sections, **more})
+
+
+def _validated(data: Mapping[str, object]) -> ParameterFile:
     try:
-        return sealed(ParameterFile.model_validate(data))
+        return ParameterFile.model_validate(data)
     except ValidationError as error:
         raise ParameterError(f"cannot collect: {schema_message(error, data)}.") from None
 
 
-def _versions() -> dict[str, str]:
-    return {"python": platform.python_version(), "numpy": np.__version__, "scipy": scipy.__version__}
+def _origin(file: str | PurePath | None, sha256: str | None, n_rows: int | None) -> dict[str, object]:
+    """Fields of the provenance on the data and on the programs."""
+    versions = {"python": platform.python_version(), "numpy": np.__version__, "scipy": scipy.__version__}
+    name = None if file is None else _base_name(file)
+    return {
+        "data_file": name,
+        "data_sha256": sha256,
+        "n_rows": n_rows,
+        "fitmodels": __version__,
+        "versions": versions,
+    }

@@ -244,8 +244,8 @@ def analysis_stages(
 ) -> Iterator[tuple[PairAnalysis, bool]]:
     """Each pair as soon as it is analysed, and whether it is complete.
 
-    With ``previews`` a pair whose posteriors are drawn by chains comes twice: first without them, with its laws, checks
-    and tool life in a parameter file, then with them.
+    With ``previews`` a pair comes before as well, as soon as its laws are judged: with laws, checks and tool life in a
+    parameter file without posteriors. One whose posteriors are drawn by chains comes before and after these.
     """
     for one in pairs_of(runs, options):
         step(f"fitting {one.tool} on {one.work}")
@@ -254,7 +254,12 @@ def analysis_stages(
             yield replace(fitted, parameters=parameter_file(fitted, options, command=command)), False
         pair = with_posteriors(fitted, options, step=step)
         if pair.laws and not pair.failed:
-            pair = replace(pair, parameters=parameter_file(pair, options, command=command))
+            from ..parameters.collection import completed
+
+            pf = parameter_file(pair, options, command=command, complete=False)
+            if previews:
+                yield replace(pair, parameters=pf), False
+            pair = replace(pair, parameters=completed(pf, pair.posteriors, pair.no_posterior))
         yield pair, True
 
 

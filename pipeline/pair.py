@@ -259,6 +259,7 @@ def parameter_file(
     *,
     command: str | None = None,
     keep_draws: bool = True,
+    complete: bool = True,
     **identity: str,
 ) -> "ParameterFile":
     """The parameter file of a pair.
@@ -272,6 +273,8 @@ def parameter_file(
         For the provenance.
     keep_draws : bool
         Whether the draws are written next to the file.
+    complete : bool
+        False leaves the section of the posteriors and the checksum to `parameters.collection.completed`.
     **identity
         ``machine``, ``setup``, ``iso513``, as in `parameters.collect`.
 
@@ -297,6 +300,7 @@ def parameter_file(
         posteriors=pair.posteriors,
         no_posterior=pair.no_posterior,
         draws_kept=keep_draws,
+        complete=complete,
         gauge_sd=options.gauge_sd,
         data_file=source.name,
         data_sha256=source.sha256,
