@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from ..core.errors import UsageError
 from ..core.verdict import DO_NOT_USE, LEVELS
 from ..fit import pooled_exponents
 from ..fit.many.pooling import WHOLE, PooledExponents
+from .engine import MapOver
 from .law_rows import group_column
 
 NAMES = {
@@ -84,7 +86,9 @@ class Comparison:
     level: float = 0.95
 
 
-def compare(results: pd.DataFrame, groups: Sequence[str] = (), *, level: float = 0.95) -> Comparison:
+def compare(
+    results: pd.DataFrame, groups: Sequence[str] = (), *, level: float = 0.95, map_over: MapOver = map
+) -> Comparison:
     """Pool each exponent of each power law over all pairs, then over the families of each grouping.
 
     Parameters
@@ -97,6 +101,8 @@ def compare(results: pd.DataFrame, groups: Sequence[str] = (), *, level: float =
         Headers of the columns that name families, each in the column that `group_column` gives it; under a header
         such as ``iso513`` a value ``P20`` belongs to the family ``P steel``.
     level : float
+    map_over : callable
+        ``map_over(work, tasks)`` gives the results in the order of the tasks; each exponent is a task.
 
     Raises
     ------
@@ -116,9 +122,16 @@ def compare(results: pd.DataFrame, groups: Sequence[str] = (), *, level: float =
     [0.48, 0.55, 0.58, 0.6]
     """
     _check(results, groups, level)
-    found = list(_pooled(results, groups, level))
-    families = [_families(response, grouping, made) for response, grouping, made, _ in found]
-    pairs = [_pairs(response, grouping, made, named) for response, grouping, made, named in found]
+    asked: list[_Exponent] = []
+
+    def tables() -> Iterator[tuple[pd.DataFrame, str, str | None]]:
+        for one, table in _exponents(results, groups):
+            asked.append(one)
+            yield table, one.factor, None if one.grouping == WHOLE else f"family {one.grouping}"
+
+    found = list(map_over(partial(_pooled, level=level), tables()))
+    families = [_families(one, made) for one, made in zip(asked, found, strict=True)]
+    pairs = [_pairs(one, made) for one, made in zip(asked, found, strict=True)]
     return Comparison(_stacked(families, FAMILIES), _stacked(pairs, PAIRS), level)
 
 
@@ -144,10 +157,27 @@ def _check(results: pd.DataFrame, groups: Sequence[str], level: float) -> None:
         )
 
 
-def _pooled(
-    results: pd.DataFrame, groups: Sequence[str], level: float
-) -> Iterator[tuple[str, str, PooledExponents, pd.DataFrame]]:
-    """Each response, factor and grouping: the pooled exponents, and the names of the pairs in their order."""
+@dataclass(frozen=True, slots=True)
+class _Exponent:
+    """An exponent that is pooled by a grouping, and the names of the pairs that have it."""
+
+    response: str
+    factor: str
+    grouping: str
+    named: pd.DataFrame
+
+    def law(self) -> dict[str, object]:
+        """The first columns of its rows in both tables."""
+        return {"response": self.response, "factor": self.factor, "grouping": self.grouping}
+
+
+def _pooled(task: tuple[pd.DataFrame, str, str | None], level: float) -> PooledExponents:
+    table, factor, by = task
+    return pooled_exponents(table, factor, by=by, level=level)
+
+
+def _exponents(results: pd.DataFrame, groups: Sequence[str]) -> Iterator[tuple[_Exponent, pd.DataFrame]]:
+    """Each exponent and grouping, and the numbers of the pairs that have it."""
     if not len(results) or "response" not in results:
         return
     laws = results["reason"].isna() | (results["reason"] == "")
@@ -159,8 +189,8 @@ def _pooled(
         for factor in _factors(rows):
             table = _table(rows, factor, groups)
             for grouping in (WHOLE, *groups) if len(table) else ():
-                by = None if grouping == WHOLE else f"family {grouping}"
-                yield str(response), grouping, pooled_exponents(table, factor, by=by, level=level), table[list(NAMED)]
+                one = _Exponent(str(response), factor, grouping, table[list(NAMED)])
+                yield one, table.drop(columns=list(NAMED))
 
 
 def _factors(rows: pd.DataFrame) -> list[str]:
@@ -181,20 +211,20 @@ def _table(rows: pd.DataFrame, factor: str, groups: Sequence[str]) -> pd.DataFra
     return table[known]
 
 
-def _families(response: str, grouping: str, made: PooledExponents) -> pd.DataFrame:
+def _families(one: _Exponent, made: PooledExponents) -> pd.DataFrame:
     if not len(made.families):
         return pd.DataFrame(columns=list(FAMILIES))
-    law = {"response": response, "factor": made.factor, "grouping": grouping, "family": made.families.index}
+    law = one.law() | {"family": made.families.index}
     values = made.families[["pairs", *ENDS]].reset_index(drop=True)
     return pd.DataFrame(law).join(values.astype({"pairs": int}))[list(FAMILIES)]
 
 
-def _pairs(response: str, grouping: str, made: PooledExponents, named: pd.DataFrame) -> pd.DataFrame:
+def _pairs(one: _Exponent, made: PooledExponents) -> pd.DataFrame:
     table = made.table
-    law = {"response": response, "factor": made.factor, "grouping": grouping, "family": table["family"]}
+    law = one.law() | {"family": table["family"]}
     new = made.families.reindex(columns=["new_low", "new_high"])
     ends = {name: table["family"].map(new[name].to_dict()).astype(float) for name in new}
-    parts = [named, pd.DataFrame(law), table[[*ALONE, *WITH, "reason"]], pd.DataFrame(ends)]
+    parts = [one.named, pd.DataFrame(law), table[[*ALONE, *WITH, "reason"]], pd.DataFrame(ends)]
     return pd.concat(parts, axis=1)[list(PAIRS)]
 
 

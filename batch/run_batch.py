@@ -2,18 +2,17 @@
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
 import pandas as pd
 
 from ..core.errors import UsageError
 from ..core.progress import Meter
 from ..pipeline.options import FitOptions
-from .engine import Run, engine, largest_memory
+from .engine import Run, SerialRun, engine, largest_memory
 from .fitting.block import fit_block
 from .fitting.concerns import is_identity
 from .outcomes import BlockOutcome, PairOutcome
@@ -25,9 +24,6 @@ from .result import Batch, Effort
 from .site import check_card, site_of
 from .source import existing_path, open_source
 from .tables import FIGURES, tables_of, write_tables
-
-T = TypeVar("T")
-R = TypeVar("R")
 
 MOST_ROWS = 250_000  # of a block: some tens of megabytes
 MOST_PAIRS = {False: 2000, True: 16}  # of a block, without and with files: both take about as long
@@ -144,8 +140,9 @@ def run(
         blocks = fit_blocks(plan, each, out, folders, workers, meter)
         removed = sweep(out, set(blocks.keys))
         meter.say("comparing")
-        tables = tables_of(plan, blocks.outcomes, table)
-        new = write_tables(out, tables)
+        map_over = workers.in_order if workers.started() else map
+        tables = tables_of(plan, blocks.outcomes, table, map_over)
+        new = write_tables(out, tables, map_over)
         report = site_of(out, card, title, jobs, meter, blocks.keys) if site and files else None
         published = report is not None and report.site is not None and not report.unchanged
     folders_made = {FIGURES: True, "pairs/": files, "site/": report is not None}
@@ -181,7 +178,8 @@ def fit_blocks(
     begun = time.perf_counter()
     memory = 0
     work = partial(fit_block, plan=replace(plan, blocks=(), unreadable={}), options=options)
-    for at, outcome in workers(work, [plan.blocks[i] for i in todo]):
+    run_on = workers if len(todo) > 1 else SerialRun()  # processes take as long to start as 10 000 pairs of a table
+    for at, outcome in run_on(work, [plan.blocks[i] for i in todo]):
         i = todo[at]
         record(out, keys[i], outcome, folders)
         memory = max(memory, outcome.memory)
@@ -203,20 +201,9 @@ def _planned(
     meter.say(f"reading {source.name}")
     plan = open_source(
         source, reading, most_rows=MOST_ROWS, most_pairs=MOST_PAIRS[files], reads=READS[files],
-        work=(out / WORK).absolute(), report=meter.say, map_over=partial(_in_order, workers),
+        work=(out / WORK).absolute(), report=meter.say, map_over=workers.in_order,
     )  # fmt: skip
     return plan if table is None else _with_identity(plan, table)
-
-
-def _in_order(workers: Run, work: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:
-    """Results in the order of the tasks, each as soon as those before it are finished."""
-    waiting: dict[int, R] = {}
-    following = 0
-    for position, result in workers(work, tasks):
-        waiting[position] = result
-        while following in waiting:
-            yield waiting.pop(following)
-            following += 1
 
 
 def _with_identity(plan: Plan, table: pd.DataFrame) -> Plan:

@@ -1,7 +1,7 @@
 """The tables of a batch: results by pair and law, attention, comparison, as frames and as CSV with all digits."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from ..core.verdict import NOT_JUDGED
 from ..datasets.vocabulary import ROLES
 from .attention import Attention, attention_frame, attention_summary, with_families
 from .comparison import Comparison, compare
+from .engine import MapOver
 from .law_rows import (
     AFTER,
     BEFORE,
@@ -38,6 +39,7 @@ from .pair_table import unknown_pairs, with_groups
 from .plan import Plan
 
 _QUOTED = re.compile(r'[,"\n\r]')
+AT_ONCE = 5000  # rows of a table that are written by one process
 
 
 def results_frame(outcomes: Sequence[PairOutcome], laws: pd.DataFrame, groups: Sequence[str] = ()) -> pd.DataFrame:
@@ -87,18 +89,26 @@ def _verdicts(table: pd.DataFrame) -> Column:
     return known.where((known != "") | ~fitted(table), NOT_JUDGED)
 
 
-def csv_bytes(frame: pd.DataFrame) -> bytes:
+def csv_bytes(frame: pd.DataFrame, map_over: MapOver = map) -> bytes:
     r"""A frame as CSV: UTF-8, a line feed after each row, all digits of a number, empty where it is missing.
 
-    A text that a spreadsheet would interpret as a formula (``=2+3``, ``-x``) gets an apostrophe before it. Negative
-    numbers are unchanged.
+    Rows are written by ``map_over``, ``AT_ONCE`` of them together. A text that a spreadsheet would interpret as a
+    formula (``=2+3``, ``-x``) gets an apostrophe before it. Negative numbers are unchanged.
 
     Examples
     --------
     >>> csv_bytes(pd.DataFrame({"tool": ["=2+3", "a,b"], "nobs": [12, 9], "low_V": [-0.25, None]}))
     b'tool,nobs,low_V\n\'=2+3,12,-0.25\n"a,b",9,\n'
     """
-    columns = [[_text(str(name)), *_cells(frame[name])] for name in frame]
+    parts = [frame.iloc[first : first + AT_ONCE] for first in range(0, len(frame), AT_ONCE)]
+    return b"".join([_lines([_text(str(name))] for name in frame), *map_over(_csv_rows, parts)])
+
+
+def _csv_rows(frame: pd.DataFrame) -> bytes:
+    return _lines(_cells(frame[name]) for name in frame)
+
+
+def _lines(columns: Iterable[list[str]]) -> bytes:
     return ("\n".join(map(",".join, zip(*columns, strict=True))) + "\n").encode(errors="replace")
 
 
@@ -187,7 +197,9 @@ class Tables:
         }
 
 
-def tables_of(plan: Plan, blocks: Sequence[BlockOutcome], about: pd.DataFrame | None) -> Tables:
+def tables_of(
+    plan: Plan, blocks: Sequence[BlockOutcome], about: pd.DataFrame | None, map_over: MapOver = map
+) -> Tables:
     """The tables of a batch; ``about`` is the table of pairs with their groups."""
     outcomes = [pair for block in blocks for pair in block.pairs]
     warnings = [PART] if plan.unreadable else []
@@ -197,7 +209,7 @@ def tables_of(plan: Plan, blocks: Sequence[BlockOutcome], about: pd.DataFrame | 
         outcomes = list(with_groups(outcomes, about))
     groups = _groupings(outcomes, plan.reading.groups)
     results = results_frame(outcomes, laws_of(blocks), groups)
-    comparison = compare(results, groups)
+    comparison = compare(results, groups, map_over=map_over)
     outcomes = with_families(outcomes, results, comparison.pairs)
     return Tables(
         results=results,
@@ -218,12 +230,12 @@ def laws_of(blocks: Sequence[BlockOutcome]) -> pd.DataFrame:
     ])  # fmt: skip
 
 
-def write_tables(out: Path, tables: Tables) -> bool:
+def write_tables(out: Path, tables: Tables, map_over: MapOver = map) -> bool:
     """Write tables and figures into ``out``, and remove figures of laws that no longer exist; True if any table is new.
 
     Figures are written first: unchanged tables then mean unchanged figures.
     """
-    contents = {name: csv_bytes(frame) for name, frame in tables.files().items()}
+    contents = {name: csv_bytes(frame, map_over) for name, frame in tables.files().items()}
     pictured = {name: contents[name] for name in ("comparison.csv", "pooled.csv")}
     if not (all(holds(out, name, content) for name, content in pictured.items()) and _stand(out, tables.comparison)):
         drawn = _drawn(out, tables)

@@ -46,10 +46,12 @@ def to_results(source, out, workers, files, most_pairs):
     options = BatchOptions(files=files)
     begun = time.perf_counter()
     with prepare(out, source.name, options, force=True):
-        plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=out / ".batch" / "source")
+        work = out / ".batch" / "source"
+        over = workers.in_order
+        plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=work, map_over=over)
         done = fit_blocks(plan, options, out, folder_names(plan.pairs) if files else {}, workers, Meter(0, "pairs"))
         results = results_frame([pair for block in done.outcomes for pair in block.pairs], laws_of(done.outcomes))
-        put(out, "results.csv", csv_bytes(results))
+        put(out, "results.csv", csv_bytes(results, over))
     return time.perf_counter() - begun, done.effort.seconds, results
 
 

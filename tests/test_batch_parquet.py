@@ -5,6 +5,7 @@ frame that was written.
 """
 
 import os
+import pickle
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -16,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from fitmodels.batch.plan import Pair, Plan, Reading
+from fitmodels.batch.source import parquet_index as indexer
 from fitmodels.batch.source import parquet_reading as reader
 from fitmodels.batch.source import sorted_copies as copier
 from fitmodels.batch.source.common import packed
@@ -554,3 +556,19 @@ def test_hidden_files_and_the_folder_of_the_work_are_no_part_of_the_source(tmp_p
     write(table, folder / ".trash" / "b.parquet")
     write(table, folder / "out" / "sorted" / "c.parquet")
     assert planned(folder, work=folder / "out").rows == len(table)
+
+
+def test_a_large_source_is_indexed_by_several_processes(tmp_path, monkeypatch):
+    """Row groups go to them together, as many as are worth a task, and the plan is the same."""
+    source = write(a_shop(), tmp_path / "lab.parquet", row_group_size=16)
+    serial = planned(source, map_over=lambda *given: pytest.fail("so few rows are indexed here"))
+    monkeypatch.setattr(indexer, "BATCH", 40)
+    monkeypatch.setattr(indexer, "MANY", 2)
+    tasks = []
+
+    def map_over(work, given):
+        tasks.extend(given)
+        return pickle.loads(pickle.dumps([work(task) for task in tasks]))  # noqa: S301  written here
+
+    assert planned(source, map_over=map_over) == serial
+    assert [len(task) for task in tasks] == [2, 1]  # of nine row groups those that hold two pairs

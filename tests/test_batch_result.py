@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import pickle
 import re
 import shutil
 import subprocess
@@ -15,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels.batch import output_folder as place
-from fitmodels.batch import records
+from fitmodels.batch import records, tables
 from fitmodels.batch.attention import SCATTERS, UNLIKE, attention_frame, attention_summary, with_families
 from fitmodels.batch.law_rows import LAW, law_table
 from fitmodels.batch.outcomes import NO_LAW, NOT_CONVERGED, REFUSED, BlockOutcome, Concern, PairOutcome
@@ -668,6 +669,26 @@ def test_numbers_are_written_as_python_writes_them(numbers):
     """With the shortest digits that read back the same, whatever version of the JSON writer there is."""
     made = csv_bytes(pd.DataFrame({"tool": "a", "V": np.array(numbers, dtype=float)})).decode().split("\n")[1:-1]
     assert made == [f"a,{'' if np.isnan(value) else repr(value)}" for value in numbers]
+
+
+def test_rows_that_several_processes_write_stand_in_their_order(monkeypatch):
+    frame = pd.DataFrame({"tool": [f"T{i}" for i in range(11)], "V": np.arange(11) / 7, "n": [1, None, "x", *range(8)]})
+    together = csv_bytes(frame)
+    monkeypatch.setattr(tables, "AT_ONCE", 3)
+    sizes = []
+
+    def map_over(work, parts):
+        sizes.extend(map(len, parts))
+        return map(work, parts)
+
+    assert csv_bytes(frame, map_over) == together
+    assert sizes == [3, 3, 3, 2]
+
+
+def test_outcomes_are_the_same_in_another_process():
+    few = (Concern("few edges", "4"),)
+    both = PairOutcome("a", "b", 3, "few rows", few, {"grade": "P"}, True, {"params.json": b"{}"}), Pair("a", "b")
+    assert pickle.loads(pickle.dumps(both)) == both  # noqa: S301  written here
 
 
 def test_pandas_reads_the_same_numbers(tmp_path):

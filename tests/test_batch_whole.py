@@ -15,6 +15,7 @@ from fitmodels import batch, datasets, parameters
 from fitmodels.batch import exponent_figures as draw
 from fitmodels.batch import run_batch
 from fitmodels.batch.engine import Run
+from fitmodels.batch.engine.joblib_processes import Processes
 from fitmodels.batch.tables import csv_bytes
 from fitmodels.batch.terminal import laws_block
 from fitmodels.core.errors import DataError, UsageError
@@ -545,3 +546,11 @@ def test_what_is_simulated_says_so_in_the_table_the_words_and_the_pictures(tmp_p
     assert made.simulated == 2
     assert "2 simulated" in " ".join(repr(made).split())
     assert banners == ["2 of these pairs simulated, not measured"]
+
+
+def test_a_table_of_one_block_starts_no_processes(tmp_path, monkeypatch):
+    """They would take longer to start than it takes to fit."""
+    monkeypatch.setattr(Processes, "_submit", lambda *given: pytest.fail("a process was started"))
+    made = batch.run(parquet(tmp_path / "lab.parquet", pairs=2), tmp_path / "out", files=False, jobs=2)
+    assert len(made.plan.blocks) == 1
+    assert len(made.results) == 2

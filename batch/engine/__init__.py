@@ -3,7 +3,7 @@
 Nothing here depends on cutting. joblib and Dask schedule and move data; Dask repeats the tasks of a dead worker.
 """
 
-from .base import Run, largest_memory
+from .base import MapOver, Run, SerialRun, largest_memory
 from .selection import engine
 
-__all__ = ["Run", "engine", "largest_memory"]
+__all__ = ["MapOver", "Run", "SerialRun", "engine", "largest_memory"]

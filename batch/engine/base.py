@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 
 @contextmanager
@@ -61,6 +61,8 @@ def largest_memory() -> int:
 
 T = TypeVar("T")
 R = TypeVar("R")
+MapOver = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+"""A function over tasks, results in their order: the built-in ``map``, or `Run.in_order`."""
 
 
 class Run(ABC):
@@ -81,10 +83,27 @@ class Run(ABC):
     def describe(self) -> str:
         """Description of the engine."""
 
+    def started(self) -> bool:
+        """Whether its processes run: those of this machine start with the first task, which takes them a second."""
+        return True
+
     def map(self, work: Callable[[T], R], tasks: Iterable[T]) -> list[R]:
         """All results in the order of the tasks."""
-        results = dict(self(work, tasks))
-        return [results[position] for position in range(len(results))]
+        return list(self.in_order(work, tasks))
+
+    def in_order(self, work: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:
+        """Results in the order of the tasks, each as soon as those before it are finished.
+
+        >>> list(SerialRun().in_order(abs, [-1, 2]))
+        [1, 2]
+        """
+        waiting: dict[int, R] = {}
+        following = 0
+        for position, result in self(work, tasks):
+            waiting[position] = result
+            while following in waiting:
+                yield waiting.pop(following)
+                following += 1
 
 
 class SerialRun(Run):

@@ -1,8 +1,7 @@
 """What all kinds of sources share: suffixes, limits, blocks of pairs, names in a sentence."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,6 @@ LARGE = 60_000_000  # bytes of a text file; read whole it takes ten times as muc
 SHOWN = 3  # names in a sentence
 
 Ints = NDArray[np.intp]
-MapOver = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 
 def is_large(path: Path) -> bool:

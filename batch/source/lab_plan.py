@@ -9,10 +9,11 @@ from ...core.errors import DataError, FitmodelsError, UsageError
 from ...core.rounding import count
 from ...core.suggestions import did_you_mean
 from ...datasets.vocabulary import ROLES
+from ..engine import MapOver
 from ..engine.base import no_report
 from ..outcomes import defect_sentence
 from ..plan import Block, Pair, Piece, Plan, Reading
-from .common import STREAMED, MapOver, is_large, packed, some_names
+from .common import STREAMED, is_large, packed, some_names
 from .lab_files import group_column, is_named_by_file, read_lab_file
 
 

@@ -1,7 +1,9 @@
 """Row groups of a Parquet source: rows batch by batch, and the pairs that each contains."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ import numpy as np
 from ...core.arrays import Array, Ints
 from ...datasets.columns import ColumnUse
 from ...datasets.vocabulary import ROLES, UNNAMED
+from ..engine import MapOver
 from ..plan import Pair, Piece, Reading
 from .parquet_arrow import (
     UNREADABLE,
@@ -27,6 +30,8 @@ from .parquet_arrow import (
 from .parquet_schema import FILE_NAME, ParquetFile, SourceColumns, footer, mismatch, names_of_files, number_of
 
 BATCH = 262_144  # rows
+MANY = 32  # tasks of so many rows
+NONE = np.zeros(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,27 +167,81 @@ class Index:
         return self.number.setdefault(pair, len(self.number))
 
 
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """Pairs that a row group names, in order of appearance, the rows of each, or the reason why it cannot be read."""
+
+    pairs: tuple[tuple[str, str], ...]
+    counts: Ints
+    unreadable: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A row group, or a file that cannot be used: its name, its rows, and its contents where the footer shows them."""
+
+    file: int
+    name: str
+    contents: Contents | None
+    piece: Piece | None = None
+    rows: int = 0
+
+
 def indexed(
-    files: tuple[ParquetFile, ...], known: SourceColumns, reading: Reading, report: Callable[[str], None]
+    files: tuple[ParquetFile, ...],
+    known: SourceColumns,
+    reading: Reading,
+    report: Callable[[str], None],
+    map_over: MapOver = map,
 ) -> Index:
-    """Index of all files, in order; a file or a row group that cannot be read is recorded and skipped."""
+    """Index of all files, in order; a file or a row group that cannot be read is recorded and skipped.
+
+    Columns that name the pairs are read through ``map_over`` where there are ``MANY`` tasks: processes take longer to
+    start than fewer take.
+    """
     index = Index()
     keys = tuple(use for use in known.columns if use.role in UNNAMED and getattr(reading, str(use.role)) is None)
+    found = list(_row_groups(files, known, keys, reading))
+    work = partial(contents_of, keys=keys, reading=reading)
+    tasks = list(_together(found))
+    read = chain.from_iterable((map if len(tasks) < MANY else map_over)(work, tasks))
+    for before, one in zip([None, *found], found, strict=False):
+        if one.file and one.file % 500 == 0 and before is not None and before.file != one.file:
+            report(f"indexed {one.file} of {len(files)} files: {len(index.number)} pairs")
+        contents = next(read) if one.contents is None else one.contents
+        if contents.unreadable:
+            index.unreadable[one.name] = contents.unreadable
+        elif one.piece is not None and len(contents.pairs):
+            numbers = np.array([index.of(pair) for pair in contents.pairs], dtype=np.intp)
+            index.held.append(Held(one.piece, numbers, contents.counts))
+    return index
+
+
+def _row_groups(
+    files: tuple[ParquetFile, ...], known: SourceColumns, keys: tuple[ColumnUse, ...], reading: Reading
+) -> Iterator[_Found]:
+    """Row groups of all files, by their footers alone."""
     stems = names_of_files(files) if any(use.header == FILE_NAME for use in keys) else None
     for i, file in enumerate(files):
-        if i and i % 500 == 0:
-            report(f"indexed {i} of {len(files)} files: {len(index.number)} pairs")
-        own = _own_partition(file, known, None if stems is None else stems[i])
+        partition = _own_partition(file, known, None if stems is None else stems[i])
         try:
             facts = footer(str(file.path), file.stamp)
         except UNREADABLE as error:
-            index.unreadable[file.name] = f"{file.name}: cannot be read: {why(error)}."
+            yield _Found(i, file.name, _unreadable(file.name, error))
             continue
         if reason := mismatch(file, facts.schema.to_arrow_schema(), known, reading):
-            index.unreadable[file.name] = reason
-        else:
-            _add_file(index, replace(file, partition=own), facts, keys, reading)
-    return index
+            yield _Found(i, file.name, Contents((), NONE, reason))
+            continue
+        for j in range(facts.num_row_groups):
+            name = f"{file.name}, row group {j}" if facts.num_row_groups > 1 else file.name
+            piece = Piece(str(file.path), name, file.stamp, j, partition)
+            try:
+                rows = facts.row_group(j).num_rows
+                pair = _only_pair(piece, facts, keys, reading) if rows else None
+            except UNREADABLE as error:
+                yield _Found(i, name, _unreadable(name, error))
+            else:
+                yield _Found(i, name, None if pair is None else Contents((pair,), np.array([rows])), piece, rows)
 
 
 def _own_partition(file: ParquetFile, known: SourceColumns, stem: str | None) -> tuple[tuple[str, str], ...]:
@@ -191,34 +250,43 @@ def _own_partition(file: ParquetFile, known: SourceColumns, stem: str | None) ->
     return partition if stem is None or FILE_NAME in known.kinds else (*partition, (FILE_NAME, stem))
 
 
-def _add_file(index: Index, file: ParquetFile, facts: Any, keys: tuple[ColumnUse, ...], reading: Reading) -> None:  # noqa: ANN401
-    several = facts.num_row_groups > 1
-    for i in range(facts.num_row_groups):
-        name = f"{file.name}, row group {i}" if several else file.name
-        piece = Piece(str(file.path), name, file.stamp, i, file.partition)
-        try:
-            held = _held(index, piece, facts, keys, reading)
-        except UNREADABLE as error:
-            index.unreadable[name] = f"{name}: cannot be read: {why(error)}."
-        else:
-            if len(held.pairs):
-                index.held.append(held)
+def _together(found: Iterable[_Found]) -> Iterator[tuple[Piece, ...]]:
+    """Row groups whose columns are read, as many as are one task."""
+    task: list[Piece] = []
+    rows = 0
+    for one in found:
+        if one.contents is None and one.piece is not None:
+            if task and rows + one.rows > BATCH:
+                yield tuple(task)
+                task, rows = [], 0
+            task.append(one.piece)
+            rows += one.rows
+    if task:
+        yield tuple(task)
 
 
-def _held(index: Index, piece: Piece, facts: Any, keys: tuple[ColumnUse, ...], reading: Reading) -> Held:  # noqa: ANN401
-    rows = facts.row_group(piece.row_group).num_rows
-    pair = _only_pair(piece, facts, keys, reading) if rows else None
-    if pair is not None:
-        return Held(piece, np.array([index.of(pair)]), np.array([rows]))
-    named: dict[tuple[str, str], int] = {}  # a row group that breaks off names no pair to the index
+def contents_of(pieces: Sequence[Piece], keys: tuple[ColumnUse, ...], reading: Reading) -> list[Contents]:
+    """Contents of row groups by the columns ``keys`` that name the pairs."""
+    return [_contents(piece, keys, reading) for piece in pieces]
+
+
+def _contents(piece: Piece, keys: tuple[ColumnUse, ...], reading: Reading) -> Contents:
+    named: dict[tuple[str, str], int] = {}
     counts: list[Ints] = []
-    for part in parts(piece, keys, reading):
-        here = numbered(part.tool, part.work, lambda pair: named.setdefault(pair, len(named)))
-        counts.append(np.bincount(here, minlength=len(named)))
+    try:
+        for part in parts(piece, keys, reading):
+            here = numbered(part.tool, part.work, lambda pair: named.setdefault(pair, len(named)))
+            counts.append(np.bincount(here, minlength=len(named)))
+    except UNREADABLE as error:  # a row group that breaks off names no pair to the index
+        return _unreadable(piece.name, error)
     total = np.zeros(len(named), dtype=np.intp)
     for count in counts:
         total[: len(count)] += count
-    return Held(piece, np.array([index.of(pair) for pair in named], dtype=np.intp), total)
+    return Contents(tuple(named), total)
+
+
+def _unreadable(name: str, error: BaseException) -> Contents:
+    return Contents((), NONE, f"{name}: cannot be read: {why(error)}.")
 
 
 def _only_pair(piece: Piece, facts: Any, keys: tuple[ColumnUse, ...], reading: Reading) -> tuple[str, str] | None:  # noqa: ANN401

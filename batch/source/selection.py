@@ -12,10 +12,11 @@ from ...core.bounded import regular_status
 from ...core.errors import DataError, UsageError
 from ...core.rounding import count
 from ...datasets.tables.decode import load_bytes
+from ..engine import MapOver
 from ..engine.base import no_report
 from ..plan import Block, Plan, Reading
 from ..rows import PairRows
-from .common import LAB, PARQUET, MapOver, is_large, some_names
+from .common import LAB, PARQUET, is_large, some_names
 
 OURS = ("results.csv", "attention.csv", "comparison.csv", "pooled.csv", "pairs", "figures", "site")
 
@@ -78,7 +79,7 @@ def open_source(
 
     path = existing_path(source)
     limits: dict[str, Any] = {"most_rows": most_rows, "most_pairs": most_pairs}
-    onward: dict[str, Any] = {**limits, "work": work, "report": report, "reads": reads}
+    onward: dict[str, Any] = {**limits, "work": work, "report": report, "reads": reads, "map_over": map_over}
     if not path.is_dir():
         regular_status(path, "stream")
     inside = folder_contents(path)
