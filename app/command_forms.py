@@ -100,10 +100,13 @@ def _is_whole(content: object) -> bool:
     if not isinstance(content, dict):
         return False
     laws, design, parts = content.get("laws") or {}, content.get("design") or {}, {"symbol", "quantity", "unit"}
+    line = content.get("load_line") or {}
     return (
         isinstance(laws, dict)
         and all(isinstance(law, dict) and isinstance(law.get("verdict") or {}, dict) for law in laws.values())
         and isinstance(design, dict)
+        and isinstance(line, dict)
+        and all(isinstance(line.get(name) or {}, dict) for name in ("lower", "upper"))
         and all(isinstance(one, dict) and one.keys() >= parts for one in design.get("factors") or ())
     )
 
@@ -180,7 +183,7 @@ def _of_control(of: Subject) -> tuple[Action, ...]:
 def tune(of: Subject) -> Action:
     """The form of the gains; its limits are the feed limits of Constant load, where the file has them."""
     line = of.content.get("load_line") or {}
-    low, high = (line.get(name) for name in ("lower", "upper"))
+    low, high = ((line.get(name) or {}).get("value") for name in ("lower", "upper"))
     ends, unit = ("", ""), ""
     if isinstance(low, int | float) and isinstance(high, int | float):
         ends, unit = (f"{math.ceil(low)}", f"{math.floor(high)}"), str(line.get("unit_feed") or "")
@@ -220,6 +223,11 @@ SIGNALS = (
     Input("input", "commanded column", "--input {}"),
     Input("output", "measured column", "--output {}"),
     Input("rate", "samples per second", "--rate {}"),
+    Input("time", "column of times", "--time {}", is_rare=True),
+    Input("sample-time", "seconds between samples", "--sample-time {}", is_rare=True),
+    Input("resample", "resample uneven samples to, Hz", "--resample {}", is_rare=True),
+    Input("reference", "column of the set point, of a run in closed loop", "--reference {}", is_rare=True),
+    Input("unit", "unit of a column", "--unit {}", "time=ms", is_rare=True),
 )
 SPECIFICATION = (
     Input("rise", "rise time at most, s", "--rise {}", "2"),

@@ -35,6 +35,7 @@ FIELDS: Final = {  # of the option of a file: label of its field, and its id on 
     "--reference": ("Set point", "set-reference"),
     "--rate": ("Samples per second", "set-rate"),
     "--time": ("Time", "set-time"),
+    "--sample-time": ("Seconds between samples", "set-sample-time"),
     "--resample": ("Resample to, Hz", "set-resample"),
     "--full": ("card", "card"),
     "--force": ("button below", "laws-answer"),
@@ -72,7 +73,8 @@ PREFIX: Final = re.compile(r"(?m)^fitmodels(?: [a-z-]+)?: ")
 HELP: Final = re.compile(r"[;,]?\s+see\s+'fitmodels\s+[a-z-]+\s+-h'")
 NEXT: Final = re.compile(r"(?m)^Next\n(?:[ \t].*\n?)*")
 PLAIN: Final = (
-    (re.compile(r"by\s+the\s+option\s+of\s+its\s+name"), "by the field of its name under Thresholds and times"),
+    (re.compile(r"(?<!with)(?<!by)\s+--force\b"), ""),  # forms replace what they wrote before
+    (re.compile(r"by\s+the\s+option\s+of\s+its\s+name"), "by the field of its name under More fields"),
     (re.compile(r" \(card\.html; tables: --full\)"), ""),
 )
 
@@ -97,9 +99,10 @@ class Places:
 
     def field(self, option: str, command: str) -> tuple[str, str] | None:
         """Label and id of the field of an option of a command, without which it is one of the file."""
-        for one in self.forms[command].inputs if command in self.forms else ():
-            if one.words.startswith(option + " "):
-                return f"{self.forms[command].title}: {one.label}", f"{command}-{one.name}"
+        for name in dict.fromkeys((command, *(() if option in (*FIELDS, "--unit", "--map") else self.forms))):
+            for one in self.forms[name].inputs if name in self.forms else ():
+                if one.words.startswith(f"{option} "):
+                    return f"{self.forms[name].title}, {one.label}", f"{name}-{one.name}"
         return FIELDS.get(option)
 
 
@@ -187,7 +190,7 @@ def _is_argument(word: str) -> bool:
     [True, True, True, True, False, False]
     """
     known = word.startswith(("-", "'", '"')) or "=" in word or "/" in word
-    return known or bool(re.fullmatch(r"[A-Z]{2,}|[\w-]+\.(?:json|csv|txt|xlsx?)", word))
+    return known or bool(re.fullmatch(r"[A-Z]\w{0,3}|[A-Z]{2,}|[\w-]+\.(?:json|csv|txt|xlsx?)", word))
 
 
 def _pairs_of(words: Sequence[str]) -> list[tuple[str, str]]:

@@ -10,7 +10,7 @@ FLAGS: Final = ("--hidden",)
 BY_ROLE: Final = ("--map", "--unit", "--range", "--value", "--form")  # once for each role
 OF_ROWS: Final = ("--correct", "--leave-out")  # once for each target
 OF_FITTING: Final = ("--law", "--error", "--criterion", "--gauge-sd", "--form", "--by")
-OF_RECORD: Final = ("--input", "--output", "--reference", "--time", "--rate", "--resample")
+OF_RECORD: Final = ("--input", "--output", "--reference", "--time", "--rate", "--sample-time", "--resample")
 OF_OUTPUT: Final = ("--force", "--out", "--full", "--quiet", "--json")
 
 

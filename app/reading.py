@@ -153,7 +153,7 @@ SINGLE = {
     name: f"--{name}"
     for name in (
         "edge", "tool", "work", "criterion", "gauge-sd", "by", "process", "decimal", "delimiter", "sheet", "hidden",
-        "correct", "input", "output", "reference", "time", "rate", "resample",
+        "correct", "input", "output", "reference", "time", "rate", "sample-time", "resample",
     )
 }  # fmt: skip
 OF_ROLE = {"value": "--value", "range": "--range", "form": "--form"}

@@ -405,7 +405,14 @@ def test_results_that_are_damaged_do_not_stop_the_page(tmp_path):
         one.upload("gc.csv", BUNDLED)
         one.until_done("/files/gc.csv/laws")
         (name,) = one.page.project.parameter_files(one.page.project.entry("gc.csv"))
-        for text in ("{", "[]", '{"laws": []}', '{"laws": {"P": 1}}', '{"design": {"factors": [1]}}'):
+        for text in (
+            "{",
+            "[]",
+            '{"laws": []}',
+            '{"laws": {"P": 1}}',
+            '{"design": {"factors": [1]}}',
+            '{"load_line": {"lower": 1}}',
+        ):
             (tmp_path / name).write_text(text)
             (tmp_path / name).with_name("card.json").write_text(text)
             for page in ("/", "/files/gc.csv", "/files/gc.csv/laws", "/files/gc.csv/machine"):
@@ -539,7 +546,7 @@ def test_every_form_is_a_command_that_parses(tmp_path):
 
 def test_the_limits_of_the_gains_are_those_of_the_constant_load(tmp_path):
     """The feed limits that the settings gave, and their unit, stand in the form of the gains."""
-    line = {"lower": 513.005, "upper": 1031.23, "unit_feed": "mm/min"}
+    line = {"lower": {"value": 513.005}, "upper": {"value": 1031.23}, "unit_feed": "mm/min"}
     (tmp_path / "params.json").write_text(json.dumps({"laws": {"I": {"unit": "A"}}, "load_line": line}))
     forms = {one.name: one for one in actions(subject_of(tmp_path, "d", "params.json", []))}
     assert {one.name: one.value for one in forms["tune"].inputs if one.value} == {
