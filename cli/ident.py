@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
+from ..core.journal import recover
 from .arguments import Parser, pairs, parameter_file, traced, typed
 from .output import Printer, output_options, print_json
 from .physical import SECTION, check_options, physical_options, report
@@ -157,6 +158,7 @@ def _target(args: argparse.Namespace) -> Path | None:
     if args.params is not None or (args.json and not args.out):
         return None
     folder = Path(args.out or f"{Path(args.file[0]).stem}-fit")
+    recover(folder)
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; choose a folder with --out.")
     if not args.force and folder.is_dir() and any(folder.iterdir()):

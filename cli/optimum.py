@@ -6,6 +6,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
+from ..core.journal import recover
 from .arguments import Parser, measured, parameter_file, values
 from .options import further
 from .output import output_options, print_json, print_lines
@@ -94,6 +95,7 @@ def _target(figure: str | None, force: bool) -> Path | None:
     path = Path(figure)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise UsageError(f"--figure {figure}: give a name that ends in .png, .svg or .pdf.")
+    recover(path)
     if path.exists() and not force:
         raise UsageError(f"{figure} exists; replace it with --force.")
     return path

@@ -159,12 +159,14 @@ def write_table(frame: "pd.DataFrame", args: argparse.Namespace, notes: list[str
 def target(out: str | None, force: bool) -> Path | TextIO:
     """Standard output, or a file that may be written."""
     from ..core.errors import UsageError
+    from ..core.journal import recover
 
     if out is None:
         return sys.stdout
     path = Path(out)
     if path.is_dir() or not path.parent.is_dir():
         raise UsageError(f"{out}: give the name of a file in a folder that exists.")
+    recover(path)
     if path.exists() and not force:
         raise UsageError(f"{out} exists; replace it with --force, or choose another name.")
     return path

@@ -516,11 +516,33 @@ def test_interrupted_or_racing_commands_leave_the_former_files_or_the_new_ones(n
     assert {count.split()[0] for count in found["counts"]} & outcomes
 
 
-def test_compare_that_refuses_to_replace_a_picture_removes_what_a_killed_one_left(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.parametrize(
+    ("words", "result"),
+    [
+        ("compare {table} --figure forms.png", "forms.png"),
+        ("plan --range V=50:200 --range f=0.06:0.6 --out plan.csv", "plan.csv"),
+        ("optimum {params} --figure cost.png", "cost.png"),
+        ("ident {record} --tool T --work W --out id", "id"),
+        ("ident {chirp} --as force-process --depth 2 --spindle 3000rpm --tool T --work W --out id", "id"),
+    ],
+    ids=lambda text: text.split()[0],
+)
+def test_a_refusal_to_replace_removes_what_a_killed_command_left(words, result, tmp_path, monkeypatch):
+    write(published("AC-2017"), tmp_path / "params.json")
+    (work := tmp_path / "work").mkdir()
+    monkeypatch.chdir(work)
     monkeypatch.setattr(journal, "_SEARCHED", {})
-    left = tmp_path / temporary_name().replace(f"-{os.getpid()}-", "-4194399-")  # killed between link and unlink
-    left.touch()
-    os.link(left, "forms.png")
-    assert main(["compare", str(datasets.bundled("gc435_709m40")), "--figure", "forms.png"]) == 2
-    assert [path.name for path in tmp_path.iterdir()] == ["forms.png"]
+    left = work / temporary_name().replace(f"-{os.getpid()}-", "-4194399-")
+    if result == "id":  # killed between the two renames of a folder and the removal of the hidden one
+        cards.write(published("AC-2017"), work / "id")
+        left.mkdir()
+    else:  # killed between link and unlink
+        left.touch()
+        os.link(left, result)
+    known = {"table": datasets.bundled("gc435_709m40"), "params": "../params.json"}
+    known |= {
+        "record": BENCHMARKS.parent / "docs/examples/drive.csv",
+        "chirp": BENCHMARKS.parent / "docs/examples/force-chirp.csv",
+    }
+    assert main(shlex.split(words.format(**known))) == 2
+    assert [path.name for path in work.iterdir()] == [result]
