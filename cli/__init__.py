@@ -46,6 +46,7 @@ def entry() -> int:
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         # small matrices: several threads cost ten times what they save on a busy machine
         os.environ.setdefault(name, "1")
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else all installed packages are searched for some
     os.environ["MPLBACKEND"] = "agg"  # figures are written, none is shown
     gc.disable()  # the collector takes a tenth of the whole time, most of it while importing
     for name in ("stdout", "stderr"):

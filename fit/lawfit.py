@@ -205,16 +205,18 @@ class LawFit(Predicts, RowAccess, LawFigures):
     @property
     def cov_params(self) -> pd.DataFrame:
         """Covariance of ``params``, the constant of a logarithmic law by the delta method; NaN if none."""
+        return pd.DataFrame(self._cov_params(), index=list(self.names), columns=list(self.names))
+
+    def _cov_params(self) -> Array:
         slope = np.ones(len(self.theta))
         if self.formula.logarithmic:
             slope[0] = np.exp(self.theta[0])
-        cov = self.covariance() * np.outer(slope, slope)
-        return pd.DataFrame(cov, index=list(self.names), columns=list(self.names))
+        return self.covariance() * np.outer(slope, slope)
 
     @property
     def bse(self) -> "pd.Series[float]":
         """Standard errors of ``params``, by edge where the edges allow it."""
-        return pd.Series(np.sqrt(np.diag(self.cov_params)), index=list(self.names), name="bse")
+        return pd.Series(np.sqrt(np.diag(self._cov_params())), index=list(self.names), name="bse")
 
     @property
     def row_bse(self) -> "pd.Series[float]":

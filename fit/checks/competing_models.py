@@ -282,15 +282,13 @@ def prediction_errors(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
         return np.asarray(fit.residuals + np.einsum("ij,ij->i", fit.Z @ L, Q) * fit.rest / left)
     missed = fit.residuals.copy()
     order = np.argsort(codes, kind="stable")
-    bounds = np.searchsorted(codes[order], np.arange(int(codes.max()) + 2))
-    for g in range(int(codes.max()) + 1):
-        rows = order[bounds[g] : bounds[g + 1]]
-        left = np.eye(Q.shape[1]) - Q[rows].T @ Q[rows]
-        if np.linalg.eigvalsh(left)[0] < ALONE:
-            return NotAvailable(
-                "one edge alone determines one of its parameters: test another edge near its conditions"
-            )
-        missed[rows] += fit.Z[rows] @ (L @ np.linalg.solve(left, Q[rows].T @ fit.rest[rows]))
+    units = np.split(order, np.searchsorted(codes[order], np.arange(1, int(codes.max()) + 1)))
+    left = np.eye(Q.shape[1]) - np.stack([Q[rows].T @ Q[rows] for rows in units])
+    if np.linalg.eigvalsh(left)[:, 0].min() < ALONE:
+        return NotAvailable("one edge alone determines one of its parameters: test another edge near its conditions")
+    moves = np.linalg.solve(left, np.stack([Q[rows].T @ fit.rest[rows] for rows in units])[:, :, None])[:, :, 0]
+    for rows, move in zip(units, moves, strict=True):
+        missed[rows] += fit.Z[rows] @ (L @ move)
     return missed
 
 

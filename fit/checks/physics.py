@@ -67,7 +67,8 @@ def _intervals(law: LawFit) -> dict[str, tuple[float, float, float]] | NotAvaila
     """Exponent of each factor and the ends of its interval."""
     if law.form == "power":
         ends = law.conf_int()
-        return {name: (float(law.params[name]), float(ends.low[name]), float(ends.high[name])) for name in law.factors}
+        params = law.params
+        return {name: (float(params[name]), float(ends.low[name]), float(ends.high[name])) for name in law.factors}
     return NotAvailable(NO_ROWS) if law.rows is None else local_exponents(law)
 
 

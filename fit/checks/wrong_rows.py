@@ -315,15 +315,15 @@ def _equal_sequences(law: LawFit, names: NDArray[np.object_]) -> tuple[list[tupl
     sd = _row_sd(law) * _size(law, y)
     chance = np.minimum(_resolution(y) / (2 * math.sqrt(math.pi) * sd), 1.0)
     near = np.searchsorted(np.sort(y), y + 2 * sd, "right") - np.searchsorted(np.sort(y), y - 2 * sd)
-    k = FEWEST_COPIED
-    n = len(y) - k + 1
+    k, n = FEWEST_COPIED, len(y) - FEWEST_COPIED + 1
     if n < 2:
         return [], 1.0
-    whole = edge[:n] == edge[k - 1 :]
-    grams = pd.DataFrame({j: y[j : j + n] for j in range(k)})[whole]
+    grams = pd.DataFrame({j: y[j : j + n] for j in range(k)})[edge[:n] == edge[k - 1 :]]
+    grams = grams[grams.duplicated(keep=False)]
+    if grams.empty:
+        return [], 1.0
     pairs = n**2 / 2
-    best: dict[tuple[str, str], tuple[str, str, int, float]] = {}
-    smallest = 1.0
+    smallest, best = 1.0, dict[tuple[str, str], tuple[str, str, int, float]]()
     for where in grams.groupby(list(grams.columns), sort=False).indices.values():
         for a, b in pairwise(grams.index.to_numpy()[where]):
             if edge[a] == edge[b]:

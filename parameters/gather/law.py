@@ -357,11 +357,12 @@ def _published(law: "LawFit", tool: str, work: str) -> dict[str, Any] | None:
 
 def _equation(law: "LawFit") -> str:
     """The equation with its numbers at six digits: at the reference level, then the factor or shift of each level."""
-    right = law.formula.equation([f"{float(law.params[name]):.6g}" for name in law.formula.names])
+    params = dict(law.params)
+    right = law.formula.equation([f"{float(params[name]):.6g}" for name in law.formula.names])
     text = f"{law.response} = {right}"
     if law.by is None:
         return text
-    levels = [_level(law, level, float(law.params[f"{law.by.column}[{level}]"])) for level in law.by.levels]
+    levels = [_level(law, level, float(params[f"{law.by.column}[{level}]"])) for level in law.by.levels]
     return "; ".join([f"{text} for {law.by.column} {law.by.reference}", *levels])
 
 
