@@ -151,6 +151,10 @@ def test_the_bundled_file_is_dropped_and_gives_what_the_command_gives(opened, tm
     assert "Outside the tested region" in frame.locator("#profiler-where").inner_text()
     same_by_command(tab, "gc.csv", content, tmp_path / "other", monkeypatch)
     assert "Power P at most 7 kW" in run(tab, "limits", P="7kW", AW="0.3mm")
+    assert "has no costs; write them with Costs" in run(tab, "optimum")
+    tab.locator("#answer-optimum a").click()  # opens the form, with the values that the message names
+    assert tab.locator("#costs-machine").input_value() == "60/h"
+    assert tab.locator("#costs-machine").is_visible()
 
 
 def test_a_german_file_and_a_workbook_with_a_cover_sheet_are_dropped(opened, tmp_path, monkeypatch):
@@ -160,6 +164,8 @@ def test_a_german_file_and_a_workbook_with_a_cover_sheet_are_dropped(opened, tmp
         assert wear in laws_of(tab)
         assert "Verschleiß" in tab.locator("#reading table select").nth(0).inner_text()
         same_by_command(tab, name, content, tmp_path / Path(name).stem, monkeypatch)
+    assert tab.locator("#role-1 option[lang=de]").count() > 20
+    assert tab.locator("#reading > p strong").inner_text() == "Messwerte"
     assert "GC4035 on 42CrMo4" in tab.locator("#reading").inner_text()
 
 
