@@ -57,7 +57,9 @@ class PanelAxis:
     seen: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
 
     def see(self, values: Any) -> None:  # noqa: ANN401  number or array
-        """Extend the range of the data."""
+        """Extend the range of the data, which counts where no ends were set."""
+        if self.ends is not None:
+            return
         values = np.asarray(values, dtype=np.float64)
         finite = values[np.isfinite(values) & ((values > 0) | (not self.log))]
         if finite.size:
@@ -141,8 +143,12 @@ class PanelAxes:
     def at(self, x: Any, y: Any) -> Array:  # noqa: ANN401
         """Data as pt from the left and from the top, shape (n, 2)."""
         left, top, width, height = self.box
-        across, up = np.broadcast_arrays(self.xaxis.share(x), self.yaxis.share(y))
-        return np.column_stack([left + width * across.ravel(), top + height * (1 - up.ravel())])
+        across, up = self.xaxis.share(x), self.yaxis.share(y)
+        if np.shape(across) != np.shape(up):
+            across, up = np.broadcast_arrays(across, up)
+        points = np.empty((np.size(across), 2))
+        points[:, 0], points[:, 1] = left + width * np.ravel(across), top + height * (1 - np.ravel(up))
+        return points
 
     def _add(self, draw: Callable[[Pen], None], zorder: float) -> None:
         self._shapes.append((zorder, draw))

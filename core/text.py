@@ -26,6 +26,7 @@ _OTHERS = (  # C0 but tab and newline, NEL, separators of lines, surrogates, non
     "\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e0fff"
 )
 _UNSAFE = re.compile(f"[{INVISIBLE}{_OTHERS}]")
+_SHOWN = bytes([9, 10, *range(32, 127)])  # tab, newline and what ASCII shows
 _FORMULA = re.compile(r"'*[=+\-@\t\r].", re.DOTALL)  # what a spreadsheet would compute
 
 
@@ -44,7 +45,13 @@ def printable(text: str, mark: str = MARK) -> str:
     >>> printable("GC435\x1b[2J \u202eabc", "?")
     'GC435?[2J ?abc'
     """
-    return text if text.isascii() and text.isprintable() else _UNSAFE.sub(mark, text)
+    return text if (text.isascii() and text.isprintable()) or _is_safe(text) else _UNSAFE.sub(mark, text)
+
+
+def _is_safe(text: str) -> bool:
+    """Whether nothing in a text is to be marked: shown ASCII is dropped at once, the few others are compared."""
+    others = text.encode("utf-8", "surrogatepass").translate(None, _SHOWN)
+    return not others or _UNSAFE.search(others.decode("utf-8", "surrogatepass")) is None
 
 
 def one_line(text: object, mark: str = MARK) -> str:
@@ -137,7 +144,7 @@ def json_text(data: Any, **options: Any) -> str:  # noqa: ANN401
 
 def escaped(written: str) -> str:
     """JSON that another library has written, as `json_text` writes it."""
-    return _UNSAFE.sub(lambda found: json.dumps(found[0])[1:-1], written)
+    return written if _is_safe(written) else _UNSAFE.sub(lambda found: json.dumps(found[0])[1:-1], written)
 
 
 def spreadsheet_cell(text: str) -> str:

@@ -60,8 +60,10 @@ def leverages(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -
 
 def _leverages(facts: Facts, U: Array, at: NDArray[np.intp]) -> Array:
     """Leverage in each space at coded points U (..., k) of the level numbers ``at``, shape (...,)."""
-    shifts = [(at == j).astype(float) for j in range(1, len(facts["levels"]))]
-    z = np.stack([np.ones(U.shape[:-1]), *np.moveaxis(U, -1, 0), *shifts], axis=-1)
+    k, levels = U.shape[-1], max(1, len(facts["levels"]))
+    z = np.ones((*U.shape[:-1], k + levels))
+    z[..., 1 : 1 + k] = U
+    z[..., 1 + k :] = at[..., None] == np.arange(1, levels)
     out = np.empty((*U.shape[:-1], len(facts["spaces"])))
     for j, space in enumerate(facts["spaces"]):
         part = z[..., list(space["columns"])]

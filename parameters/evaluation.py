@@ -3,6 +3,7 @@
 Half-widths are those of `core.intervals`, which the fit uses too: a file gives the same intervals as the fit.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import get_args
@@ -161,7 +162,7 @@ def contains_values(law: LawFields, level: str | None, values: list[Array]) -> N
     if level is not None and level not in known:
         has = ", ".join(known) or "nothing"
         raise ParameterError(f"the law of {law.response} has no level {short(level)}; it has {has}.")
-    return np.asarray(region.inside(region_facts(law.region), np.stack(values, axis=-1), level))
+    return np.asarray(region.inside(region_facts(law.region), together(values), level))
 
 
 def region_facts(tested: Region) -> region.Facts:
@@ -267,7 +268,7 @@ def terms(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> 
 
 def _terms_of(law: LawFields, level: str | None, values: list[Array]) -> Array:
     shape = values[0].shape if values else ()
-    columns = law.formula.columns(np.stack(values, axis=-1)) if values else np.ones((1,))
+    columns = law.formula.columns(together(values)) if values else np.ones((1,))
     at = _level(law, level)
     if law.by is None:
         return columns
@@ -299,7 +300,14 @@ def checked_values(law: LawFields, given: Mapping[str, ArrayLike]) -> list[Array
         raise ParameterError(f"the factors do not broadcast to one shape: {shapes}.") from None
 
 
+def together(values: list[Array]) -> Array:
+    """Factors of one shape as one array, shape (..., k)."""
+    return np.stack(values, axis=-1) if values[0].ndim else np.array(values)
+
+
 def _number(law: LawFields, symbol: str, unit: str, given: ArrayLike, log: bool) -> Array:
+    if type(given) is float and math.isfinite(given) and (given > 0 or not log):
+        return np.array(given)
     try:
         value = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

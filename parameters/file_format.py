@@ -45,18 +45,19 @@ def content_sha256(data: Mapping[str, Any]) -> str:
 
 
 def _is_written_whole(value: float) -> bool:
-    return value.is_integer() and abs(value) < WHOLE and str(value) != "-0.0"
+    """Whether a whole number is written without its ``.0``."""
+    return abs(value) < WHOLE and str(value) != "-0.0"
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, str):  # first: most values of a file are texts and floats
         return value
     if isinstance(value, float):
-        return int(value) if _is_written_whole(value) else value
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
+        return int(value) if value.is_integer() and _is_written_whole(value) else value
+    if isinstance(value, list | tuple):  # what stays as it is, without a call: a file holds thousands of numbers
+        return [x if type(x) is float and not x.is_integer() else _plain(x) for x in value]
     if isinstance(value, dict | Mapping):
-        return {key: _plain(inner) for key, inner in value.items()}
+        return {key: x if type(x) is str else _plain(x) for key, x in value.items()}
     return value
 
 

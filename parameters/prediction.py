@@ -18,6 +18,7 @@ from .evaluation import (
     interval_band,
     region_facts,
     terms,
+    together,
 )
 from .sections.base import NoCovariance
 from .sections.law_fields import LawFields
@@ -145,5 +146,5 @@ def _beyond(law: LawFields, values: list[NDArray[np.float64]]) -> list[NDArray[n
     if law.region is None:
         pairs = zip(values, law.factors, strict=True)
         return [(value > f.high).astype(np.intp) - (value < f.low) for value, f in pairs]
-    U = region.coded(region_facts(law.region), np.stack(values, axis=-1))
+    U = region.coded(region_facts(law.region), together(values))
     return list(np.moveaxis(np.where(np.abs(U) > 1 + region.ROUNDING, np.sign(U), 0).astype(np.intp), -1, 0))

@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import re
+from collections import Counter
 from datetime import datetime
 from html.parser import HTMLParser
 from pathlib import Path
@@ -14,6 +15,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from fitmodels import parameters
 from fitmodels.cards import publishing
+from fitmodels.cards.content import figure_texts
 from fitmodels.cards.publishing import build, pair, pool
 from fitmodels.cards.publishing.entries import CardEntry, with_slugs
 from fitmodels.cards.publishing.pages import updated
@@ -327,6 +329,21 @@ def test_the_same_site_again_is_unchanged_and_another_needs_force(tmp_path):
     assert len(publishing.publish(pairs, out, force=True).cards) == 2
     assert len(list((out / "cards").iterdir())) == 2
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pairs", "site"]
+
+
+def test_a_law_is_read_once_and_set_up_once_for_the_figures_of_a_card(tmp_path, monkeypatch):
+    add(tmp_path / "pairs", "one", law(0.5), law(0.8, response="VB"))
+    counts = Counter()
+
+    def counted(module, name):
+        of = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *args: (counts.update([name]), of(*args))[1])
+
+    counted(pair, "read")
+    counted(figure_texts, "profiled")
+    counted(figure_texts, "limits_of")
+    publishing.publish(tmp_path / "pairs", tmp_path / "site")
+    assert counts == {"read": 1, "profiled": 2, "limits_of": 2}  # limits: for texts and for curves
 
 
 @pytest.fixture

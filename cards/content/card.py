@@ -142,7 +142,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
         "gains": lambda: gains_part(pf.pi, pf.dynamics),
         "windows": lambda: window_parts(pf),
         "plan": lambda: plan_part(pf),
-        "figures": lambda: figures(pf, folder),
+        "figures": lambda: figures(pf, parts["laws"], folder),
         "profiler": lambda: profiler_part(pf),
     }
     made = {name: computed(make) for name, make in optional.items()}

@@ -10,9 +10,8 @@ from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.dynamics import DynamicsSection, PiSection
 from ...parameters.sections.load_line import LimitsSection
 from .design import at_words, middle, reference
-from .laws import law_coefficients
 from .numbers import INFINITE, figure, percent, quantity
-from .parts import CoefficientPart, FigurePart, ProfiledLawPart
+from .parts import CoefficientPart, FigurePart, LawPart, ProfiledLawPart
 from .profiler import WEARS, Value, band_of, profile, profiled, substituted_wear
 
 FOLDER = "figures"
@@ -38,9 +37,9 @@ DYNAMICS = "Bode diagram of the identified model"
 LOOP = "Step response of the closed loop: these gains on the identified model"
 
 
-def figures(pf: ParameterFile, folder: Path | None = None) -> tuple[FigurePart, ...]:
-    """Figures that can be drawn from the file, then the pictures in ``figures`` of ``folder``, by name."""
-    return (*_drawn(pf), *_pictures(pf, folder))
+def figures(pf: ParameterFile, laws: Sequence[LawPart], folder: Path | None = None) -> tuple[FigurePart, ...]:
+    """Figures that can be drawn from the file and its laws as parts, then pictures in ``folder/figures``, by name."""
+    return (*_drawn(pf, laws), *_pictures(pf, folder))
 
 
 def limits_of(pf: ParameterFile) -> dict[str, tuple[float, str]]:
@@ -168,10 +167,9 @@ def _ends(of: DrawnLaw, part: ProfiledLawPart, *, held: bool = False) -> str:
     return f"{'increases' if high[0] > low[0] else 'decreases'} from {ends[0]} to {ends[1]}"
 
 
-def _drawn(pf: ParameterFile) -> Iterator[FigurePart]:
+def _drawn(pf: ParameterFile, parts: Sequence[LawPart]) -> Iterator[FigurePart]:
     """Those drawn from the parameter file alone."""
-    powers = [law for law in pf.laws.values() if law.form == "power"]
-    tables = {law.response: _exponents(law) for law in powers}
+    tables = {law.response: _exponents(law) for law in parts if law.form == "power"}
     if any(tables.values()):
         yield FigurePart(name="exponents", caption=EXPONENTS, alternative=_of_exponents(tables))
     laws = [(of, profiled(of.law, pf)) for of in drawn_laws(pf)]
@@ -213,9 +211,9 @@ def _pictures(pf: ParameterFile, folder: Path | None) -> Iterator[FigurePart]:
         yield FigurePart(name=stem, caption=_caption(stem), alternative=_of_picture(pf, stem), file=f"{FOLDER}/{name}")
 
 
-def _exponents(law: LawSection) -> list[CoefficientPart]:
-    names = {f.symbol for f in law.factors}
-    return [c for c in law_coefficients(law) if c.name in names and c.low.text]
+def _exponents(law: LawPart) -> list[CoefficientPart]:
+    names = {f.symbol for f in law.domain}
+    return [c for c in law.coefficients if c.name in names and c.low.text]
 
 
 def _of_exponents(tables: dict[str, list[CoefficientPart]]) -> str:

@@ -77,8 +77,12 @@ def text(value: object) -> str:
     >>> print(text("<b> a_1 [x](y) p <0.001"))
     &lt;b&gt; a_1 \[x\](y) p <0.001
     """
-    if PLAIN.fullmatch(words := str(value)):
-        return words
+    words = str(value)
+    return words if PLAIN.fullmatch(words) else _escaped(words)
+
+
+@lru_cache(maxsize=2048)  # the same sentences stand in many cards
+def _escaped(words: str) -> str:
     safe = ENTITY.sub("&amp;", one_line(words))
     safe = TAG.sub("&lt;", SPECIAL.sub(r"\\\1", safe)).replace(">", "&gt;")
     return LEAD.sub(lambda found: f"{found[1] or ''}\\", safe, count=1)

@@ -253,8 +253,7 @@ def _surface(of: DrawnLaw, text: str) -> PanelDrawing:
     u, v = (np.linspace(axis.ticks[0], axis.ticks[-1], FINE) for axis in axes)
     grid = np.meshgrid(u, v)
     shown = {name: np.exp(g) if found[name][1] else g for name, g in zip(over, grid, strict=True)}
-    at = {name: np.broadcast_to(x, grid[0].shape) for name, x in {**of.middle, **shown}.items()}
-    at = of.with_own_wear(at)
+    at = of.with_own_wear({**of.middle, **shown})
     inside = np.asarray(law.inside(by=level, **at))
     z = np.ma.masked_array(np.asarray(law.values(at, by=level)), ~inside)
     others = {symbol: value for symbol, value in of.middle.items() if symbol not in over}

@@ -129,6 +129,7 @@ def equation(text: str) -> Markup:
     return Markup().join([*out, _names(text[at:]), escape(separator + level)])
 
 
+@lru_cache(maxsize=2048, typed=True)  # the same sentences stand in many cards; Markup equals its text
 def prose(text: str) -> Markup:
     """A sentence: numbers stay with their units, a p with its value, and a DOI is a link."""
     out, at = [], 0

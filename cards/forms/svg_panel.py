@@ -157,7 +157,8 @@ class SvgPen:
 
 def _path(points: Array) -> str:
     """Data of a path through points, without those that are not finite."""
-    rounded = np.round(points[np.isfinite(points).all(axis=1)], 1)
+    finite = np.isfinite(points)
+    rounded = np.round(points if finite.all() else points[finite.all(axis=1)], 1)
     return "M" + "L".join(["%g %g"] * len(rounded)) % tuple(rounded.ravel().tolist()) if len(rounded) else ""
 
 
