@@ -40,33 +40,13 @@ FIELDS: Final = {  # of the option of a file: label of its field, and its id on 
     "--full": ("card", "card"),
     "--force": ("button below", "laws-answer"),
 }
-NO_VALUES: Final = frozenset(
-    [
-        "and",
-        "or",
-        "if",
-        "is",
-        "are",
-        "it",
-        "reads",
-        "gives",
-        "takes",
-        "where",
-        "to",
-        "for",
-        "in",
-        "on",
-        "of",
-        "with",
-        "keeps",
-        "names",
-        "sets",
-        "changes",
-        "adds",
-        "both",
-    ]
+NO_VALUES: Final = {  # words of a sentence that follow an option
+    "and", "or", "if", "is", "are", "it", "reads", "gives", "takes", "where", "to", "for", "in", "on", "of",
+    "with", "keeps", "names", "sets", "changes", "adds", "both",
+}  # fmt: skip
+OPTION: Final = re.compile(
+    r"--([a-z]+(?:-[a-z]+)*)(?:([ =\n]\s*)(\w+='[^'\n]*'|\w+=\"[^\"\n]*\"|'[^'\n]*'|\"[^\"\n]*\"|[^\s'\"`]+))?"
 )
-OPTION: Final = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?:([ =\n]\s*)(\w+='[^'\n]*'|'[^'\n]*'|\"[^\"\n]*\"|[^\s'\"`]+))?")
 COMMAND: Final = re.compile(r"([`']?)fitmodels\s(?=\w)")
 TOKEN: Final = re.compile(r"\s+(?:\\\s+)?('[^'\n]*'|\"[^\"\n]*\"|\S+)")
 PREFIX: Final = re.compile(r"(?m)^fitmodels(?: [a-z-]+)?: ")
@@ -101,7 +81,7 @@ class Places:
         """Label and id of the field of an option of a command, without which it is one of the file."""
         for name in dict.fromkeys((command, *(() if option in (*FIELDS, "--unit", "--map") else self.forms))):
             for one in self.forms[name].inputs if name in self.forms else ():
-                if one.words.startswith(f"{option} "):
+                if one.words.split(" ")[0] == option:
                     return f"{self.forms[name].title}, {one.label}", f"{name}-{one.name}"
         return FIELDS.get(option)
 
@@ -159,6 +139,8 @@ def _command(text: str, start: re.Match[str], to: Places) -> tuple[Markup, int]:
         ]
         shown = Markup(", ").join(options) if options else _linked(escape(form.title), f"action-{name}", given)
         return shown + (Markup(": <code>{}</code>").format(given) if given else ""), after
+    if name == "ident" and "--as" not in rest:
+        return _linked(Markup("columns of a record"), "set-input"), after
     if name == "look":
         return _linked(Markup("How the file was read"), "h-reading"), after
     if "." in name:
@@ -210,7 +192,9 @@ def _options(text: str, to: Places, command: str) -> Markup:
         option, value = f"--{one[1]}", one[3] or ""
         if to.field(option, command) is None and option not in ("--unit", "--map"):
             continue
-        written = value if value.endswith(("'", '"')) else value.rstrip(".,;:)")
+        written = value if value.endswith(("'", '"', "=...")) else value.rstrip(".,;:)")
+        if "=..." in value:
+            written = value[: value.index("=...") + 4]
         if value in NO_VALUES or value.startswith("("):
             written, stop = "", one.start() + len(option)
         else:
@@ -242,6 +226,8 @@ def _role_words(role: str, column: str, to: Places) -> tuple[str, str, str]:
     """Label, id and value of the menu that gives a column its role."""
     number = to.columns.get(role)
     own = re.fullmatch(r"col(\d+)", column)
+    if column == "...":
+        return "role of its column", "columns", role
     if column == "none":
         return f"role of the column of {role}", f"role-{number}" if number else "columns", "not used"
     return f"role of column {own[1] if own else column}", f"role-{own[1]}" if own else "columns", role

@@ -172,7 +172,7 @@ class Project:
     def results(self, entry: Entry) -> dict[str, Path]:
         """Files that the commands on a file have written, by their path in the folder; links are left out."""
         found = [path for path in self.folder.glob(f"{_escaped(entry.stem)}-*") if path.name != entry.name]
-        every = [path for top in found for path in ([top] if top.is_file() else sorted(top.rglob("*")))]
+        every = [path for top in found for path in ([top] if top.is_file() else _below(top))]
         whole = (path for path in every if path.is_file() and not _through_link(path, self.folder))
         return {path.relative_to(self.folder).as_posix(): path for path in whole}
 
@@ -245,6 +245,14 @@ def safe_name(name: str) -> str:
     if not plain or RESERVED.fullmatch(plain):
         plain = f"data_{plain}".strip("_")
     return f"{plain}{ending}"
+
+
+def _below(folder: Path) -> list[Path]:
+    """What is below a folder, sorted; nothing where a command replaces it at this moment."""
+    try:
+        return sorted(folder.rglob("*"))
+    except OSError:
+        return []
 
 
 def _escaped(stem: str) -> str:

@@ -64,7 +64,7 @@ def older(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[s
     The picture of a reading is none of them: it is drawn again when the file is read.
     """
     top = f"{entry.stem}-fit/"
-    made = {name: path.stat().st_mtime for name, path in results.items()}
+    made = {name: _time_of(path) for name, path in results.items()}
     latest = max(
         (time for name, time in made.items() if name.startswith(top) and name.endswith("/params.json")), default=0
     )
@@ -205,7 +205,15 @@ def _strings(data: object, key: str) -> list[str]:
 def written(project: Project, entry: Entry, job: Job) -> list[str]:
     """Results that a command has written since it was started."""
     found = project.results(entry)
-    return [name for name, path in found.items() if path.stat().st_mtime >= job.clock_time - 0.05]
+    return [name for name, path in found.items() if _time_of(path) >= job.clock_time - 0.05]
+
+
+def _time_of(path: Path) -> float:
+    """When a file was written, s since 1970; 0 where a command has removed it since."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def answer_of(path: Path) -> Response:

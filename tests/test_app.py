@@ -22,7 +22,7 @@ from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
 from fitmodels.app.reading import assumptions, column_menus, option_of_change, role_label, units_of
-from fitmodels.app.results import policy_of_card
+from fitmodels.app.results import older, policy_of_card
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
 from hypothesis import given
@@ -398,6 +398,20 @@ def test_a_project_file_that_another_program_changed_is_not_replaced(tmp_path):
         assert "could not be recorded" in one.get("/")
     assert (tmp_path / "project.json").read_bytes() == kept
     assert not (tmp_path / "c.csv").exists()
+
+
+def test_results_that_vanish_while_they_are_listed_are_left_out(tmp_path, monkeypatch):
+    project = Project(tmp_path)
+    entry = project.add("a.csv", io.BytesIO(b"V\n1\n"))
+    (tmp_path / "a-fit").mkdir()
+    (tmp_path / "a-next.csv").write_text("V\n")
+
+    def vanished(*_):
+        raise FileNotFoundError(errno.ENOENT, "No such file or directory")
+
+    monkeypatch.setattr(Path, "rglob", vanished)  # as when a command replaces the folder
+    assert list(project.results(entry)) == ["a-next.csv"]
+    assert older(project, entry, {"a-gone.csv": tmp_path / "a-gone.csv"}) == {}
 
 
 def test_results_that_are_damaged_do_not_stop_the_page(tmp_path):
