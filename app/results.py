@@ -187,9 +187,11 @@ def remedies(entry: Entry, results: Mapping[str, Path]) -> list[str]:
 
 
 def _commands(path: Path) -> list[list[str]]:
-    """Words of the commands that a card names; none of a card that cannot be read."""
+    """Words of the commands that a card proposes, but not those that have made it; none of one that cannot be read."""
     try:
-        return [shlex.split(text) for text in _strings(json.loads(path.read_text("utf-8")), "command")]
+        card = json.loads(path.read_text("utf-8"))
+        proposed = {name: part for name, part in card.items() if name != "provenance"} if isinstance(card, dict) else {}
+        return [shlex.split(text) for text in _strings(proposed, "command") if " && " not in text]
     except (OSError, ValueError, RecursionError):
         return []
 

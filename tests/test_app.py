@@ -22,7 +22,7 @@ from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
 from fitmodels.app.reading import assumptions, column_menus, option_of_change, role_label, units_of
-from fitmodels.app.results import older, policy_of_card
+from fitmodels.app.results import older, policy_of_card, remedies
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
 from hypothesis import given
@@ -346,6 +346,19 @@ def test_a_zip_bomb_is_refused_by_the_reader(client):
     text = client.until_done("/files/bomb.xlsx/reading")
     assert "Not read" in text
     assert "Traceback" not in text
+
+
+def test_commands_that_have_made_a_card_are_no_remedy(tmp_path):
+    """The provenance of a card chains what was added to its file; a remedy is one command on the table."""
+    project = Project(tmp_path)
+    entry = project.add("a.csv", io.BytesIO(b"V\n1\n"))
+    card = {
+        "provenance": {"command": "fitmodels a.csv --work X && fitmodels settings params.json --worn 0.28 --force"},
+        "laws": [{"command": "fitmodels a.csv --unit VB=um"}, {"command": "fitmodels a.csv --x 1 && fitmodels card p"}],
+    }
+    path = tmp_path / "card.json"
+    path.write_text(json.dumps(card))
+    assert remedies(entry, {"a-fit/p/card.json": path}) == ["--unit VB=um"]
 
 
 def test_a_remedy_must_be_one_that_was_named(client):
