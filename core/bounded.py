@@ -381,13 +381,12 @@ def _integer(literal: str) -> int:
 
 def _check_nested(data: object, *, values: bool = True) -> None:
     """Check parsed data: RecursionError where they are nested too deep, ``values`` for integers and texts too."""
-    layer = [data]
+    layer, inside = [data], (lambda one: (*one, *one.values())) if values else dict.values
     for _ in range(DEEPEST + 1):
-        if values:
-            for each in layer:
-                _check_value(each)
+        for each in layer if values else ():
+            _check_value(each)
         groups: list[Any] = [outer for outer in layer if type(outer) in (dict, list)]
-        layer = [inner for one in groups for inner in ((*one, *one.values()) if type(one) is dict else one)]
+        layer = [inner for one in groups for inner in (inside(one) if type(one) is dict else one)]
         if not layer:
             return
     raise RecursionError

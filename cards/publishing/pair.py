@@ -162,7 +162,7 @@ def writer_digest() -> str:
     for package in WRITERS:
         for path in sorted((top / package).rglob("*")):
             if path.suffix in CODE:
-                digest.update(f"{path.relative_to(top).as_posix()}\0".encode() + path.read_bytes())
+                digest.update(f"{path.relative_to(top).as_posix()}\0{sha256_of(path)}\0".encode())
     return digest.hexdigest()
 
 
