@@ -42,7 +42,7 @@ FIELDS: Final = {  # of the option of a file: label of its field, and its id on 
 }
 NO_VALUES: Final = {  # words of a sentence that follow an option
     "and", "or", "if", "is", "are", "it", "reads", "gives", "takes", "where", "to", "for", "in", "on", "of",
-    "with", "keeps", "names", "sets", "changes", "adds", "both",
+    "with", "keeps", "names", "sets", "changes", "adds", "both", "exports",
 }  # fmt: skip
 OPTION: Final = re.compile(
     r"--([a-z]+(?:-[a-z]+)*)(?:([ =\n]\s*)(\w+='[^'\n]*'|\w+=\"[^\"\n]*\"|'[^'\n]*'|\"[^\"\n]*\"|[^\s'\"`]+))?"

@@ -22,7 +22,7 @@ from starlette.staticfiles import StaticFiles
 from ..core.errors import FitmodelsError, UsageError
 from ..core.files import cause
 from . import messages, options, reading, region
-from .command_forms import FOLLOWING, Subject, actions, command, subject_of
+from .command_forms import FOLLOWING, Subject, actions, command
 from .jobs import Job, Jobs, Runner
 from .project import Entry, Project
 from .results import PICTURES, answer_of, colour, current_files, facts_of_laws, reading_of, verdicts, written
@@ -280,12 +280,12 @@ class Page:
 
     def _subject(self, entry: Entry, wanted: str) -> tuple[list[str], Subject]:
         """The parameter files of a file, and the one that is wanted, or the first."""
-        paths = current_files(self.project, entry)
-        if not paths:
+        files, _ = current_files(self.project, entry)
+        if not files:
             raise UsageError("there is no parameter file yet: the laws above must be fitted first.")
         others = [one.name for one in self.project.files if one.name != entry.name]
-        path = wanted if wanted in paths else paths[0]
-        return paths, subject_of(self.project.folder, entry.stem, path, others)
+        path = wanted if wanted in files else next(iter(files))
+        return list(files), Subject(entry.stem, path, files[path], others)
 
     async def _machine(self, request: Request) -> Response:
         entry = self._entry(request.path_params["name"])

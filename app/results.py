@@ -38,14 +38,14 @@ def reading_of(job: Job) -> dict[str, Any]:
 
 def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
     """Cards, laws, rows in doubt, remedies and files of the results of a file."""
-    results, files = project.results(entry), current_files(project, entry)
+    results = project.results(entry)
+    files, former = current_files(project, entry)
     folders = [path.removesuffix("params.json") for path in files]
-    former = [path for path in project.parameter_files(entry) if path not in files or not _is_of(project, entry, path)]
-    found = laws_of(project, entry)
+    found = laws_of(files)
     laws = [(name, law) for _, name, law in found]
     return {
         "cards": [name for name in results if name.endswith("/card.html") and name.startswith(tuple(folders))],
-        "is_former": bool(files) and files[0] in former,
+        "is_former": bool(former) and set(files) == set(former),
         "former": [path.removesuffix("/params.json") for path in former],
         "results": sorted(results),
         "laws": list(dict.fromkeys(name for name, _ in laws)),
@@ -101,34 +101,36 @@ def to_repeat(project: Project, entry: Entry) -> list[tuple[str, ...]]:
     return sorted(left.values(), key=lambda words: ADDING.index(words[0]))
 
 
-def current_files(project: Project, entry: Entry) -> list[str]:
-    """Parameter files that the command of a file wrote; those of former options where it has written none."""
-    found = project.parameter_files(entry)
-    return [path for path in found if _is_of(project, entry, path)] or found
+def current_files(project: Project, entry: Entry) -> tuple[dict[str, Mapping[str, Any]], list[str]]:
+    """Parameter files that the command of a file wrote, with their contents, and those of former options.
+
+    Where the command has written none, those of former options are both.
+    """
+    every = {path: subject_of(project.folder, entry.stem, path, ()).content for path in project.parameter_files(entry)}
+    typed_now = shlex.join(["fitmodels", *command_of(entry)])
+    former = [path for path, content in every.items() if _command_in(content) != typed_now]
+    return {path: content for path, content in every.items() if path not in former} or every, former
 
 
-def _is_of(project: Project, entry: Entry, path: str) -> bool:
-    """Whether a parameter file is of the command that fits a file as it is set now."""
-    provenance = subject_of(project.folder, entry.stem, path, ()).content.get("provenance")
-    command = provenance.get("command") if isinstance(provenance, dict) else None
-    return bool(command == shlex.join(["fitmodels", *command_of(entry)]))
+def _command_in(content: Mapping[str, Any]) -> str:
+    """The command that a parameter file is of; empty where it names none."""
+    provenance = content.get("provenance")
+    return str(provenance.get("command") or "") if isinstance(provenance, dict) else ""
 
 
-def laws_of(project: Project, entry: Entry) -> list[tuple[str, str, Mapping[str, Any]]]:
-    """Laws of a file: tool and work where there are several pairs of them, name, and section of the parameter file."""
-    paths = current_files(project, entry)
-    pairs_of_laws = [Path(path).parent.name.replace("_", " on ", 1) if len(paths) > 1 else "" for path in paths]
-    contents = [subject_of(project.folder, entry.stem, path, ()).content for path in paths]
+def laws_of(files: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, str, Mapping[str, Any]]]:
+    """Laws of parameter files: tool and work where there are several pairs of them, name, and section."""
+    pairs_of_laws = {path: Path(path).parent.name.replace("_", " on ", 1) if len(files) > 1 else "" for path in files}
     return [
-        (pair, name, law)
-        for pair, content in zip(pairs_of_laws, contents, strict=True)
+        (pairs_of_laws[path], name, law)
+        for path, content in files.items()
         for name, law in (content.get("laws") or {}).items()
     ]
 
 
 def verdicts(project: Project) -> dict[str, list[tuple[str, str]]]:
     """Laws of each file with the level of their verdicts."""
-    return {entry.name: levels(laws_of(project, entry)) for entry in project.files}
+    return {entry.name: levels(laws_of(current_files(project, entry)[0])) for entry in project.files}
 
 
 def levels(laws: Sequence[tuple[str, str, Mapping[str, Any]]]) -> list[tuple[str, str]]:
