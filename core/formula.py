@@ -206,11 +206,9 @@ class Formula(Displayable):
     def columns(self, X: ArrayLike) -> Array:
         """Columns of the linear predictor, shape (..., 1 + number of terms), for factors X (..., k)."""
         U = self.transformed(X)
-        if self.first_order:
-            Z = np.ones((*U.shape[:-1], 1 + U.shape[-1]))
-            Z[..., 1:] = U
-            return Z
         ones = np.ones((*U.shape[:-1], 1))
+        if self.first_order:
+            return np.concatenate([ones, U], axis=-1)  # keeps the order of U in memory, on which last digits depend
         places = [[j for j, d in enumerate(term.degrees) for _ in range(d)] for term in self.terms]
         terms = [U[..., at[0]] if len(at) == 1 else U[..., at[0]] * U[..., at[1]] for at in places]
         return np.concatenate([ones, np.stack(terms, axis=-1)], axis=-1)

@@ -576,7 +576,8 @@ def test_tasks_and_outcomes_travel_between_processes(fitted):
     found = fitted(rows_of(simulated("A", 1), simulated("B", 2).head(2)), how=FAST)
     again = pickle.loads(pickle.dumps(found))  # noqa: S301
     assert isinstance(again, BlockOutcome)
-    assert again.pairs == found.pairs
+    for one, other in zip(again.pairs, found.pairs, strict=True):
+        assert [getattr(one, each.name) for each in fields(one)] == [getattr(other, each.name) for each in fields(one)]
     assert pickle.loads(pickle.dumps(Block((), (), 0))).of_pair == ()  # noqa: S301
 
 

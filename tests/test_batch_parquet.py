@@ -199,7 +199,8 @@ def test_blocks_cover_all_pairs_in_order_within_the_limits(rows, most_rows, most
 
 def test_a_pair_of_more_rows_than_a_block_is_streamed_by_itself(tmp_path, monkeypatch):
     monkeypatch.setattr(reader, "CHUNK", 60)
-    monkeypatch.setattr("fitmodels.batch.source.parquet_index.BATCH", 25)
+    monkeypatch.setattr(indexer, "BATCH", 25)
+    monkeypatch.setattr(indexer, "ENOUGH", 25)
     small, large = a_shop(2), a_shop(1, rows=400, seed=5).assign(tool="large")
     table = pd.concat([small[:24], large, small[24:]])
     plan = planned(write(table, tmp_path / "a.parquet", row_group_size=100), most_rows=48)

@@ -72,7 +72,7 @@ def _fitted(block: Block, plan: Plan, options: BatchOptions) -> BlockOutcome:
 
     tables, unreadable = rows_of(block, plan)
     spoiled = spoiled_pairs(block, unreadable)
-    place = {pair: i for i, pair in enumerate(block.pairs)}
+    place = {(pair.tool, pair.work): i for i, pair in enumerate(block.pairs)}
     outcomes: dict[int, PairOutcome] = {}
     laws: list[pd.DataFrame] = []
     twice: list[int] = []
@@ -80,7 +80,7 @@ def _fitted(block: Block, plan: Plan, options: BatchOptions) -> BlockOutcome:
     for rows in tables:
         units |= rows.units
         ones, table = _of_rows(rows, block, plan, options, spoiled)
-        at = [place[Pair(one.tool, one.work)] for one in ones]
+        at = [place[one.tool, one.work] for one in ones]
         laws.append(renumbered(table, at))
         for i, one in zip(at, ones, strict=True):
             twice += [i] if i in outcomes else []
@@ -111,7 +111,7 @@ def _of_rows(
     rows: "PairRows", block: Block, plan: Plan, options: BatchOptions, spoiled: Mapping[Pair, str]
 ) -> tuple[list[PairOutcome], pd.DataFrame]:
     """Outcomes of the pairs that these rows name, and their laws."""
-    of = numbered_rows(rows, set(block.pairs) - set(spoiled))
+    of = numbered_rows(rows, {(pair.tool, pair.work) for pair in block.pairs if not spoiled or pair not in spoiled})
     if not of.pairs:
         return [], law_table(())
     laws = laws_of_pairs(of, options)

@@ -28,12 +28,11 @@ def groups_of_pairs(of: NumberedRows, headers: Sequence[str]) -> tuple[list[dict
     Examples
     --------
     >>> from fitmodels.datasets.runs import Source
-    >>> from fitmodels.batch.plan import Pair
     >>> from fitmodels.batch.rows import PairRows
     >>> from fitmodels.batch.fitting.pair_laws import numbered_rows
     >>> frame = pd.DataFrame({"tool": ["A", "A"], "work": ["W", "W"], "coolant": ["", "dry"]})
     >>> rows = PairRows(frame, np.arange(2), {}, (), Source("", "", 2, ""))
-    >>> groups_of_pairs(numbered_rows(rows, {Pair("A", "W")}), ["coolant"])
+    >>> groups_of_pairs(numbered_rows(rows, {("A", "W")}), ["coolant"])
     ([{'coolant': 'dry'}], [[]])
     """
     groups: list[dict[str, str]] = [dict.fromkeys(headers, "") for _ in of.pairs]
@@ -58,12 +57,11 @@ def concerns_of_values(of: NumberedRows, process: "Process | None") -> list[list
     Examples
     --------
     >>> from fitmodels.datasets.runs import Source
-    >>> from fitmodels.batch.plan import Pair
     >>> from fitmodels.batch.rows import PairRows
     >>> from fitmodels.batch.fitting.pair_laws import numbered_rows
     >>> frame = pd.DataFrame({"tool": ["A", "A"], "work": ["W", "W"], "VB": [66.0, 387.0]})
     >>> rows = PairRows(frame, np.arange(2), {"VB": "mm"}, (), Source("", "", 2, ""))
-    >>> [[concern.words for concern in of] for of in concerns_of_values(numbered_rows(rows, {Pair("A", "W")}), None)]
+    >>> [[concern.words for concern in of] for of in concerns_of_values(numbered_rows(rows, {("A", "W")}), None)]
     [['VB 66 to 387 mm is unusual throughout this pair (usual 0.02 to 0.6 mm).']]
     """
     concerns: list[list[Concern]] = [[] for _ in of.pairs]

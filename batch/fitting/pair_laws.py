@@ -72,20 +72,20 @@ class NumberedRows:
         return symbol in self.held and bool(self.held[symbol][i])
 
 
-def numbered_rows(rows: PairRows, wanted: Collection[Pair]) -> NumberedRows:
-    """Number the pairs, leaving out rows of other ones.
+def numbered_rows(rows: PairRows, wanted: Collection[tuple[str, str]]) -> NumberedRows:
+    """Number the pairs, leaving out rows of others than the tools and works that are wanted.
 
     Examples
     --------
     >>> from fitmodels.datasets.runs import Source
     >>> frame = pd.DataFrame({"tool": ["B", "A", "B"], "work": ["W"] * 3, "V": [1.0, np.nan, 2.0]})
     >>> rows = PairRows(frame, np.arange(3), {}, (), Source("", "", 3, ""))
-    >>> found = numbered_rows(rows, {Pair("A", "W"), Pair("B", "W")})
+    >>> found = numbered_rows(rows, {("A", "W"), ("B", "W")})
     >>> [str(pair) for pair in found.pairs], found.number.tolist(), found.held["V"].tolist()
     (['B on W', 'A on W'], [0, 1, 0], [True, False])
     """
     number, pairs = _numbered(rows.frame)
-    known = np.array([pair in wanted for pair in pairs], dtype=bool)
+    known = np.array([(pair.tool, pair.work) in wanted for pair in pairs], dtype=bool)
     if not known.all():
         rows = _only(rows, known[number])
         number, pairs = _numbered(rows.frame)

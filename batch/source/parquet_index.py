@@ -30,6 +30,7 @@ from .parquet_arrow import (
 from .parquet_schema import FILE_NAME, ParquetFile, SourceColumns, footer, mismatch, names_of_files, number_of
 
 BATCH = 262_144  # rows
+ENOUGH = 32_768  # rows of a batch that is not joined with the next one
 MANY = 32  # tasks of so many rows
 NONE = np.zeros(0, dtype=np.intp)
 
@@ -81,13 +82,13 @@ def parts(
 
 
 def _gathered(batches: Iterable[Any]) -> Iterator[Any]:
-    """Batches of about ``BATCH`` rows: Arrow ends one with each row group, however small."""
+    """Batches of ``ENOUGH`` rows or more: Arrow ends one with each row group, however small."""
     waiting: list[Any] = []
     n = 0
     for rows in batches:
         waiting.append(rows)
         n += len(rows)
-        if n >= BATCH:
+        if n >= ENOUGH:
             yield _one(waiting)
             waiting, n = [], 0
     if waiting:

@@ -81,7 +81,11 @@ def sorted_rows(
     raw = {name: _numbers(table, name) for name in (*factors, response)}
     number, names = _numbered(table, keys)
     edges = None if edge is None else _edges(table[edge])
-    usable = np.logical_and.reduce([(values > 0) & (values < np.inf) for values in raw.values()])
+    logs = np.empty((len(raw), len(table)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for values, into in zip(raw.values(), logs, strict=True):
+            np.log(values, out=into)
+    usable = np.logical_and.reduce([np.isfinite(column) for column in logs])  # above zero and finite
     key = number if edges is None else number * max(len(edges.categories), 1) + edges.codes
     source = np.flatnonzero(usable)
     key = key[source]
@@ -89,16 +93,13 @@ def sorted_rows(
         order = np.argsort(key, kind="stable")
         source, key = source[order], key[order]
     rows = source if sort or len(source) < len(table) else slice(None)
-    logs = np.empty((len(raw), len(source)))
-    for values, into in zip(raw.values(), logs, strict=True):
-        np.log(values[rows], out=into)
     return PairRows(
         names=names,
         raw=raw,
         edge=edges,
         number=number,
         source=source,
-        logs=logs,
+        logs=logs if isinstance(rows, slice) else np.take(logs, rows, axis=1),
         bounds=np.searchsorted(number[rows], np.arange(len(names) + 1)),
         edge_starts=None if edges is None else _changes(key),
     )
