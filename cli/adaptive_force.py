@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
 from ..core.verdict import DO_NOT_USE
-from .arguments import NUMBER, Parser, pairs, parameter_file, traced
+from .arguments import Parser, parameter_file, traced
+from .numbers import NUMBER, pairs
 from .output import Printer, complain, output_options, print_json
 from .physical import FORCE, fitted, spindle_speed
 

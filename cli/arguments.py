@@ -7,7 +7,7 @@ import shutil
 import sys
 import textwrap
 from argparse import ArgumentTypeError
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,16 +17,17 @@ from ..core.bounded import LIMITS
 from ..core.errors import DataError, ParameterError, UsageError
 from ..core.files import STANDARD_INPUT, cause
 from ..core.suggestions import closest
+from .numbers import number
 from .output import WIDEST, complain, write_error
 
 NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins
-NUMBER = r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?"
-WITH_UNIT = re.compile(rf"({NUMBER})\s*+([^\d\s.,+-].*)")
 MARK = "-"  # standard input as the file of a command
 ONE_TABLE = "several files that are one table go into a folder: fitmodels FOLDER"
 
 if TYPE_CHECKING:
+    from ..datasets import Record
     from ..parameters import ParameterFile
+    from ..parameters.sections import IdentitySection
 
 
 class Layout(argparse.HelpFormatter):
@@ -90,6 +91,7 @@ class Parser(argparse.ArgumentParser):
         self.more_files = more_files
         self.main = main.split()
         self._positionals.title = "arguments"
+        self.register("type", float, number)
         self.add_argument("-h", "--help", action="help", help="explain the arguments and main options")
         self.add_argument("--help-all", action=_HelpAll, nargs=0, help="explain every option, with its default")
 
@@ -200,6 +202,21 @@ def traced(pf: "ParameterFile", typed_words: Sequence[str]) -> dict[str, Any]:
     return {**pf.provenance.model_dump(), "then": (*pf.provenance.then, *then)}
 
 
+def joined(pf: "ParameterFile", records: "Iterable[Record]") -> "IdentitySection":
+    """Identity of a file that takes records in: it counts as simulated where one of them is."""
+    from ..datasets.runs import disclaimers
+
+    simulated = any(disclaimers(rec.notes) for rec in records)
+    return pf.identity.model_copy(update={"simulated": True}) if simulated else pf.identity
+
+
+def now_simulated(former: "ParameterFile", pf: "ParameterFile") -> str:
+    """Sentence on a file of measured data that simulated data have joined; empty otherwise."""
+    if not pf.identity.simulated or former.identity.simulated:
+        return ""
+    return ". The record is simulated, so the whole file counts as that: do not run a machine with it"
+
+
 def parameter_file(path: str, *, writes: bool = False) -> "ParameterFile":
     """A parameter file; one whose checksum does not agree is refused where a command ``writes`` from it, else named.
 
@@ -227,121 +244,6 @@ def inputs_of(path: str, pf: "ParameterFile") -> list[Path]:
     """The files that a parameter file consists of: itself, and its draws."""
     draws = None if pf.posterior is None else pf.posterior.draws_file
     return [Path(path), *([] if draws is None else [Path(path).parent / draws])]
-
-
-def pairs(words: list[str] | None, option: str, example: str) -> dict[str, str]:
-    """``["VB=col7"]`` as a mapping.
-
-    >>> pairs(["VB=col7"], "--map", "VB=col7")
-    {'VB': 'col7'}
-    """
-    out: dict[str, str] = {}
-    for word in words or []:
-        key, equals, value = word.partition("=")
-        if not (equals and key.strip() and value.strip()):
-            raise UsageError(f"{option} {word}: write it as {example}.")
-        if key.strip() in out:
-            raise UsageError(f"{option} {word}: {key.strip()} is given twice.")
-        out[key.strip()] = value.strip()
-    return out
-
-
-def check_apart(word: str, unit: str | None) -> None:
-    """Refuse a unit that begins with a slash: 40001/min is 4000 1/min or 40001 /min.
-
-    >>> check_apart("n=4000rpm", "rpm")
-    """
-    if unit is not None and unit.startswith("/"):
-        raise UsageError(f"{word}: number and unit {unit} cannot be separated for sure; write rpm, or no unit.")
-
-
-def ranges(words: list[str] | None, option: str = "--range") -> dict[str, tuple[float, ...]]:
-    """``["V=50:200"]`` as numbers.
-
-    >>> ranges(["V=50:200"])
-    {'V': (50.0, 200.0)}
-    """
-    out: dict[str, tuple[float, ...]] = {}
-    for key, text in pairs(words, option, "V=50:200").items():
-        try:
-            out[key] = tuple(float(part) for part in text.split(":"))
-        except ValueError:
-            out[key] = ()
-        if len(out[key]) not in (2, 3):
-            raise UsageError(
-                f"{option} {key}={text}: give low:high or low:centre:high, with decimal points, as V=50:200."
-            )
-    return out
-
-
-def values(words: list[str] | None, option: str = "--value") -> dict[str, float]:
-    """``["D=80"]`` as numbers.
-
-    >>> values(["D=80"])
-    {'D': 80.0}
-    """
-    out: dict[str, float] = {}
-    for key, text in pairs(words, option, "D=80").items():
-        try:
-            out[key] = float(text)
-        except ValueError:
-            raise UsageError(f"{option} {key}={text}: give a number with a decimal point, as D=80.") from None
-    return out
-
-
-def constants(words: list[str] | None) -> dict[str, float]:
-    """Numbers of ``--value`` in the canonical unit of their quantity, which may be written.
-
-    >>> constants(["d=1.5mm", "D=8cm", "z=2"])
-    {'d': 1.5, 'D': 80.0, 'z': 2.0}
-    """
-    from ..datasets.vocabulary import ROLES
-
-    found = pairs(words, "--value", "D=80")
-    units = {name: ROLES[name].unit if name in ROLES else "" for name in found}
-    plain = [f"{name}={_in_unit(text, units[name]) if units[name] else text}" for name, text in found.items()]
-    return values(plain)
-
-
-def measured(text: str, unit: str, option: str, example: str) -> float:
-    """A number above zero, in the unit that is asked for; another unit of the same kind is converted.
-
-    >>> measured("1.5mm", "mm", "--depth", "1.5mm"), measured("0.1 in", "mm", "--depth", "1.5mm")
-    (1.5, 2.54)
-    """
-    try:
-        value = float(_in_unit(text, unit))
-    except ValueError:
-        of = f"{f' in {unit}' if unit else ''}{' with a decimal point' if ',' in text else ''}"
-        raise UsageError(f"{option} {text}: give a number{of}, for instance {example}.") from None
-    if not 0 < value < float("inf"):
-        raise UsageError(f"{option} {text}: give a value above zero, for instance {example}.")
-    return value
-
-
-def criterion(text: str) -> float:
-    """A wear criterion, mm.
-
-    >>> criterion("0.3"), criterion("VB=0.2mm"), criterion("200um")
-    (0.3, 0.2, 0.2)
-    """
-    try:
-        return float(_in_unit(text.rpartition("=")[2], "mm"))
-    except ValueError:
-        raise ArgumentTypeError(f"{text}: give the wear in mm, for instance 0.2, or with its unit: 200um") from None
-
-
-def _in_unit(text: str, unit: str) -> str:
-    """A number written with a unit, in another unit; the text itself where it is no such number."""
-    import numpy as np
-
-    from ..datasets.units import canonical, convert, same_dimension
-
-    found = WITH_UNIT.fullmatch(text.strip())
-    given = canonical(found[2]) if found else None
-    if found is None or given is None or not (given == unit or same_dimension(given, unit)):
-        return text
-    return f"{float(convert(np.array(float(found[1])), given, unit)):.12g}"
 
 
 @contextmanager

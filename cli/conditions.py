@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import UsageError
 from ..core.suggestions import closest
-from .arguments import NUMBER, check_apart, pairs
+from .numbers import NUMBER, check_apart, pairs
 
 if TYPE_CHECKING:
     from ..parameters import ParameterFile

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
 from ..core.text import printable
-from .arguments import NUMBER, Parser, pairs, parameter_file, traced
+from .arguments import Parser, parameter_file, traced
+from .numbers import NUMBER, pairs
 from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:

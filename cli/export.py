@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
 from ..core.files import refuse_input
-from .arguments import Parser, inputs_of, measured, parameter_file
+from .arguments import Parser, inputs_of, parameter_file
+from .numbers import measured
 from .options import plan_asked, plan_options, plan_options_of
 from .output import Printer, output_options, print_json
 

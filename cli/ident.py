@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from ..core.journal import recover
-from .arguments import Parser, pairs, parameter_file, traced, typed
+from .arguments import Parser, joined, now_simulated, parameter_file, traced, typed
+from .numbers import pairs
 from .output import Printer, output_options, print_json
 from .physical import SECTION, check_options, physical_options, report
 
@@ -186,7 +187,8 @@ def _collected(
     from ..parameters.gather.control import dynamics_section
 
     if former is not None:  # its gains were tuned on other dynamics
-        return sealed(former, dynamics=dynamics_section(found), pi=None, provenance=traced(former, args.words))
+        identity, provenance = joined(former, records), traced(former, args.words)
+        return sealed(former, identity=identity, dynamics=dynamics_section(found), pi=None, provenance=provenance)
     source = records[0].source
     return parameters.collect(
         tool=args.tool,
@@ -213,7 +215,7 @@ def _written(
 
     if former is not None:
         replace(pf, args.params, former, _redrawn(found, pf, picture_folder(args.params)))
-        return f"Dynamics added to {args.params}"
+        return f"Dynamics added to {args.params}{now_simulated(former, pf)}"
     if folder is None:
         return ""
     cards.write(pf, folder, identification=found, data_lines=found.notes, force=args.force)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import NUMBER, Parser, check_apart, pairs, parameter_file, traced
+from .arguments import Parser, parameter_file, traced
+from .numbers import NUMBER, check_apart, pairs, with_point
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -82,11 +83,11 @@ def _limit(symbol: str, text: str, pf: "ParameterFile") -> tuple[str, dict[str, 
         known = [*RANGES, *(s for s in ROLES if _bounded(s)), *pf.laws]
         raise UsageError(f"limit {symbol}: there is no such limit. {did_you_mean(symbol, known, 0.6)}")
     usual = ROLES[symbol].unit if symbol in ROLES else pf.laws[symbol].unit
-    found = re.fullmatch(rf"({NUMBER})(?::({NUMBER}))?\s*(\S.*)?", text)
+    found = re.fullmatch(rf"({NUMBER})(?::({NUMBER}))?\s*([^\s,].*)?", text)
     shaped = found is not None and (kind == "responses" or (found[2] is not None) == (symbol in RANGES))
     if found is None or not shaped:
         shape = "low:high with a unit, V=50:200m/min" if symbol in RANGES else "one number with a unit, P=7kW"
-        raise UsageError(f"limit {symbol}={text}: give {shape}.")
+        raise UsageError(f"limit {symbol}={text}: give {shape}{with_point(text) and ', with decimal points'}.")
     check_apart(f"limit {symbol}={text}", found[3])
     ends = tuple(float(end) for end in (found[1], found[2]) if end)
     positive = ends[0] >= 0 if symbol in RANGES else ends[0] > 0

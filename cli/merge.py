@@ -14,7 +14,8 @@ from ..core.files import refuse_input
 from ..core.folders import file_state
 from ..core.journal import only_writer, recover, write_together
 from ..core.rounding import count
-from .arguments import Parser, inputs_of, pairs, parameter_file, traced
+from .arguments import Parser, inputs_of, parameter_file, traced
+from .numbers import pairs
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import Parser, criterion, seed, values
+from .arguments import Parser, seed
+from .numbers import criterion, values
 from .options import read, reading_options
 from .output import output_options
 from .plan import write_table

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from ..core.journal import recover
-from .arguments import Parser, measured, parameter_file, values
+from .arguments import Parser, parameter_file
+from .numbers import measured, values
 from .options import further
 from .output import output_options, print_json, print_lines
 

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
-from .arguments import Parser, constants, criterion, measured, pairs, ranges, seed
+from .arguments import Parser, seed
+from .numbers import constants, criterion, measured, pairs, ranges
 from .output import complain
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ..core.errors import IdentError, UsageError
 from ..datasets.units import canonical
-from .arguments import NUMBER, Parser, traced, typed, values
+from .arguments import Parser, joined, now_simulated, traced, typed
+from .numbers import NUMBER, values
 from .output import Printer, print_json
 
 if TYPE_CHECKING:
@@ -222,7 +223,8 @@ def _collected(
     section: dict[str, Any] = {SECTION[args.model]: found.section}
     if former is not None:
         gains = {"pi": None} if args.model == STEP else {}
-        return sealed(former, **section, **gains, provenance=traced(former, args.words))
+        identity, provenance = joined(former, records), traced(former, args.words)
+        return sealed(former, identity=identity, **section, **gains, provenance=provenance)
     options = ("input", "output", "unit", "rate", "model", *OPTIONS[args.model])
     source = records[0].source
     return parameters.collect(
@@ -256,7 +258,8 @@ def _written(
         if args.model == STEP and not pf.laws:  # figures of laws have the same names
             drawn |= dict.fromkeys((*DYNAMICS_FIGURES, PI_FIGURE))
         replace(pf, args.params, former, drawn)
-        return f"Written: {SECTION[args.model]} in {args.params}, {picture_folder(args.params) / figure}"
+        written = f"Written: {SECTION[args.model]} in {args.params}, {picture_folder(args.params) / figure}"
+        return written + now_simulated(former, pf)
     if folder is None:
         return ""
     cards.write(pf, folder, physical=found.fit, data_lines=records[0].notes, force=args.force)

@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from .arguments import Parser, constants, pairs, ranges, seed
+from .arguments import Parser, seed
+from .numbers import constants, pairs, ranges
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:

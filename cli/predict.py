@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.errors import FitmodelsError, ParameterError, UsageError
-from .arguments import Parser, pairs, parameter_file
+from .arguments import Parser, parameter_file
 from .conditions import VALUE, Value, in_unit, known_level, meant, typed_conditions
+from .numbers import pairs
 from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
 from ..core.rounding import count
-from .arguments import Parser, constants, pairs, values
+from .arguments import Parser
+from .numbers import constants, pairs, values
 from .output import Printer, output_options, print_json
 from .plan import target
 

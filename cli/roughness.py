@@ -9,7 +9,8 @@ import numpy as np
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import NUMBER, Parser, pairs, parameter_file, traced
+from .arguments import Parser, joined, now_simulated, parameter_file, traced
+from .numbers import NUMBER, pairs
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -130,9 +131,11 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.file} has settings of constant roughness; replace them with --force.")
     law = pf.laws[roughness_law(pf, args.law)]
     cut = cut_of(args.values, pf)
-    measured = measured_from([_record(name, args) for name in args.step or ()], cut)
+    steps = [_record(name, args) for name in args.step or ()]
+    measured = measured_from(steps, cut)
     found = derived_settings(pf, cut, measured, _choices(args, law))
-    changed = sealed(pf, roughness=found.section, provenance=traced(pf, args.words))
+    provenance = traced(pf, args.words)
+    changed = sealed(pf, identity=joined(pf, steps), roughness=found.section, provenance=provenance)
     effective = ConstantRoughness.from_parameters(changed)  # limits of the machine may leave no range
     parameters.write(changed, args.file, replaces=pf)
     verdicts = cautions(pf, *found.laws)
@@ -143,7 +146,7 @@ def run(args: argparse.Namespace) -> int:
     feeds = f"The control commands {effective.low:.4g} to {effective.high:.4g} mm/rev, all limits of the file together."
     for words in (*verdicts, *_sentences(found), feeds):
         out.show(words)
-    out.wrote(f"Written: roughness in {args.file}", args.file)
+    out.wrote(f"Written: roughness in {args.file}{now_simulated(pf, changed)}", args.file)
     return 0
 
 

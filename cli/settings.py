@@ -256,7 +256,8 @@ def _wears(text: str, unit: str, option: str, example: str, count: int) -> list[
     except ValueError:
         values = []
     if found is None or len(values) != count or not np.isfinite(values).all():
-        raise UsageError(f"{option} {text}: write it as {example}.")
+        shape = f"{'two ends with a colon between' if count == 2 else 'one number'}, with decimal points, as"
+        raise UsageError(f"{option} {text}: give {shape} {example}.")
     if not found[2]:
         return values
     # through a decimal: 220 um is 0.22 mm, not 0.22000000000000003

@@ -39,7 +39,7 @@ def parser() -> Parser:
     asked = p.add_argument_group("specification")
     asked.add_argument("--rise", type=float, metavar="S", help="rise time at most (default: no limit)")
     asked.add_argument("--settle", type=float, metavar="S", help="settling time at most (default: no limit)")
-    asked.add_argument("--overshoot", type=float, metavar="FRACTION", help="at most, as a fraction (default: 0.02)")
+    asked.add_argument("--overshoot", type=float, metavar="FRACTION", help="at most, as 0.05 or 5%% (default: 0.02)")
     asked.add_argument(
         "--undershoot", type=float, metavar="FRACTION", help="at most, as a fraction (default: no limit)"
     )

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
 from ..core.files import locked_folder, make_folder
-from .arguments import Parser, constants, measured, parameter_file, typed
+from .arguments import Parser, parameter_file, typed
+from .numbers import constants, measured
 from .output import Printer, line_writer, output_options, print_json, print_lines
 from .watch_options import (
     check_options,

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
-from .arguments import Parser, constants, measured, pairs, parameter_file
+from .arguments import Parser, parameter_file
+from .numbers import constants, measured, pairs
 
 if TYPE_CHECKING:
     from ..live.control import ControlSession
@@ -231,7 +232,7 @@ def wear_of(words: str | None, symbol: str, unit: str, option: str) -> float | N
 def source_options_of(args: argparse.Namespace, monitor: "Monitor", after: float | None) -> "SourceOptions":
     """Options of the source."""
     from ..live.sources import SourceOptions
-    from .arguments import values
+    from .numbers import values
 
     named = {**pairs(args.map, "--map", "P=col3"), **pairs(args.node, "--node", "P=NODE")}
     loads = {name: law.unit for name, law in monitor.laws.loads.items()}

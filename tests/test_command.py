@@ -804,7 +804,7 @@ def test_a_gauge_that_is_coarse_is_reported(tmp_path, capsys):
 
 
 def test_units_are_taken_in_value_and_criterion(tmp_path, capsys):
-    from fitmodels.cli.arguments import constants, criterion
+    from fitmodels.cli.numbers import constants, criterion
 
     assert constants(["d=1.5mm", "V=2 m/s"]) == {"d": 1.5, "V": 120.0}
     assert [criterion(text) for text in ("0.2mm", "VB=200um", "VB=0.2")] == [0.2, 0.2, 0.2]

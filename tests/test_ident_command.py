@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from fitmodels.ident import Model
 
 pytestmark = pytest.mark.slow
 
+EXAMPLES = Path(__file__).resolve().parents[1] / "docs" / "examples"
 G = Model(b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)
 
 
@@ -169,6 +172,24 @@ def test_dynamics_are_added_to_a_file_that_is_there(run, german, tmp_path):
     code, _, err = run("ident", german.name, "--params", "p.json")
     assert code != 0
     assert "--force" in err
+
+
+@pytest.mark.parametrize(
+    ("record", "command"),
+    [
+        ("drive.csv", "ident drive.csv --params p.json"),
+        ("force-chirp.csv", "ident force-chirp.csv --as force-process --depth 2 --spindle 3000rpm --params p.json"),
+    ],
+)
+def test_a_simulated_record_marks_the_file_that_it_joins(run, tmp_path, record, command):
+    """A controller of measured laws and simulated dynamics must not look measured."""
+    shutil.copy(EXAMPLES / record, tmp_path)
+    parameters.write(parameters.collect(tool="end mill", work="S45C", simulated=False), tmp_path / "p.json")
+    code, out, _ = run(*command.split())
+    assert code == 0
+    assert "the whole file counts as that: do not run a machine with it" in " ".join(out.split())
+    assert parameters.read(tmp_path / "p.json").identity.simulated is True
+    assert "simulated or computed, not measured: do not run a machine" in " ".join(run("check", "p.json")[1].split())
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,7 @@ def test_the_verdict_of_the_laws_that_a_limit_is_of_is_printed(file, capsys):
         ("Fc=900N", "has laws of AW"),
         ("P", "write it as"),
         ("P=seven", "one number"),
+        ("P=0,28kW", "with decimal points"),
         ("n=2000:40001/min", "number and unit /min cannot be separated for sure; write rpm, or no unit"),
     ],
 )

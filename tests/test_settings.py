@@ -300,10 +300,10 @@ def test_a_window_may_be_said_in_any_unit_of_length(params, window, capsys):
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["--window", "220"], 2, "write it as 180:220um"),
+        (["--window", "220"], 2, "give two ends with a colon between, with decimal points, as 180:220um"),
         (["--window", "180:220A"], 3, "cannot be converted to 'mm'"),
-        (["--window", "a:b"], 2, "write it as 180:220um"),
-        (["--wear-limit", "1:2"], 2, "write it as 200um"),
+        (["--window", "a:b"], 2, "as 180:220um"),
+        (["--wear-limit", "1:2"], 2, "give one number, with decimal points, as 200um"),
         (["--safety-factor", "1.17"], 2, "between 0 and 1"),
         (["--window", "180:220"], 3, "read as a wear of 220 mm, where no tool was tested above 0.205"),
         (

@@ -49,6 +49,21 @@ def test_the_verdict_of_the_dynamics_is_printed_first(file, capsys):
     assert out.startswith("Verdict on the dynamics: do not use for control. The simulation fit is 30 %, below 50 %.")
 
 
+def test_a_share_may_be_given_in_percent(file, capsys):
+    assert tune(capsys, "--settle", "8", "--overshoot", "5 %", "--nominal")[0] == 0
+    assert parameters.read(file).pi.specification.overshoot == 0.05
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [("5", "a fraction of at most 1, as 0.05 for 5 %"), ("0,05", "give a number with a decimal point, 0.05")],
+)
+def test_a_share_that_cannot_be_is_refused(file, capsys, given, words):
+    code, _, err = tune(capsys, "--settle", "8", "--overshoot", given)
+    assert code in (2, 4)
+    assert words in err
+
+
 def test_gains_that_meet_the_specification_are_added(file, capsys, tmp_path):
     code, out, err = tune(capsys, "--rise", "2", "--settle", "4", "--overshoot", "0.05")
     assert (code, err) == (0, "")

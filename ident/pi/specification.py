@@ -147,6 +147,8 @@ class Specification(Displayable):
                 from_ = f"{least:g} or more" if limit.zero_allowed else f"above {least:g}"
                 hint = " (a fraction: 0.02 is 2 %)" if limit.scale == 100 else ""
                 raise IdentError(f"{name} {value!r} of a specification: a number {from_}{hint}, or omit it.")
+            if limit.scale == 100 and value > 1:
+                raise IdentError(f"{name} {value:g} of a specification: a fraction of at most 1, as 0.05 for 5 %.")
         if self.rise_time is not None and self.settling_time is not None and self.settling_time < 0.8 * self.rise_time:
             raise IdentError(
                 f"settling_time {self.settling_time:g} s is shorter than 0.8 times the rise_time {self.rise_time:g} s: "

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> CheckReport:
     """Check a parameter file before a controller loads it.
 
-    Checksum; equations and the mark of simulated data against their text; verdicts of laws, dynamics and force process;
+    Checksum; simulated data; equations and their mark against the text; verdicts of laws, dynamics and force process;
     doubts about the data; units known and of the right dimension; covariances; convergence of the posterior; dynamics
     stable, with a gain of known sign; gains stable on them and within their specification, recomputed from the file;
     feed limits in order and above zero; windows and settings in order; the file of draws.
@@ -49,6 +49,7 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     found = [
         _checksum(pf, on_disk=folder is not None),
         *(() if folder is None else check_texts(pf)),
+        *_origin(pf),
         *check_verdicts(pf),
         *_reading(pf),
         *check_units(pf),
@@ -69,6 +70,13 @@ def _checksum(pf: "ParameterFile", *, on_disk: bool) -> FileFinding:
         return FileFinding("checksum", None, "The file has no content_sha256, so a change cannot be detected.")
     words = f"{fault[:1].upper()}{fault[1:]}: restore the file, or make the change with fitmodels, which writes it."
     return FileFinding("checksum", False, words.replace("It has", "The file has").replace("Its content", "The content"))
+
+
+def _origin(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """Whether the data were simulated, which does not fail the file."""
+    if pf.identity.simulated:
+        words = "The data are simulated or computed, not measured: do not run a machine with this file."
+        yield FileFinding("simulated", None, words)
 
 
 def _reading(pf: "ParameterFile") -> Iterator[FileFinding]:
