@@ -10,7 +10,6 @@ import json
 import os
 import re
 import stat
-import tomllib
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -323,6 +322,8 @@ def parse_toml(
     >>> parse_toml(b'license = "CC-BY-4.0"', "card.toml")
     {'license': 'CC-BY-4.0'}
     """
+    import tomllib
+
     end = f" {remedy}" if remedy else ""
     try:
         text = content.decode("utf-8-sig")

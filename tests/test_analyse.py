@@ -14,7 +14,10 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.core.errors import DataError, FitError, UsageError
 from fitmodels.fit.law_figures import response_surface
+from fitmodels.parameters import collection
+from fitmodels.parameters.gather import posterior
 from fitmodels.pipeline import FitOptions, analyse
+from fitmodels.pipeline.analysis import analyse_runs, analysis_stages
 from fitmodels.pipeline.options import RECORDED
 
 SMALL = datasets.bundled("ac2017_table1")
@@ -291,3 +294,21 @@ def test_a_surface_without_slope_is_drawn_without_contours(level, tmp_path):
     drawn = response_surface(law)
     assert "no contours: P is" in drawn.texts[0].get_text()
     drawn.figure.savefig(tmp_path / "surface.png")
+
+
+def test_a_pair_comes_with_its_judged_laws_before_its_posteriors_are_summarised(monkeypatch):
+    summarised = []
+    monkeypatch.setattr(
+        collection, "posterior_section", lambda *of: summarised.append(of) or posterior.posterior_section(*of)
+    )
+    runs, options = datasets.read_runs(SMALL), FitOptions(draws=1000)
+    stages = analysis_stages(runs, options)
+    (first, complete), held = next(stages), len(summarised)
+    assert (complete, held, first.parameters.posterior, first.parameters.content_sha256) == (False, 0, None, None)
+    (last, complete), *others = stages
+    assert complete
+    assert not others
+    assert last.parameters == analyse_runs(runs, options).pairs[0].parameters
+    assert [law.verdict for law in last.parameters.laws.values()] == [
+        law.verdict for law in first.parameters.laws.values()
+    ]
