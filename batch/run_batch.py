@@ -12,7 +12,7 @@ import pandas as pd
 from ..core.errors import UsageError
 from ..core.progress import Meter
 from ..pipeline.options import FitOptions
-from .engine import Run, SerialRun, engine, largest_memory
+from .engine import MapOver, Run, SerialRun, engine, largest_memory
 from .fitting.block import fit_block
 from .fitting.concerns import is_identity
 from .outcomes import BlockOutcome, PairOutcome
@@ -140,7 +140,7 @@ def run(
         blocks = fit_blocks(plan, each, out, folders, workers, meter)
         removed = sweep(out, set(blocks.keys))
         meter.say("comparing")
-        map_over = workers.in_order if workers.started() else map
+        map_over: MapOver = workers.in_order if workers.started() else map
         tables = tables_of(plan, blocks.outcomes, table, map_over)
         new = write_tables(out, tables, map_over)
         report = site_of(out, card, title, jobs, meter, blocks.keys) if site and files else None

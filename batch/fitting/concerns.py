@@ -67,7 +67,7 @@ def concerns_of_values(of: NumberedRows, process: "Process | None") -> list[list
     concerns: list[list[Concern]] = [[] for _ in of.pairs]
     named = process or process_of(of.held, of.rows.notes)
     about = of.rows.of_pair
-    judged = np.array([pair in about for pair in of.pairs] if about else np.zeros(len(of.pairs)), dtype=bool)
+    judged = np.array([bool(about) and pair in about for pair in of.pairs], dtype=bool)
     for role, ends in of.ends.items() if not judged.all() else ():
         ranges = plausible(role, named)
         if ranges is None:

@@ -205,7 +205,8 @@ def indexed(
     found = list(_row_groups(files, known, keys, reading))
     work = partial(contents_of, keys=keys, reading=reading)
     tasks = list(_together(found))
-    read = chain.from_iterable((map if len(tasks) < MANY else map_over)(work, tasks))
+    over: MapOver = map if len(tasks) < MANY else map_over
+    read = chain.from_iterable(over(work, tasks))
     for before, one in zip([None, *found], found, strict=False):
         if one.file and one.file % 500 == 0 and before is not None and before.file != one.file:
             report(f"indexed {one.file} of {len(files)} files: {len(index.number)} pairs")

@@ -92,7 +92,7 @@ def sorted_rows(
     if sort := bool(np.any(key[1:] < key[:-1])):
         order = np.argsort(key, kind="stable")
         source, key = source[order], key[order]
-    rows = source if sort or len(source) < len(table) else slice(None)
+    rows: Ints | slice = source if sort or len(source) < len(table) else slice(None)
     return PairRows(
         names=names,
         raw=raw,
