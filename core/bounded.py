@@ -382,12 +382,12 @@ def _integer(literal: str) -> int:
 
 def _check_nested(data: object, *, values: bool = True) -> None:
     """Check parsed data: RecursionError where they are nested too deep, ``values`` for integers and texts too."""
-    layer, inside = [data], (lambda one: (*one, *one.values())) if values else dict.values
+    layer: list[Any] = [data]
+    inside: Any = (lambda one: (*one, *one.values())) if values else dict.values
     for _ in range(DEEPEST + 1):
         for each in layer if values else ():
             _check_value(each)
-        groups: list[Any] = [outer for outer in layer if type(outer) in (dict, list)]
-        layer = [inner for one in groups for inner in (inside(one) if type(one) is dict else one)]
+        layer = [x for one in layer if type(one) in (dict, list) for x in (inside(one) if type(one) is dict else one)]
         if not layer:
             return
     raise RecursionError
