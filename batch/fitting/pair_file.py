@@ -59,7 +59,9 @@ def _made(runs: "Runs", options: BatchOptions, groups: Mapping[str, str]) -> Pai
     if pair.not_converged:
         return PairFiles({}, (*no_life, Concern(NOT_CONVERGED, pair.not_converged)), _not_converged_cells(pair))
     identity, odd = identity_of(groups)
-    pf = parameter_file(pair, options, command=options.command, keep_draws=options.keep_draws, **identity)
+    pf = parameter_file(
+        pair, options, command=options.command, keep_draws=options.keep_draws, complete=True, **identity
+    )
     return PairFiles(_bytes(pf, pair, options), (*no_life, *odd, *concerns_of_file(pf)), law_cells(pf))
 
 
