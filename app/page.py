@@ -21,8 +21,8 @@ from starlette.staticfiles import StaticFiles
 
 from ..core.errors import FitmodelsError, UsageError
 from ..core.files import cause
-from . import messages, options, reading, region
-from .command_forms import FOLLOWING, Subject, actions, command
+from . import messages, options, reading, region, stages
+from .command_forms import Subject, actions, command
 from .jobs import Job, Jobs, Runner
 from .project import Entry, Project
 from .results import PICTURES, answer_of, colour, current_files, facts_of_laws, reading_of, verdicts, written
@@ -294,10 +294,11 @@ class Page:
             paths, subject = await asyncio.to_thread(self._subject, entry, wanted)
         except UsageError as missing:
             return self._render("alert.html", words=str(missing))
-        forms = [one for one in actions(subject) if one.is_form]
+        forms = await asyncio.to_thread(stages.filled, self.project, entry, subject)
+        done = await asyncio.to_thread(stages.states, self.project, entry, subject)
         return self._render(
-            "machine.html", entry=entry, actions=forms, paths=paths, path=subject.params,
-            is_record=not subject.content.get("laws"), language=_language(request),
+            "machine.html", entry=entry, actions=[one for one in forms if one.is_form], paths=paths,
+            path=subject.params, states=done, is_record=not subject.content.get("laws"), language=_language(request),
         )  # fmt: skip
 
     async def _region(self, request: Request) -> Response:
@@ -346,18 +347,13 @@ class Page:
         pictures = [name for name in files if name.endswith(PICTURES)]
         to = await asyncio.to_thread(self._places, entry, job.words[0])
         shown = {"entry": entry, "job": job, "written": files, "pictures": pictures, "to": to}
-        done = await asyncio.to_thread(self._after, entry, job) if job.code == 0 else {}
-        return self._render("result.html", **{"following": None, "gains": (), **shown, **done})
+        return self._render("result.html", **shown, **await asyncio.to_thread(self._after, entry, job))
 
     def _after(self, entry: Entry, job: Job) -> dict[str, Any]:
-        """The form that follows a command, and the gains' limits after those of a constant load were set."""
+        """What a command has changed on the page beside its answer."""
         path = next((word for word in job.words if word.endswith("params.json")), "")
-        if not self.project.parameter_files(entry):
-            return {}
-        _, subject = self._subject(entry, path)
-        forms = {one.name: one for one in actions(subject)}
-        gains = [one for one in forms["tune"].inputs if one.value] if job.words[0] == "settings" else []
-        return {"following": forms.get(FOLLOWING.get(job.words[0], "")), "gains": gains}
+        subject = self._subject(entry, path)[1] if path in self.project.parameter_files(entry) else None
+        return stages.after(self.project, entry, subject, job)
 
     async def _cancel(self, request: Request) -> Response:
         job = self.jobs.get(request.path_params["id"])

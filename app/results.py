@@ -5,7 +5,6 @@ import mimetypes
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +14,7 @@ from .command_forms import subject_of
 from .jobs import Job
 from .options import OF_OUTPUT, applied, command_of, pairs, typed, words
 from .project import Entry, Project
+from .stages import files_of, time_of
 
 RECORD: Final = "is a record of one run"  # in a refusal of look
 PICTURES: Final = (".png", ".svg")
@@ -47,58 +47,13 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
         "cards": [name for name in results if name.endswith("/card.html") and name.startswith(tuple(folders))],
         "is_former": bool(former) and set(files) == set(former),
         "former": [path.removesuffix("/params.json") for path in former],
-        "results": sorted(results),
         "laws": list(dict.fromkeys(name for name, _ in laws)),
         "levels": levels(found),
         "suspects": suspects([law for _, law in laws]),
         "remedies": remedies(entry, results),
         "left_out": [(value, one) for one, value in typed(entry.options) if one.startswith("--leave-out")],
-        "to_repeat": to_repeat(project, entry),
-        "older": older(project, entry, results),
+        **files_of(project, entry, results),
     }
-
-
-def older(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[str, tuple[str, ...]]:
-    """Results that are older than the parameter files of the fit, with the command that made them, where it is known.
-
-    The picture of a reading is none of them: it is drawn again when the file is read.
-    """
-    top = f"{entry.stem}-fit/"
-    made = {name: _time_of(path) for name, path in results.items()}
-    latest = max(
-        (time for name, time in made.items() if name.startswith(top) and name.endswith("/params.json")), default=0
-    )
-    found = [name for name, time in made.items() if not name.startswith(top) and time < latest]
-    return {name: _command_of(project, name) for name in found if name != f"{entry.stem}-look.png"}
-
-
-def _command_of(project: Project, result: str) -> tuple[str, ...]:
-    """The last command that wrote a file, or its folder; empty where none is known."""
-    for step in reversed(project.steps):
-        targets = [after for word, after in pairwise(step.words) if word in ("--out", "--figure")]
-        if step.code == 0 and any(result == one or result.startswith(f"{one}/") for one in targets):
-            return step.words
-    return ()
-
-
-ADDING: Final = ("limits", "costs", "ident", "settings", "tune")  # commands that add to a parameter file
-
-
-def to_repeat(project: Project, entry: Entry) -> list[tuple[str, ...]]:
-    """Commands that added to a parameter file of an entry before it was replaced, in their order."""
-    top, found = f"{entry.stem}-fit/", dict[tuple[str, str], tuple[str, ...]]()
-    replaced: dict[tuple[str, str], tuple[str, ...]] = {}
-    for step in project.steps:
-        words = step.words
-        if entry.name in words[:2] and "--force" in words and words[0] in (entry.name, "ident"):
-            replaced, found = {**replaced, **found}, {}
-        path = next((word for word in words[1:] if word.startswith(top)), "")
-        if words[0] in ADDING and path and step.code == 0:
-            key = words[0], path
-            found.pop(key, None)
-            found[key] = words
-    left = {key: words for key, words in replaced.items() if key not in found}
-    return sorted(left.values(), key=lambda words: ADDING.index(words[0]))
 
 
 def current_files(project: Project, entry: Entry) -> tuple[dict[str, Mapping[str, Any]], list[str]]:
@@ -209,15 +164,7 @@ def _strings(data: object, key: str) -> list[str]:
 def written(project: Project, entry: Entry, job: Job) -> list[str]:
     """Results that a command has written since it was started."""
     found = project.results(entry)
-    return [name for name, path in found.items() if _time_of(path) >= job.clock_time - 0.05]
-
-
-def _time_of(path: Path) -> float:
-    """When a file was written, s since 1970; 0 where a command has removed it since."""
-    try:
-        return path.stat().st_mtime
-    except OSError:
-        return 0.0
+    return [name for name, path in found.items() if time_of(path) >= job.clock_time - 0.05]
 
 
 def answer_of(path: Path) -> Response:

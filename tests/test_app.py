@@ -22,7 +22,8 @@ from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
 from fitmodels.app.reading import assumptions, column_menus, option_of_change, role_label, units_of
-from fitmodels.app.results import older, policy_of_card, remedies
+from fitmodels.app.results import policy_of_card, remedies
+from fitmodels.app.stages import filled, older, states, to_repeat
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
 from hypothesis import given
@@ -250,7 +251,9 @@ def test_from_tests_to_limits_and_an_export(client):
     client.run(
         "gc.csv", "costs", machine="60/h", edge="8", change="1.5min", handling="2min", volume="120cm3", currency="EUR"
     )
-    assert "least cost" in client.run("gc.csv", "optimum", V="145", f="0.3")
+    found = client.run("gc.csv", "optimum", V="145", f="0.3")
+    assert "least cost" in found
+    assert re.search(r'id="state-optimum" [^>]*hx-swap-oob="true">done: today V=145 today f=0.3<', found)
     assert "gc-control.ini" in client.run("gc.csv", "export", to="ini")
     status, headers, text = client.ask("GET", "/files/gc.csv/results/gc-control.ini")
     assert (status, headers["content-disposition"][:10]) == (200, "attachment")
@@ -263,9 +266,15 @@ def test_from_tests_to_limits_and_an_export(client):
     words = "limits gc-fit/GC435_709M40-En-19/params.json AW=0.3mm P=7kW V=50:200 --force"
     status, text = client.post("/files/gc.csv/repeat", command=words)
     assert status == 200, text
-    client.until_done(f"/jobs/{text.split('/jobs/')[1].split('/')[0].split('?')[0]}?file=gc.csv")
+    answer = client.until_done(f"/jobs/{text.split('/jobs/')[1].split('/')[0].split('?')[0]}?file=gc.csv")
+    assert 'id="to-repeat" hx-swap-oob="true"' in answer
+    assert f'value="{words}"' not in answer
     assert words not in client.get("/files/gc.csv/laws").replace("&#39;", "'")
     assert client.post("/files/gc.csv/repeat", command=words)[0] == 422
+    machine = client.get("/files/gc.csv/machine")
+    assert re.search(r'name="P" value="7kW"', machine)
+    assert re.search(r'id="state-limits"[^>]*>done: AW=0.3mm P=7kW V=50:200<', machine)
+    assert re.search(r'id="state-costs"[^>]*>outdated<', machine)
 
 
 def test_the_region_follows_its_sliders(client):
@@ -580,6 +589,68 @@ def test_the_limits_of_the_gains_are_those_of_the_constant_load(tmp_path):
         "low": "514", "high": "1031", "unit": "mm/min",
     }  # fmt: skip
     assert list(forms).index("settings") < list(forms).index("ident") < list(forms).index("tune")
+
+
+LINE = {"reference": 0.24, "unit_load": "A", "unit_feed": "mm/min", "lower": {"value": 601}, "upper": {"value": 1019}}
+
+
+def run_project(folder, commands):
+    """A project of one table, of which commands were run, with a parameter file that holds all that they add."""
+    project, path = Project(folder), "a-fit/p/params.json"
+    entry = project.add("a.csv", io.BytesIO(b"V\n1\n"))
+    content = {"laws": {"I": {"unit": "A"}}, "load_line": LINE, "pi": {"kp": 1, "ki": 2}}
+    (folder / "a-fit" / "p").mkdir(parents=True)
+    (folder / path).write_text(json.dumps(content))
+    for text, code in commands:
+        project.ran(shlex.split(text.replace("PARAMS", path)), code)
+    return project, entry, subject_of(folder, "a", path, ["run.csv"])
+
+
+def test_settings_that_the_file_has_kept_are_repeated_too(tmp_path):
+    """What a second command of settings left as it was is part of what a new fit has undone, and of the form."""
+    commands = [
+        ("settings PARAMS --worn 0.28 --idle 0.12 --on-fault stop --force", 0),
+        ("settings PARAMS --worn 0.3 --idle 0.2 --force", 2),  # refused
+        ("settings PARAMS --worn 0.27 --wear-limit 196um --feed-programmed 1000 --force", 0),
+    ]
+    project, entry, of = run_project(tmp_path, commands)
+    given = {"worn": "0.27", "wear-limit": "196um", "feed-programmed": "1000", "idle": "0.12", "on-fault": "stop"}
+    form = next(one for one in filled(project, entry, of) if one.name == "settings")
+    assert {one.name: one.value for one in form.inputs if one.value} == given
+    assert to_repeat(project, entry) == []
+    project.ran(("a.csv", "--leave-out", "E1", "--force"), 0)
+    (tmp_path / of.params).write_text('{"laws": {"I": {"unit": "A"}}}')
+    (words,) = to_repeat(project, entry)
+    assert shlex.join(words[2:]) == (
+        "--worn 0.27 --wear-limit 196um --feed-programmed 1000 --idle 0.12 --on-fault stop --force"
+    )
+    of = subject_of(tmp_path, "a", of.params, [])
+    form = next(one for one in filled(project, entry, of) if one.name == "settings")
+    assert {one.name: one.value for one in form.inputs if one.value} == given
+    assert states(project, entry, of)["settings"].words == "outdated"
+    project.ran(words, 0)
+    assert to_repeat(project, entry) == []
+
+
+def test_each_form_states_what_was_done(tmp_path):
+    commands = [
+        ("settings PARAMS --worn 0.28 --force", 0),
+        ("tune PARAMS --settle 8 --low 600 --high 1000 --unit mm/min --force", 0),
+        ("check PARAMS", 0),
+    ]
+    project, entry, of = run_project(tmp_path, commands)
+    found = states(project, entry, of)
+    assert found["settings"].words == "done: reference 0.24 A, feed 601 to 1019 mm/min"
+    assert found["tune"].words == "done: kp 1, ki 2"
+    assert found["check"].words == "done: passed"
+    assert found["export"].words == found["costs"].words == "not done"
+    assert "compare" not in found
+    project.ran(("tune", of.params, "--settle", "9", "--force"), 0)
+    assert states(project, entry, of)["check"].outdated == "Gains changed after it"
+    project.ran(("check", of.params), 5)
+    assert states(project, entry, of)["check"].words == "refused"
+    project.ran(("settings", of.params, "--worn", "0.3", "--force"), 0)
+    assert states(project, entry, of)["tune"].outdated == "Constant load changed after it"
 
 
 def test_menus_have_the_plausible_first():

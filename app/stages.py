@@ -1,0 +1,284 @@
+"""What was done on a parameter file: forms with their state and last values, and what a new fit has lost."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+from .command_forms import ENGAGEMENT, FOLLOWING, Action, Subject, actions, subject_of
+from .jobs import Job
+from .project import Entry, Project, Step
+
+ADDING: Final = ("limits", "costs", "ident", "settings", "tune")  # commands that add to a parameter file
+SECTIONS: Final = {"limits": "limits", "costs": "costs", "ident": "dynamics", "settings": "load_line", "tune": "pi"}
+USES: Final[Mapping[str, Sequence[str]]] = {  # commands whose later run makes the result of another outdated
+    "optimum": ("limits", "costs"), "tune": ("ident", "settings"), "replay": ADDING, "card": ADDING, "check": ADDING,
+    "export": ADDING,
+}  # fmt: skip
+KEPT_OF_SETTINGS: Final = frozenset(f"--{name}" for name in (*dict(ENGAGEMENT), "idle", "on-fault", "dwell"))
+LIMITS_OF_GAINS: Final = ("low", "high", "unit")
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class State:
+    """Whether a form was run, its main result, and why it is outdated; the colour is a class of the style sheet."""
+
+    words: str = "not done"
+    colour: str = ""
+    outdated: str = ""
+
+
+def _parts(words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """What each argument of a command sets, and its words.
+
+    >>> list(_parts(["P=7kW", "--idle", "0.12", "--today", "V=100", "--force"]))
+    [('P', ('P=7kW',)), ('--idle', ('--idle', '0.12')), ('--today V', ('--today', 'V=100')), ('--force', ('--force',))]
+    """
+    rest = list(words)
+    while rest:
+        one = (rest.pop(0),)
+        if one[0].startswith("--") and "=" not in one[0] and rest and not rest[0].startswith("--"):
+            one = (*one, rest.pop(0))
+        name, equals, _ = one[-1].partition("=")
+        yield f"{one[0]} {name}" if len(one) > 1 and equals else one[0].partition("=")[0], one
+
+
+def with_kept(former: Sequence[str], words: Sequence[str]) -> tuple[str, ...]:
+    """A command with what its file keeps of a former one: limits and costs by name, the engagement of settings.
+
+    >>> " ".join(with_kept(["limits", "p", "P=7kW", "f=0.1:0.4", "--force"], ["limits", "p", "P=5kW", "--force"]))
+    'limits p P=5kW f=0.1:0.4 --force'
+    """
+    own = dict(_parts(words[2:]))
+    keeps = {"limits": lambda key: key[:2] != "--", "costs": lambda key: key[:2] != "--"}
+    is_kept = keeps.get(words[0], KEPT_OF_SETTINGS.__contains__ if words[0] == "settings" else lambda _: False)
+    kept = [word for key, part in _parts(former[2:]) if key not in own and is_kept(key) for word in part]
+    end = [word for word in words[2:] if word == "--force"]
+    return (*words[:2], *(word for word in words[2:] if word != "--force"), *kept, *end)
+
+
+def _is_fit(step: Step, entry: Entry) -> bool:
+    """Whether a command has replaced the parameter files of a file."""
+    words = step.words
+    own = words[0] == entry.name or (words[:2] == ("ident", entry.name) and "--params" not in words)
+    return own and "--force" in words
+
+
+def _added(project: Project, entry: Entry) -> tuple[dict[tuple[str, str], tuple[str, ...]], ...]:
+    """Commands that have added to the parameter files of a file since its last fit, and before it."""
+    top, found = f"{entry.stem}-fit/", dict[tuple[str, str], tuple[str, ...]]()
+    replaced: dict[tuple[str, str], tuple[str, ...]] = {}
+    for step in project.steps:
+        if _is_fit(step, entry):
+            replaced, found = {**replaced, **found}, {}
+        path = next((word for word in step.words[1:] if word.startswith(top)), "")
+        if step.words[0] in ADDING and path and step.code == 0:
+            key = step.words[0], path
+            found[key] = with_kept(found.pop(key, ()), step.words)
+    return found, replaced
+
+
+def to_repeat(project: Project, entry: Entry) -> list[tuple[str, ...]]:
+    """Commands that added to a parameter file of an entry before it was replaced, in their order."""
+    found, replaced = _added(project, entry)
+    left = [
+        words
+        for (name, path), words in replaced.items()
+        if (name, path) not in found
+        and not subject_of(project.folder, entry.stem, path, ()).content.get(SECTIONS[name])
+    ]
+    return sorted(left, key=lambda words: ADDING.index(words[0]))
+
+
+def last_used(project: Project, entry: Entry, path: str) -> dict[str, tuple[str, ...]]:
+    """The last command of each form on a parameter file that succeeded, with what the file keeps of former ones."""
+    found = {}
+    for step in project.steps:
+        if step.code == 0 and len(step.words) > 1 and (path in step.words or step.words[1] == entry.name):
+            found[step.words[0]] = step.words
+    added, replaced = _added(project, entry)
+    return {**found, **{name: words for (name, of), words in {**replaced, **added}.items() if of == path}}
+
+
+def values(action: Action, words: Sequence[str]) -> dict[str, str]:
+    """Values of the fields of a form from the words of its command.
+
+    >>> from .command_forms import Input
+    >>> form = Action("x", "", "", (Input("V", "", "--today V={}"), Input("P", "", "P={}"), Input("r", "", "{}")))
+    >>> values(form, ["x", "run.csv", "--today", "V=100", "P=7 kW"])
+    {'V': '100', 'P': '7 kW', 'r': 'run.csv'}
+    """
+    found = {}
+    for one in action.inputs:
+        option, _, last = one.words.rpartition(" ")
+        prefix = last.partition("{}")[0]
+        if one.words == "{}":
+            found[one.name] = words[1]
+        elif "{}" not in one.words:
+            found[one.name] = one.choices[-1][0] if one.words in words else ""
+        elif option:
+            of = [after for before, after in pairwise(words) if before == option]
+            of += [word[len(option) + 1 :] for word in words if word.startswith(f"{option}=")]
+            found[one.name] = next((value[len(prefix) :] for value in of if value.startswith(prefix)), "")
+        else:
+            found[one.name] = next((word[len(prefix) :] for word in words[2:] if word.startswith(prefix)), "")
+    return found
+
+
+def filled(project: Project, entry: Entry, of: Subject) -> list[Action]:
+    """The forms of a parameter file with the values last used.
+
+    The limits of the gains are those of the constant load where that was set after them, or none were used.
+    """
+    used = last_used(project, entry, of.params)
+    is_older = _is_later(project, of.params, "settings", "tune")
+    made = []
+    for action in actions(of):
+        given = values(action, used[action.name]) if action.name in used else {}
+        if action.name == "tune":
+            unset = [name for name in LIMITS_OF_GAINS if is_older or not given.get(name)]
+            given = {name: value for name, value in given.items() if name not in unset}
+        inputs = tuple(
+            dataclasses.replace(one, value=given[one.name]) if one.name in given else one for one in action.inputs
+        )
+        made.append(dataclasses.replace(action, inputs=inputs))
+    return made
+
+
+def older(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[str, tuple[str, ...]]:
+    """Results that are older than the parameter files of the fit, with the command that made them, where it is known.
+
+    The picture of a reading is none of them: it is drawn again when the file is read.
+    """
+    top = f"{entry.stem}-fit/"
+    made = {name: time_of(path) for name, path in results.items()}
+    latest = max(
+        (time for name, time in made.items() if name.startswith(top) and name.endswith("/params.json")), default=0
+    )
+    found = [name for name, time in made.items() if not name.startswith(top) and time < latest]
+    return {name: _command_of(project, name) for name in found if name != f"{entry.stem}-look.png"}
+
+
+def _command_of(project: Project, result: str) -> tuple[str, ...]:
+    """The last command that wrote a file, or its folder; empty where none is known."""
+    for step in reversed(project.steps):
+        targets = [after for word, after in pairwise(step.words) if word in ("--out", "--figure")]
+        if step.code == 0 and any(result == one or result.startswith(f"{one}/") for one in targets):
+            return step.words
+    return ()
+
+
+def files_of(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[str, Any]:
+    """Results with those that are older than the fit, and the commands that a new fit has undone."""
+    found = {"results": sorted(results), "older": older(project, entry, results)}
+    return {**found, "to_repeat": to_repeat(project, entry)}
+
+
+def time_of(path: Path) -> float:
+    """When a file was written, s since 1970; 0 where a command has removed it since."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _is_later(project: Project, path: str, first: str, second: str) -> bool:
+    """Whether the last run of a command on a file came after the last of another."""
+    runs = [step.words[0] for step in project.steps if step.code == 0 and path in step.words]
+    return first in runs and second not in runs[len(runs) - runs[::-1].index(first) :]
+
+
+def states(project: Project, entry: Entry, of: Subject) -> dict[str, State]:
+    """State of each form of a parameter file."""
+    outdated = older(project, entry, project.results(entry))
+    lost = {words[0] for words in to_repeat(project, entry) if of.params in words}
+    used, forms = last_used(project, entry, of.params), [one for one in actions(of) if one.is_form]
+    titles, found = {one.name: one.title for one in forms}, dict[str, State]()
+    for name in titles:
+        own = [k for k, step in enumerate(project.steps) if _is_run(step, entry, of, name)]
+        code = project.steps[own[-1]].code if own else 0
+        if name in lost:
+            found[name] = State("outdated", "doubt", "the laws were fitted again, and it is not in the file any more")
+        elif not (of.content.get(SECTIONS[name]) if name in SECTIONS else own):
+            found[name] = State()
+        elif why := _why_outdated(project.steps[own[-1] + 1 :] if own else (), entry, of, name, titles):
+            found[name] = State("outdated", "doubt", why)
+        elif code:
+            found[name] = State("refused", "bad")
+        elif name == "export" and (old := [one for one in outdated if one.startswith(f"{of.stem}-control.")]):
+            found[name] = State("outdated", "doubt", f"{', '.join(old)} is older than params.json")
+        else:
+            words = _result(project, of, name, used.get(name, ()))
+            found[name] = State(f"done: {words}" if words else "done", "good")
+    return found
+
+
+def _is_run(step: Step, entry: Entry, of: Subject, name: str) -> bool:
+    """Whether a step is a run of a form that counts: one of check or export counts also where it refuses."""
+    on_it = of.params in step.words or step.words[1:2] == (entry.name,)
+    if name == "card" and step.words[0] == entry.name:
+        return step.code == 0
+    return step.words[0] == name and on_it and (step.code == 0 or (name in ("check", "export") and step.code != 2))
+
+
+def _why_outdated(
+    steps: Sequence[Step], entry: Entry, of: Subject, name: str, titles: Mapping[str, str]
+) -> str:  # fmt: skip
+    """Why the result of a form is outdated by the commands that were run after it; empty where it is not."""
+    if name not in SECTIONS and any(_is_fit(step, entry) for step in steps):
+        return "the laws were fitted again after it"
+    later = [step.words[0] for step in steps if step.code == 0 and of.params in step.words]
+    changed = [titles[one] for one in USES.get(name, ()) if one in later and one in titles]
+    return f"{', '.join(changed)} changed after it" if changed else ""
+
+
+def _result(project: Project, of: Subject, name: str, words: Sequence[str]) -> str:
+    """The main result of a form in a few words, or its settings."""
+    if name == "check":
+        return "passed"
+    if name == "export":
+        return ", ".join(path.name for path in sorted(project.folder.glob(f"{of.stem}-control.*")))
+    return _of_section(name, of.content.get(SECTIONS.get(name, "")) or {}) or settings_of(words)
+
+
+def settings_of(words: Sequence[str]) -> str:
+    """The settings of a command, without its files.
+
+    >>> settings_of(["limits", "a/params.json", "P=7kW", "f=0.1:0.4", "--force"])
+    'P=7kW f=0.1:0.4'
+    """
+    left = ("--force", "--out", "--figure", "--params")
+    return " ".join(" ".join(part).removeprefix("--") for key, part in _parts(words[2:]) if key not in left)
+
+
+def _of_section(name: str, section: Mapping[str, Any]) -> str:
+    """The numbers of a section that say most; empty where they are not those of a whole file."""
+    try:
+        if name == "settings":
+            low, high = section["lower"]["value"], section["upper"]["value"]
+            return (
+                f"reference {section['reference']:.4g} {section['unit_load']}, feed {low:.4g} to {high:.4g} "
+                f"{section['unit_feed']}"
+            )
+        if name == "tune":
+            return f"kp {section['kp']:.4g}, ki {section['ki']:.4g}"
+        if name == "ident":
+            return f"{section['output']} of {section['input']}, every {section['sample_time']:g} s"
+    except (KeyError, TypeError, ValueError):
+        return ""
+    return ""
+
+
+def after(project: Project, entry: Entry, of: Subject | None, job: Job) -> dict[str, Any]:
+    """What a command has changed on the page: states, files, limits of the gains, and the form that follows."""
+    found = {"following": None, "gains": [], "states": {}, **files_of(project, entry, project.results(entry))}
+    if of is None:
+        return found
+    found["states"] = states(project, entry, of)
+    forms = {one.name: one for one in filled(project, entry, of)}
+    if job.code == 0:
+        found["following"] = forms.get(FOLLOWING.get(job.words[0], ""))
+        if job.words[0] == "settings":
+            found["gains"] = [one for one in forms["tune"].inputs if one.name in LIMITS_OF_GAINS and one.value]
+    return found
