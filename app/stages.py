@@ -219,7 +219,7 @@ def _is_run(step: Step, entry: Entry, of: Subject, name: str) -> bool:
     on_it = of.params in step.words or step.words[1:2] == (entry.name,)
     if name == "card" and step.words[0] == entry.name:
         return step.code == 0
-    return step.words[0] == name and on_it and (step.code == 0 or (name in ("check", "export") and step.code != 2))
+    return step.words[0] == name and on_it and (step.code == 0 or (name in ("check", "export") and step.code == 5))
 
 
 def _why_outdated(
