@@ -20,7 +20,7 @@ from ...parameters import ParameterFile
 from ..content.card import Card
 from ..folder import DRAWS, PARAMETERS, PROGRAM, README
 from ..forms.front_matter import HUB_LICENSES, hub_metadata, yaml_text
-from .pair import contents, pair_folders, read_pair, shared_toml
+from .pair import contents, pair_folders, read_pair, shared_toml, unreplaced
 from .requirements import check_publication
 
 NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9._-]{0,94}[A-Za-z0-9])?")
@@ -112,8 +112,11 @@ def hub_repository(folder: Path, name: str, data: Path | None = None) -> HubRepo
     if len(pairs) > 1:
         names = ", ".join(str(pair) for pair in pairs[:3]) + (", ..." if len(pairs) > 3 else "")
         raise UsageError(f"{folder}: holds {len(pairs)} pairs, a repository holds one; give one of {names}.")
-    pair = pairs[0]
-    pf, whole, card = read_pair(pair, above=shared_toml(folder, pairs))
+    return unreplaced(pairs[0], lambda: _repository(folder, pairs[0], name, data))
+
+
+def _repository(folder: Path, pair: Path, name: str, data: Path | None) -> HubRepository:
+    pf, whole, card = read_pair(pair, above=shared_toml(folder, [pair]))
     if not check_publication(card, pf, pair).ok:
         raise GateError(f"{pair}: cannot be published; the reasons: fitmodels publish {quote(str(folder))} --check.")
     metadata = _metadata(card)

@@ -2,10 +2,11 @@
 
 import hashlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 from ...core.bounded import read_bounded, sha256_of
 from ...core.errors import DataError, FitmodelsError, UsageError
@@ -21,7 +22,9 @@ from .pages import mark_page, mark_readme
 from .requirements import QUESTIONS, PublicationCheck, card_toml_template, check_publication
 from .site_folder import intact_files
 
+Made = TypeVar("Made")
 TOML = "card.toml"
+READINGS = 5  # of a pair whose files another command replaces
 WRITERS = ("cards", "controllers", "parameters", "fit", "ident", "datasets", "core")  # packages that `cards` may import
 CODE = (".py", ".md", ".html", ".css", ".js")
 
@@ -126,24 +129,61 @@ def _real(place: str, name: str) -> Path:
     return Path(os.path.realpath(Path(place, name)))
 
 
+def unreplaced(folder: Path, make: Callable[[], Made]) -> Made:
+    """What ``make`` reads from the folder of a pair, again where another command replaced files meanwhile.
+
+    Raises
+    ------
+    DataError
+        Files were replaced each time.
+    """
+    for _ in range(READINGS):
+        before = _stamp(folder)
+        made = make()
+        if _stamp(folder) == before:
+            return made
+    raise DataError(f"{folder}: another command keeps replacing its files; try again when it has ended.")
+
+
+def _stamp(folder: Path) -> list[tuple[int, int] | None]:
+    """Number and time of change of the folder, its figures and parameters: other ones after they were replaced."""
+    found: list[tuple[int, int] | None] = []
+    for path in (folder, folder / FIGURES, folder / PARAMETERS, folder / TOML):
+        try:
+            seen = path.stat()
+        except OSError:
+            found.append(None)
+        else:
+            found.append((seen.st_ino, seen.st_mtime_ns))
+    return found
+
+
 def review(task: PairTask) -> PairReview:
     """Read and check a pair; write its card if there are no problems."""
     try:
-        pf, whole, card = read_pair(task.folder, above=task.above)
-        report = check_publication(card, pf, task.folder)
+        found, made = unreplaced(task.folder, lambda: _reviewed(task))
     except FitmodelsError as error:
         return PairReview(
             task, None, (PublicationProblem(task.name, "unreadable", str(error).replace(f"{task.folder}/", "")),)
         )
-    problems = tuple(_problems(task, report))
+    if task.to is not None:
+        _write_files(task.to, made)
+    return found
+
+
+def _reviewed(task: PairTask) -> tuple[PairReview, dict[str, bytes]]:
+    """Result of a pair, and the files of its card."""
+    pf, whole, card = read_pair(task.folder, above=task.above)
+    problems = tuple(_problems(task, check_publication(card, pf, task.folder)))
     asks = "field" in {p.kind for p in problems} and not os.path.lexists(task.folder / TOML)
     template = card_toml_template(card) if asks else ""
     if problems and not task.draft:
-        return PairReview(task, None, problems, template)
+        return PairReview(task, None, problems, template), {}
     gaps = tuple(one.words for one in problems)
-    hashes = {} if task.to is None else _write(task, whole, card, gaps)
+    made = {} if task.to is None else _made(task, whole, card, gaps)
+    hashes = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(made.items())}
     entry = card_entry(card, whole, hashes, gaps).model_copy(update={"made_from": task.made_from})
-    return PairReview(task, entry, problems, template)
+    return PairReview(task, entry, problems, template), made
 
 
 def kept(task: PairTask, entry: CardEntry, folder: Path) -> PairReview | None:
@@ -245,14 +285,13 @@ def _copied(path: Path) -> bytes:
     return read_bounded(path, kinds.get(path.name) or kinds.get(path.suffix, "figure"))
 
 
-def _write(task: PairTask, pf: ParameterFile, card: Card, gaps: tuple[str, ...]) -> dict[str, str]:
-    """Write the folder of a card; SHA-256 of each file by its path."""
-    made, to = contents(task.folder, pf, card), task.to or task.folder
+def _made(task: PairTask, pf: ParameterFile, card: Card, gaps: tuple[str, ...]) -> dict[str, bytes]:
+    """Files of the folder of a card, by their names."""
+    made = contents(task.folder, pf, card)
     if task.draft:
         made["index.html"] = mark_page(made["index.html"], gaps)
         made[README] = mark_readme(made[README], gaps)
-    _write_files(to, made)
-    return {name: hashlib.sha256(content).hexdigest() for name, content in sorted(made.items())}
+    return made
 
 
 def _write_files(to: Path, made: dict[str, bytes]) -> None:
