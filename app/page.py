@@ -66,10 +66,10 @@ class Page:
         self._templates.filters["colour"] = colour
         self._templates.filters["typed"] = lambda words: shlex.join(["fitmodels", *words])
         self._templates.filters["joined"] = shlex.join
-        self._templates.filters |= {
-            "on_page": messages.on_page, "of_laws": messages.of_laws, "described": messages.described,
-            "localised": reading.localised,
-        }  # fmt: skip
+        self._templates.filters.update(
+            on_page=messages.on_page, of_laws=messages.of_laws, described=messages.described,
+            localised=reading.localised,
+        )  # fmt: skip
         self._templates.filters["options_of"] = lambda text: shlex.join(shlex.split(text)[2:])
 
     def application(self) -> Starlette:

@@ -154,7 +154,8 @@ def read_table(
     source: TextSource | WorkbookSheet
     words = Words(is_unit, is_name)
     kind = encoding = book_format(data, path.name)
-    written, titles = "", ()
+    written = ""
+    titles: tuple[str, ...] = ()
     if kind:
         source, layout, notes, warnings, titles = _from_workbook(data, path.name, sheet, words, hidden)
     elif sheet is not None:
