@@ -158,7 +158,7 @@ def _of_control(of: Subject) -> tuple[Action, ...]:
         Action(
             "settings",
             "Constant load",
-            "Reference load, feed limits and tool change by the load law.",
+            "Reference load (load limit times safety factor), and by the load law feed limits and tool change.",
             _settings(of),
             "--force",
         ),
@@ -189,17 +189,17 @@ def tune(of: Subject) -> Action:
     if isinstance(low, int | float) and isinstance(high, int | float):
         ends, unit = (f"{math.ceil(low)}", f"{math.floor(high)}"), str(line.get("unit_feed") or "")
     command = (
-        Input("low", "lowest command, in the unit below", "--low {}", "521", ends[0]),
-        Input("high", "highest command, in the unit below", "--high {}", "1034", ends[1]),
+        Input("low", "lowest command: lower bound of the feed, in the unit below", "--low {}", "521", ends[0]),
+        Input("high", "highest command: upper bound of the feed, in the unit below", "--high {}", "1034", ends[1]),
         Input("unit", "unit of the command", "--unit {}", "mm/min", unit),
     )
-    scaling = Input("scaling", "feed per unit of the command of the record, where not derived", "--scaling {}")
+    scaling = Input("scaling", "feed per unit of the command of the record (empty: by the load law)", "--scaling {}")
     words = "PI gains that meet a specification, with its probability."
     return Action("tune", "Gains", words, (*SPECIFICATION, *command, scaling), "--force")
 
 
 ENGAGEMENT = (  # thresholds and times of the control; loads and feeds in the units of the settings
-    ("feed-programmed", "feed_programmed, at which the override is 100 %"),
+    ("feed-programmed", "feed_programmed: feed of the program, at an override of 100 %; at most the upper feed limit"),
     ("engage-at", "engage_at, load that identifies a cut"),
     ("hysteresis", "hysteresis, whole width of this threshold"),
     ("engage-after", "engage_after, s above the threshold until the loop controls"),
@@ -287,14 +287,17 @@ def _settings(of: Subject) -> tuple[Input, ...]:
     unit = next((f", {found[name].get('unit', '')}" for name in ("I", "P", "Fc", "M") if name in found), "")
     return (
         Input("worn", f"load limit of a worn tool{unit}", "--worn {}", "0.28", needed=True),
-        Input("window", "wear at tool change", "--window {}", "180:220um"),
-        Input("wear-limit", "wear of the lower limit, if not the end of the window", "--wear-limit {}", "200um"),
+        Input("safety-factor", "safety factor: reference load over this limit", "--safety-factor {}", "0.85"),
+        Input("window", "wear at tool change, from:to with unit", "--window {}", "180:220um"),
+        Input("wear-limit", "wear at the lower feed limit, with unit (empty: its end)", "--wear-limit {}", "200um"),
         Input("idle", f"load of the running spindle in air{unit}", "--idle {}"),
         Input(
             "on-fault", "on a lost or wrong load", "--on-fault {}",
             choices=(("", "feed to its lower limit"), ("stop", "stop the feed")),
         ),
-        *(Input(name, label, f"--{name} {{}}", is_rare=True) for name, label in ENGAGEMENT),
+        *(Input(name, label, f"--{name} {{}}", is_rare=name != "feed-programmed") for name, label in ENGAGEMENT),
+        Input("round", f"step of the reference load{unit}; 0: not rounded", "--round {}", "0.01", is_rare=True),
+        Input("level", "level of the intervals of the feed limits", "--level {}", "0.95", is_rare=True),
     )  # fmt: skip
 
 

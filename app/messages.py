@@ -50,11 +50,14 @@ OPTION: Final = re.compile(
 COMMAND: Final = re.compile(r"([`']?)fitmodels\s(?=\w)")
 TOKEN: Final = re.compile(r"\s+(?:\\\s+)?('[^'\n]*'|\"[^\"\n]*\"|\S+)")
 PREFIX: Final = re.compile(r"(?m)^fitmodels(?: [a-z-]+)?: ")
-HELP: Final = re.compile(r"[;,]?\s+see\s+'fitmodels\s+[a-z-]+\s+-h'")
+HELP: Final = re.compile(r"[;,]?\s+see\s+'fitmodels\s+[A-Za-z-]+\s+-h'")
 NEXT: Final = re.compile(r"(?m)^Next\n(?:[ \t].*\n?)*")
 PLAIN: Final = (
     (re.compile(r"(?<!with)(?<!by)\s+--force\b"), ""),  # forms replace what they wrote before
     (re.compile(r"by\s+the\s+option\s+of\s+its\s+name"), "by the field of its name under More fields"),
+    (re.compile(r"\s+\(did you mean --[a-z-]+\?\)"), ""),  # nobody types options here
+    (re.compile(r"\b(?:add|give)\s+(?=--(?:unit [^=\s]+(?:\s|\.)|scaling))"), "set "),
+    (re.compile(r"(--scaling \S+) (?=--unit)"), r"\1 and "),
     (re.compile(r" \(card\.html; tables: --full\)"), ""),
 )
 
@@ -82,8 +85,17 @@ class Places:
         for name in dict.fromkeys((command, *(() if option in (*FIELDS, "--unit", "--map") else self.forms))):
             for one in self.forms[name].inputs if name in self.forms else ():
                 if one.words.split(" ")[0] == option:
-                    return f"{self.forms[name].title}, {one.label}", f"{name}-{one.name}"
+                    return f"{self.forms[name].title}, {_short(one.label)}", f"{name}-{one.name}"
         return FIELDS.get(option)
+
+
+def _short(label: str) -> str:
+    """The name of a field without its unit and explanation.
+
+    >>> _short("highest command: upper bound of the feed, in the unit below")
+    'highest command'
+    """
+    return re.split(r"[,:;]| \(", label)[0]
 
 
 def on_page(text: str, to: Places) -> Markup:

@@ -22,6 +22,7 @@ NO_READING: Final[Mapping[str, Any]] = {
     "refused": None, "columns": [], "rows": [], "lines": [], "doubts": [], "assumed": [], "warnings": [],
     "commands": [], "units": {},
 }  # fmt: skip
+LEFT_OUT: Final = re.compile(r"assumed: left out as asked, --leave-out ([^:]+): (.+)", re.S)
 POLICY_OF_CARD = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]{1,2000})"')
 
 
@@ -47,6 +48,8 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
         "cards": [name for name in results if name.endswith("/card.html") and name.startswith(tuple(folders))],
         "is_former": bool(former) and set(files) == set(former),
         "former": [path.removesuffix("/params.json") for path in former],
+        "has_load": any(law.get("form") in ("load_line", "feed_line") for _, law in laws),
+        "rows_of": rows_left_out(list(files.values())),
         "laws": list(dict.fromkeys(name for name, _ in laws)),
         "levels": levels(found),
         "suspects": suspects([law for _, law in laws]),
@@ -54,6 +57,18 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
         "left_out": [(value, one) for one, value in typed(entry.options) if one.startswith("--leave-out")],
         **files_of(project, entry, results),
     }
+
+
+def rows_left_out(contents: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """What each target that was left out holds, as the parameter files list it.
+
+    >>> words = "assumed: left out as asked, --leave-out lines 15: 1 row (line 15), which holds fm 850, I 0.02"
+    >>> rows_left_out([{"design": {"understood": [words]}}])
+    {'lines 15': '1 row (line 15), which holds fm 850, I 0.02'}
+    """
+    texts = [str(one) for content in contents for one in (content.get("design") or {}).get("understood") or ()]
+    found = [LEFT_OUT.fullmatch(text) for text in texts]
+    return {one[1].strip("'"): one[2] for one in found if one}
 
 
 def current_files(project: Project, entry: Entry) -> tuple[dict[str, Mapping[str, Any]], list[str]]:
