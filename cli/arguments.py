@@ -27,7 +27,7 @@ ONE_TABLE = "several files that are one table go into a folder: fitmodels FOLDER
 if TYPE_CHECKING:
     from ..datasets import Record
     from ..parameters import ParameterFile
-    from ..parameters.sections import IdentitySection
+    from ..parameters.sections.origin import IdentitySection
 
 
 class Layout(argparse.HelpFormatter):
