@@ -17,12 +17,12 @@ from pathlib import Path
 import pytest
 from fitmodels import cli, datasets, parameters
 from fitmodels.app.command_forms import actions, command, subject_of
-from fitmodels.app.jobs import Jobs
+from fitmodels.app.jobs import Job, Jobs
 from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
 from fitmodels.app.reading import assumptions, column_menus, option_of_change, role_label, units_of
-from fitmodels.app.results import policy_of_card, remedies
+from fitmodels.app.results import policy_of_card, remedies, written
 from fitmodels.app.stages import filled, older, states, to_repeat
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
@@ -355,6 +355,14 @@ def test_a_zip_bomb_is_refused_by_the_reader(client):
     text = client.until_done("/files/bomb.xlsx/reading")
     assert "Not read" in text
     assert "Traceback" not in text
+
+
+def test_the_picture_of_a_reading_is_no_result_of_a_command(tmp_path):
+    project = Project(tmp_path)
+    entry = project.add("a.csv", io.BytesIO(b"V\n1\n"))
+    for name in ("a-look.png", "a-next.csv"):
+        (tmp_path / name).write_text("x")
+    assert written(project, entry, Job("1", ("check",), tmp_path, tmp_path)) == ["a-next.csv"]
 
 
 def test_commands_that_have_made_a_card_are_no_remedy(tmp_path):
