@@ -268,10 +268,12 @@ def _beyond(law: "LawSection", limit: float, lower: float, upper: float) -> list
             f"No tool was tested at a wear above {wear.high:g} {wear.unit}: the lower limit at {limit:g} {wear.unit} "
             "is extrapolated."
         )
-    if law.form == "load_line" and not feed.low <= lower < upper <= feed.high:
+    outside = [f"{end:.4g}" for end in (lower, upper) if not feed.low <= end <= feed.high]
+    if law.form == "load_line" and outside:
+        verb = "limits {} and {} are" if len(outside) == 2 else "limit {} is"
         notes.append(
-            f"Feeds were tested from {feed.low:g} to {feed.high:g} {feed.unit}: the limits {lower:.4g} to {upper:.4g} "
-            "are extrapolated."
+            f"Feeds were tested from {feed.low:g} to {feed.high:g} {feed.unit}: the {verb.format(*outside)} "
+            "extrapolated."
         )
     return notes
 

@@ -4,10 +4,12 @@ import json
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from fitmodels import ident, parameters
+from fitmodels.cards.content.dynamics import _nonminimum_phase
 from fitmodels.cli import main
 from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.ident import Model
@@ -62,6 +64,20 @@ def test_a_record_is_recognised_and_identified(run, german, tmp_path):
     assert "## Dynamics" in card
     assert not re.search(r"\bnan\b", card.lower())
     assert run(german.name)[0] == 2  # it is there already
+
+
+@pytest.mark.parametrize(
+    ("zeros", "words"),
+    [([1.2], "first moves in the opposite direction"), ([1.1 + 0.4j, 1.1 - 0.4j], "soon reverses for a while")],
+)
+def test_the_step_of_a_model_with_zeros_outside_the_circle_is_described_as_it_moves(zeros, words):
+    """Vidyasagar 1986, IEEE Trans. Automatic Control 31, 440: an odd number of real zeros reverses it."""
+    b = np.real(np.poly(zeros))
+    G = Model(b=[0.0, *(b / b.sum())], a=[1.0, -1.5, 0.56], nk=1, sample_time=0.02, unit_u="V", unit_y="A")
+    step = G.simulate(np.ones(200))
+    assert (step[np.flatnonzero(step)[0]] * step[-1] < 0) == (words == "first moves in the opposite direction")
+    (sentence,) = _nonminimum_phase(SimpleNamespace(b=G.b))
+    assert words in sentence
 
 
 def test_every_axis_has_a_label_and_time_is_as_long_as_the_answer(german, tmp_path):

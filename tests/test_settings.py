@@ -9,9 +9,10 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
-from fitmodels.parameters import collect, read, write
+from fitmodels.parameters import collect, read, setting_rules, write
 from fitmodels.parameters.checks.report import worn_past_window
 from fitmodels.parameters.file import sealed
+from fitmodels.parameters.published import published
 from fitmodels.parameters.sections.load_line import Engagement, LimitInterval, NoInterval
 from scipy import stats
 
@@ -426,3 +427,14 @@ def test_an_engagement_that_cannot_be_run_is_refused(params, options, words, cap
 def test_an_engagement_in_python_is_checked(engagement, words):
     with pytest.raises(UsageError, match=words):
         parameters.settings(of(three_points()), worn=0.28, engagement=engagement)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "words"),
+    [(590.0, 1019.0, "the limits 590 and 1019 are extrapolated"), (700.0, 1019.0, "the limit 1019 is extrapolated")],
+)
+def test_only_feed_limits_outside_the_tests_are_named_as_extrapolated(lower, upper, words):
+    law = published("CLM-2023").laws["I"]
+    assert (law.factors[0].low, law.factors[0].high) == (600.0, 1000.0)
+    (note,) = setting_rules._beyond(law, 0.1, lower, upper)
+    assert words in note
