@@ -346,8 +346,8 @@ class Page:
         files = await asyncio.to_thread(written, self.project, entry, job)
         pictures = [name for name in files if name.endswith(PICTURES)]
         to = await asyncio.to_thread(self._places, entry, job.words[0])
-        shown = {"entry": entry, "job": job, "written": files, "pictures": pictures, "to": to}
-        return self._render("result.html", **shown, **await asyncio.to_thread(self._after, entry, job))
+        changed = await asyncio.to_thread(self._after, entry, job)
+        return self._render("result.html", entry=entry, job=job, written=files, pictures=pictures, to=to, **changed)
 
     def _after(self, entry: Entry, job: Job) -> dict[str, Any]:
         """What a command has changed on the page beside its answer."""

@@ -37,7 +37,7 @@ def _parts(words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """
     rest = list(words)
     while rest:
-        one = (rest.pop(0),)
+        one: tuple[str, ...] = (rest.pop(0),)
         if one[0].startswith("--") and "=" not in one[0] and rest and not rest[0].startswith("--"):
             one = (*one, rest.pop(0))
         name, equals, _ = one[-1].partition("=")
@@ -50,10 +50,14 @@ def with_kept(former: Sequence[str], words: Sequence[str]) -> tuple[str, ...]:
     >>> " ".join(with_kept(["limits", "p", "P=7kW", "f=0.1:0.4", "--force"], ["limits", "p", "P=5kW", "--force"]))
     'limits p P=5kW f=0.1:0.4 --force'
     """
-    own = dict(_parts(words[2:]))
-    keeps = {"limits": lambda key: key[:2] != "--", "costs": lambda key: key[:2] != "--"}
-    is_kept = keeps.get(words[0], KEPT_OF_SETTINGS.__contains__ if words[0] == "settings" else lambda _: False)
-    kept = [word for key, part in _parts(former[2:]) if key not in own and is_kept(key) for word in part]
+    own, by_name = dict(_parts(words[2:])), words[0] in ("limits", "costs")
+    keeps = KEPT_OF_SETTINGS if words[0] == "settings" else ()
+    kept = [
+        word
+        for key, part in _parts(former[2:])
+        if key not in own and (key in keeps or (by_name and key[:2] != "--"))
+        for word in part
+    ]
     end = [word for word in words[2:] if word == "--force"]
     return (*words[:2], *(word for word in words[2:] if word != "--force"), *kept, *end)
 
