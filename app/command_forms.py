@@ -11,6 +11,8 @@ from typing import Any
 from ..core.errors import UsageError
 
 LONGEST = 200  # characters of a value
+NUMBERS = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?::[+-]?\d+(?:[.,]\d+)?)*\s*(?:[^\d\s,:][^,:]*)?")  # with a unit
+THOUSANDS = re.compile(r"(?<![\d.,])[1-9]\d{0,2},\d{3}(?!\d)")
 LABELS = {  # kinds of exports, which are the suffixes of their files
     "hal": "LinuxCNC HAL file", "comp": "LinuxCNC component for halcompile", "st": "IEC 61131-3 structured text",
     "c": "C source for firmware", "fmu": "FMI 2.0 co-simulation", "nc": "NC program of the plan",
@@ -375,4 +377,17 @@ def _value(one: Input, given: str) -> str:
         raise UsageError(f"{one.label} is empty: fill it in{f', such as {one.hint}' if one.hint else ''}.")
     if not one.words.startswith("--") and value.startswith("-") and "=" not in one.words:
         raise UsageError(f"{one.label}: {value} begins like an option.")
-    return value
+    return _with_points(value, one.label)
+
+
+def _with_points(value: str, label: str) -> str:
+    """A number or range of a field with decimal points; a comma before three digits may separate thousands.
+
+    >>> _with_points("0,28 A", "worn"), _with_points("0,18:0,22mm", "window"), _with_points("3,3,1", "orders")
+    ('0.28 A', '0.18:0.22mm', '3,3,1')
+    """
+    if not NUMBERS.fullmatch(value):
+        return value
+    if THOUSANDS.search(value):
+        raise UsageError(f"{label}: {value} can be read in two ways; write a point before decimals only.")
+    return value.replace(",", ".")

@@ -594,6 +594,16 @@ def test_every_form_is_a_command_that_parses(tmp_path):
         parser.parse_args(words[1:])
 
 
+def test_decimal_commas_of_fields_become_points(tmp_path):
+    """A German engineer types 0,28; the command that is shown has 0.28."""
+    (tmp_path / "params.json").write_text('{"laws": {"I": {"unit": "A"}}}')
+    subject = subject_of(tmp_path, "d", "params.json", ["run.csv"])
+    forms = {one.name: one for one in actions(subject)}
+    assert "I=0.28 A" in command(forms["limits"], subject, {"I": "0,28 A"}, [])
+    with pytest.raises(UsageError, match="can be read in two ways"):
+        command(forms["limits"], subject, {"I": "1,500"}, [])
+
+
 def test_the_limits_of_the_gains_are_those_of_the_constant_load(tmp_path):
     """The feed limits that the settings gave, and their unit, stand in the form of the gains."""
     line = {"lower": {"value": 513.005}, "upper": {"value": 1031.23}, "unit_feed": "mm/min"}
