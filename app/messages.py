@@ -50,12 +50,12 @@ OPTION: Final = re.compile(
 COMMAND: Final = re.compile(r"([`']?)fitmodels\s(?=\w)")
 TOKEN: Final = re.compile(r"\s+(?:\\\s+)?('[^'\n]*'|\"[^\"\n]*\"|\S+)")
 PREFIX: Final = re.compile(r"(?m)^fitmodels(?: [a-z-]+)?: ")
-HELP: Final = re.compile(r"[;,]?\s+see\s+'fitmodels\s+[A-Za-z-]+\s+-h'")
-NEXT: Final = re.compile(r"(?m)^Next\n(?:[ \t].*\n?)*")
+HELP: Final = re.compile(r"(?:[;,]|(?<![\s;,]))\s+see\s+'fitmodels\s+[A-Za-z-]+\s+-h'")
+NEXT: Final = re.compile(r"(?m)^Next\n(?:[ \t].*+\n?+)*+")
 PLAIN: Final = (
-    (re.compile(r"(?<!with)(?<!by)\s+--force\b"), ""),  # forms replace what they wrote before
+    (re.compile(r"(?<!with)(?<!by)(?<!\s)\s+--force\b"), ""),  # forms replace what they wrote before
     (re.compile(r"by\s+the\s+option\s+of\s+its\s+name"), "by the field of its name under More fields"),
-    (re.compile(r"\s+\(did you mean --[a-z-]+\?\)"), ""),  # nobody types options here
+    (re.compile(r"(?<!\s)\s+\(did you mean --[a-z-]+\?\)"), ""),  # nobody types options here
     (re.compile(r"\b(?:add|give)\s+(?=--(?:unit [^=\s]+(?:\s|\.)|scaling))"), "set "),
     (re.compile(r"(--scaling \S+) (?=--unit)"), r"\1 and "),
     (re.compile(r" \(card\.html; tables: --full\)"), ""),
