@@ -29,6 +29,7 @@ DOUBLE, SINGLE = 1e-12, 1e-4  # of an override; the closing condition of the req
 NAMES = ("position", "stop, feed-forward", "average of the load", "average of the command", "incremental sum",
          "incremental sum, average", "shortest times", "limits below 1")  # fmt: skip
 FLOAT = ("-DLOAD_CONTROL_REAL=float", "-Wdouble-promotion")
+ROUNDING = 2.0**-24  # of a number in single precision
 
 
 @pytest.fixture
@@ -331,14 +332,39 @@ def test_the_component_opens_the_loop_while_the_path_does_not_advance(constant_l
 
 @pytest.mark.consumer
 @pytest.mark.parametrize("name", NAMES)
-def test_double_precision_is_the_python_controller_and_single_close_to_it(consumer, loop, tmp_path, name):
+def test_double_precision_is_the_python_controller(consumer, loop, tmp_path, name):
     cc, seed = consumer("cc", INSTALL), NAMES.index(name)
     one = variants(loop)[name]
     inputs = sequence(one, seed, samples=20000)
-    expected, source = reference(one, inputs), c_controller(one)
-    assert differences(compiled(cc, source, tmp_path, *STRICT), one, inputs, expected) == []
-    single = compiled(cc, source, tmp_path, *STRICT, *FLOAT)(inputs)
-    assert np.abs(single[:, 0] - expected[:, 0]).max() <= SINGLE
+    assert differences(compiled(cc, c_controller(one), tmp_path, *STRICT), one, inputs, reference(one, inputs)) == []
+
+
+@pytest.mark.consumer
+@pytest.mark.parametrize("name", NAMES)
+def test_single_precision_is_double_precision_of_loads_that_are_rounded(consumer, loop, tmp_path, name):
+    """Its backward error: a comparison that falls on its edge is decided by the rounding of the load.
+
+    Such a comparison is whether the output of the PI is at its limit. In at most one of 30 sequences of 20 000 samples
+    it matters; that one is the controller in double precision of loads larger or smaller by at most 2e-6 of themselves.
+    """
+    cc, one = consumer("cc", INSTALL), variants(loop)[name]
+    double, single = (compiled(cc, c_controller(one), tmp_path, *STRICT, *more) for more in ((), FLOAT))
+    sequences = [sequence(one, seed, samples=20000) for seed in range(30)]
+    away = [inputs for inputs in sequences if not alike(single(inputs), double(inputs))]
+    assert len(away) <= 1
+    for inputs in away:
+        changes = [sign * ROUNDING * k for k in (1, 2, 5, 10, 20, 30) for sign in (-1, 1)]
+        assert any(alike(single(inputs), double(inputs * loads_changed(change))) for change in changes)
+
+
+def alike(single, double):
+    """Whether the overrides agree within the limit of single precision, and states and alarms are the same."""
+    return np.abs(single[:, 0] - double[:, 0]).max() <= SINGLE and (single[:, 2:] == double[:, 2:]).all()
+
+
+def loads_changed(share):
+    """Factors of the inputs that change the load alone."""
+    return np.where(np.array(INPUTS) == "load", 1 + share, 1.0)
 
 
 @pytest.mark.consumer
