@@ -211,8 +211,12 @@ def test_the_exact_optimum_is_no_worse_than_a_very_fine_grid_and_hardly_better(l
 
 @pytest.mark.parametrize("rules", ALL_RULES, ids=str)
 def test_the_exact_optimum_is_that_of_slsqp(laws, rules):
-    """Reference: D. Kraft's SLSQP in scipy, on the logarithms, from the best pair of the grid."""
+    """Reference: D. Kraft's SLSQP in scipy, on the logarithms, from the best pair of the grid and pairs below it.
+
+    Of some starts its line search ends outside of the limits and says so, depending on the kernels of BLAS.
+    """
     life = whole_life(laws, rules)
+    bounds = [np.log(laws.V), np.log(laws.f)]
     for k in range(len(life.time)):
         before, start = life.before(k), float(k)
 
@@ -224,12 +228,18 @@ def test_the_exact_optimum_is_that_of_slsqp(laws, rules):
             ]
             return np.array([np.log(laws.wear.most / AW), *rest])
 
-        found = minimize(
-            lambda z: -z.sum(), np.log([life.V[k], life.f[k]]), jac=lambda z: -np.ones(2), method="SLSQP",
-            bounds=[np.log(laws.V), np.log(laws.f)], constraints={"type": "ineq", "fun": room}, options={"ftol": 1e-13},
-        )  # fmt: skip
+        tried = [
+            minimize(
+                lambda z: -z.sum(), np.maximum(np.log([life.V[k], life.f[k]]) - below, np.transpose(bounds)[0]),
+                jac=lambda z: -np.ones(2), method="SLSQP", bounds=bounds,
+                constraints={"type": "ineq", "fun": room}, options={"ftol": 1e-13},
+            )
+            for below in (0.0, 0.02, 0.05)
+        ]  # fmt: skip
+        found = [one for one in tried if one.success and room(one.x).min() > -1e-9]
+        assert found
         ours = best_exact(laws, rules, before, start).MRR
-        assert ours == pytest.approx(float(laws.mrr(*np.exp(found.x))), rel=1e-6)
+        assert ours == pytest.approx(max(float(laws.mrr(*np.exp(one.x))) for one in found), rel=1e-6)
 
 
 @given(

@@ -314,21 +314,24 @@ def test_extended_precision_agrees():
 
 @more_than_double
 @pytest.mark.parametrize(
-    "frame",
+    "hard",
     [
-        pytest.param(table().assign(t=lambda f: f.t**0.01 * f.V**5), id="factors that are nearly one"),
-        pytest.param(table(within=1e-8, between=1e-8), id="scatter of a hundred millionth"),
+        pytest.param(lambda seed: table(seed=seed).assign(t=lambda f: f.t**0.01 * f.V**5), id="factors nearly one"),
+        pytest.param(lambda seed: table(within=1e-8, between=1e-8, seed=seed), id="scatter of a hundred millionth"),
     ],
 )
-def test_on_hard_rows_a_stream_is_as_near_the_truth_as_the_fit_in_memory(frame):
-    (streamed, memory), (theta, cov, *_) = both(frame), extended(frame)
-    se = np.sqrt(np.diag(cov))
-
-    def off(law):
-        return np.max(np.abs(law.theta - theta) / se), np.max(np.abs(law.edges.bse / se - 1))
-
-    assert off(streamed)[0] < 3 * off(memory)[0] < 1e-5
-    assert off(streamed)[1] < 3 * off(memory)[1] < 1e-6
+def test_on_hard_rows_a_stream_is_as_near_the_truth_as_the_fit_in_memory(hard):
+    """The largest error of four tables: that of one is rounding, and by chance small with some kernels of BLAS."""
+    off = np.empty((4, 2, 2))
+    for seed in range(len(off)):
+        frame = hard(seed)
+        theta, cov, *_ = extended(frame)
+        se = np.sqrt(np.diag(cov))
+        for k, law in enumerate(both(frame)):
+            off[seed, k] = np.max(np.abs(law.theta - theta) / se), np.max(np.abs(law.edges.bse / se - 1))
+    streamed, memory = off.max(axis=0)
+    assert (memory < [1e-5 / 3, 1e-6 / 3]).all()
+    assert (streamed < 3 * memory).all()
 
 
 # Filip's coefficients keep 7.0 to 8 digits in memory, as each power is rounded up or down; merging 20 and more

@@ -22,7 +22,7 @@ from ...core.threads import one_thread
 from ...datasets.records.record import Record
 from ..model import Model
 from .build_model import record_facts, slow_pole
-from .filters import EDGE, ROUNDING, burg, filtered, inverse_of_squares, is_stable, squares
+from .filters import EDGE, ROUNDING, burg, filtered, inverse_of_squares, is_stable, recursive, squares
 from .free_responses import FreeSpace, free_space
 from .input_checks import check_identifiable, checked_record, not_centred
 from .instrumental import Initial
@@ -134,12 +134,10 @@ class SimulatedGroup:
 
 def simulated_group(run: WhitenedRun, theta: Array, group: tuple[slice, ...]) -> SimulatedGroup:
     """Simulation of segments of one length, initial states and constants estimated."""
-    from scipy.signal import lfilter
-
     (f, b, d), (nf, nb, nd) = run.polynomials(theta), (run.nf, run.nb, run.nd)
     u, y = stacked(run.u, group), stacked(run.y, group)
     n, start = u.shape[1], run.skipped
-    uf = lfilter(ONE, f, u)
+    uf = recursive([1.0], f, u, axis=-1)
     x = np.zeros(u.shape)
     for k in range(nb):
         x[:, run.nk + k :] += b[k] * uf[:, : n - run.nk - k]
@@ -153,12 +151,10 @@ def simulated_group(run: WhitenedRun, theta: Array, group: tuple[slice, ...]) ->
 
 def group_errors(run: WhitenedRun, theta: Array, group: tuple[slice, ...]) -> tuple[Array, Array]:
     """Errors (n,) and sensitivities (p, n) of segments of one length."""
-    from scipy.signal import lfilter
-
     (f, _, d), (nf, nb, nd) = run.polynomials(theta), (run.nf, run.nb, run.nd)
     at, first = simulated_group(run, theta, group), run.skipped + nd
     J = np.empty((nf + nb + nd, len(group), at.x.shape[1] - first))
-    shifted_rows(J[:nf], -fir(d, lfilter(ONE, f, at.x)), 1, first)
+    shifted_rows(J[:nf], -fir(d, recursive([1.0], f, at.x, axis=-1)), 1, first)
     shifted_rows(J[nf : nf + nb], fir(d, at.uf), run.nk, first)
     shifted_rows(J[nf + nb :], -at.v, 1, nd)
     at.free.project_out(J.reshape(-1, J.shape[2]))

@@ -18,7 +18,18 @@ from ...core.threads import one_thread
 from ...datasets.records.record import Record
 from ..model import Model
 from .build_model import convergence_note, output_error_model, record_facts
-from .filters import EDGE, ROUNDING, filtered, inverse_of_squares, is_stable, lagged, reflected, squares, whitening
+from .filters import (
+    EDGE,
+    ROUNDING,
+    filtered,
+    inverse_of_squares,
+    is_stable,
+    lagged,
+    reflected,
+    solved_step,
+    squares,
+    whitening,
+)
 from .free_simulation import FreeRun, free_run, sensitivities
 from .input_checks import check_identifiable, checked_record, not_centred, short_stretches
 from .instrumental import Initial, estimate, unstable_arx_note
@@ -61,7 +72,7 @@ def damped_step(J: Array, e: Array, damping: float) -> tuple[Array, float]:
     H = H / (scale[:, None] * scale)
     g = g / scale
     H.flat[:: len(g) + 1] += damping
-    step = np.linalg.solve(H, g)
+    step = solved_step(H, g)
     return step / scale, float(step @ (damping * step + g))
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Array
-from .filters import EDGE, filtered, is_stable, reflected
+from .filters import EDGE, filtered, is_stable, recursive, reflected
 from .free_responses import back_substituted, free_space
 from .regressors import r_of
 
@@ -103,12 +103,10 @@ def _triangle(
     u: Array, x: Array, f: Array, stretches: Sequence[slice], orders: tuple[int, int, int], skipped: int
 ) -> tuple[Array, int]:
     """Triangle of the regressors -xf(t - i), uf(t - j) and of xf(t), both signals filtered by 1 / f, and the rows."""
-    from scipy.signal import lfilter
-
     nf, nb, nk = orders
     parts = []
     for group in by_length(stretches, skipped + nf + 2):
-        uf, xf = lfilter(np.ones(1), f, np.stack([stacked(u, group), stacked(x, group)]))
+        uf, xf = recursive([1.0], f, np.stack([stacked(u, group), stacked(x, group)]), axis=-1)
         rows = np.empty((nf + nb + 1, len(uf), uf.shape[1] - skipped))
         shifted_rows(rows[:nf], -xf, 1, skipped)
         shifted_rows(rows[nf:-1], uf, nk, skipped)

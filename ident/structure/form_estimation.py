@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...datasets.records.record import Record
-from ..estimators.filters import filtered, lagged, squares
+from ..estimators.filters import filtered, lagged, solved_step, squares
 from .sampled_forms import Form, Sampled, sample
 
 STEPS = 25  # of Levenberg-Marquardt
@@ -171,7 +171,7 @@ def _orthonormal(columns: Array, e: Array) -> tuple[Array, Array]:
     scale = np.linalg.norm(columns, axis=0)
     if not (np.isfinite(scale).all() and (scale > 0).all()):
         return _orthonormal_qr(columns, e)
-    products = columns.T @ columns / np.outer(scale, scale)
+    products = columns.T @ columns / (scale[:, None] * scale)
     try:
         L = np.linalg.cholesky(products)
     except np.linalg.LinAlgError:
@@ -256,10 +256,13 @@ def _step(J: Array, e: Array, p: Array, damping: float, bounds: tuple[Array, Arr
     """Damped Gauss-Newton step (k,); parameters at a bound that would leave it stay."""
     A, g = J.T @ J, J.T @ e
     moving = ~((p <= bounds[0]) & (g < 0) | (p >= bounds[1]) & (g > 0))
-    A, g = A[np.ix_(moving, moving)], g[moving]
-    scale = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    A, g = A[moving][:, moving], g[moving]
+    scale = np.sqrt(np.maximum(A.diagonal(), 1e-300))
+    A /= scale[:, None] * scale
+    A.flat[:: len(g) + 1] += damping
     step = np.zeros(len(p))
-    step[moving] = np.linalg.solve(A / np.outer(scale, scale) + damping * np.eye(len(g)), g / scale) / scale
+    if len(g):
+        step[moving] = solved_step(A, g / scale) / scale
     return step
 
 
