@@ -10,16 +10,16 @@ a specification with the default 90 % required, a faster one with 75 %, and the 
 with known orders the mean stated probability is within 2.5 points of the true share, with chosen ones within 4; in each
 cell within three binomial standard errors, and at least six cells of each have a true share between .2 and .95.
 
-All records of a cell are of the same plant. The probability, however, is one over the plants that a record allows, and
-the gains adapt their reserve to the error of the estimate where two limits bind at once: 300 records each gave stated
-2.2 +- .6 points below true over all cells. Two cells miss the aim, both stated too low: lag with delay, 60 %: stated
-71.8, true 81.7 %; drive, 90 %: stated 95.5, true 99.0 % (within three standard errors of the stated share, not of the
-observed one). ``--scatter S`` draws the plant of each record about the named one, with S standard errors of its
-coefficients: 70.5 and 73.7 % in the first of these cells at S = 5.
+The stated probability is one over the plants that a record allows, so the plant of each record is drawn about the named
+one, with ``--scatter`` standard errors of its coefficients. ``--scatter 0`` repeats the named plant in all records of a
+cell: the gains adapt their reserve to the error of the estimate, so that on one plant the probability is stated too low
+where two limits bind at once (300 records each: 2.2 +- .6 points below true over all cells; lag with delay, 60 %:
+stated 71.8, true 81.7 %; drive, 90 %: 95.5 and 99.0 %).
 
 The demands can be met with a reserve. Close to what any PI can do the stated probability depends on the estimate
-(of 30 records each: settling time 1 s where .97 s is the least possible, stated .34, true .50; 2.4 s where 2.23 s is,
-stated .82, true 1.00), and a demand that the true plant cannot meet at all is never held, whatever is stated (.15).
+(of 30 records each of one plant: settling time 1 s where .97 s is the least possible, stated .34, true .50; 2.4 s where
+2.23 s is, stated .82, true 1.00), and a demand that the true plant cannot meet at all is never held, whatever is stated
+(.15).
 
 Every record is appended to the file; a run that was interrupted continues there.
 """
@@ -194,7 +194,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("records", type=int, nargs="?", default=300)
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--scatter", type=float, default=0.0, help="of the plants, in standard errors; 0 for none")
+    parser.add_argument("--scatter", type=float, default=5.0, help="of the plants, in standard errors; 0 for none")
     parser.add_argument("--orders", choices=("both", "known", "chosen"), default="both")
     parser.add_argument("--file", type=Path, default=Path("pi_probability.csv"))
     given = parser.parse_args()
