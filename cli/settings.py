@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..parameters.sections.load_line import FeedLimit, LoadLineSection
 
 DEFAULT = "default"
+FEW_PAST = 0.05  # share of tools worn past the window that is no warning
 ON_FAULT: Final = {"lower-limit": "lower limit", "stop": "stop", DEFAULT: DEFAULT}
 # option, metavar and help of each number of the engagement; A and F: the units of the load and of the feed limits
 OF_CUT: Final = (
@@ -58,16 +59,16 @@ def parser() -> Parser:
         main="--safety-factor --window --wear-limit --law --by --dwell --idle --on-fault --force --quiet --json",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json with a load law (load on feed and wear)")
-    p.add_argument("--worn", type=float, metavar="A", required=True, help="load limit of a worn tool, from wear tests")
+    p.add_argument(
+        "--worn", metavar="A[UNIT]", required=True, help="load limit of a worn tool, from wear tests, as 0.28 or 280mA"
+    )
     p.add_argument(
         "--safety-factor", type=float, default=0.85, metavar="K", help="reference over the limit (default: 0.85)"
     )
     p.add_argument(
         "--round", type=float, default=0.01, metavar="A", help="step of the reference (default: 0.01; 0: none)"
     )
-    p.add_argument(
-        "--window", default="180:220um", metavar="LOW:HIGH[UNIT]", help="wear at tool change (default: 180:220um)"
-    )
+    p.add_argument("--window", metavar="LOW:HIGH[UNIT]", help="wear at tool change (default: 180:220um)")
     p.add_argument("--wear-limit", metavar="VB[UNIT]", help="wear of the lower limit (default: the top of the window)")
     p.add_argument("--law", metavar="NAME", help="load law (default: the only one of the file)")
     p.add_argument("--by", metavar="LEVEL", help="level of the law (default: none; asked for where it has several)")
@@ -137,8 +138,9 @@ def run(args: argparse.Namespace) -> int:
         print_json("settings", {**facts, "worn_past_window": past, "verdicts": verdicts}, version=3)
     else:
         loop = _of_loop(line, set(_kept(pf)) - set(given), assumed, lacking)
+        worn = past_words if past is not None and past <= FEW_PAST else f"! {past_words}"
         out = Printer(quiet=args.quiet)
-        for words in (*verdicts, *_sentences(line), past_words, *loop):
+        for words in (*verdicts, *_sentences(line), worn, *loop):
             out.show(words)
         out.wrote(f"Written: load_line in {args.file}", args.file)
     return 0
@@ -207,6 +209,8 @@ def _loop(pf: "ParameterFile") -> "LoopSettings":
 
 def _of_loop(line: "LoadLineSection", kept: set[str], assumed: list[str], lacking: str) -> list[str]:
     """The engagement in sentences: what the file holds, what is assumed, and why it cannot be run."""
+    from ..parameters.setting_words import WINDOW_ASSUMED
+
     held = {} if line.engagement is None else line.engagement.model_dump(exclude_none=True)
     units, sentences = _units(line), []
     for label, names in (("Given", set(held) - kept), ("Kept of the former settings", kept & set(held))):
@@ -214,7 +218,10 @@ def _of_loop(line: "LoadLineSection", kept: set[str], assumed: list[str], lackin
         sentences += [f"{label}: {'; '.join(named)}."] if named else []
     if assumed:
         sentences.append(f"Assumed, each replaced by the option of its name: {'; '.join(assumed)}.")
-    return [*sentences, *([f"No controller can run these settings: the file {lacking}"] if lacking else [])]
+    if lacking:  # then nothing is listed as assumed
+        sentences += [note for note in line.notes if note.startswith(WINDOW_ASSUMED)]
+        sentences.append(f"No controller can run these settings: the file {lacking}")
+    return sentences
 
 
 def _units(line: "LoadLineSection") -> dict[str, str]:
@@ -235,22 +242,30 @@ def _computed(pf: "ParameterFile", engagement: dict[str, Any], args: argparse.Na
     from .. import parameters
 
     unit = next((law.factors[-1].unit for law in pf.laws.values() if law.form in ("load_line", "feed_line")), "mm")
-    window = _wears(args.window, unit, "--window", "180:220um", 2)
-    limit = None if args.wear_limit is None else _wears(args.wear_limit, unit, "--wear-limit", "200um", 1)[0]
+    window = None if args.window is None else _numbers(args.window, unit, "--window", "180:220um", 2)
+    limit = None if args.wear_limit is None else _numbers(args.wear_limit, unit, "--wear-limit", "200um", 1)[0]
     former = None if pf.load_line is None else pf.load_line.dwell
     return parameters.settings(
-        pf, args.worn, safety_factor=args.safety_factor, rounded_to=args.round or None, window=(window[0], window[1]),
-        wear_limit=limit, law=args.law, by=args.by, level=args.level,
+        pf, _worn(pf, args), safety_factor=args.safety_factor, rounded_to=args.round or None,
+        window=None if window is None else (window[0], window[1]), wear_limit=limit, law=args.law, by=args.by,
+        level=args.level,
         dwell=former if args.dwell is None else args.dwell,
         engagement={name: value for name, value in engagement.items() if value is not None} or None,
     )  # fmt: skip
 
 
-def _wears(text: str, unit: str, option: str, example: str, count: int) -> list[float]:
-    """Wear in the unit of the law, which is also the default unit."""
+def _worn(pf: "ParameterFile", args: argparse.Namespace) -> float:
+    """Load of a worn tool in the unit of the load law."""
+    named = [law for law in pf.laws.values() if args.law in (None, law.response)]
+    unit = next((law.unit for law in named if law.form == "load_line"), "A")
+    return _numbers(args.worn, unit, "--worn", f"0.28{unit}", 1)[0]
+
+
+def _numbers(text: str, unit: str, option: str, example: str, count: int) -> list[float]:
+    """Numbers in the unit of the law, which is also the default unit."""
     from ..datasets.units import convert
 
-    found = re.fullmatch(r"([\d.:eE+-]+)\s*([^\d\s].*)?", text.strip())
+    found = re.fullmatch(r"([\d.:eE+-]+)\s*([^\d\s,].*)?", text.strip())
     try:
         values = [float(part) for part in found[1].split(":")] if found else []
     except ValueError:
@@ -265,11 +280,14 @@ def _wears(text: str, unit: str, option: str, example: str, count: int) -> list[
 
 
 def _sentences(line: "LoadLineSection") -> list[str]:
+    from ..parameters.setting_words import WINDOW_ASSUMED, rounding_words
+
     rounded = "" if line.rounded_to is None else f", rounded to {line.rounded_to:g}"
+    note = rounding_words(line)
     low, high = line.window
     sentences = [
         f"Reference {line.reference:g} {line.unit_load}: {line.safety_factor:g} x {line.worn:g} {line.unit_load} = "
-        f"{line.safety_factor * line.worn:.4g} {line.unit_load}{rounded}.",
+        f"{line.safety_factor * line.worn:.4g} {line.unit_load}{rounded}.{f' {note}' if note else ''}",
         f"Upper feed limit {_limit(line.upper, line)}.",
         f"Lower feed limit {_limit(line.lower, line)}.",
     ]
@@ -281,7 +299,8 @@ def _sentences(line: "LoadLineSection") -> list[str]:
             f"Probability that wear is in {window} when the lower limit is reached: {line.probability:.2f} "
             f"({line.probability_of})."
         )
-    return [*sentences, *line.notes]
+    warnings = [f"! {note}" for note in line.notes if not note.startswith(WINDOW_ASSUMED)]
+    return [*sentences, *warnings]
 
 
 def _limit(limit: "FeedLimit", line: "LoadLineSection") -> str:

@@ -6,7 +6,7 @@
     messages      validation errors of the schema as sentences
 
     evaluation    values and intervals of a law; prediction: the same as one sentence
-    setting_rules a load law and wear tests -> settings of milling at constant load
+    setting_rules a load law and wear tests -> settings of milling at constant load; setting_words: sentences on them
 
     collection    results -> a parameter file; gather/ holds one kind of result per module
     checks/       tests that a file must pass before a controller loads it

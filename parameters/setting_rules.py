@@ -23,17 +23,16 @@ from ..core.suggestions import did_you_mean
 from ..datasets.units import convert
 from .evaluation import IntervalOptions, interval_band
 from .file import ParameterFile
-from .messages import schema_message, short
+from .messages import schema_message
 from .sections.base import Covariance
 from .sections.law import LawSection
 from .sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection, NoInterval
+from .setting_words import cause_of_refusal, feeds_far_beyond_tests, rounded, window_note
 
 SAFETY_FACTOR = 0.85
 WINDOW = (0.18, 0.22)  # mm
 RESOLUTION = 0.01  # of the reference, in A: as the paper rounds it
 HELD = 0.01  # of the reference: within the regulation error of the paper
-FAR_WEAR = 2.0  # times the largest wear tested: a wear in another unit
-BEYOND = 1.5  # times the largest or smallest feed tested: further out a feed limit is no extrapolation but a mistake
 LOAD_FORMS = ("load_line", "feed_line")
 # The load at which a feed_line holds: the last sentence of the note that fit.regression._held_law writes. The schema of
 # the law has no field of it, and files of every version state it in this note.
@@ -101,11 +100,11 @@ def settings(
     (0.24, 996, 563)
     """
     found = _law(pf, law)
-    window = _usual_window(found) if window is None else window
+    assumed, window = window is None, _usual_window(found) if window is None else window
     limit = window[1] if wear_limit is None else wear_limit
     _check(worn, safety_factor, rounded_to, window, limit, level)
-    reference = _rounded(safety_factor * worn, rounded_to)
-    notes = _check_held(found, reference)
+    reference = rounded(safety_factor * worn, rounded_to)
+    notes = [*_check_held(found, reference), *([window_note(*window, found.factors[-1].unit)] if assumed else [])]
     upper, lower = (feed_limit(found, reference, wear, by=by, level=level) for wear in (0.0, limit))
     _check_order(found, float(worn), reference, lower, upper)
     probability, words = wear_in_window(found, reference, lower.value, window, by=by)
@@ -181,16 +180,6 @@ def _usual_window(law: "LawSection") -> tuple[float, float]:
     return low, high
 
 
-def _rounded(value: float, step: float | None) -> float:
-    """To the nearest step, as a decimal: 0.238 to 0.24, not to 0.24000000000000002."""
-    if step is None:
-        return value
-    found = float(f"{round(value / step) * step:.12g}")
-    if not found > 0:
-        raise UsageError(f"the reference {value:g} rounds to nothing in steps of {step:g}; give a smaller rounded_to.")
-    return found
-
-
 def _check_held(law: "LawSection", reference: float) -> list[str]:
     """Notes on the load of a feed_line, which holds at one load only; the notes of the fit give that load."""
     if law.form != "feed_line":
@@ -213,52 +202,10 @@ def _check_order(law: "LawSection", worn: float, reference: float, lower: FeedLi
         load = f" {law.unit}" if law.form == "load_line" else ""
         raise ParameterError(
             f"the feed limits come out as {lower.value:.4g} and {upper.value:.4g} {feed} at load {reference:g}{load}: "
-            f"the lower must lie above zero and below the upper. {_cause(law, worn, reference, lower)}"
+            f"the lower must lie above zero and below the upper. {cause_of_refusal(law, worn, reference, lower)}"
         )
     if far := feeds_far_beyond_tests(law, lower.value, upper.value):
-        raise ParameterError(f"{far}; look at the load of a worn tool and at the units.")
-
-
-def _cause(law: "LawSection", worn: float, reference: float, lower: FeedLimit) -> str:
-    """The option that leads to feed limits in the wrong order, as it was read, and what to do."""
-    wear, c = law.factors[-1], law.coefficients
-    if lower.wear > FAR_WEAR * wear.high:
-        return (
-            f"--window or --wear-limit was read as a wear of {lower.wear:g} {wear.unit}, where no tool was tested "
-            f"above {wear.high:g} {wear.unit}: write its unit, for instance --window 180:220um."
-        )
-    if law.form == "load_line" and c["B"] > 0 and c["k1"] > 0:
-        return (
-            f"--worn was read as {worn:g} {law.unit}, a reference of {reference:g} {law.unit}; by the law of "
-            f"{short(law.response)} a tool with a wear of {lower.wear:g} {wear.unit} has "
-            f"{reference - c['B'] * lower.value:.4g} {law.unit} at a feed of zero. Give the load that a worn tool "
-            f"withstands in {law.unit}, or a smaller wear."
-        )
-    return f"Check the data of the law of {short(law.response)}: load rises with feed and with wear."
-
-
-def feeds_far_beyond_tests(law: LawSection, lower: float, upper: float) -> str:
-    """Sentence on feed limits far outside the feeds that a load law was tested at; empty where they are not.
-
-    >>> from fitmodels.parameters.published import published
-    >>> law = published("CLM-2023").laws["I"]
-    >>> feeds_far_beyond_tests(law, 600.0, 19000.0)
-    'the upper feed limit 1.9e+04 mm/min is 19 times the largest feed tested, 1000 mm/min'
-    """
-    feed = law.factors[0]
-    if law.form != "load_line":
-        return ""
-    if upper > BEYOND * feed.high:
-        return (
-            f"the upper feed limit {upper:.4g} {feed.unit} is {upper / feed.high:.3g} times the largest feed tested, "
-            f"{feed.high:g} {feed.unit}"
-        )
-    if lower * BEYOND < feed.low:
-        return (
-            f"the lower feed limit {lower:.4g} {feed.unit} is {lower / feed.low:.3g} times the smallest feed tested, "
-            f"{feed.low:g} {feed.unit}"
-        )
-    return ""
+        raise ParameterError(f"{far}. {cause_of_refusal(law, worn, reference, lower)}")
 
 
 def _beyond(law: "LawSection", limit: float, lower: float, upper: float) -> list[str]:
@@ -266,7 +213,7 @@ def _beyond(law: "LawSection", limit: float, lower: float, upper: float) -> list
     if limit > wear.high:
         notes.append(
             f"No tool was tested at a wear above {wear.high:g} {wear.unit}: the lower limit at {limit:g} {wear.unit} "
-            "is extrapolated."
+            "is extrapolated. Test tools worn further, or give a smaller --window."
         )
     outside = [f"{end:.4g}" for end in (lower, upper) if not feed.low <= end <= feed.high]
     if law.form == "load_line" and outside:

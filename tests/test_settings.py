@@ -1,6 +1,7 @@
 """The setting rules of Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587: on their numbers and on made-up ones."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,9 @@ from fitmodels.parameters import collect, read, setting_rules, write
 from fitmodels.parameters.checks.report import worn_past_window
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
+from fitmodels.parameters.sections.law import LawSection
 from fitmodels.parameters.sections.load_line import Engagement, LimitInterval, NoInterval
+from fitmodels.parameters.setting_words import window_assumed
 from scipy import stats
 
 UsageError = errors.UsageError
@@ -217,7 +220,8 @@ def test_units_of_wear_and_feed_scale_through():
 
 @pytest.mark.parametrize("worn", [2.8, 280.0])
 def test_a_worn_load_in_another_unit_or_ten_times_as_large_is_refused(worn):
-    with pytest.raises(ParameterError, match=r"times the largest feed tested, 9\d+\.\d+ mm/min; look at the load"):
+    words = r"times the largest feed tested, 9\d+\.\d+ mm/min\. --worn .* times the largest load of the tests"
+    with pytest.raises(ParameterError, match=words):
         parameters.settings(of(line_of()), worn)
 
 
@@ -438,3 +442,93 @@ def test_only_feed_limits_outside_the_tests_are_named_as_extrapolated(lower, upp
     assert (law.factors[0].low, law.factors[0].high) == (600.0, 1000.0)
     (note,) = setting_rules._beyond(law, 0.1, lower, upper)
     assert words in note
+
+
+# --- words --------------------------------------------------------------------------------------------
+
+
+def test_a_window_that_is_not_given_is_stated_as_assumed_where_it_is_used(params, capsys):
+    """In the list of assumptions, in the notes of the file, and in the view of exports."""
+    said = settled(params, capsys)
+    assert "of its name: window 0.18 to 0.22 mm, the wear at tool change; engage_at" in said
+    line = read(params).load_line
+    assert window_assumed(line)
+    assert [words for words in line.notes if "--window sets it" in words]
+    said = settled(params, capsys, "--force", "--window", "180:205um")
+    assert "window 0.18" not in said
+    assert not window_assumed(read(params).load_line)
+
+
+def test_a_window_is_stated_as_assumed_where_no_controller_can_run_the_settings(params, capsys):
+    gains = {"kp": 0.3, "ki": 1.0, "sample_time": 0.02, "unit_u": "V", "unit_y": "A"}
+    write(sealed(read(params), pi=gains), params, force=True)
+    assert "The wear at tool change is assumed: 0.18 to 0.22 mm" in settled(params, capsys)
+
+
+def test_what_limits_the_use_of_settings_is_a_warning(params, tmp_path, capsys):
+    assert "! No tool was tested at a wear above 0.2051 mm" in settled(params, capsys)
+    path = write(of(line_of()), tmp_path / "others.json")
+    assert main(["settings", str(path), "--worn", "0.28"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if line.startswith("! 50 % of further tools are worn past 0.22 mm")]
+    assert main(["settings", str(path), "--worn", "0.28", "--force", "--wear-limit", "0.18"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if re.match(r"(less than 1|[1-5]) % of further tools", line)]
+
+
+def test_a_reference_rounded_above_its_factor_says_so_and_names_the_option(params, capsys):
+    said = settled(params, capsys)
+    assert "the reference is 0.857 x 0.28 A, above the safety factor 0.85; --round 0 keeps 0.238 A." in said
+    for options in (("--round", "0"), ("--safety-factor", "0.9")):  # 0.252 A is rounded down to 0.25 A
+        assert "above the safety factor" not in settled(params, capsys, "--force", *options)
+
+
+def test_a_programmed_feed_above_the_upper_limit_is_told_the_safety_factor_that_allows_it(params, capsys):
+    """The factor and the limit that the refusal names are those that the command then computes."""
+    feed = ["--feed-programmed", "1060"]
+    said = settled(params, capsys, *feed, code=2)
+    assert "A sharp tool reaches the reference 0.24 A (0.85 x 0.28 A) at 1000 mm/min. Program F1000 at most" in said
+    found = re.search(r"safety factor (\S+) gives (\S+) A and (\S+) mm/min \(`fitmodels settings --safety-factor", said)
+    assert found
+    settled(params, capsys, *feed, "--safety-factor", found[1])
+    line = read(params).load_line
+    assert (line.reference, round(line.upper.value)) == (float(found[2]), round(float(found[3])))
+    assert line.reference <= line.safety_factor * line.worn
+
+
+def test_no_safety_factor_is_offered_where_none_below_one_is_enough(params, capsys):
+    said = settled(params, capsys, "--feed-programmed", "1400", code=2)
+    assert "Program F1000 at most. Nothing was written." in said
+
+
+def test_a_law_that_must_not_be_used_is_named_first_as_the_cause(params, capsys):
+    pf = read(params)
+    reasons = ["R2 0.00459.", "I in line 9 (0.826 A) deviates by 0.604 A from the law of the other rows."]
+    verdict = {"level": "do not use for control", "reasons": reasons}
+    law = LawSection.model_validate({**pf.laws["I"].model_dump(), "verdict": verdict})
+    write(sealed(pf, laws={**pf.laws, "I": law}), params, force=True)
+    assert main(["settings", str(params), "--worn", "0.112"]) == 3
+    said = " ".join(capsys.readouterr().err.split())
+    cause = said.index("The likely cause is the law of 'I', 'do not use for control'. I in line 9 (0.826 A) deviates")
+    assert cause < said.index("Otherwise: --worn was read as 0.112 A")
+
+
+@pytest.mark.parametrize(
+    ("worn", "words"),
+    [
+        ("280", "is 980 times the largest load of the tests, 0.286 A by their law. Was 0.28 A meant (280 mA)?"),
+        ("2.8", "--worn 2.8 A is 9.8 times the largest load of the tests, 0.286 A by their law. Give it in A"),
+        ("280 V", "values in 'V' cannot be converted to 'A'"),
+        ("0,28", "--worn 0,28: give one number, with decimal points, as 0.28A."),
+    ],
+)  # fmt: skip
+def test_a_worn_load_in_another_unit_is_refused_with_the_likely_slip(params, worn, words, capsys):
+    assert main(["settings", str(params), "--worn", worn]) in (2, 3)
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_worn_load_may_have_its_unit(params, capsys):
+    settled(params, capsys)
+    one = read(params).load_line
+    assert main(["settings", str(params), "--worn", "280mA", "--force"]) == 0
+    assert read(params).load_line == one

@@ -15,6 +15,7 @@ from ...parameters.sections.load_line import (
     LoadLineSection,
     Range,
 )
+from ...parameters.setting_words import rounding_words, window_assumed
 from .design import middle_of, reference
 from .numbers import count, fact, figure, number, percent, places, quantity, sentence, spread
 from .parts import FactPart, NumberPart, WindowPart
@@ -96,8 +97,8 @@ def load_line_window(line: LoadLineSection, pf: ParameterFile) -> WindowPart:
         *fact("safety factor", figure(line.safety_factor, 6)),
         *_feed("upper feed limit", line.upper, feed, wear),
         *_feed("lower feed limit", line.lower, feed, wear),
-        *fact("tool change, lowest wear", figure(low, 6, wear)),
-        *fact("tool change, highest wear", figure(high, 6, wear)),
+        *fact("tool change, lowest wear", figure(low, 6, wear), "assumed" if window_assumed(line) else ""),
+        *fact("tool change, highest wear", figure(high, 6, wear), "assumed" if window_assumed(line) else ""),
         *(fact("probability of a wear in this range", percent(line.probability, 2), line.probability_of)
           if line.probability is not None else ()),
         *fact("dwell time at the lower limit", figure(line.dwell, 6, "s")),
@@ -111,6 +112,7 @@ def load_line_window(line: LoadLineSection, pf: ParameterFile) -> WindowPart:
           else []),
         *([ON_FAULT[line.engagement.on_fault]] if line.engagement and line.engagement.on_fault else []),
         ASSUMED,
+        *([rounding] if (rounding := rounding_words(line)) else []),
         *line.notes,
     ]  # fmt: skip
     by = f", {line.by}" if line.by else ""

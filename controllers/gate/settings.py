@@ -14,6 +14,7 @@ from ...core.errors import ParameterError
 from ...datasets.units import is_unit, same_dimension
 from ...parameters.checks.report import VERDICT, FileFinding
 from ...parameters.exports.names import plain, plain_unit
+from ...parameters.setting_words import above_upper_limit
 from ..constant_load_milling.cut_model import unit_factor
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def check_line(pf: "ParameterFile", loop: "LoadLoop") -> Iterator[FileFinding]:
 def check_order(pf: "ParameterFile", loop: "LoadLoop", cut: Line, settling: float) -> Iterator[FileFinding]:
     """Findings on limits, thresholds and times of a control; ``settling`` of its loop in s."""
     if pf.load_line is not None:
-        yield from _feeds(loop, pf.load_line)
+        yield from _feeds(loop, pf.load_line, pf.laws.get(pf.load_line.law))
         yield from _machine(pf, loop, pf.load_line)
     yield from _loads(loop, cut)
     yield from _times(loop, settling)
@@ -245,15 +246,11 @@ def _law_feed(law: "LawSection", line: "LoadLineSection", limit: "FeedLimit", lo
     return (load - c["A"] - _shift(law, line) - c["k1"] * limit.wear) / c["B"] if c["B"] else math.nan
 
 
-def _feeds(loop: "LoadLoop", line: "LoadLineSection") -> Iterator[FileFinding]:
+def _feeds(loop: "LoadLoop", line: "LoadLineSection", law: "LawSection | None") -> Iterator[FileFinding]:
     upper, unit = line.upper.value, loop.unit_feed
     if loop.feed_programmed > upper * ABOVE:
-        yield _failed(
-            "programmed feed",
-            f"The programmed feed {loop.feed_programmed:.6g} {unit} is above the upper feed "
-            f"limit {upper:.6g}: a program without adaptive feed would cut at it. Program at most that limit "
-            "and run `fitmodels settings` again.",
-        )
+        units = (loop.unit_feed, loop.unit_load)
+        yield _failed("programmed feed", above_upper_limit(line, law, loop.feed_programmed, units))
     if upper > WIDEST * line.lower.value:
         yield _failed(
             "feed limits",

@@ -18,7 +18,7 @@ from ..sections.force_control import AdaptiveForceSection
 from ..sections.law import LawSection
 from ..sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection
 from ..sections.posterior import LawPosterior
-from ..setting_rules import feeds_far_beyond_tests
+from ..setting_words import feeds_far_beyond_tests
 from .report import FileFinding
 
 # Vehtari et al. 2021, doi 10.1214/20-BA1221, section 4.1; Vehtari et al. 2024, Pareto smoothed importance sampling

@@ -19,6 +19,7 @@ from ...datasets.units import convert, is_unit, same_dimension
 from ..file import ParameterFile
 from ..sections.dynamics import PiSection
 from ..sections.load_line import Engagement, LoadLineSection
+from ..setting_words import window_assumed
 from .names import plain_unit
 
 ARM_AFTER, LOST_AFTER, STUCK_AFTER, HEARTBEAT, OVERLOAD_AFTER = 0.5, 0.05, 1.0, 0.2, 0.5  # s
@@ -161,6 +162,7 @@ def loop_settings(pf: ParameterFile, *, own_form: bool = False) -> LoopSettings:
 
 def _loop(pf: ParameterFile, pi: PiSection, line: LoadLineSection, assumed: list[str], own_form: bool) -> LoadLoop:
     form = "incremental_sum" if own_form and pi.form == "incremental_sum" and pi.ki else "position"
+    assumed += _assumed_window(line)
     given = line.engagement or Engagement()
     programmed = given.feed_programmed or line.upper.value
     per_u = _feed_per_unit(pi, line, programmed)
@@ -206,6 +208,12 @@ def _loop(pf: ParameterFile, pi: PiSection, line: LoadLineSection, assumed: list
     _check_order(loop)
     _check_idle(loop, given.idle)
     return loop
+
+
+def _assumed_window(line: LoadLineSection) -> list[str]:
+    low, high = line.window
+    words = f"window {low:g} to {high:g} {plain_unit(line.unit_wear)}, the wear at tool change"
+    return [words] if window_assumed(line) else []
 
 
 def _assumed_choices(line: LoadLineSection, given: Engagement, loop: LoadLoop) -> list[str]:
