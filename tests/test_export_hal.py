@@ -22,6 +22,7 @@ from fitmodels.controllers.gate import gated_control
 from fitmodels.controllers.loop import Trace
 from fitmodels.core.errors import GateError
 from fitmodels.parameters.exports.loop import LoadLoop
+from fitmodels.parameters.setting_words import window_note
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -254,6 +255,33 @@ def test_the_head_states_every_state_the_settings_and_what_is_not_included(short
     for words in ("M52 P1", "M52 P0", ">>>", "lost_after 0.06 s", "overload 0.273 A", "a fault stops", "(kind comp)",
                   "motion.feed-inhibit is in use", "100 %"):  # fmt: skip
         assert words in head
+
+
+def test_the_first_lines_state_safety_a_fault_and_the_limits_in_units_of_the_machine(short):
+    """And directly below, what another F or an override above 100 % does."""
+    head = short()[0].replace("\n#  ", "").splitlines()
+    assert head[1].startswith("# No safety function in the sense of ISO 13849")
+    assert "emergency stop" in head[1]
+    assert head[2] == "# On a fault the feed stops: --on-fault stop was chosen."
+    loop = short()[1]
+    assert head[3].startswith(f"# Load {loop.reference:g} A; feed {loop.feed_low:.4g} to {loop.feed_high:.4g} mm/min")
+    assert "another F, or an operator's override other than 100 %, moves the real feed" in head[4]
+
+
+def test_the_head_names_the_data_their_corrections_and_the_tool_change(constant_load_file):
+    options = {"correct": ["lines 9:I/1000"], "leave_out": ["lines 5"]}
+    then = ["fitmodels ident 'new/drive.csv' --params a/params.json"]
+    origin = {"fitmodels": "0.1.0", "data_file": "tests.csv", "options": options, "then": then}
+    note = window_note(0.18, 0.22, "mm")
+    pf = constant_load_file(provenance=origin, load_line={"notes": [note]}, identity={"machine": "VMC 3, LinuxCNC"})
+    text = rendered(pf, "hal")
+    for line in ("# data tests.csv, drive.csv", "# corrected lines 9:I/1000", "# left out lines 5",
+                 "# Tool change at a wear of 0.18 to 0.22 mm, assumed."):  # fmt: skip
+        assert line in text.splitlines()
+    assert "machine VMC 3, LinuxCNC;" in text
+    assert "its noise (equal readings for stuck_after are a fault)." in text.replace("\n# ", " ")
+    assert "Assumed: window 0.18 to 0.22 mm, the wear at tool change" in text
+    assert "to stop: fitmodels settings --on-fault stop." in text
 
 
 def test_a_moving_average_and_the_other_form_are_refused_with_the_export_that_has_them(short):

@@ -473,7 +473,7 @@ def test_a_law_that_must_not_be_used_is_refused_and_simulated_data_are_marked(tu
     assert "(fm - SIMULATED data, not measured)" in program
     assert "(fm - VERDICT ACCEPTED - laws.AW - do not use for control)" in program
     for row in csv.DictReader(io.StringIO(exported(refused, "csv", job=job).content)):
-        assert row["marks"] == "SIMULATED data - not measured - VERDICT ACCEPTED - laws.AW - do not use for control"
+        assert row["marks"] == "SIMULATED data, not measured - VERDICT ACCEPTED - laws.AW - do not use for control"
 
 
 @pytest.mark.parametrize("dialect", ["linuxcnc", "fanuc"])

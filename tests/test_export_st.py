@@ -370,7 +370,7 @@ def test_the_head_lists_every_state_and_what_the_block_cannot_do(control):
     for row in STATES:
         assert f"state {int(row.state)} {row.state.name}: " in head
         assert re.sub(r"[;]", "", row.feed) in re.sub(r"[;]", "", head)
-    for words in ("no safety function in the sense of ISO 13849", "a block that is no longer called keeps its last",
+    for words in ("No safety function in the sense of ISO 13849", "a block that is no longer called keeps its last",
                   "not detected - a load that falls to exactly the load in air"):  # fmt: skip
         assert words in head
 

@@ -13,6 +13,7 @@ from ...parameters.exports.names import c_text
 from ...parameters.exports.view import ExportView
 from ..constant_load_milling.states import states_of
 from ..gate import GatedControl
+from .head import first_lines
 
 NOT_IN_C = (
     "the wiring: the firmware fills LoadInput and applies LoadOutput",
@@ -97,17 +98,18 @@ def c_head(control: GatedControl, not_carried: tuple[str, ...]) -> tuple[str, ..
     view, loop = control.view, control.loop
     words = (
         f"load in {loop.unit_load}, feed in {loop.unit_feed}, override = feed / {loop.feed_programmed:.15g}",
-        f"load {loop.reference:.6g}, override {loop.low:.4g} to {loop.high:.4g}, one call each {loop.sample_time:g} s",
+        f"one call each {loop.sample_time:g} s",
         *(f"state {int(row.state)} {row.state.name}: {row.condition}; feed: {row.feed}" for row in states_of(loop.law)),
-        *view.remarks(not_carried),
+        *view.remarks(not_carried, safety=False),
     )
-    return head_lines(view, f"{TITLES[loop.law]}, controller in C", words)
+    return head_lines(view, f"{TITLES[loop.law]}, controller in C", words, first_lines(view, loop))
 
 
-def head_lines(view: ExportView, title: str, words: tuple[str, ...]) -> tuple[str, ...]:
-    """Lines of a head: program and title, origin, and the words in lines of ``WIDTH``."""
-    wrapped = (part for line in words for part in wrap(line, WIDTH, subsequent_indent="    "))
-    return (f"{view.made_by}: {title}", *view.origin, *wrapped)
+def head_lines(view: ExportView, title: str, words: tuple[str, ...], first: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Lines of a head: program and title, what comes first, origin, and the words in lines of ``WIDTH``."""
+    above, below = ([part for line in of for part in wrap(line, WIDTH, subsequent_indent="    ")]
+                    for of in (first, words))  # fmt: skip
+    return (f"{view.made_by}: {title}", *above, *view.origin, *below)
 
 
 def c_comment(lines: tuple[str, ...]) -> str:

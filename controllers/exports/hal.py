@@ -18,7 +18,7 @@ from typing import Final
 
 from ...core.errors import GateError
 from ...parameters.exports.loop import LoadLoop
-from ...parameters.exports.view import ExportView
+from ...parameters.exports.view import NOT_DETECTED, ExportView
 from ..constant_load_milling.controller import (
     OVERLOAD_MEAN,
     SPARSE_AT,
@@ -29,6 +29,7 @@ from ..constant_load_milling.controller import (
 )
 from ..constant_load_milling.states import STATES
 from ..gate import GatedControl
+from .head import first_lines
 
 SERVO_PERIOD = 0.002  # s: a longer period than this is no servo thread; the loop then gets a thread of its own
 STANDING = 1 / 60  # mm/s, 1 mm/min: a slower path does not advance
@@ -38,8 +39,11 @@ NOT_IN_HAL = (
     "the laws and their covariance, the posterior and the dynamics: HAL holds settings, not models",
     "units: every load is in the unit of the load pin",
     "a moving average and the form incremental_sum: the component (kind comp) has them",
-    "the requested feed: the limits hold as shares of the feed that program and operator request. A program with "
-    "another F, or an operator's override other than 100 %, moves the real feed out of them; the component bounds it",
+    "a bound of the requested feed: the component (kind comp) has it",
+)
+_REAL_FEED: Final = (
+    "The limits hold as shares: another F, or an operator's override other than 100 %, moves the real feed by the same "
+    "factor, above 100 % beyond the upper limit. The component (--to comp) bounds it."
 )
 
 _FUNCTIONS: Final = (
@@ -320,23 +324,24 @@ def _head(view: ExportView, loop: LoadLoop, thread: str) -> str:
     )
     lines = [
         f"{view.made_by}: LinuxCNC HAL, constant load through motion.adaptive-feed",
+        *_wrapped(first_lines(view, loop, _REAL_FEED)),
         f"tool {view.tool}, work {view.work}, machine {view.machine}{'; SIMULATED data' if view.simulated else ''}",
+        *view.data,
         *view.verdicts,
         f"parameter file {view.checksum}",
         "",
         *_BEFORE_USE,
-        f"4. The program commands F{loop.feed_programmed:.15g} ({loop.unit_feed}) and M52 P1; otherwise the feed",
+        f"4. The program commands F{loop.feed_programmed:.6g} ({loop.unit_feed}) and M52 P1; otherwise the feed",
         "   is not controlled. M52 P0 before rapids and M52 P1 after them: adaptive feed slows rapids too.",
         "5. Switch fm-enable on.",
         servo,
         "Order in one thread: motion-command-handler, what is added here, motion-controller. Behind motion-controller",
         "the feed is one period late, which is harmless.",
         "",
-        f"Load {loop.reference:.6g} {loop.unit_load}; feed {loop.low:.4g} to {loop.high:.4g} of the programmed feed.",
         *_states(loop),
         *(f"Assumed: {words}" for words in view.assumed),
         *_wrapped(f"Not included: {words}" for words in NOT_IN_HAL),
-        *_wrapped(f"{words[0].upper()}{words[1:]}." for words in view.limits_of_use),
+        *_wrapped(f"{words[0].upper()}{words[1:]}." for words in NOT_DETECTED),
     ]
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)
 

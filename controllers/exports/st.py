@@ -25,6 +25,7 @@ from ..constant_load_milling.states import STATES, states_of
 from ..gate import GatedControl
 from .c_source import TITLES
 from .fmu import Variable
+from .head import first_lines
 
 LONGEST_NAME = 30  # significant characters of a name in older controllers
 LONGEST_LINE, LARGEST_COUNT = 116, 2**31 - 1  # characters of a comment; value of a DINT
@@ -264,9 +265,10 @@ def _head(control: GatedControl) -> str:
     )
     lines = (
         f"{view.made_by}: {TITLES[loop.law]}, with limits, engagement, monitoring and tool change",
+        *(line for words in first_lines(view, loop) for line in wrap(words, LONGEST_LINE)),
         *view.origin,
         f"call once every {loop.sample_time:.15g} s; program F {loop.feed_programmed:.15g} {loop.unit_feed}",
-        *(line for words in (*rows, *view.remarks(NOT_IN_ST)) for line in wrap(words, LONGEST_LINE)),
+        *(line for words in (*rows, *view.remarks(NOT_IN_ST, safety=False)) for line in wrap(words, LONGEST_LINE)),
     )
     return "".join(f"(* {_comment(line)} *)\n" for line in lines)
 

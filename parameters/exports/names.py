@@ -29,7 +29,7 @@ def safe_name(text: str, fallback: str = "unnamed") -> str:
 
 
 def plain(text: str) -> str:
-    """Text for a comment or a quoted value of any format: letters, digits, space and ``. _ + -`` alone, one line.
+    """Text for a comment or a quoted value of any format: letters, digits, space and ``. , _ + -`` alone, one line.
 
     >>> plain("GC435 / TiN"), plain("<script>"), plain("=cmd|' /C calc'!A0"), plain('x*)"; M30 (')
     ('GC435 _ TiN', '_script_', '_cmd__ _C calc__A0', 'x___ - M30 _')
@@ -38,14 +38,17 @@ def plain(text: str) -> str:
 
 
 def plain_lines(text: str) -> tuple[str, ...]:
-    """Text as `plain`, on as many lines as it needs.
+    """Sentences for comments, of letters, digits and ``. _ + - , : ; / = ( ) %`` alone, on as many lines as they need.
 
-    >>> plain_lines("No edge is named: name the edges.")
-    ('No edge is named - name the edges.',)
+    Each format still removes what acts in its comments.
+
+    >>> plain_lines("No edge is named: name the edges (a column) */ 'edge'.")
+    ('No edge is named: name the edges (a column) _/ _edge_.',)
     >>> len(plain_lines("a sentence of more than eighty characters, which a comment of one line would shorten"))
     2
     """
-    return tuple(map(plain, wrap(_shown(text), LONGEST_TEXT))) or ("unnamed",)
+    shown = in_ascii(_ascii(text), " ._+-,:;/=()%").lstrip("+-=")
+    return tuple(line.strip() for line in wrap(shown, LONGEST_TEXT)) or ("unnamed",)
 
 
 def plain_equation(text: str) -> str:
@@ -58,8 +61,9 @@ def plain_equation(text: str) -> str:
 
 
 def _shown(text: str) -> str:
-    text = re.sub(r"(?:(?<!\s)\s+)?[,:;]\s+", " - ", text)  # no format takes these for a command
-    return re.sub(r"_{4,}", "___", re.sub(r"[^A-Za-z0-9 ._+-]", "_", _ascii(text))).lstrip("+-")
+    text = re.sub(r"(?:(?<!\s)\s+)?[:;]\s+", " - ", text)  # no format takes these for a command
+    kept = re.sub(r",(?!\s)|[^A-Za-z0-9 ,._+-]", "_", _ascii(text))
+    return re.sub(r"_{4,}", "___", kept).lstrip("+-, ")
 
 
 def plain_unit(unit: str) -> str:
@@ -87,4 +91,4 @@ def gcode_text(words: str) -> str:
     >>> gcode_text("V 120 m/min) M30 (")
     'V 120 m/min_ M30 _'
     """
-    return in_ascii(words, " ._+-/,=^[]")
+    return in_ascii(re.sub(r"\s*[:;]\s+", " - ", words), " ._+-/,=^[]")

@@ -145,4 +145,4 @@ def fixed(value: float) -> str:
 
 def _gcode_comment(words: str) -> str:
     """A comment that stays one, and no word that LinuxCNC acts on."""
-    return f"(fm - {gcode_text(words)})"
+    return f"(fm - {gcode_text(words.translate(BRACKETS))})"

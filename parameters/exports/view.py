@@ -10,9 +10,11 @@ from typing import Final
 from ...core.errors import GateError
 from ..checks import check
 from ..checks.report import require_verdicts
+from ..data_lines import data_lines
 from ..file import ParameterFile
 from ..file_format import content_sha256
 from ..sections.law import LawSection
+from ..setting_words import window_assumed
 from .loop import LoadLoop, loop_settings
 from .names import plain, plain_equation, plain_lines, plain_unit, safe_name
 from .quantities import Quantity, file_quantities
@@ -67,7 +69,8 @@ class ExportView:
     ``file_quantities`` holds every number worth carrying, the loop's among them, in a fixed order.
     ``assumed`` lists the settings that the file lacks, with the value assumed for each; ``verdicts`` are lines on the
     laws, dynamics and force process that are not usable without reservations, with the reasons; ``equations`` are those
-    of the laws, for people: a program computes with the quantities.
+    of the laws, for people: a program computes with the quantities; ``data`` are lines on the data files and on what
+    was corrected or left out in them; ``tool_change`` states the wear at which the tool is changed.
     """
 
     name: str
@@ -84,6 +87,8 @@ class ExportView:
     assumed: tuple[str, ...]
     verdicts: tuple[str, ...] = ()
     equations: tuple[str, ...] = ()
+    data: tuple[str, ...] = ()
+    tool_change: str = ""
 
     @property
     def origin(self) -> tuple[str, ...]:
@@ -91,12 +96,16 @@ class ExportView:
         unknown = ("not known whether the data were measured or SIMULATED",) if self.simulated is None else ()
         simulated = ("SIMULATED data, not measured",) if self.simulated else unknown
         pair = f"tool {self.tool}, work {self.work}, machine {self.machine}"
-        return (pair, *simulated, *self.verdicts, f"parameter file {self.checksum}")
+        return (pair, *simulated, *self.data, *self.verdicts, f"parameter file {self.checksum}")
 
-    def remarks(self, not_carried: tuple[str, ...]) -> tuple[str, ...]:
-        """Lines on the limits of use, on what was assumed and on what the format cannot carry."""
+    def remarks(self, not_carried: tuple[str, ...], *, safety: bool = True) -> tuple[str, ...]:
+        """Lines on the limits of use, on what was assumed and on what the format cannot carry.
+
+        Without ``safety`` the head states in its first lines that it is no safety function.
+        """
         assumed = (f"assumed: {words}" for words in self.assumed)
-        return (*self.limits_of_use, *assumed, *(f"not included: {words}" for words in not_carried))
+        limits = (line for line in self.limits_of_use if safety or line not in NO_SAFETY)
+        return (*limits, *assumed, *(f"not included: {words}" for words in not_carried))
 
     @property
     def limits_of_use(self) -> tuple[str, ...]:
@@ -141,6 +150,7 @@ def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: b
         loop=found.loop, verdicts=verdicts, gains=_gains(pf), plant=_plant(pf),
         equations=tuple(_equation(law) for law in pf.laws.values()),
         quantities=file_quantities(pf, found.loop), assumed=(*doubted, *untried, *found.assumed),
+        data=data_lines(pf), tool_change=_tool_change(pf),
     )  # fmt: skip
 
 
@@ -163,6 +173,14 @@ def view_of_laws(pf: ParameterFile, used: tuple[str, ...], accept_verdict: bool)
     )
     checksum = pf.content_sha256 or content_sha256(pf.model_dump())
     return replace(export_view(alone, accept_verdict=True), verdicts=lines, checksum=checksum)
+
+
+def _tool_change(pf: ParameterFile) -> str:
+    line = pf.load_line
+    if line is None:
+        return ""
+    assumed = ", assumed" if window_assumed(line) else ""
+    return f"Tool change at a wear of {line.window[0]:g} to {line.window[1]:g} {plain_unit(line.unit_wear)}{assumed}."
 
 
 def _equation(law: LawSection) -> str:
