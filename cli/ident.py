@@ -105,6 +105,7 @@ def run(args: argparse.Namespace) -> int:
     from ..core.progress import progress_bar
     from ..ident import identify
     from ..ident.validation.amplitudes import with_amplitudes
+    from ..parameters.checks.record import record_notes
 
     check_options(args)
     if args.amplitudes and len(args.file) < 2:
@@ -128,11 +129,20 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}, version=4)
     else:
-        Printer(quiet=args.quiet).show(terminal.identification_block(found, pf))
+        out = Printer(quiet=args.quiet)
+        out.show(terminal.identification_block(found, pf))
+        for words in record_notes(pf, _ends(found)):
+            out.show(f"! {words}")
     written = _written(found, pf, former, target, args)
     if written and not args.json:
         Printer(quiet=args.quiet).wrote(written, args.params or str(target))
     return 0
+
+
+def _ends(found: "Identification") -> tuple[float, float] | None:
+    """Smallest and largest output of the record, with its operating point."""
+    at, y = found.model.operating_point, found.record.y
+    return None if at is None else (float(y.min()) + at[1], float(y.max()) + at[1])
 
 
 def _orders(text: str | None) -> tuple[int, int, int] | None:

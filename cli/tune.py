@@ -108,6 +108,7 @@ def run(args: argparse.Namespace) -> int:
     """Tune, print, write, and return the exit code."""
     from ..cards.folder import PI_FIGURE
     from ..core.progress import progress_bar
+    from ..parameters.checks.record import record_notes
     from ..parameters.checks.report import cautions
     from ..parameters.file import picture_folder, replace, sealed
     from ..parameters.gather.control import pi_section
@@ -145,6 +146,7 @@ def run(args: argparse.Namespace) -> int:
         print_json("tune", {**facts, "verdicts": verdicts}, version=3)
         return 0
     simulated = [*_simulated(tuned, _reference_step(pf)), *_beyond_limits(tuned, pf)]
+    verdicts += record_notes(pf)
     lines = [*verdicts, *derived, *_sentences(tuned, changed), *simulated, *_scaling_by_load_law(changed, args)]
     out = Printer(quiet=args.quiet)
     for line in lines:

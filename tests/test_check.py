@@ -15,6 +15,7 @@ from fitmodels.ident.pi.loop import loop_of
 from fitmodels.parameters import check, collect, read, write
 from fitmodels.parameters.checks.loop_figures import closed_loop, figures
 from fitmodels.parameters.file import _parse, sealed
+from fitmodels.parameters.published import published
 from fitmodels.parameters.sections.dynamics import DynamicsSection, PiSection
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -419,6 +420,37 @@ def test_the_command_shows_doubts_about_the_data_and_passes(pf, tmp_path, capsys
     path = write(sealed(pf, reading={"doubts": [doubt]}), tmp_path / "params.json")
     assert main(["check", str(path)]) == 0
     assert "doubt VB 1.2 to 1.9 mm is unusual. Remedy: fitmodels data.csv --unit VB=um" in capsys.readouterr().out
+
+
+def test_a_corrected_reading_says_that_no_doubt_is_left_with_all_corrections(pf):
+    options = {"correct": ["lines 31:I/1000", "E07:f*25.4"], "leave_out": ["lines 5"]}
+    origin = {"fitmodels": "0.1.0", "data_file": "x.xlsx", "options": options}
+    (found,) = [f for f in check(sealed(pf, provenance=origin)).findings if f.name == "reading"]
+    assert found.passed
+    assert found.words == (
+        "No doubt is left about the reading of x.xlsx; corrected: lines 31:I/1000, E07:f*25.4; left out: lines 5."
+    )
+
+
+RECORD = "The record of the dynamics was made about"
+
+
+@pytest.mark.parametrize(
+    ("point", "noted"),
+    [((0.14, 0.026), True), ((5.0, 0.24), False), ((5.0, 240.0), True), (None, False)],
+)
+def test_a_record_made_outside_the_loads_tested_is_a_note(point, noted):
+    """At 0.24 A lie the tests of the paper; a note that states deviations answers the question."""
+    pf = published("CLM-2023")
+    usable = {"level": "usable inside the tested region"}
+    laws = {"I": {**pf.laws["I"].model_dump(), "verdict": usable}}
+    model = {**pf.dynamics.model_dump(), "operating_point": point}
+    report = check(sealed(pf, laws=laws, dynamics=model))
+    found = [f for f in report.findings if f.name == "record"]
+    assert bool(found) == noted
+    assert all(f.passed is None and RECORD in f.words for f in found)
+    said = {**model, "notes": ["From the file: deviations from a cut at 0.24 A."]}
+    assert not [f for f in check(sealed(pf, laws=laws, dynamics=said)).findings if f.name == "record"]
 
 
 def test_a_file_whose_data_were_not_judged_says_so(pf):

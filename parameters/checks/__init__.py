@@ -2,6 +2,7 @@
 
 report   findings; verdicts of laws, dynamics and force process, and the refusal to export what must not be used
 values   units, covariances, posterior, dynamics and settings; gains, loop_figures: the gains on the dynamics
+record   the record of the dynamics against the load tests
 """
 
 import os
@@ -10,9 +11,11 @@ from shlex import quote
 from typing import TYPE_CHECKING
 
 from ...core.errors import ParameterError
+from ..data_lines import corrections
 from ..draws import read_draws
 from ..file import seal_fault
 from .gains import check_gains
+from .record import record_notes
 from .report import CheckReport, FileFinding, check_verdicts
 from .values import check_estimates, check_settings, check_texts, check_units
 
@@ -55,6 +58,7 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
         *check_units(pf),
         *check_estimates(pf),
         *_draws(pf, folder),
+        *(FileFinding("record", None, words) for words in record_notes(pf)),
         *check_gains(pf),
         *check_settings(pf),
     ]
@@ -91,7 +95,16 @@ def _reading(pf: "ParameterFile") -> Iterator[FileFinding]:
         remedy = f" Remedy: fitmodels {of or 'FILE'} {doubt.remedy}" if doubt.remedy else ""
         yield FileFinding("doubt", None, f"{doubt.sentence.rstrip('.')}.{remedy}")
     if not pf.reading.doubts:
-        yield FileFinding("reading", True, f"The reading of {of or 'the data'} raised no doubt.")
+        yield FileFinding("reading", True, _undoubted(pf, of or "the data"))
+
+
+def _undoubted(pf: "ParameterFile", data: str) -> str:
+    """Sentence on a reading without doubts, with the corrections that it was made with."""
+    options = (("corrected", corrections(pf, "correct")), ("left out", corrections(pf, "leave_out")))
+    changed = "; ".join(f"{name}: {', '.join(given)}" for name, given in options if given)
+    if not changed:
+        return f"The reading of {data} raised no doubt."
+    return f"No doubt is left about the reading of {data}; {changed}."
 
 
 def _draws(pf: "ParameterFile", folder: str | os.PathLike[str] | None) -> Iterator[FileFinding]:
