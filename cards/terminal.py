@@ -1,5 +1,6 @@
 """Terminal output of the main job and of an identification, from the same parts as the card."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -216,7 +217,27 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
     words = _texts(line if line.endswith(".") else f"{line}." for line in dict.fromkeys(lines))
     table = _table(coefficient_table(model.coefficients))
     sizes = [] if found.amplitudes is None else [_table(found.amplitudes.table)]
-    return _block(head, *_reasons(model.verdict), *_texts([form]), Text(model.equation), table, *sizes, *words)
+    details = (Text("Details", style="bold"), Text(model.equation), table, *sizes, *words)
+    return _block(head, *_reasons(model.verdict), *_texts([form, _summary(found)]), *details)
+
+
+def _summary(found: "Identification") -> str:
+    """What an engineer needs of a model: fit to samples not fitted, settling, delay, noise and band."""
+    from ..ident.validation.model_validation import settling_time
+
+    model, rec, fit = found.model, found.record, found.validation.fit
+    settled = settling_time(model)
+    ends = f"settles in {settled:.3g} s" if math.isfinite(settled) else "does not settle"
+    noise = math.sqrt(model.noise_variance or 0.0)
+    low, high = model.band or (math.nan, math.nan)
+    said = (
+        f"simulation fit {fit:.0f} % ({found.validated_on})" if math.isfinite(fit) else "",
+        f"{rec.output} {ends} after a step of {rec.input}",
+        f"delay {model.nk * model.sample_time:.3g} s",
+        f"noise {noise:.2g} {model.unit_y}".rstrip() if noise else "",
+        f"valid from {low:.2g} to {high:.2g} Hz" if model.band else "",
+    )
+    return sentence("; ".join(filter(None, said)))
 
 
 def physical_block(

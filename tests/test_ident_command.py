@@ -68,7 +68,10 @@ def test_a_record_is_recognised_and_identified(run, german, tmp_path):
 
 @pytest.mark.parametrize(
     ("zeros", "words"),
-    [([1.2], "first moves in the opposite direction"), ([1.1 + 0.4j, 1.1 - 0.4j], "soon reverses for a while")],
+    [
+        ([1.2], "first moves in the opposite direction"),
+        ([1.1 + 0.4j, 1.1 - 0.4j], "reverses its direction for a time, soon after"),
+    ],
 )
 def test_the_step_of_a_model_with_zeros_outside_the_circle_is_described_as_it_moves(zeros, words):
     """Vidyasagar 1986, IEEE Trans. Automatic Control 31, 440: an odd number of real zeros reverses it."""
@@ -78,6 +81,28 @@ def test_the_step_of_a_model_with_zeros_outside_the_circle_is_described_as_it_mo
     assert (step[np.flatnonzero(step)[0]] * step[-1] < 0) == (words == "first moves in the opposite direction")
     (sentence,) = _nonminimum_phase(SimpleNamespace(b=G.b))
     assert words in sentence
+
+
+def test_the_result_stands_above_the_details(run, german):
+    code, out, _ = run(german.name, "--json")
+    data = json.loads(out)
+    code, out, _ = run(german.name)
+    assert code == 0
+    first, _, details = out.partition(" Details ")
+    assert f"Simulation fit {data['dynamics']['fit']:.0f} % (samples" in first
+    assert re.search(r"settles in \d\.\d+ s after a step of .*; delay 0\.02 s; noise 0\.00\d+ A; valid from", first)
+    assert "G(z) =" not in first
+    assert "G(z) =" in details
+
+
+def test_a_record_outside_the_loads_of_the_tests_is_named_with_its_range(run, tmp_path):
+    shutil.copy(EXAMPLES / "fraesen.csv", tmp_path)
+    shutil.copy(EXAMPLES / "drive.csv", tmp_path)
+    assert run("fraesen.csv", "--out", "out")[0] == 0
+    (file,) = (tmp_path / "out").rglob("params.json")
+    code, out, _ = run("drive.csv", "--params", file)
+    assert code == 0
+    assert "! The record of the dynamics was made about 0.026 A (-0.45 to 0.45 A), the tests of 'I' lie at 0.18" in out
 
 
 def test_every_axis_has_a_label_and_time_is_as_long_as_the_answer(german, tmp_path):

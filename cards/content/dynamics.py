@@ -165,7 +165,7 @@ def _nonminimum_phase(d: DynamicsSection) -> list[str]:
         return []
     at = ", ".join(f"{z.real:.3g}{z.imag:+.3g}i" if abs(z.imag) > 1e-9 else f"{z.real:.3g}" for z in outside)
     odd = np.count_nonzero(np.abs(outside.imag) < 1e-9) % 2  # an even number leaves the first direction
-    moves = "first moves in the opposite direction" if odd else "soon reverses for a while"
+    moves = "first moves in the opposite direction" if odd else "reverses its direction for a time, soon after the step"
     return [
         f"non-minimum phase (zeros at {at}, outside the unit circle): the step response {moves}, and a fast "
         "controller amplifies that"
