@@ -100,7 +100,7 @@ def test_a_record_outside_the_loads_of_the_tests_is_named_with_its_range(run, tm
     shutil.copy(EXAMPLES / "drive.csv", tmp_path)
     assert run("fraesen.csv", "--out", "out")[0] == 0
     (file,) = (tmp_path / "out").rglob("params.json")
-    code, out, _ = run("drive.csv", "--params", file)
+    code, out, _ = run("ident", "drive.csv", "--params", file)
     assert code == 0
     assert "! The record of the dynamics was made about 0.026 A (-0.45 to 0.45 A), the tests of 'I' lie at 0.18" in out
 
