@@ -3,14 +3,15 @@
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import UsageError
 
 LONGEST = 200  # characters of a value
+DEFAULT = "default"  # a value that settings takes for its default
 NUMBERS = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?::[+-]?\d+(?:[.,]\d+)?)*\s*(?:[^\d\s,:][^,:]*)?")  # with a unit
 THOUSANDS = re.compile(r"(?<![\d.,])[1-9]\d{0,2},\d{3}(?!\d)")
 LABELS = {  # kinds of exports, which are the suffixes of their files
@@ -33,6 +34,8 @@ class Input:
         What the command gets where the field is filled, ``{}`` in the place of the value: ``--rise {}``.
     hint, value : str
         An example, and what the field holds at first.
+    default : str
+        What the command takes where the field is empty.
     choices : tuple of (str, str)
         Values and labels of a menu; empty for a text.
     needed : bool
@@ -48,6 +51,12 @@ class Input:
     choices: tuple[tuple[str, str], ...] = ()
     needed: bool = False
     is_rare: bool = False
+    default: str = ""
+
+    @property
+    def placeholder(self) -> str:
+        """What an empty field shows: its default, or an example marked as one."""
+        return f"empty: {self.default}" if self.default else f"e.g. {self.hint}" if self.hint else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +96,17 @@ class Subject:
     content: Mapping[str, Any] = field(default_factory=dict)
     others: Sequence[str] = ()
 
+    @property
+    def is_record(self) -> bool:
+        """Whether it holds the dynamics of a record alone."""
+        return bool(not self.content.get("laws") and self.content.get("dynamics"))
+
+    @property
+    def has_load_law(self) -> bool:
+        """Whether it has a law of load on feed and wear, or what was set by one."""
+        laws = (self.content.get("laws") or {}).values()
+        return bool(self.content.get("load_line")) or any(law.get("form") in ("load_line", "feed_line") for law in laws)
+
 
 def subject_of(folder: Path, stem: str, params: str, others: Sequence[str]) -> Subject:
     """The subject of a parameter file of the folder; without content where it cannot be read."""
@@ -115,8 +135,8 @@ def _is_whole(content: object) -> bool:
 
 def actions(of: Subject) -> tuple[Action, ...]:
     """The forms, in the order in which they are needed; of a record those that need no law."""
-    if not of.content.get("laws") and of.content.get("dynamics"):
-        return (tune(of), CARD, CHECK, EXPORT)
+    if of.is_record:
+        return (tune(of), CARD, CHECK, EXPORT_OF_RECORD)
     return (*_of_laws(of), *_of_control(of), CARD, CHECK, EXPORT)
 
 
@@ -130,8 +150,8 @@ def _of_laws(of: Subject) -> tuple[Action, ...]:
             "Plan further tests",
             "The tests that narrow the answer most, as a table to fill in.",
             (
-                Input("runs", "edges to add", "--runs {}", "4"),
-                Input("within", "half width asked for, %", "--within {}", "15"),
+                Input("runs", "edges to add", "--runs {}", default="4"),
+                Input("within", "half width of the interval asked for, %", "--within {}", "15"),
             ),
             "--out {stem}-next.csv --force",
             "tests",
@@ -168,7 +188,7 @@ def _of_control(of: Subject) -> tuple[Action, ...]:
             "ident",
             "Dynamics",
             "A model of the feed drive from a chirp record of the project, for the gains.",
-            (Input("record", "record", "{}", choices=records, needed=True), *SIGNALS),
+            (Input("record", "record of the project", "{}", choices=records, needed=True), *SIGNALS),
             "--params {params} --force",
             "record",
         ),
@@ -195,37 +215,41 @@ def tune(of: Subject) -> Action:
         Input("high", "highest command: upper bound of the feed, in the unit below", "--high {}", "1034", ends[1]),
         Input("unit", "unit of the command", "--unit {}", "mm/min", unit),
     )
-    scaling = Input("scaling", "feed per unit of the command of the record (empty: by the load law)", "--scaling {}")
+    scaling = Input(
+        "scaling", "feed for 1 unit of the command (mm/min for 1 V)", "--scaling {}",
+        "1500" if not of.has_load_law else "", default="by the load law" if of.has_load_law else "",
+    )  # fmt: skip
     words = "PI gains that meet a specification, with its probability."
     return Action("tune", "Gains", words, (*SPECIFICATION, *command, scaling), "--force")
 
 
-ENGAGEMENT = (  # thresholds and times of the control; loads and feeds in the units of the settings
-    ("feed-programmed", "feed_programmed: feed of the program, at an override of 100 %; at most the upper feed limit"),
-    ("engage-at", "engage_at, load that identifies a cut"),
-    ("hysteresis", "hysteresis, whole width of this threshold"),
-    ("engage-after", "engage_after, s above the threshold until the loop controls"),
-    ("feed-forward", "feed_forward, share of the correction by the load law, 0 to 1"),
-    ("back-off", "back_off, fastest fall of the override per second"),
-    ("recover", "recover, fastest rise of the override per second"),
-    ("filter-corner", "filter_corner, Hz, of a low-pass of the load"),
-    ("sample-time", "sample_time, s, period of the thread"),
-    ("load-low", "load_low, smallest valid reading"),
-    ("load-high", "load_high, largest valid reading"),
-    ("arm-after", "arm_after, s of spindle running before the load is monitored"),
-    ("lost-after", "lost_after, s with invalid readings that is a fault"),
-    ("stuck-after", "stuck_after, s of equal readings in the cut that is a fault"),
-    ("heartbeat", "heartbeat, s without a sign of the load's source that is a fault"),
-    ("overload-after", "overload_after, s of overload that stops the feed"),
-    ("dwell", "dwell, s on the lower limit before the tool counts as worn"),
+ENGAGEMENT = (  # thresholds and times of the control, with units and defaults; loads and feeds in those of the settings
+    ("feed-programmed", "feed that programs command (F), {feed}; at most the upper feed limit", "the upper feed limit"),
+    ("engage-at", "load above which a cut is recognised{load}", "between the load in air and that of a cut"),
+    ("hysteresis", "hysteresis of this load, whole width{load}", "a tenth of the reference load"),
+    ("engage-after", "time above this load until the loop controls, s", "0.1"),
+    ("feed-forward", "share of the correction that the load law gives at once, 0 to 1", "0"),
+    ("back-off", "fastest fall of the override, per second", "the whole range in 0.5 s"),
+    ("recover", "fastest rise of the override, per second", "the whole range in 2 s"),
+    ("filter-corner", "corner of a low-pass of the load, Hz", "none"),
+    ("sample-time", "period of the thread of the control, s", "that of the gains"),
+    ("load-low", "smallest valid load reading{load}", "half of the load in air"),
+    ("load-high", "largest valid load reading{load}", "10 times the reference load"),
+    ("arm-after", "time of a running spindle before the load is monitored, s", "0.5"),
+    ("lost-after", "time with invalid readings that is a fault, s", "0.05"),
+    ("stuck-after", "time of equal readings in the cut that is a fault, s; 0: not monitored", "1"),
+    ("heartbeat", "time without a sign of the load's source that is a fault, s; 0: not monitored", "0.2"),
+    ("overload-after", "time of overload that stops the feed, s", "0.5"),
+    ("dwell", "time at the lower feed limit before the tool counts as worn, s", "not used"),
 )
 FOLLOWING = {  # what is done after a command
     "settings": "ident", "ident": "tune", "tune": "check", "check": "export", "limits": "costs", "costs": "optimum",
+    "export": "card",
 }  # fmt: skip
 SIGNALS = (
-    Input("input", "commanded column", "--input {}"),
-    Input("output", "measured column", "--output {}"),
-    Input("rate", "samples per second", "--rate {}"),
+    Input("input", "commanded column", "--input {}", default="found by its name"),
+    Input("output", "measured column", "--output {}", default="found by its name"),
+    Input("rate", "samples per second", "--rate {}", default="by the column of times"),
     Input("time", "column of times", "--time {}", is_rare=True),
     Input("sample-time", "seconds between samples", "--sample-time {}", is_rare=True),
     Input("resample", "resample uneven samples to, Hz", "--resample {}", is_rare=True),
@@ -235,8 +259,8 @@ SIGNALS = (
 SPECIFICATION = (
     Input("rise", "rise time at most, s", "--rise {}", "2"),
     Input("settle", "settling time at most, s", "--settle {}", "4"),
-    Input("overshoot", "overshoot at most, as a fraction", "--overshoot {}", "0.02"),
-    Input("probability", "required probability", "--probability {}", "0.9"),
+    Input("overshoot", "overshoot at most, as a fraction", "--overshoot {}", default="0.02"),
+    Input("probability", "required probability", "--probability {}", default="0.9"),
 )
 CARD = Action("card", "Card", "The card again, with all that was added to the file.", fixed="--force")
 CHECK = Action("check", "Check", "Whether the file is consistent, and its control safe.")
@@ -264,6 +288,12 @@ EXPORT = Action(
     ),
     "--out {stem}-control.{to} --force",
 )
+OF_RECORD = ("mat", "ssv", "h", "ini")  # kinds of exports that hold dynamics and gains without laws
+EXPORT_OF_RECORD = replace(
+    EXPORT,
+    words="Values of the dynamics and gains of this record; a controller needs the file of tests.",
+    inputs=(replace(EXPORT.inputs[0], choices=tuple((name, LABELS[name]) for name in OF_RECORD)), EXPORT.inputs[-1]),
+)
 COSTS = (
     Input("machine", "machine rate", "machine={}", "60/h"),
     Input("edge", "price of an edge", "edge={}", "8"),
@@ -287,19 +317,27 @@ def _settings(of: Subject) -> tuple[Input, ...]:
     """Fields of constant load; loads in the unit of the law of load."""
     found = of.content.get("laws") or {}
     unit = next((f", {found[name].get('unit', '')}" for name in ("I", "P", "Fc", "M") if name in found), "")
+    feed = str((of.content.get("load_line") or {}).get("unit_feed") or "mm/min")
+    engagement = (
+        Input(name, label.format(load=unit, feed=feed), f"--{name} {{}}", default=default,
+              is_rare=name != "feed-programmed")
+        for name, label, default in ENGAGEMENT
+    )  # fmt: skip
     return (
         Input("worn", f"load limit of a worn tool{unit}", "--worn {}", "0.28", needed=True),
-        Input("safety-factor", "safety factor: reference load over this limit", "--safety-factor {}", "0.85"),
-        Input("window", "wear at tool change, from:to with unit", "--window {}", "180:220um"),
-        Input("wear-limit", "wear at the lower feed limit, with unit (empty: its end)", "--wear-limit {}", "200um"),
-        Input("idle", f"load of the running spindle in air{unit}", "--idle {}"),
+        Input("safety-factor", "safety factor: reference load divided by the load limit", "--safety-factor {}",
+              default="0.85"),
+        Input("window", "wear at tool change, from:to with unit", "--window {}", default="180:220um"),
+        Input("wear-limit", "wear for the lower feed limit, with unit", "--wear-limit {}",
+              default="the end of the wear at tool change"),
+        Input("idle", f"load of the running spindle in air{unit}", "--idle {}", default="not known"),
         Input(
             "on-fault", "on a lost or wrong load", "--on-fault {}",
             choices=(("", "feed to its lower limit"), ("stop", "stop the feed")),
         ),
-        *(Input(name, label, f"--{name} {{}}", is_rare=name != "feed-programmed") for name, label in ENGAGEMENT),
-        Input("round", f"step of the reference load{unit}; 0: not rounded", "--round {}", "0.01", is_rare=True),
-        Input("level", "level of the intervals of the feed limits", "--level {}", "0.95", is_rare=True),
+        *engagement,
+        Input("round", f"step of the reference load{unit}; 0: not rounded", "--round {}", default="0.01", is_rare=True),
+        Input("level", "level of the intervals of the feed limits", "--level {}", default="0.95", is_rare=True),
     )  # fmt: skip
 
 
@@ -326,7 +364,9 @@ def _limits(of: Subject) -> tuple[Input, ...]:
     return (*upper, *life, *ranges)
 
 
-def command(action: Action, of: Subject, given: Mapping[str, str], tests: Sequence[str]) -> list[str]:
+def command(
+    action: Action, of: Subject, given: Mapping[str, str], tests: Sequence[str], emptied: Collection[str] = ()
+) -> list[str]:
     """Words of the command of a filled form.
 
     Parameters
@@ -337,6 +377,8 @@ def command(action: Action, of: Subject, given: Mapping[str, str], tests: Sequen
         Values of the fields.
     tests : sequence of str
         The file of tests with the options of its reading.
+    emptied : collection of str
+        Fields that are empty now and were not: their default is asked for, where the file would keep the former value.
 
     Raises
     ------
@@ -354,6 +396,8 @@ def command(action: Action, of: Subject, given: Mapping[str, str], tests: Sequen
     words, filled = [action.name, *first], {}
     for one in action.inputs:
         value = _value(one, given.get(one.name, ""))
+        if not value and one.name in emptied:
+            value = DEFAULT
         if value:
             filled[one.name] = value
             words += [part.replace("{}", value) for part in _joined(one.words, value).split(" ")]
@@ -377,13 +421,13 @@ def _value(one: Input, given: str) -> str:
         raise UsageError(f"{one.label} is empty: fill it in{f', such as {one.hint}' if one.hint else ''}.")
     if not one.words.startswith("--") and value.startswith("-") and "=" not in one.words:
         raise UsageError(f"{one.label}: {value} begins like an option.")
-    return _with_points(value, one.label)
+    return with_points(value, one.label)
 
 
-def _with_points(value: str, label: str) -> str:
+def with_points(value: str, label: str) -> str:
     """A number or range of a field with decimal points; a comma before three digits may separate thousands.
 
-    >>> _with_points("0,28 A", "worn"), _with_points("0,18:0,22mm", "window"), _with_points("3,3,1", "orders")
+    >>> with_points("0,28 A", "worn"), with_points("0,18:0,22mm", "window"), with_points("3,3,1", "orders")
     ('0.28 A', '0.18:0.22mm', '3,3,1')
     """
     if not NUMBERS.fullmatch(value):

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from markupsafe import Markup, escape
 
-from .command_forms import Action
+from .command_forms import ENGAGEMENT, Action
 from .options import pairs
 
 FIELDS: Final = {  # of the option of a file: label of its field, and its id on the page
@@ -59,7 +59,14 @@ PLAIN: Final = (
     (re.compile(r"\b(?:add|give)\s+(?=--(?:unit [^=\s]+(?:\s|\.)|scaling))"), "set "),
     (re.compile(r"(--scaling \S+) (?=--unit)"), r"\1 and "),
     (re.compile(r" \(card\.html; tables: --full\)"), ""),
+    (re.compile(r"(?<=[\d.] )um\b"), "µm"),
 )
+NAMES: Final = {
+    name.replace("-", "_"): label.split(" (")[0].partition(",")[0].replace("{load}", "")
+    for name, label, _ in ENGAGEMENT
+    if "-" in name
+}  # fmt: skip  of fields of the constant load
+NAME: Final = re.compile(rf"\b(?:{'|'.join(NAMES)})\b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +116,8 @@ def on_page(text: str, to: Places) -> Markup:
     text = HELP.sub("", PREFIX.sub("", text))
     for old, new in PLAIN:
         text = old.sub(new, text)
+    if to.own == "settings":
+        text = NAME.sub(lambda name: NAMES[name[0]], text)
     found, end = Markup(), 0
     for start in COMMAND.finditer(text):
         if start.start() < end:
@@ -117,6 +126,15 @@ def on_page(text: str, to: Places) -> Markup:
         found += _options(text[end : start.start()], to, to.own) + shown
         end = after
     return found + _options(text[end:], to, to.own)
+
+
+def plain(text: str, to: Places) -> str:
+    """A message in the words of the page, without links.
+
+    >>> plain("--correct 31: write TARGET:SYMBOL*NUMBER.", Places({}, {}))
+    'Correct: 31: write TARGET:SYMBOL*NUMBER.'
+    """
+    return on_page(text, to).striptags()
 
 
 def of_laws(text: str, to: Places) -> Markup:

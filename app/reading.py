@@ -1,6 +1,8 @@
 """Menus of the columns of a file: roles and units, the plausible ones first, from the JSON of ``fitmodels look``."""
 
+import math
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,10 +11,14 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from ..core.errors import UsageError
+from ..datasets.corrections import parse_correction
 from ..datasets.edges.assignment import EDGE_WORDS
 from ..datasets.units import SPELLINGS, canonical, same_dimension
 from ..datasets.vocabulary import ROLES
+from .cells import MOST, Cells, lines_in
+from .command_forms import with_points
 from .messages import FIELDS
+from .options import BY_ROLE, OF_ROWS, pairs
 
 LABELS = {option.removeprefix("--"): label for option, (label, _) in FIELDS.items()}
 UNNAMED = ("several", "unnamed-tool", "unnamed-work")
@@ -141,12 +147,21 @@ def _menus(
     ]
     roles = [*roles, Choice("", "not used")] if role else [Choice("", "not used", chosen=True), *roles]
     own = (given or units.get(role, "")) if role else ""
-    listed = tuple(Choice(unit, unit, unit == own) for unit in units_of(role)) if role else ()
+    listed = tuple(Choice(unit, micro(unit), unit == own) for unit in units_of(role)) if role else ()
     if listed and not any(one.chosen for one in listed):
         listed = (Choice("", column["unit"] or "as in the file", chosen=True), *listed)
     return ColumnMenus(
         column["number"], column["header"], role, tuple(roles), listed, bool({role, column["header"]} & doubted)
     )
+
+
+def micro(text: str) -> str:
+    """A text or unit with micrometres as the page writes them.
+
+    >>> micro("um"), micro("mm/rev")
+    ('µm', 'mm/rev')
+    """
+    return re.sub(r"\bum\b", "µm", text)
 
 
 SINGLE = {
@@ -156,6 +171,7 @@ SINGLE = {
         "correct", "input", "output", "reference", "time", "rate", "sample-time", "resample",
     )
 }  # fmt: skip
+TEXTS = ("--correct", "--value", "--range", "--edge", "--decimal", "--delimiter")  # the reading refuses a wrong one
 OF_ROLE = {"value": "--value", "range": "--range", "form": "--form"}
 
 
@@ -170,20 +186,21 @@ class Field:
     choices: tuple[str, ...] = ()
 
 
-def fields_of(look: Mapping[str, Any]) -> tuple[Field, ...]:
+def fields_of(look: Mapping[str, Any], options: Sequence[str] = ()) -> tuple[Field, ...]:
     """Fields of a file of tests that set what the menus of its columns do not."""
+    given = {name: value for name, value in pairs(options) if name not in (*BY_ROLE, *OF_ROWS)}
     tool, work = ("" if (name := str(look.get(key) or "")) in UNNAMED else name for key in ("tool", "work"))
     return (
-        Field("tool", LABELS["tool"], "GC4035", tool),
-        Field("work", LABELS["work"], "42CrMo4", work),
-        Field("edge", f"{LABELS['edge']} (none: do not infer)", "Test"),
-        Field("criterion", f"{LABELS['criterion']}, mm", "0.3"),
-        Field("gauge-sd", f"{LABELS['gauge-sd']}, mm", "0.005"),
-        Field("by", LABELS["by"], "coolant"),
-        Field("correct", f"{LABELS['correct']} a quantity of lines or edges", "lines 24:VB/10"),
+        Field("tool", LABELS["tool"], "e.g. GC4035", tool),
+        Field("work", LABELS["work"], "e.g. 42CrMo4", work),
+        Field("edge", f"{LABELS['edge']} (none: do not infer)", "e.g. Test", given.get("--edge", "")),
+        Field("criterion", f"{LABELS['criterion']}, mm", "empty: 0.3", given.get("--criterion", "")),
+        Field("gauge-sd", f"{LABELS['gauge-sd']}, mm", "e.g. 0.005", given.get("--gauge-sd", "")),
+        Field("by", LABELS["by"], "e.g. coolant", given.get("--by", "")),
+        Field("correct", f"{LABELS['correct']} a quantity of lines or edges", "e.g. lines 24:VB/10"),
         Field("process", LABELS["process"], choices=("turning", "milling", "drilling", "grinding")),
         Field("decimal", LABELS["decimal"], choices=("point", "comma")),
-        Field("delimiter", LABELS["delimiter"], ";"),
+        Field("delimiter", LABELS["delimiter"], "e.g. ;"),
     )
 
 
@@ -201,6 +218,34 @@ def sheets_of(look: Mapping[str, Any]) -> tuple[Choice, ...]:
         return ()
     several = [Choice("", "all, joined" if read else "choose one", chosen=True)] if len(read) != 1 else []
     return (*several, *(Choice(one, one, chosen=len(read) == 1 and one in read) for one in (*read, *others)))
+
+
+def offered(look: Mapping[str, Any]) -> list[str]:
+    """Options of the commands that a refused reading names, without those that hold a malformed correction.
+
+    >>> offered({"commands": [{"command": f"fitmodels a.csv {one}"} for one in ("--correct 31", "--unit VB=um")]})
+    ['--unit VB=um']
+    """
+    every = [shlex.split(one["command"])[2:] for one in look.get("commands") or ()]
+    return [shlex.join(words) for words in every if words and _is_well_formed(words)]
+
+
+def _is_well_formed(options: Sequence[str]) -> bool:
+    """Whether each correction among options is one."""
+    try:
+        for name, value in pairs(options):
+            if name == "--correct":
+                parse_correction(value)
+    except UsageError:
+        return False
+    return True
+
+
+def doubted_rows(look: Mapping[str, Any], cells: Cells | None) -> list[tuple[int, list[str]]]:
+    """Rows that the doubts name and that are not among the first ones, with their lines."""
+    named = dict.fromkeys(line for doubt in look.get("doubts") or () for line in lines_in(doubt["sentence"]))
+    found = [(line, cells.row(line)) for line in sorted(named) if line not in look["lines"]] if cells else []
+    return [(line, row) for line, row in found if row][:MOST]
 
 
 AS_ASKED = ("left out as asked", "corrected as asked")
@@ -253,9 +298,25 @@ def option_of_change(form: Mapping[str, str], columns: Sequence[Mapping[str, Any
             raise UsageError(f"{of} has no unit {to!r}: reload the page.")
         return "--unit", f"{of}={to}"
     if what in OF_ROLE and of and "=" not in of and not of.startswith("-"):
-        return OF_ROLE[what], f"{of}={to}"
+        return OF_ROLE[what], f"{of}={to if what == 'form' else with_points(to, of)}"
     if what in SINGLE:
+        if what == "correct" and to:
+            parse_correction(to)
+        if what in ("criterion", "gauge-sd"):
+            to = _length(to, LABELS[what])
         if to.startswith("-"):
             raise UsageError(f"{to!r} begins like an option: give another {what}.")
         return SINGLE[what], to
     raise UsageError("a field is empty, or there is no such menu: fill in both fields, or reload the page.")
+
+
+def _length(text: str, label: str) -> str:
+    """A length of a field in mm, with a decimal point."""
+    value = with_points(text, label)
+    try:
+        is_length = not value or 0 < float(value) < math.inf
+    except ValueError:
+        is_length = False
+    if not is_length:
+        raise UsageError(f"{label}: {text[:40]!r} is no length above zero in mm; write it as 0.3.")
+    return value

@@ -10,11 +10,10 @@ from typing import Any, Final
 
 from starlette.responses import FileResponse, HTMLResponse, Response
 
-from .command_forms import subject_of
 from .jobs import Job
-from .options import OF_OUTPUT, applied, command_of, pairs, typed, words
+from .options import OF_OUTPUT, applied, pairs, typed, words
 from .project import Entry, Project
-from .stages import files_of, time_of
+from .stages import current_files, files_of, time_of
 
 RECORD: Final = "is a record of one run"  # in a refusal of look
 PICTURES: Final = (".png", ".svg")
@@ -47,7 +46,6 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
     return {
         "cards": [name for name in results if name.endswith("/card.html") and name.startswith(tuple(folders))],
         "is_former": bool(former) and set(files) == set(former),
-        "former": [path.removesuffix("/params.json") for path in former],
         "has_load": any(law.get("form") in ("load_line", "feed_line") for _, law in laws),
         "rows_of": rows_left_out(list(files.values())),
         "laws": list(dict.fromkeys(name for name, _ in laws)),
@@ -71,23 +69,6 @@ def rows_left_out(contents: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     return {one[1].strip("'"): one[2] for one in found if one}
 
 
-def current_files(project: Project, entry: Entry) -> tuple[dict[str, Mapping[str, Any]], list[str]]:
-    """Parameter files that the command of a file wrote, with their contents, and those of former options.
-
-    Where the command has written none, those of former options are both.
-    """
-    every = {path: subject_of(project.folder, entry.stem, path, ()).content for path in project.parameter_files(entry)}
-    typed_now = shlex.join(["fitmodels", *command_of(entry)])
-    former = [path for path, content in every.items() if _command_in(content) != typed_now]
-    return {path: content for path, content in every.items() if path not in former} or every, former
-
-
-def _command_in(content: Mapping[str, Any]) -> str:
-    """The command that a parameter file is of; empty where it names none."""
-    provenance = content.get("provenance")
-    return str(provenance.get("command") or "") if isinstance(provenance, dict) else ""
-
-
 def laws_of(files: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, str, Mapping[str, Any]]]:
     """Laws of parameter files: tool and work where there are several pairs of them, name, and section."""
     pairs_of_laws = {path: Path(path).parent.name.replace("_", " on ", 1) if len(files) > 1 else "" for path in files}
@@ -95,6 +76,15 @@ def laws_of(files: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, str, Mapp
         (pairs_of_laws[path], name, law)
         for path, content in files.items()
         for name, law in (content.get("laws") or {}).items()
+    ]
+
+
+def files_of_tests(project: Project) -> list[str]:
+    """Files of the project that have laws."""
+    return [
+        entry.name
+        for entry in project.files
+        if any(content.get("laws") for content in current_files(project, entry)[0].values())
     ]
 
 
@@ -115,28 +105,17 @@ def levels(laws: Sequence[tuple[str, str, Mapping[str, Any]]]) -> list[tuple[str
     ]
 
 
-def colour(level: str) -> str:
-    """Class of the style sheet in which a level of a verdict is shown, beside its words.
-
-    >>> colour("usable with reservations"), colour("do not use")
-    ('doubt', 'bad')
-    """
-    if "reservations" in level:
-        return "doubt"
-    return "bad" if level.startswith("do not") else "good" if level.startswith("usable") else ""
-
-
-def suspects(laws: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
-    """Targets that could be left out, with the sentence of the check that names them."""
-    found: dict[str, str] = {}
+def suspects(laws: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
+    """Targets that could be left out, with the sentence of the check that names them and the symbol that deviates."""
+    found: dict[str, tuple[str, str]] = {}
     for law in laws:
         for check in (law.get("checks") or {}).values():
             for one in check.get("suspects") or ():
                 lines = one.get("lines") or ()
                 target = f"lines {','.join(map(str, lines))}" if lines else ",".join(one.get("edges") or ())
                 if target:
-                    found.setdefault(target, str(check.get("verdict", "")))
-    return list(found.items())
+                    found.setdefault(target, (str(check.get("verdict", "")), str(one.get("column") or "")))
+    return [(target, *said) for target, said in found.items()]
 
 
 def remedies(entry: Entry, results: Mapping[str, Path]) -> list[str]:

@@ -1,13 +1,15 @@
 """What was done on a parameter file: forms with their state and last values, and what a new fit has lost."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+import shlex
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from .command_forms import ENGAGEMENT, FOLLOWING, Action, Subject, actions, subject_of
+from .command_forms import DEFAULT, ENGAGEMENT, FOLLOWING, Action, Subject, actions, subject_of
 from .jobs import Job
+from .options import command_of
 from .project import Entry, Project, Step
 
 ADDING: Final = ("limits", "costs", "ident", "settings", "tune")  # commands that add to a parameter file
@@ -16,7 +18,7 @@ USES: Final[Mapping[str, Sequence[str]]] = {  # commands whose later run makes t
     "optimum": ("limits", "costs"), "tune": ("ident", "settings"), "replay": ADDING, "card": ADDING, "check": ADDING,
     "export": ADDING,
 }  # fmt: skip
-KEPT_OF_SETTINGS: Final = frozenset(f"--{name}" for name in (*dict(ENGAGEMENT), "idle", "on-fault", "dwell"))
+KEPT_OF_SETTINGS: Final = frozenset(f"--{one}" for one in (*(name for name, *_ in ENGAGEMENT), "idle", "on-fault"))
 LIMITS_OF_GAINS: Final = ("low", "high", "unit")
 
 
@@ -27,6 +29,17 @@ class State:
     words: str = "not done"
     colour: str = ""
     outdated: str = ""
+
+
+def colour(level: str) -> str:
+    """Class of the style sheet in which a level of a verdict is shown, beside its words.
+
+    >>> colour("usable with reservations"), colour("do not use")
+    ('doubt', 'bad')
+    """
+    if "reservations" in level:
+        return "doubt"
+    return "bad" if level.startswith("do not") else "good" if level.startswith("usable") else ""
 
 
 def _parts(words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -127,6 +140,8 @@ def values(action: Action, words: Sequence[str]) -> dict[str, str]:
             found[one.name] = next((value[len(prefix) :] for value in of if value.startswith(prefix)), "")
         else:
             found[one.name] = next((word[len(prefix) :] for word in words[2:] if word.startswith(prefix)), "")
+        if found[one.name] == DEFAULT:
+            found[one.name] = ""
     return found
 
 
@@ -148,6 +163,19 @@ def filled(project: Project, entry: Entry, of: Subject) -> list[Action]:
         )
         made.append(dataclasses.replace(action, inputs=inputs))
     return made
+
+
+def with_values(action: Action, given: Mapping[str, str]) -> Action:
+    """A form that is filled in with the fields of a run."""
+    inputs = tuple(dataclasses.replace(one, value=given.get(one.name, one.value)) for one in action.inputs)
+    return dataclasses.replace(action, inputs=inputs)
+
+
+def emptied(action: Action, given: Mapping[str, str]) -> list[str]:
+    """Fields of a filled form that its file keeps, and that are empty now."""
+    kept = KEPT_OF_SETTINGS if action.name == "settings" else frozenset()
+    was = (one for one in action.inputs if one.value and f"--{one.name}" in kept)
+    return [one.name for one in was if one.name in given and not given[one.name].strip()]
 
 
 def older(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[str, tuple[str, ...]]:
@@ -174,9 +202,36 @@ def _command_of(project: Project, result: str) -> tuple[str, ...]:
 
 
 def files_of(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[str, Any]:
-    """Results with those that are older than the fit, and the commands that a new fit has undone."""
-    found = {"results": sorted(results), "older": older(project, entry, results)}
+    """Results of the present settings and of former ones, those older than the fit, and commands that it has undone."""
+    files, former = current_files(project, entry)
+    folders = tuple(path.removesuffix("params.json") for path in former if path not in files)
+    left = sorted(name for name in results if folders and name.startswith(folders))
+    found = {"results": sorted(set(results) - set(left)), "left": left, "older": older(project, entry, results)}
     return {**found, "to_repeat": to_repeat(project, entry)}
+
+
+def current_files(project: Project, entry: Entry) -> tuple[dict[str, Mapping[str, Any]], list[str]]:
+    """Parameter files that the command of a file wrote, with their contents, and those of former options.
+
+    Where the command has written none, those of former options are both.
+    """
+    every = {path: subject_of(project.folder, entry.stem, path, ()).content for path in project.parameter_files(entry)}
+    typed_now = shlex.join(["fitmodels", *command_of(entry)])
+    former = [path for path, content in every.items() if _command_in(content) != typed_now]
+    return {path: content for path, content in every.items() if path not in former} or every, former
+
+
+def _command_in(content: Mapping[str, Any]) -> str:
+    """The command that a parameter file is of; empty where it names none."""
+    provenance = content.get("provenance")
+    return str(provenance.get("command") or "") if isinstance(provenance, dict) else ""
+
+
+def has_added(project: Project, entry: Entry) -> bool:
+    """Whether something was added to the parameter files of a file that its fit does not write."""
+    files, _ = current_files(project, entry)
+    is_record = all(not content.get("laws") for content in files.values())
+    return not is_record and any(content.get(one) for content in files.values() for one in SECTIONS.values())
 
 
 def time_of(path: Path) -> float:
@@ -193,37 +248,66 @@ def _is_later(project: Project, path: str, first: str, second: str) -> bool:
     return first in runs and second not in runs[len(runs) - runs[::-1].index(first) :]
 
 
-def states(project: Project, entry: Entry, of: Subject) -> dict[str, State]:
-    """State of each form of a parameter file."""
-    outdated = older(project, entry, project.results(entry))
+def states(project: Project, entry: Entry, of: Subject, running: Collection[str] = ()) -> dict[str, State]:
+    """State of each form of a parameter file; ``running`` are the commands on it that have not ended."""
+    forms = [one for one in actions(of) if one.is_form]
+    titles, used = {one.name: one.title for one in forms}, last_used(project, entry, of.params)
     lost = {words[0] for words in to_repeat(project, entry) if of.params in words}
-    used, forms = last_used(project, entry, of.params), [one for one in actions(of) if one.is_form]
-    titles, found = {one.name: one.title for one in forms}, dict[str, State]()
-    for name in titles:
-        own = [k for k, step in enumerate(project.steps) if _is_run(step, entry, of, name)]
-        code = project.steps[own[-1]].code if own else 0
-        if name in lost:
-            found[name] = State("outdated", "doubt", "the laws were fitted again, and it is not in the file any more")
-        elif not (of.content.get(SECTIONS[name]) if name in SECTIONS else own):
-            found[name] = State()
-        elif why := _why_outdated(project.steps[own[-1] + 1 :] if own else (), entry, of, name, titles):
-            found[name] = State("outdated", "doubt", why)
-        elif code:
-            found[name] = State("refused", "bad")
-        elif name == "export" and (old := [one for one in outdated if one.startswith(f"{of.stem}-control.")]):
-            found[name] = State("outdated", "doubt", f"{', '.join(old)} is older than params.json")
-        else:
-            words = _result(project, of, name, used.get(name, ()))
-            found[name] = State(f"done: {words}" if words else "done", "good")
-    return found
+    return {
+        name: State("running", "doubt") if name in running else _state(project, entry, of, name, titles, used, lost)
+        for name in titles
+    }
 
 
-def _is_run(step: Step, entry: Entry, of: Subject, name: str) -> bool:
-    """Whether a step is a run of a form that counts: one of check or export counts also where it refuses."""
+def _state(
+    project: Project, entry: Entry, of: Subject, name: str, titles: Mapping[str, str],
+    used: Mapping[str, Sequence[str]], lost: Collection[str],
+) -> State:  # fmt: skip
+    """State of one form; a refusal after a former result names the one that the file keeps."""
+    runs = [k for k, step in enumerate(project.steps) if _is_on(step, entry, of, name)]
+    own = [k for k in runs if _counts(project.steps[k], entry, name)]
+    is_refused = bool(runs) and project.steps[runs[-1]].code != 0
+    there = of.content.get(SECTIONS[name]) if name in SECTIONS else own
+    if name in lost:
+        return State("outdated", "doubt", "the laws were fitted again, and it is not in the file any more")
+    if not there:
+        return State("last run refused", "bad") if is_refused else State()
+    why = _why_outdated(project.steps[own[-1] + 1 :] if own else (), entry, of, name, titles)
+    if is_refused:
+        kept = _result(project, of, name, used.get(name, ())) if name in SECTIONS else ""
+        words = f"last run refused; the file keeps {kept}" if kept else "refused"
+        return State(words, "bad", why)
+    if why:
+        return State("outdated", "doubt", why)
+    if name == "export" and (old := _old_exports(project, entry, of)):
+        return State("outdated", "doubt", f"{', '.join(old)} is older than params.json")
+    words = _result(project, of, name, used.get(name, ()))
+    level = _level(of.content.get(SECTIONS.get(name, "")))
+    if colour(level) in ("bad", "doubt"):
+        return State(f"{level}: {words}", colour(level))
+    return State(f"done: {words}" if words else "done", "good")
+
+
+def _level(section: object) -> str:
+    """Level of the verdict on a section of a parameter file; empty where it has none."""
+    verdict = section.get("verdict") if isinstance(section, Mapping) else None
+    return str(verdict.get("level") or "") if isinstance(verdict, Mapping) else ""
+
+
+def _old_exports(project: Project, entry: Entry, of: Subject) -> list[str]:
+    """Exports that are older than the parameter file."""
+    return [one for one in older(project, entry, project.results(entry)) if one.startswith(f"{of.stem}-control.")]
+
+
+def _is_on(step: Step, entry: Entry, of: Subject, name: str) -> bool:
+    """Whether a step is a run of a form on a parameter file, or for the card a fit."""
     on_it = of.params in step.words or step.words[1:2] == (entry.name,)
-    if name == "card" and step.words[0] == entry.name:
-        return step.code == 0
-    return step.words[0] == name and on_it and (step.code == 0 or (name in ("check", "export") and step.code == 5))
+    return (name == "card" and step.words[0] == entry.name and step.code == 0) or (step.words[0] == name and on_it)
+
+
+def _counts(step: Step, entry: Entry, name: str) -> bool:
+    """Whether a run has given a result; a refusal by check or export is one."""
+    return step.code == 0 or (step.words[0] != entry.name and name in ("check", "export") and step.code == 5)
 
 
 def _why_outdated(
@@ -275,14 +359,27 @@ def _of_section(name: str, section: Mapping[str, Any]) -> str:
 
 
 def after(project: Project, entry: Entry, of: Subject | None, job: Job) -> dict[str, Any]:
-    """What a command has changed on the page: states, files, limits of the gains, and the form that follows."""
-    found = {"following": None, "gains": [], "states": {}, **files_of(project, entry, project.results(entry))}
+    """What a command has changed on the page: states, files, limits of gains, records, and the form that follows."""
+    found: dict[str, Any] = {"following": None, "gains": [], "records": None, "states": {}}
+    found.update(files_of(project, entry, project.results(entry)))
     if of is None:
         return found
     found["states"] = states(project, entry, of)
     forms = {one.name: one for one in filled(project, entry, of)}
+    if job.words[0] == "ident" and "ident" in forms:
+        found["records"] = dataclasses.replace(forms["ident"].inputs[0], value=job.words[1])
     if job.code == 0:
-        found["following"] = forms.get(FOLLOWING.get(job.words[0], ""))
+        found["following"] = _following(of, job.words[0], forms, found["states"])
         if job.words[0] == "settings":
             found["gains"] = [one for one in forms["tune"].inputs if one.name in LIMITS_OF_GAINS and one.value]
     return found
+
+
+def _following(
+    of: Subject, name: str, forms: Mapping[str, Action], found: Mapping[str, State]
+) -> Action | None:  # fmt: skip
+    """The form that comes after a command: no export of a record alone, and the card where it is outdated."""
+    following = FOLLOWING.get(name, "")
+    if (following == "export" and of.is_record) or (following == "card" and not found["card"].outdated):
+        return None
+    return forms.get(following)

@@ -59,12 +59,15 @@ class Client:
 
     def upload(self, name, content):
         """Status and address of the answer to a file."""
-        mark = uuid.uuid4().hex
-        head = f'--{mark}\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n'
-        body = head.encode() + content + f"\r\n--{mark}--\r\n".encode()
-        kind = f"multipart/form-data; boundary={mark}"
-        status, headers, text = self.ask("POST", "/files", body, content_type=kind)
+        status, headers, text = self.send("/files", "file", name, content)
         return status, headers.get("location", text)
+
+    def send(self, path, field, name, content):
+        """Answer to a form with a file."""
+        mark = uuid.uuid4().hex
+        head = f'--{mark}\r\nContent-Disposition: form-data; name="{field}"; filename="{name}"\r\n\r\n'
+        body = head.encode() + content + f"\r\n--{mark}--\r\n".encode()
+        return self.ask("POST", path, body, content_type=f"multipart/form-data; boundary={mark}")
 
     def until_done(self, path):
         """The part of a page at a path, when no command runs for it any more."""

@@ -13,20 +13,25 @@ import sys
 import time
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from fitmodels import cli, datasets, parameters
+from fitmodels.app.cells import Cells
 from fitmodels.app.command_forms import actions, command, subject_of
 from fitmodels.app.jobs import Job, Jobs
 from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
-from fitmodels.app.reading import assumptions, column_menus, option_of_change, role_label, units_of
+from fitmodels.app.reading import assumptions, column_menus, offered, option_of_change, role_label, units_of
 from fitmodels.app.results import policy_of_card, remedies, written
 from fitmodels.app.stages import filled, older, states, to_repeat
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
-from hypothesis import given
+from fitmodels.datasets.corrections import parse_correction
+from fitmodels.datasets.tables import Column
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -329,13 +334,201 @@ def test_results_of_former_settings_are_not_shown_as_those_of_the_file(client):
     assert client.post("/files/named.csv/set", set="work", to="42CrMo4")[0] == 200
     laws = client.until_done("/files/named.csv/laws")
     assert laws.count("<iframe") == 1
-    assert "not part of this result: named-fit/unnamed-tool_unnamed-work" in laws
+    listed, _, former = laws.partition("Files to take along")[2].partition("<details>")
+    assert "named-fit/unnamed-tool_unnamed-work" not in listed
+    assert "not part of this result" in former
+    assert "named-fit/unnamed-tool_unnamed-work/params.json" in former
     assert "42CrMo4" in re.search('name="params" value="([^"]+)"', client.get("/files/named.csv/machine"))[1]
-    assert client.post("/files/named.csv/set", set="edge", to="no such column")[0] == 200
+    client.reading("named.csv")
+    assert client.post("/files/named.csv/set", set="role", column="6", to="")[0] == 200
     laws = client.until_done("/files/named.csv/laws")
     assert "These settings have given no result" in laws
-    assert client.post("/files/named.csv/take-back", option="--edge 'no such column'")[0] == 200
+    assert client.post("/files/named.csv/take-back", option="--map VB=none")[0] == 200
     assert "These settings" not in client.until_done("/files/named.csv/laws")
+
+
+def slipped_table():
+    """A table of nine edges with a wear of 1000 times its value in line 15."""
+    lines = wear_table().decode().splitlines()
+    cells = lines[14].split(";")
+    lines[14] = ";".join([*cells[:-1], f"{1000 * float(cells[-1].replace(',', '.')):g}"])
+    return "\n".join(lines).encode()
+
+
+def test_a_mistyped_text_is_refused_at_its_field_and_not_kept(client):
+    """A correction, target, column, constant or length that the reading refuses; a right one is taken afterwards."""
+    name = client.upload("typed.csv", wear_table(wear=1.04))[1]
+    client.until_done(f"{name}/reading")
+    for what, of, to, words in (
+        ("correct", "", "31: 0.261", "write TARGET:SYMBOL*NUMBER"),
+        ("correct", "", "lines 9:VB=0,261", "write TARGET:SYMBOL*NUMBER"),
+        ("correct", "", "lines 999:VB/10", "no row in line 999"),
+        ("correct", "", "lines 9:Q/10", "no column has the role Q"),
+        ("edge", "", "nil", "names a column"),
+        ("value", "D", "wide", "give a number"),
+        ("range", "V", "wide", "give low:high"),
+        ("criterion", "", "wide", "no length above zero"),
+    ):
+        status, text = client.post(f"{name}/set", set=what, of=of, to=to)
+        assert status == 422, (what, to)
+        assert words in text
+        assert "--" not in text
+    status, text = client.post(f"{name}/leave-out", target="lines 999", reason="broke")
+    assert (status, "no row in line 999" in text) == (422, True)
+    assert client.page.project.entry("typed.csv").options == ()
+    assert client.post(f"{name}/set", set="correct", to="lines 9:VB/1.01")[0] == 200
+    assert client.page.project.entry("typed.csv").options == ("--correct", "lines 9:VB/1.01")
+    text = client.until_done(f"{name}/reading")
+    assert 'id="set-correct-answer"' in text
+    assert "Not read" not in text
+
+
+def test_buttons_are_not_made_of_a_malformed_correction():
+    ways = ("--correct '31: 0.261' --correct 31", "--unit VB=um", "--correct 'lines 3:VB/10'")
+    look = {"commands": [{"command": f"fitmodels a.csv {one}"} for one in ways]}
+    assert offered(look) == list(ways[1:])
+
+
+def test_a_wrong_cell_gets_a_new_value_with_a_reason(client):
+    name = client.upload("cell.csv", slipped_table())[1]
+    text = client.until_done(f"{name}/reading")
+    assert re.search(r'<tr class="doubted"><th scope="row">15 ', text)
+    (ready,) = re.findall(r'name="to" value="([\d.]+)"', text)
+    client.reading("cell.csv")
+    assert client.post(f"{name}/new-value", line="15", symbol="VB", to="x", reason="slip")[0] == 422
+    assert client.post(f"{name}/new-value", line="15", symbol="VB", to=ready, reason="")[0] == 422
+    assert client.post(f"{name}/new-value", line="999", symbol="VB", to=ready, reason="slip")[0] == 422
+    assert client.post(f"{name}/new-value", line="15", symbol="VB", to=ready, reason="slip")[0] == 200
+    assert client.page.project.entry("cell.csv").options == ("--correct", "lines 15:VB/1000")
+    assert client.post(f"{name}/new-value", line="15", symbol="VB", to="0,06", reason="read again")[0] == 200
+    entry = client.page.project.entry("cell.csv")
+    assert len(entry.options) == 2  # one correction of a value
+    assert list(entry.reasons.values()) == ["read again"]
+    text = client.until_done(f"{name}/reading")
+    assert re.search(r"line 15: VB [\d.]+ mm becomes 0.06 mm: read again", text)
+    path = client.page.project.folder / "cell.csv"
+    runs = datasets.read_runs(path, correct=[entry.options[1]])
+    assert runs.values("VB")[runs.lines == 15] == [0.06]
+
+
+@given(st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))
+def test_a_new_value_is_met_to_its_last_bit(old, new):
+    assume(f"{old:.15g}" != f"{new:.15g}")
+    column = Column(1, "VB", "mm", np.array([old]), is_numeric=True)
+    table = SimpleNamespace(columns=(column,), lines=np.array([7]))
+    cells = Cells(table, [{"number": 1, "role": "VB", "unit": "mm"}], {"VB": "mm"})
+    text = cells.correction(7, "VB", repr(new))
+    assert parse_correction(text).apply(np.array([old]))[0] == pytest.approx(new, rel=5e-16, abs=0)
+
+
+def test_a_page_that_is_out_of_date_changes_and_runs_nothing(client):
+    """Two tabs: what the second has changed is not exported, and not corrected further, by the first."""
+    name = client.upload("tabs.csv", wear_table(wear=1.05))[1]
+    client.until_done(f"{name}/laws")
+
+    def token(text, which):
+        return re.search(f'name="{which}" value="([^"]+)"', text)[1]
+
+    first = {"shown-options": token(client.get(name), "shown-options")}
+    first |= {"shown-files": token(client.get(f"{name}/machine"), "shown-files")}
+    done = client.run("tabs.csv", "limits", V="100:150", **first)  # by the other tab
+    assert "Done in" in done
+    status, text = client.post(f"{name}/run/export", to="ini", **first)
+    assert status == 422
+    assert "changed since this page was shown (another tab or a command): reload the page" in text
+    assert not list(client.page.project.folder.glob("tabs-control.*"))
+    new = {**first, "shown-files": token(done, "shown-files")}
+    assert new != first
+    assert "Done in" in client.run("tabs.csv", "limits", V="100:180", **new)
+    assert client.post(f"{name}/set", set="tool", to="T1", **first)[0] == 200
+    for path, fields in (("set", {"set": "tool", "to": "T2"}), ("undo", {}), ("leave-out", {"target": "E1"})):
+        status, text = client.post(f"{name}/{path}", **fields, **first)
+        assert (status, "reload the page" in text) == (422, True), path
+    assert client.page.project.entry("tabs.csv").options == ("--tool", "T1")
+
+
+def test_a_command_that_runs_is_shown_when_the_page_is_loaded_again(client, tmp_path):
+    name = client.upload("again.csv", wear_table(wear=1.06))[1]
+    client.until_done(f"{name}/laws")
+    entry = client.page.project.entry("again.csv")
+    (path,) = client.page.project.parameter_files(entry)
+    job = Job("f" * 16, ("limits", path, "V=100:150", "--force"), tmp_path / "o", tmp_path / "e")
+    client.page._runs["again.csv", "limits"] = job, {"V": "100:150"}
+    text = client.get(f"{name}/machine")
+    assert re.search(r'id="state-limits"[^>]*>running<', text)
+    assert f'hx-get="/jobs/{job.id}?file=again.csv"' in text
+    assert re.search(r'id="limits-V" name="V" value="100:150"', text)
+    job.code = 0
+    assert "running<" not in client.get(f"{name}/machine")
+
+
+def test_a_field_that_is_emptied_means_its_default(client):
+    """From tests and a record that is sent with the form to settings whose programmed feed is taken back."""
+    examples = Path(__file__).parent.parent / "docs" / "examples"
+    name = client.upload("fraesen.csv", (examples / "fraesen.csv").read_bytes())[1]
+    client.until_done(f"{name}/laws")
+    status, _, text = client.send(f"{name}/run/ident", "upload", "drive.csv", (examples / "drive.csv").read_bytes())
+    assert status == 200
+    done = client.until_done(re.search(r'hx-get="([^"]+)"', text)[1].replace("&amp;", "&"))
+    assert "Dynamics added to" in done
+    assert re.search(r'<select id="ident-record"[^>]*hx-swap-oob="true">.*<option value="drive.csv" selected>', done)
+    client.run("fraesen.csv", "settings", worn="0.28", **{"feed-programmed": "800", "on-fault": "stop"})
+    page = client.get(f"{name}/machine")
+    assert re.search(r'name="feed-programmed" value="800" placeholder="empty: the upper feed limit"', page)
+    fields = {"worn": "0.28", "feed-programmed": "", "on-fault": ""}
+    done = client.run("fraesen.csv", "settings", **fields)
+    assert "--feed-programmed default" in done
+    assert "--on-fault default" in done
+    page = client.get(f"{name}/machine")
+    assert re.search(r'name="feed-programmed" value="" ', page)
+    # a verdict against the gains, and a refusal after it, in the heading
+    done = client.run("fraesen.csv", "tune", rise="2", settle="4", low="521", high="1034", unit="mm/min", scaling="1")
+    assert "do not use" in done
+    assert re.search(r'id="state-tune" class="verdict bad"[^>]*>do not use[^<]*: kp ', done)
+    done = client.run("fraesen.csv", "tune", rise="2", settle="x")
+    assert re.search(r'id="state-tune" class="verdict bad"[^>]*>last run refused; the file keeps kp [^<]+<', done)
+
+
+def test_a_record_alone_leads_to_the_files_of_tests(tmp_path):
+    examples = Path(__file__).parent.parent / "docs" / "examples"
+    with served(tmp_path) as one:
+        one.upload("drive.csv", (examples / "drive.csv").read_bytes() + b"\n")
+        one.until_done("/files/drive.csv/laws")
+        page = one.get("/files/drive.csv/machine")
+        assert page.index("<strong>These are the dynamics of a record alone") < page.index("action-tune")
+        assert "add a file of tests</a>" in page.replace(" to the project", "")
+        one.upload("fraesen.csv", (examples / "fraesen.csv").read_bytes())
+        one.until_done("/files/fraesen.csv/laws")
+        page = one.get("/files/drive.csv/machine")
+        assert 'href="/files/fraesen.csv#action-ident"' in page
+        assert "by the load law" not in page
+        kinds = re.findall(r'<option value="(\w+)"', page[page.index('name="to"') :].partition("</select>")[0])
+        assert kinds == ["mat", "ssv", "h", "ini"]
+        assert "Next:" not in one.run("drive.csv", "check")
+
+
+def test_fields_have_labels_in_words_and_say_what_an_empty_one_means(tmp_path):
+    (tmp_path / "params.json").write_text('{"laws": {"I": {"unit": "A", "form": "feed_line"}}}')
+    forms = actions(subject_of(tmp_path, "d", "params.json", []))
+    fields = {f"{form.name}-{one.name}": one for form in forms for one in form.inputs}
+    assert not [one.label for one in fields.values() if "_" in one.label]
+    assert fields["settings-safety-factor"].placeholder == "empty: 0.85"
+    assert fields["settings-worn"].placeholder == "e.g. 0.28"
+    assert fields["settings-feed-programmed"].label.startswith("feed that programs command (F), mm/min")
+    assert fields["tune-scaling"].placeholder == "empty: by the load law"
+    to = places(forms, {}, "settings")
+    assert on_page("Kept: feed_programmed 1100 mm/min", to) == "Kept: feed that programs command 1100 mm/min"
+    assert on_page("from 180 to 220 um", to) == "from 180 to 220 µm"
+
+
+def test_the_card_follows_an_export_where_it_is_outdated(client):
+    name = client.upload("follow.csv", wear_table(wear=1.07))[1]
+    client.until_done(f"{name}/laws")
+    client.run("follow.csv", "limits", V="100:150")
+    assert 'data-open="action-card"' in client.run("follow.csv", "export", to="ini")
+    client.run("follow.csv", "card")
+    assert 'data-open="action-card"' not in client.run("follow.csv", "export", to="ini")
+    assert "begins section 3 anew" in client.until_done(f"{name}/reading")
 
 
 def test_texts_of_a_file_are_text_on_the_page(client):
@@ -512,7 +705,7 @@ def test_messages_name_the_forms_and_fields_of_the_page(tmp_path):
     for text, words in (
         ("For gains in feed add --unit mm/min --force.", "For gains in feed set Gains, unit of the command: mm/min."),
         ("no such: --x (did you mean --draws?); see 'fitmodels FILE -h'.", "no such: --x."),
-        ("the end, --wear-limit 0.2mm.", "the end, Constant load, wear at the lower feed limit: 0.2mm."),
+        ("the end, --wear-limit 0.2mm.", "the end, Constant load, wear for the lower feed limit: 0.2mm."),
     ):
         assert re.sub("<[^>]+>", "", on_page(text, places(forms, {}, "tune"))) == words
     assert "in a terminal" in on_page("add it with `fitmodels roughness`.", to)

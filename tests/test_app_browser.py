@@ -218,7 +218,7 @@ def test_by_keyboard_alone_from_a_file_to_an_export(opened):
     tab = opened()
     tabbed_to(tab, "Skip to the content")
     tab.keyboard.press("Enter")
-    tabbed_to(tab, "Drop a file")
+    tabbed_to(tab, "Drop files")
     with tab.expect_file_chooser(timeout=4 * FIRST) as chooser:
         tab.keyboard.press("Space")
     content = datasets.bundled("gc435_709m40").read_bytes() + b"\n"
@@ -268,3 +268,49 @@ def test_axe_finds_no_serious_fault_and_nothing_is_wider_than_the_page(opened, a
         serious = [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")]
         assert serious == [], address
         assert tab.evaluate("() => document.documentElement.scrollWidth") <= viewport["width"]
+
+
+def wrong_cell():
+    """Eight columns and many rows, with one spindle current whose decimal mark slipped in line 31."""
+    rows = [
+        f"{k},AA238M,S45C,C{1 + k // 16},{feed},{wear},{0.1 + 1e-4 * feed + 3e-4 * wear + 0.002 * (k % 3):.3f},"
+        for k, (wear, feed) in enumerate((w, f) for w in range(15, 255, 15) for f in (500, 700, 900, 1100))
+    ]
+    rows[29] = rows[29].replace(",0.", ",").replace("S45C,C2", "S45C,C2")
+    head = "No.,Cutter,Work material,Cutting edge,Feed rate [mm/min],Flank wear [um],Spindle current [A],Remarks"
+    return "\n".join([head, *rows]).encode()
+
+
+def test_a_wrong_cell_is_seen_and_mended_in_place(opened):
+    tab = opened()
+    drop(tab, "cell.csv", wrong_cell())
+    table = tab.locator("#columns")
+    assert table.evaluate("e => e.scrollWidth <= e.clientWidth"), "eight columns are cut off"
+    assert tab.locator("tr.doubted th").inner_text().startswith("31")
+    value = tab.get_by_label("New value of I in line 31").first
+    value.scroll_into_view_if_needed()
+    value.fill("x")
+    form = tab.locator("form.row").first
+    form.get_by_label("because").fill("decimal mark")
+    form.get_by_role("button").click()
+    answer = tab.locator(".doubt .answer .alert").first
+    answer.wait_for()
+    assert "is no number" in answer.inner_text()
+    assert value.input_value() == "x"
+    value.fill("0,27")
+    place = tab.evaluate("() => window.scrollY")
+    with tab.expect_navigation():
+        form.get_by_role("button").click()
+    fitted(tab)
+    assert "becomes 0.27 A: decimal mark" in tab.locator("#reading").inner_text()
+    assert abs(tab.evaluate("() => window.scrollY") - place) < 50
+
+
+def test_an_answer_comes_into_view_with_the_focus(opened):
+    tab = opened(viewport={"width": 1000, "height": 500}, reduced_motion="reduce")
+    drop(tab, "fraesen.csv", (EXAMPLES / "fraesen.csv").read_bytes())
+    run(tab, "settings", worn="0.28")
+    tab.wait_for_function("() => document.activeElement.id === 'answer-settings'")
+    box = tab.locator("#answer-settings").bounding_box()
+    assert 0 <= box["y"] < 500
+    assert tab.evaluate("() => document.activeElement.getBoundingClientRect().top") >= 0

@@ -45,6 +45,44 @@
     fill(target, link.dataset.fill || "");
     if (!target.matches("details, section, h2, h3")) setTimeout(() => target.focus());
   });
+  // An answer is brought into view and gets the focus, unless another form is being filled in.
+  const still = window.matchMedia("(prefers-reduced-motion: reduce)");
+  const brought = (answer) => {
+    const active = document.activeElement;
+    const typing = active && active.matches("input, select, textarea");
+    if (typing && active.closest("details, div.doubt") !== answer.closest("details, div.doubt")) return;
+    const box = answer.getBoundingClientRect();
+    if (box.top < 0 || box.bottom > window.innerHeight) {
+      answer.scrollIntoView({ block: box.height > window.innerHeight / 2 ? "start" : "nearest", behavior: still.matches ? "auto" : "smooth" });
+    }
+    if (!answer.querySelector(".waiting")) answer.focus({ preventScroll: true });
+  };
+  document.body.addEventListener("htmx:afterSwap", (event) => {
+    const answer = event.target.closest && event.target.closest(".answer");
+    if (answer && answer.firstElementChild && answer.dataset.state !== state(answer)) {
+      answer.dataset.state = state(answer);
+      brought(answer);
+    }
+  });
+  const state = (answer) => (answer.querySelector(".waiting") ? "waiting" : answer.textContent.slice(0, 400));
+  // A page that is loaded again after a correction stays where it was; one with the name of a form opens it.
+  const place = `at ${location.pathname}`;
+  document.body.addEventListener("htmx:beforeOnLoad", (event) => {
+    if (event.detail.xhr.getResponseHeader("HX-Redirect") === location.pathname) sessionStorage.setItem(place, window.scrollY);
+  });
+  let kept = sessionStorage.getItem(place);
+  sessionStorage.removeItem(place);
+  for (const name of ["wheel", "pointerdown", "keydown"]) {
+    document.addEventListener(name, () => (kept = null), { once: true, passive: true });
+  }
+  document.body.addEventListener("htmx:afterSettle", (event) => {
+    if (kept !== null) window.scrollTo(0, Number(kept));
+    const named = event.target.id === "machine" && location.hash && document.getElementById(location.hash.slice(1));
+    if (named && named.matches("details") && named.closest("#machine")) {
+      named.open = true;
+      named.scrollIntoView();
+    }
+  });
   document.addEventListener("input", (event) => {
     const shown = event.target.dataset && document.getElementById(event.target.dataset.shown);
     if (shown) shown.textContent = event.target.value;

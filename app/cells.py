@@ -1,0 +1,259 @@
+"""Cells that a doubt or a check names: their rows in the file, and the correction that gives one a new value."""
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from ..core.errors import FitmodelsError, UsageError
+from ..datasets.corrections import parse_correction
+from ..datasets.options import DecimalMark, ReadOptions
+from ..datasets.reading import table_of_tests
+from ..datasets.tables import Column, Table
+from ..datasets.units import convert
+from .options import pairs
+
+MOST: Final = 6  # rows of one doubt
+NEAR: Final = 0.15  # of a decimal logarithm: a ratio is a power of ten
+LAST_BIT: Final = 2.3e-16  # relative
+ULPS: Final = 12  # neighbours of a factor that are tried
+LONGEST: Final = 40  # characters of a cell
+NAMED: Final = re.compile(r"\blines? (\d{1,9}(?:(?:, ?|-| and )\d{1,9})*)")
+NUMBER: Final = r"([\d.]+(?:e[+-]?\d+)?)"
+AGAINST: Final = (  # a cell, and what is usual beside it, in a doubt
+    re.compile(rf"line (\d+) has {NUMBER}[^,;]*, its neighbours in edge .+? {NUMBER} and {NUMBER}(?=[;,]|$)"),
+    re.compile(rf"line (\d+) has {NUMBER} where the other rows of edge .+? have {NUMBER}(?=[;,]|$)"),
+)
+UNIT_RATIO: Final = re.compile(r"a factor of ([\d.]+) as between")
+OWN: Final = re.compile(r"lines (\d+):([A-Za-z]\w*)[*/+-].+")
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A cell whose value may be wrong.
+
+    Attributes
+    ----------
+    line : int
+    symbol, unit : str
+        Unit of its column.
+    value : float
+        As in the file.
+    ready : float or None
+        A value that a slipped decimal mark or a known ratio of units points to.
+    """
+
+    line: int
+    symbol: str
+    unit: str
+    value: float
+    ready: float | None = None
+
+    @property
+    def words(self) -> str:
+        """What the ready value is, with its cell."""
+        return f"{self.symbol} in line {self.line} {self.value:.6g} {self.unit} to {self.ready:.6g} {self.unit}"
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """The table of a file and the columns of its reading, from which cells are found by line and symbol."""
+
+    table: Table
+    columns: Sequence[Mapping[str, Any]]
+    units: Mapping[str, str]
+
+    def row(self, line: int) -> list[str]:
+        """Texts of a row, a cell for each column; none where the line has no row."""
+        at = np.flatnonzero(self.table.lines == line)
+        return [_text(column.values[at[0]]) for column in self.table.columns] if len(at) else []
+
+    def column(self, symbol: str) -> tuple[Column, str]:
+        """The column of a symbol and its unit.
+
+        Raises
+        ------
+        UsageError
+            No column, or one of texts, has this symbol.
+        """
+        number = next((one["number"] for one in self.columns if one["role"] == symbol), None)
+        found = next((one for one in self.table.columns if one.number == number), None)
+        if found is None or not found.is_numeric:
+            raise UsageError(f"{symbol}: no column of numbers of the file has this role; choose it in the menus above.")
+        unit = next(str(one["unit"] or "") for one in self.columns if one["number"] == number)
+        return found, unit or self.units.get(symbol, "")
+
+    def cell(self, line: int, symbol: str) -> Cell:
+        """The cell of a line and a symbol.
+
+        Raises
+        ------
+        UsageError
+            The line has no row, or several, or no number there.
+        """
+        column, unit = self.column(symbol)
+        at = np.flatnonzero(self.table.lines == line)
+        value = float(column.values[at[0]]) if len(at) == 1 else math.nan
+        if not math.isfinite(value):
+            raise UsageError(f"line {line} has {len(at)} rows with a number of {symbol}: leave the row out instead.")
+        return Cell(line, symbol, unit, value)
+
+    def correction(self, line: int, symbol: str, typed: str) -> str:
+        """The text of ``--correct`` that gives a cell a new value in the unit of its column.
+
+        Raises
+        ------
+        UsageError
+            The new value is no number, or the one of the file.
+        """
+        cell, new = self.cell(line, symbol), _number(typed)
+        if new is None:
+            raise UsageError(f"{symbol} in line {line}: {typed[:40]!r} is no number; write it as 0.261.")
+        if new == cell.value:
+            raise UsageError(f"{symbol} in line {line}: {new:g} is the value of the file; write another one.")
+        if new * cell.value > 0:
+            return f"lines {line}:{symbol}{_factor(cell.value, new)}"
+        own = self.units.get(symbol, cell.unit)
+        old, wanted = (convert(np.array([x]), cell.unit, own)[0] if cell.unit else x for x in (cell.value, new))
+        return f"lines {line}:{symbol}{'-' if wanted < old else '+'}{abs(float(wanted) - float(old))!r}"
+
+    def worded(self, text: str) -> str:
+        """What a correction of one cell does, in words; empty for another one.
+
+        A sum is stated by its text, since it may be in another unit than the column.
+        """
+        own = OWN.fullmatch(text)
+        try:
+            one = parse_correction(text)
+            if own is None or one.factor is None:
+                return ""
+            cell = self.cell(int(own[1]), own[2])
+        except UsageError:
+            return ""
+        new = float(one.apply(np.array([cell.value]))[0])
+        return f"line {cell.line}: {cell.symbol} {cell.value:.6g} {cell.unit} becomes {new:.6g} {cell.unit}"
+
+    def of_doubt(self, doubt: Mapping[str, Any]) -> list[Cell]:
+        """Cells that a doubt names, with the value that it points to."""
+        symbol, sentence = str((doubt.get("columns") or ("",))[0]), str(doubt["sentence"])
+        found = [cell for line in lines_in(sentence) for cell in self._known(line, symbol)]
+        ratio = ratios_in(sentence)
+        return [
+            Cell(one.line, one.symbol, one.unit, one.value, _ready(one.value, ratio.get(one.line), sentence))
+            for one in found
+        ]
+
+    def of_target(self, target: str, symbol: str) -> list[Cell]:
+        """Cells of the lines of a target."""
+        return [cell for line in lines_in(target) for cell in self._known(line, symbol)]
+
+    def _known(self, line: int, symbol: str) -> Iterator[Cell]:
+        try:
+            yield self.cell(line, symbol)
+        except UsageError:
+            return
+
+
+def cells_of(path: Path, options: Sequence[str], look: Mapping[str, Any]) -> Cells | None:
+    """Cells of a file as its reading found the table; None where it cannot be read."""
+    given = dict(pairs(options))
+    marks: dict[str, DecimalMark] = {"point": "point", "comma": "comma"}
+    wanted = ReadOptions(
+        decimal=marks.get(given.get("--decimal", "")), delimiter=given.get("--delimiter"), sheet=given.get("--sheet"),
+        hidden="--hidden" in given,
+    )  # fmt: skip
+    try:
+        return Cells(table_of_tests(path, wanted), look.get("columns") or (), look.get("units") or {})
+    except (FitmodelsError, OSError):
+        return None
+
+
+def lines_in(text: str) -> list[int]:
+    """Lines that a sentence names, the first few.
+
+    >>> lines_in("line 31 has 260.9 A; lines 3-5, 9 and edge 7")
+    [31, 3, 4, 5, 9]
+    """
+    found: dict[int, None] = {}
+    for part in NAMED.findall(text):
+        for piece in re.split(r", ?| and ", part):
+            first, _, last = piece.partition("-")
+            found |= dict.fromkeys(range(int(first), min(int(last or first), int(first) + MOST) + 1))
+    return list(found)[:MOST]
+
+
+def ratios_in(sentence: str) -> dict[int, float]:
+    """The ratio of each cell that a doubt names to what is usual beside it.
+
+    >>> ratios_in("line 31 has 250 A, its neighbours in edge C2 0.24 and 0.26; a digit may have slipped")
+    {31: 1000.0}
+    """
+    found = {}
+    for pattern in AGAINST:
+        for line, value, *others in pattern.findall(sentence):
+            usual = math.fsum(map(float, others)) / len(others)
+            if usual > 0 and float(value) > 0:
+                found[int(line)] = float(value) / usual
+    return found
+
+
+def _ready(value: float, ratio: float | None, sentence: str) -> float | None:
+    """The value that a ratio to what is usual points to: by a power of ten, or a ratio of units that is stated."""
+    if ratio is None:
+        return None
+    stated = UNIT_RATIO.search(sentence)
+    if stated and abs(abs(math.log10(ratio)) - math.log10(float(stated[1].rstrip(".")))) < NEAR / 10:
+        factor = float(stated[1].rstrip("."))
+        return value / factor if ratio > 1 else value * factor
+    power = round(math.log10(ratio))
+    if power == 0 or abs(math.log10(ratio) - power) > NEAR:
+        return None
+    return float(f"{value / 10.0**power:.12g}")
+
+
+def _factor(old: float, new: float) -> str:
+    """Sign and number that turn a value into another one, exactly where a factor does so.
+
+    >>> _factor(260.929, 0.260929), _factor(2.0, 3.0), _factor(254.0, 10.0)
+    ('/1000', '*1.5', '/25.4')
+    """
+    for sign, ratio in (("*", new / old), ("/", old / new)):
+        for digits in (3, 6):
+            number = f"{ratio:.{digits}g}"
+            if ratio >= 1 and "e" not in number and _gives(old, sign, number, new, LAST_BIT):
+                return sign + number
+    tried = [new / old]
+    for towards in (math.inf, 0.0):
+        near = new / old
+        for _ in range(ULPS):
+            near = math.nextafter(near, towards)
+            tried.append(near)
+    exact = (f"{one!r}" for one in tried if _gives(old, "*", f"{one!r}", new))
+    return f"*{next(exact, repr(new / old))}"
+
+
+def _gives(old: float, sign: str, number: str, new: float, tolerance: float = 0.0) -> bool:
+    """Whether the correction of a value is another one, exactly or but for the last bit."""
+    if float(number) == 1:
+        return False
+    given = float(parse_correction(f"all:x{sign}{number}").apply(np.array([old]))[0])
+    return math.isclose(given, new, rel_tol=tolerance, abs_tol=0.0)
+
+
+def _number(typed: str) -> float | None:
+    """A finite number of a field, with a point or a comma before its decimals."""
+    try:
+        value = float(typed.strip().replace(",", "."))
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _text(value: object) -> str:
+    """A cell as the reading shows it."""
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)[:LONGEST]
+    return "" if text == "nan" else text

@@ -1,0 +1,65 @@
+"""What a page shows, as checksums that its forms carry: a request of a page that is out of date runs nothing."""
+
+import hashlib
+from collections.abc import Mapping
+from typing import Final
+
+from ..core.bounded import sha256_of
+from ..core.errors import UsageError
+from ..core.text import json_text
+from .project import Entry, Project
+from .stages import current_files
+
+OPTIONS: Final = "shown-options"
+FILES: Final = "shown-files"
+NAMES: Final = (OPTIONS, FILES)
+CHANGED: Final = (
+    "This file was changed since this page was shown (another tab or a command): reload the page. Nothing was run."
+)
+
+
+def of_options(entry: Entry) -> str:
+    """Checksum of the options of a file and their reasons.
+
+    >>> of_options(Entry(name="d.csv", sha256=64 * "0", options=("--unit", "VB=um")))
+    '8f8c1b0e9a1d5d0f'
+    """
+    return _short(json_text([entry.options, entry.reasons]).encode())
+
+
+def of_files(project: Project, entry: Entry) -> str:
+    """Checksum of the parameter files of a file."""
+    sums = []
+    for path in sorted(current_files(project, entry)[0]):
+        try:
+            sums.append(f"{path} {sha256_of(project.folder / path)}")
+        except OSError:  # a command replaces it at this moment
+            sums.append(path)
+    return _short("\n".join(sums).encode())
+
+
+def check_options(entry: Entry, given: Mapping[str, str]) -> None:
+    """Refuse a request of a page that shows other options than the file has.
+
+    Raises
+    ------
+    UsageError
+    """
+    if given.get(OPTIONS, of_options(entry)) != of_options(entry):
+        raise UsageError(CHANGED)
+
+
+def check_all(project: Project, entry: Entry, given: Mapping[str, str]) -> None:
+    """Refuse a request of a page that shows other options or parameter files than there are.
+
+    Raises
+    ------
+    UsageError
+    """
+    check_options(entry, given)
+    if FILES in given and given[FILES] != of_files(project, entry):
+        raise UsageError(CHANGED)
+
+
+def _short(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
