@@ -56,7 +56,7 @@ class Cell:
     @property
     def words(self) -> str:
         """What the ready value is, with its cell."""
-        return f"{self.symbol} in line {self.line} {self.value:.6g} {self.unit} to {self.ready:.6g} {self.unit}"
+        return f"{self.symbol} in line {self.line} from {self.value:.6g} {self.unit} to {self.ready:.6g} {self.unit}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -225,7 +225,7 @@ def tune(of: Subject) -> Action:
 
 ENGAGEMENT = (  # thresholds and times of the control, with units and defaults; loads and feeds in those of the settings
     ("feed-programmed", "feed that programs command (F), {feed}; at most the upper feed limit", "the upper feed limit"),
-    ("engage-at", "load above which a cut is recognised{load}", "between the load in air and that of a cut"),
+    ("engage-at", "load above which a cut is recognised{load}", "between load in air and in a cut"),
     ("hysteresis", "hysteresis of this load, whole width{load}", "a tenth of the reference load"),
     ("engage-after", "time above this load until the loop controls, s", "0.1"),
     ("feed-forward", "share of the correction that the load law gives at once, 0 to 1", "0"),

@@ -235,11 +235,11 @@ class Page:
         if job.code is None:
             return self._waiting(entry, job, "fitting", f"/files/{quote(entry.name)}/laws")
         facts = await asyncio.to_thread(facts_of_laws, self.project, entry)
-        cells = await self._cells_of_suspects(entry) if facts["suspects"] else None
+        cells = await self._cells_when_read(entry) if facts["suspects"] else None
         return self._render("laws.html", entry=entry, job=job, to=self._places(entry), cells=cells, **facts)
 
-    async def _cells_of_suspects(self, entry: Entry) -> Cells | None:
-        """Cells of a file whose reading has ended."""
+    async def _cells_when_read(self, entry: Entry) -> Cells | None:
+        """Cells of a file, once its reading has ended."""
         now = self._show(entry)
         await _ended(now.look)
         now.found = now.found or reading_of(now.look)
@@ -322,9 +322,7 @@ class Page:
         entry, given = await self._form(request)
         symbol, line, to, reason = (given.get(name, "").strip() for name in ("symbol", "line", "to", "reason"))
         reason = _reason(reason, "the value is changed")
-        now = self._show(entry)
-        now.found = now.found or reading_of(now.look)
-        cells = await self._cells(entry, now)
+        cells = await self._cells_when_read(entry)
         if cells is None or not line.isdecimal() or len(line) > 9:
             raise UsageError(f"line {line[:20]}: the file has no such row; reload the page.")
         text = await asyncio.to_thread(cells.correction, int(line), symbol, to)

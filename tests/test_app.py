@@ -348,10 +348,10 @@ def test_results_of_former_settings_are_not_shown_as_those_of_the_file(client):
 
 
 def slipped_table():
-    """A table of nine edges with a wear of 1000 times its value in line 15."""
+    """A table of nine edges with a wear of ten times its value in line 15."""
     lines = wear_table().decode().splitlines()
     cells = lines[14].split(";")
-    lines[14] = ";".join([*cells[:-1], f"{1000 * float(cells[-1].replace(',', '.')):g}"])
+    lines[14] = ";".join([*cells[:-1], f"{10 * float(cells[-1].replace(',', '.')):g}".replace(".", ",")])
     return "\n".join(lines).encode()
 
 
@@ -399,7 +399,7 @@ def test_a_wrong_cell_gets_a_new_value_with_a_reason(client):
     assert client.post(f"{name}/new-value", line="15", symbol="VB", to=ready, reason="")[0] == 422
     assert client.post(f"{name}/new-value", line="999", symbol="VB", to=ready, reason="slip")[0] == 422
     assert client.post(f"{name}/new-value", line="15", symbol="VB", to=ready, reason="slip")[0] == 200
-    assert client.page.project.entry("cell.csv").options == ("--correct", "lines 15:VB/1000")
+    assert client.page.project.entry("cell.csv").options == ("--correct", "lines 15:VB/10")
     assert client.post(f"{name}/new-value", line="15", symbol="VB", to="0,06", reason="read again")[0] == 200
     entry = client.page.project.entry("cell.csv")
     assert len(entry.options) == 2  # one correction of a value
