@@ -194,7 +194,8 @@ class Page:
             return self._waiting(entry, now.look, "reading", f"/files/{quote(entry.name)}/reading")
         now.found = now.found or reading_of(now.look)
         columns = await asyncio.to_thread(reading.column_menus, now.found, _language(request))
-        cells = await self._cells(entry, now)
+        is_of_cells = bool(now.found["doubts"]) or "--correct" in entry.options
+        cells = await self._cells(entry, now) if is_of_cells else None
         return self._render(
             "reading.html", entry=entry, look=now.found, columns=columns, job=now.look,
             set_here=[_set_here(entry, cells, typed, value) for typed, value in options.typed(entry.options)],

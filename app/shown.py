@@ -22,7 +22,7 @@ def of_options(entry: Entry) -> str:
     """Checksum of the options of a file and their reasons.
 
     >>> of_options(Entry(name="d.csv", sha256=64 * "0", options=("--unit", "VB=um")))
-    '8f8c1b0e9a1d5d0f'
+    'bac69dcc8f03c1da'
     """
     return _short(json_text([entry.options, entry.reasons]).encode())
 

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.browser
 
 EXAMPLES = Path(__file__).parent.parent / "docs" / "examples"
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1400, "height": 900}
-FIRST = 30_000  # ms until a command has ended on a busy machine
+FIRST = 60_000  # ms until a command has ended on a busy machine
 GERMAN = (EXAMPLES / "verschleiss.csv").read_bytes()
 DROP = """([text, name]) => {
   const bytes = Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
