@@ -16,7 +16,7 @@ from ..datasets.edges.assignment import EDGE_WORDS
 from ..datasets.units import SPELLINGS, canonical, same_dimension
 from ..datasets.vocabulary import ROLES
 from .cells import MOST, Cells, lines_in
-from .command_forms import with_points
+from .command_words import with_points
 from .messages import FIELDS
 from .options import BY_ROLE, OF_ROWS, pairs
 

@@ -7,7 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from .command_forms import DEFAULT, ENGAGEMENT, FOLLOWING, Action, Subject, actions, subject_of
+from .command_forms import ENGAGEMENT, FOLLOWING, Action, Subject, actions, subject_of
+from .command_words import DEFAULT
 from .jobs import Job
 from .options import command_of
 from .project import Entry, Project, Step

@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 from fitmodels import cli, datasets, parameters
 from fitmodels.app.cells import Cells
-from fitmodels.app.command_forms import actions, command, subject_of
+from fitmodels.app.command_forms import actions, subject_of
+from fitmodels.app.command_words import command
 from fitmodels.app.jobs import Job, Jobs
 from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced

@@ -82,7 +82,7 @@ def test_the_structure_stays_within_its_limits():
         sys.path.remove(str(ROOT / "benchmarks"))
     texts = {path: text for path, text in structure.sources().items() if text}
     found, remarks = structure.measures(texts)
-    assert found["Python files"] <= 621
+    assert found["Python files"] <= 629
     assert found["public names"] <= 106
     assert found["complexity, 90 % at most"] <= 8
     assert remarks == []

@@ -10,10 +10,9 @@ from typing import Final
 
 from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.names import c_text
-from ...parameters.exports.view import ExportView
+from ...parameters.exports.view import ExportView, first_lines
 from ..constant_load_milling.states import states_of
 from ..gate import GatedControl
-from .head import first_lines
 
 NOT_IN_C = (
     "the wiring: the firmware fills LoadInput and applies LoadOutput",

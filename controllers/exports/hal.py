@@ -18,7 +18,7 @@ from typing import Final
 
 from ...core.errors import GateError
 from ...parameters.exports.loop import LoadLoop
-from ...parameters.exports.view import NOT_DETECTED, ExportView
+from ...parameters.exports.view import NOT_DETECTED, ExportView, first_lines
 from ..constant_load_milling.controller import (
     OVERLOAD_MEAN,
     SPARSE_AT,
@@ -29,7 +29,6 @@ from ..constant_load_milling.controller import (
 )
 from ..constant_load_milling.states import STATES
 from ..gate import GatedControl
-from .head import first_lines
 
 SERVO_PERIOD = 0.002  # s: a longer period than this is no servo thread; the loop then gets a thread of its own
 STANDING = 1 / 60  # mm/s, 1 mm/min: a slower path does not advance

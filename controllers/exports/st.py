@@ -13,6 +13,7 @@ from typing import Final
 from ...core.errors import GateError
 from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.names import c_text
+from ...parameters.exports.view import first_lines
 from ..constant_load_milling.controller import (
     OVERLOAD_MEAN,
     REST_SHARE,
@@ -25,7 +26,6 @@ from ..constant_load_milling.states import STATES, states_of
 from ..gate import GatedControl
 from .c_source import TITLES
 from .fmu import Variable
-from .head import first_lines
 
 LONGEST_NAME = 30  # significant characters of a name in older controllers
 LONGEST_LINE, LARGEST_COUNT = 116, 2**31 - 1  # characters of a comment; value of a DINT

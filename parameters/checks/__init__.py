@@ -11,7 +11,7 @@ from shlex import quote
 from typing import TYPE_CHECKING
 
 from ...core.errors import ParameterError
-from ..data_lines import corrections
+from ..data_sources import corrections
 from ..draws import read_draws
 from ..file import seal_fault
 from .gains import check_gains

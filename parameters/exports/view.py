@@ -10,7 +10,7 @@ from typing import Final
 from ...core.errors import GateError
 from ..checks import check
 from ..checks.report import require_verdicts
-from ..data_lines import data_lines
+from ..data_sources import data_lines
 from ..file import ParameterFile
 from ..file_format import content_sha256
 from ..sections.law import LawSection
@@ -173,6 +173,30 @@ def view_of_laws(pf: ParameterFile, used: tuple[str, ...], accept_verdict: bool)
     )
     checksum = pf.content_sha256 or content_sha256(pf.model_dump())
     return replace(export_view(alone, accept_verdict=True), verdicts=lines, checksum=checksum)
+
+
+def first_lines(view: ExportView, loop: LoadLoop, *of_limits: str) -> tuple[str, ...]:
+    """Lines below the title of every exported control; ``of_limits`` are further ones on the limits."""
+    safety = (f"{words[0].upper()}{words[1:]}." for words in NO_SAFETY)
+    change = [view.tool_change] if view.tool_change else []
+    return (*safety, _fault_words(loop), _limit_words(loop), *of_limits, *change)
+
+
+def _fault_words(loop: LoadLoop) -> str:
+    """What a fault does, and of constant load the choice."""
+    if loop.stop_on_fault:
+        return "On a fault the feed stops: --on-fault stop was chosen."
+    choice = "; to stop: fitmodels settings --on-fault stop" if loop.law == "pi" else ""
+    return f"On a fault the feed falls to its lower limit and the cut goes on{choice}."
+
+
+def _limit_words(loop: LoadLoop) -> str:
+    """Reference and feed limits in the units of the machine, and as shares of the programmed feed."""
+    return (
+        f"Load {loop.reference:.6g} {loop.unit_load}; feed {loop.feed_low:.4g} to {loop.feed_high:.4g} "
+        f"{loop.unit_feed}, {loop.low:.4g} to {loop.high:.4g} of the programmed {loop.feed_programmed:.6g} "
+        f"{loop.unit_feed}."
+    )
 
 
 def _tool_change(pf: ParameterFile) -> str:
