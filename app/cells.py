@@ -22,6 +22,7 @@ NEAR: Final = 0.15  # of a decimal logarithm: a ratio is a power of ten
 LAST_BIT: Final = 2.3e-16  # relative
 ULPS: Final = 12  # neighbours of a factor that are tried
 LONGEST: Final = 40  # characters of a cell
+LARGEST: Final = 5_000_000  # bytes of a file: a larger one would hold up other requests
 NAMED: Final = re.compile(r"\blines? (\d{1,9}(?:(?:, ?|-| and )\d{1,9})*)")
 NUMBER: Final = r"([\d.]+(?:e[+-]?\d+)?)"
 AGAINST: Final = (  # a cell, and what is usual beside it, in a doubt
@@ -159,7 +160,7 @@ class Cells:
 
 
 def cells_of(path: Path, options: Sequence[str], look: Mapping[str, Any]) -> Cells | None:
-    """Cells of a file as its reading found the table; None where it cannot be read."""
+    """Cells of a file as its reading found the table; None where it cannot be read, or is large."""
     given = dict(pairs(options))
     marks: dict[str, DecimalMark] = {"point": "point", "comma": "comma"}
     wanted = ReadOptions(
@@ -167,6 +168,8 @@ def cells_of(path: Path, options: Sequence[str], look: Mapping[str, Any]) -> Cel
         hidden="--hidden" in given,
     )  # fmt: skip
     try:
+        if path.stat().st_size > LARGEST:
+            return None
         return Cells(table_of_tests(path, wanted), look.get("columns") or (), look.get("units") or {})
     except (FitmodelsError, OSError):
         return None

@@ -18,7 +18,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fitmodels import cli, datasets, parameters
-from fitmodels.app.cells import Cells
+from fitmodels.app import cells as app_cells
+from fitmodels.app.cells import Cells, cells_of
 from fitmodels.app.command_forms import actions, subject_of
 from fitmodels.app.command_words import command
 from fitmodels.app.jobs import Job, Jobs
@@ -410,6 +411,14 @@ def test_a_wrong_cell_gets_a_new_value_with_a_reason(client):
     path = client.page.project.folder / "cell.csv"
     runs = datasets.read_runs(path, correct=[entry.options[1]])
     assert runs.values("VB")[runs.lines == 15] == [0.06]
+
+
+def test_cells_of_a_large_file_are_not_read_beside_other_requests(tmp_path, monkeypatch):
+    path = tmp_path / "cell.csv"
+    path.write_bytes(slipped_table())
+    assert cells_of(path, (), {}) is not None
+    monkeypatch.setattr(app_cells, "LARGEST", path.stat().st_size - 1)
+    assert cells_of(path, (), {}) is None
 
 
 @given(st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))
