@@ -13,6 +13,7 @@ LABELS = {  # kinds of exports, which are the suffixes of their files
     "csv": "table of the plan", "ngc": "G-code parameters and M52", "mat": "MATLAB struct",
     "ssv": "FMI parameter values", "h": "C header of values", "ini": "key and value",
 }  # fmt: skip
+CONTROLS = ("hal", "comp", "st", "c", "fmu")  # kinds of exports that a machine runs
 SYSTEMS = tuple((name, name) for name in ("region", "recursion", "constant-load", "roughness", "adaptive-force"))
 
 

@@ -17,7 +17,7 @@ from starlette.staticfiles import StaticFiles
 
 from ..core.errors import FitmodelsError, UsageError
 from . import options, region, shown, stages
-from .command_forms import Subject, actions
+from .command_forms import CONTROLS, Subject, actions
 from .command_words import command
 from .file_page import FilePage
 from .jobs import Job
@@ -138,6 +138,9 @@ class Page(FilePage):
         action = {one.name: one for one in actions(subject)}.get(request.path_params["action"])
         if action is None:
             raise HTTPException(HTTPStatus.NOT_FOUND, "There is no such command on this page.")
+        is_control = action.name == "export" and given.get("to") in CONTROLS
+        if is_control and (old := await asyncio.to_thread(stages.outdated_control, self.project, entry, subject)):
+            raise UsageError(old)
         own = options.of_comparison if action.name == "compare" else options.of_reading
         forms = await asyncio.to_thread(stages.filled, self.project, entry, subject)
         emptied = [name for one in forms if one.name == action.name for name in stages.emptied(one, given)]

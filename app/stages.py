@@ -15,6 +15,7 @@ from .project import Entry, Project, Step
 
 ADDING: Final = ("limits", "costs", "ident", "settings", "tune")  # commands that add to a parameter file
 SECTIONS: Final = {"limits": "limits", "costs": "costs", "ident": "dynamics", "settings": "load_line", "tune": "pi"}
+OF_CONTROL: Final = ("settings", "ident", "tune")  # forms of what a control of constant load is made from
 USES: Final[Mapping[str, Sequence[str]]] = {  # commands whose later run makes the result of another outdated
     "optimum": ("limits", "costs"), "tune": ("ident", "settings"), "replay": ADDING, "card": ADDING, "check": ADDING,
     "export": ADDING,
@@ -277,7 +278,7 @@ def _state(
     if is_refused:
         kept = _result(project, of, name, used.get(name, ())) if name in SECTIONS else ""
         words = f"last run refused; the file keeps {kept}" if kept else "refused"
-        return State(words, "bad", why)
+        return State(f"{words}; outdated" if why else words, "bad", why)
     if why:
         return State("outdated", "doubt", why)
     if name == "export" and (old := _old_exports(project, entry, of)):
@@ -287,6 +288,17 @@ def _state(
     if colour(level) in ("bad", "doubt"):
         return State(f"{level}: {words}", colour(level))
     return State(f"done: {words}" if words else "done", "good")
+
+
+def outdated_control(project: Project, entry: Entry, of: Subject) -> str:
+    """Sentence on settings, dynamics or gains of a control that are outdated; empty where none is."""
+    found, titles = states(project, entry, of), {one.name: one.title for one in actions(of)}
+    old = [f"{titles[name]} ({found[name].outdated})" for name in OF_CONTROL if name in found and found[name].outdated]
+    if not old:
+        return ""
+    return (
+        f"Not exported: outdated: {'; '.join(old)}. The control would mix former values with new ones: run these again."
+    )
 
 
 def _level(section: object) -> str:
@@ -376,11 +388,21 @@ def after(project: Project, entry: Entry, of: Subject | None, job: Job) -> dict[
     return found
 
 
+def _is_current(state: State) -> bool:
+    """Whether a form was run, with a result that may be used and is not outdated."""
+    return state.words != State().words and not state.outdated and state.colour != "bad"
+
+
 def _following(
     of: Subject, name: str, forms: Mapping[str, Action], found: Mapping[str, State]
 ) -> Action | None:  # fmt: skip
-    """The form that comes after a command: no export of a record alone, and the card where it is outdated."""
+    """The form that comes after a command: no export of a record alone, and the card where it is outdated.
+
+    After the settings of a constant load it is the first of dynamics and gains that is lacking or outdated.
+    """
     following = FOLLOWING.get(name, "")
+    while following in OF_CONTROL and _is_current(found[following]):
+        following = FOLLOWING[following]
     if (following == "export" and of.is_record) or (following == "card" and not found["card"].outdated):
         return None
     return forms.get(following)

@@ -497,6 +497,15 @@ def test_a_field_that_is_emptied_means_its_default(client):
     assert re.search(r'id="state-tune" class="verdict bad"[^>]*>do not use[^<]*: kp ', done)
     done = client.run("fraesen.csv", "tune", rise="2", settle="x")
     assert re.search(r'id="state-tune" class="verdict bad"[^>]*>last run refused; the file keeps kp [^<]+<', done)
+    # gains that are older than the settings make no control
+    client.run("fraesen.csv", "settings", worn="0.29")
+    page = client.get(f"{name}/machine")
+    assert re.search(r'id="state-tune" class="verdict bad"[^>]*>last run refused; [^<]+; outdated<', page)
+    status, text = client.post(f"{name}/run/export", to="hal")
+    assert status == 422
+    assert "Not exported: outdated: Gains (Constant load changed after it)." in text
+    status, text = client.post(f"{name}/run/export", to="ini")
+    assert status == 200
 
 
 def test_a_record_alone_leads_to_the_files_of_tests(tmp_path):

@@ -123,6 +123,20 @@ def noisy(sd: float) -> dict:
     return {"tool": "a", "work": "b", "sensors": [{"symbol": "I", "unit": "A", "sd": sd}]}
 
 
+def test_a_lower_limit_of_the_gains_above_that_of_the_settings_is_noted(constant_load_file):
+    """I = A + B f + k1 VB of the file at 0.22 A: the wear at 700 mm/min is less than at the 600 mm/min stated."""
+    pf = constant_load_file(pi={"low": 700.0, "high": 1000.0})
+    (found,) = (one for one in check_control(pf).findings if "does not go below" in one.words)
+    assert found.passed is None
+    assert "does not go below 700 mm/min" in found.words
+    assert "the settings state 600" in found.words
+    line = pf.laws["I"].coefficients
+    wear = (0.22 - line["A"] - line["B"] * 700) / line["k1"]
+    assert f"at a wear of {wear:.3g} mm" in found.words
+    assert any(words.startswith("feed_low 700, of gains or machine") for words in loop_settings(pf).assumed)
+    assert not any("does not go below" in one.words for one in check_control(constant_load_file()).findings)
+
+
 def test_noise_as_large_as_the_hysteresis_makes_the_engagement_hunt(constant_load_file):
     assert not failed(constant_load_file(identity=noisy(0.002)))
     pf = constant_load_file(identity=noisy(0.02), pi={"filter_time": 0.0, "kp": 60.0, "ki": 1600.0})

@@ -250,6 +250,13 @@ def test_a_rate_tells_lost_samples_from_coarse_times(read):
 # What is odd about the numbers
 
 
+@pytest.mark.parametrize("line", ["# Deviations from a cut at 0.24 A", "# Abweichungen vom Schnitt"])
+def test_a_comment_that_states_deviations_is_kept_as_a_note(read, line):
+    """A check that asks whether a record about zero holds deviations is answered by it."""
+    stated = read(f"{line}\n# clamp 3\n{text()}")
+    assert [note for note in stated.notes if note.startswith("from the file")] == [f"from the file: {line[2:]}"]
+
+
 def test_an_input_that_does_not_move_is_reported(read):
     assert "u is constant at 2 V: without variation" in reported(read(text(u=np.full(N, 2.0))))
 

@@ -1,6 +1,7 @@
 """Read a file of samples as a `Record`: sample time from the times, gaps by their length, every assumption noted."""
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, TypeAlias
@@ -23,6 +24,7 @@ from .timing import RecordOptions, Samples, timed, untimed
 
 File: TypeAlias = str | os.PathLike[str] | Table
 ROLES = ("time", "input", "output")
+DEVIATIONS = re.compile("deviation|abweichung", re.IGNORECASE)  # of a note: signals are those from an operating point
 PARTIAL = 0.2  # share of rows with one of two signals, beyond which one is sampled more slowly: its rows are the record
 
 
@@ -128,7 +130,8 @@ def _record(table: Table, asked: RecordOptions) -> Record:
         record = timed(clock, samples, asked, given[0])
     else:
         record = untimed(samples, asked, asked.sample_time or 0.0)
-    declared = (f"from the file: {note.strip('#;%. ')}" for note in disclaimers(table.notes))
+    said = dict.fromkeys((*disclaimers(table.notes), *filter(DEVIATIONS.search, table.notes)))
+    declared = (f"from the file: {note.strip('#;%. ')}" for note in said)
     found = (
         *declared,
         *(text.rstrip(".") for text in table.warnings),

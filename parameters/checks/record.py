@@ -1,6 +1,5 @@
 """The record of the dynamics against the load tests: whether both were made in the same range of load."""
 
-import re
 from typing import Final
 
 from ...core.verdict import DO_NOT_USE
@@ -9,7 +8,6 @@ from ..messages import in_unit, short
 from ..setting_words import tested_loads
 
 MARGIN: Final = 0.25  # of the range of loads tested: a mean of the record may lie this far outside
-SAID: Final = re.compile(r"deviation|abweichung|about (?:an|the) operating point", re.IGNORECASE)
 
 
 def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> list[str]:
@@ -21,8 +19,10 @@ def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> 
     ends : tuple of float, optional
         Smallest and largest output of the record, in the unit of the dynamics; a file does not hold them.
     """
+    from ...datasets.records.reading import DEVIATIONS  # loads readers of files
+
     model = pf.dynamics
-    if model is None or model.operating_point is None or model.integrating or any(map(SAID.search, model.notes)):
+    if model is None or model.operating_point is None or model.integrating or any(map(DEVIATIONS.search, model.notes)):
         return []
     for law in pf.laws.values():
         if law.form != "load_line" or (law.verdict is not None and law.verdict.concern == DO_NOT_USE):
@@ -37,7 +37,7 @@ def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> 
         about = f"{point:.2g} {law.unit}" + (f" ({over} {law.unit})" if over else "")
         return [
             f"The record of the dynamics was made about {about}, the tests of {short(law.response)} lie at {low:.2g} "
-            f"to {high:.2g} {law.unit} by their law: if the record holds deviations from a cutting load, say "
-            "'deviations' in its notes; otherwise it was not made in a cut."
+            f"to {high:.2g} {law.unit} by their law: if the record holds deviations from a cutting load, write "
+            "'# deviations' as its first line; otherwise it was not made in a cut."
         ]
     return []

@@ -121,6 +121,7 @@ def monitoring(loop: LoadLoop) -> tuple[str, ...]:
     )
 
 
+NARROWED: Final = 1.02  # times the lower feed limit of the settings: a limit that a person has rounded
 LEAST_FEED: Final = 0.05  # of the programmed feed: at zero a tool rubs in its cut for ever, below it runs back
 BACK_OFF, RECOVER = 0.5, 2.0  # s for the whole range of the feed, downwards and upwards: back off faster than recover
 ENGAGE = 0.1  # s
@@ -273,6 +274,10 @@ def _feeds(
         per = _factor(machine.unit, line.unit_feed, "a limit of the feed rate in", "feed limits", "limit fm")
         lows, highs = [*lows, machine.low * per], [*highs, machine.high * per]
     low, high = max(lows), min(highs)
+    if low > NARROWED * line.lower.value:
+        assumed.append(
+            f"feed_low {low:.6g}, of gains or machine; the settings have {line.lower.value:.6g}: worn earlier"
+        )
     if high > programmed:
         assumed.append(f"feed_high {programmed:.6g}, the programmed feed; the file has {high:.6g}")
         high = programmed
