@@ -24,11 +24,7 @@ ULPS: Final = 12  # neighbours of a factor that are tried
 LONGEST: Final = 40  # characters of a cell
 LARGEST: Final = 5_000_000  # bytes of a file: a larger one would hold up other requests
 NAMED: Final = re.compile(r"\blines? (\d{1,9}(?:(?:, ?|-| and )\d{1,9})*)")
-NUMBER: Final = r"([\d.]+(?:e[+-]?\d+)?)"
-AGAINST: Final = (  # a cell, and what is usual beside it, in a doubt
-    re.compile(rf"line (\d+) has {NUMBER}[^,;]*, its neighbours in edge .+? {NUMBER} and {NUMBER}(?=[;,]|$)"),
-    re.compile(rf"line (\d+) has {NUMBER} where the other rows of edge .+? have {NUMBER}(?=[;,]|$)"),
-)
+AGAINST: Final = (", its neighbours in edge ", " where the other rows of edge ")  # a cell, and what is usual beside it
 UNIT_RATIO: Final = re.compile(r"a factor of ([\d.]+) as between")
 OWN: Final = re.compile(r"lines (\d+):([A-Za-z]\w*)[*/+-].+")
 
@@ -196,12 +192,21 @@ def ratios_in(sentence: str) -> dict[int, float]:
     {31: 1000.0}
     """
     found = {}
-    for pattern in AGAINST:
-        for line, value, *others in pattern.findall(sentence):
-            usual = math.fsum(map(float, others)) / len(others)
-            if usual > 0 and float(value) > 0:
-                found[int(line)] = float(value) / usual
+    for part in sentence.split(";"):
+        cell, _, beside = next((part.partition(mark) for mark in AGAINST if mark in part), ("", "", ""))
+        words, others = cell.replace(",", " ").split(), beside.partition(",")[0].split()
+        at = len(words) - 1 - words[::-1].index("line") if "line" in words else len(words)
+        line, value = words[at + 1 : at + 2], _numbers(words[at + 3 : at + 4])
+        usual = _numbers(others[-3::2] if others[-2:-1] == ["and"] else others[-1:])
+        if line and line[0].isdecimal() and words[at + 2] == "has" and value and value[0] > 0 and sum(usual) > 0:
+            found[int(line[0])] = value[0] * len(usual) / math.fsum(usual)
     return found
+
+
+def _numbers(words: Sequence[str]) -> list[float]:
+    """Numbers of words; none where one of them is no number."""
+    found = [_number(word) for word in words]
+    return [] if None in found else [one for one in found if one is not None]
 
 
 def _ready(value: float, ratio: float | None, sentence: str) -> float | None:

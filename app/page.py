@@ -139,7 +139,7 @@ class Page(FilePage):
         if action is None:
             raise HTTPException(HTTPStatus.NOT_FOUND, "There is no such command on this page.")
         is_control = action.name == "export" and given.get("to") in CONTROLS
-        if is_control and (old := await asyncio.to_thread(stages.outdated_control, self.project, entry, subject)):
+        if is_control and (old := await asyncio.to_thread(shown.outdated_control, self.project, entry, subject)):
             raise UsageError(old)
         own = options.of_comparison if action.name == "compare" else options.of_reading
         forms = await asyncio.to_thread(stages.filled, self.project, entry, subject)

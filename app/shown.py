@@ -7,8 +7,9 @@ from typing import Final
 from ..core.bounded import sha256_of
 from ..core.errors import UsageError
 from ..core.text import json_text
+from .command_forms import Subject, actions
 from .project import Entry, Project
-from .stages import current_files
+from .stages import OF_CONTROL, current_files, states
 
 OPTIONS: Final = "shown-options"
 FILES: Final = "shown-files"
@@ -59,6 +60,17 @@ def check_all(project: Project, entry: Entry, given: Mapping[str, str]) -> None:
     check_options(entry, given)
     if FILES in given and given[FILES] != of_files(project, entry):
         raise UsageError(CHANGED)
+
+
+def outdated_control(project: Project, entry: Entry, of: Subject) -> str:
+    """Sentence on settings, dynamics or gains of a control that are outdated; empty where none is."""
+    found, titles = states(project, entry, of), {one.name: one.title for one in actions(of)}
+    old = [f"{titles[name]} ({found[name].outdated})" for name in OF_CONTROL if name in found and found[name].outdated]
+    if not old:
+        return ""
+    return (
+        f"Not exported: outdated: {'; '.join(old)}. The control would mix former values with new ones: run these again."
+    )
 
 
 def _short(content: bytes) -> str:

@@ -290,17 +290,6 @@ def _state(
     return State(f"done: {words}" if words else "done", "good")
 
 
-def outdated_control(project: Project, entry: Entry, of: Subject) -> str:
-    """Sentence on settings, dynamics or gains of a control that are outdated; empty where none is."""
-    found, titles = states(project, entry, of), {one.name: one.title for one in actions(of)}
-    old = [f"{titles[name]} ({found[name].outdated})" for name in OF_CONTROL if name in found and found[name].outdated]
-    if not old:
-        return ""
-    return (
-        f"Not exported: outdated: {'; '.join(old)}. The control would mix former values with new ones: run these again."
-    )
-
-
 def _level(section: object) -> str:
     """Level of the verdict on a section of a parameter file; empty where it has none."""
     verdict = section.get("verdict") if isinstance(section, Mapping) else None

@@ -18,6 +18,7 @@ FAR_LOAD: Final = 5.0  # times the largest load tested, or its inverse: a load i
 BEYOND: Final = 1.5  # times the largest or smallest feed tested: a feed limit further out is a mistake
 # Beginning of the note on a window that was not given. The schema has no field of it.
 WINDOW_ASSUMED: Final = "The wear at tool change is assumed"
+NARROWED: Final = 1.02  # times the lower feed limit of the settings: a limit that a person has rounded
 AGREES: Final = 0.01  # of the upper feed limit: that of the law
 
 
@@ -82,6 +83,23 @@ def above_upper_limit(line: LoadLineSection, law: LawSection | None, programmed:
     )
 
 
+def narrowed_words(line: LoadLineSection, low: float, load: tuple[float, float, float]) -> str:
+    """Sentence on a control that does not go down to the lower feed limit of its settings; empty where it does.
+
+    ``low`` is its own lower limit, ``load`` A, B and k1 of its cut, by which a tool reaches the reference earlier.
+    """
+    if not low > NARROWED * line.lower.value:
+        return ""
+    A, B, k1 = load
+    wear = (line.reference - A - B * low) / k1 if k1 > 0 else math.nan
+    at = f", by the load law at a wear of {wear:.3g} {line.unit_wear}" if wear > 0 else ""
+    return (
+        f"The feed of this control does not go below {low:.4g} {line.unit_feed}, a limit of the gains or the machine, "
+        f"where the settings state {line.lower.value:.4g}: a tool reaches the reference there earlier{at}, and counts "
+        "as worn. If that is not meant, run `fitmodels tune` again with the limits of the settings."
+    )
+
+
 def _law_feed(law: LawSection, line: LoadLineSection) -> float:
     """Feed at which a sharp tool draws the reference by the law."""
     shift = law.by.shifts.get(line.by or "", 0.0) if law.by else 0.0
@@ -139,7 +157,7 @@ def _wrong_option(law: LawSection, worn: float, reference: float, lower: FeedLim
 
 def _unit_slip(law: LawSection, worn: float) -> str:
     """Sentences on a load of a worn tool that is far from the loads of the tests, with the unit that it may have."""
-    low, high = tested_loads(law)
+    low, high = loads_tested(law)
     if not low > 0 or low / FAR_LOAD <= worn <= high * FAR_LOAD:
         return ""
     size, end, name = (worn / high, high, "largest") if worn > high else (worn / low, low, "smallest")
@@ -160,13 +178,13 @@ def _in_another_unit(unit: str, worn: float, low: float, high: float) -> str:
     return ""
 
 
-def tested_loads(law: LawSection) -> tuple[float, float]:
+def loads_tested(law: LawSection) -> tuple[float, float]:
     """Smallest and largest load at the ends of the factors tested, by the law, at the reference level.
 
     >>> from fitmodels.parameters.published import published
-    >>> low, high = tested_loads(published("CLM-2023").laws["I"])
+    >>> low, high = loads_tested(published("CLM-2023").laws["I"])
     >>> round(low, 3), round(high, 3)
-    (0.188, 0.286)
+    (0.19, 0.293)
     """
     names = [factor.symbol for factor in law.factors]
     corners = ([getattr(factor, end) for factor in law.factors] for end in ("low", "high"))

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Final
 from ...core.errors import ParameterError
 from ...datasets.units import is_unit, same_dimension
 from ...parameters.checks.report import VERDICT, FileFinding
-from ...parameters.exports.loop import NARROWED
 from ...parameters.exports.names import plain, plain_unit
-from ...parameters.setting_words import above_upper_limit
+from ...parameters.setting_words import above_upper_limit, narrowed_words
 from ..constant_load_milling.cut_model import unit_factor
 
 if TYPE_CHECKING:
@@ -95,7 +94,8 @@ def check_order(pf: "ParameterFile", loop: "LoadLoop", cut: Line, settling: floa
     """Findings on limits, thresholds and times of a control; ``settling`` of its loop in s."""
     if pf.load_line is not None:
         yield from _feeds(loop, pf.load_line, pf.laws.get(pf.load_line.law))
-        yield from _narrowed(loop, pf.load_line, cut)
+        if words := narrowed_words(pf.load_line, loop.feed_low, (cut.A, cut.B, cut.k1)):
+            yield FileFinding("feed limits", None, words)
         yield from _machine(pf, loop, pf.load_line)
     yield from _loads(loop, cut)
     yield from _times(loop, settling)
@@ -260,21 +260,6 @@ def _feeds(loop: "LoadLoop", line: "LoadLineSection", law: "LawSection | None") 
             f"the lower, {line.lower.value:.4g}; at most {WIDEST:g} times. Run `fitmodels settings` "
             "again.",
         )
-
-
-def _narrowed(loop: "LoadLoop", line: "LoadLineSection", cut: Line) -> Iterator[FileFinding]:
-    """A lower feed limit of the gains or the machine above that of the settings: the tool counts as worn earlier."""
-    if not loop.feed_low > NARROWED * line.lower.value:
-        return
-    unit, wear = loop.unit_feed, (loop.reference - cut.A - cut.B * loop.feed_low) / cut.k1 if cut.k1 > 0 else math.nan
-    at = f", by the load law at a wear of {wear:.3g} {plain_unit(line.unit_wear)}" if wear > 0 else ""
-    yield FileFinding(
-        "feed limits",
-        None,
-        f"The feed of this control does not go below {loop.feed_low:.4g} {unit}, a limit of the gains or the machine, "
-        f"where the settings state {line.lower.value:.4g}: a tool reaches the reference there earlier{at}, and counts "
-        "as worn. If that is not meant, run `fitmodels tune` again with the limits of the settings.",
-    )
 
 
 def _machine(pf: "ParameterFile", loop: "LoadLoop", line: "LoadLineSection") -> Iterator[FileFinding]:

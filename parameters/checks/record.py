@@ -5,7 +5,7 @@ from typing import Final
 from ...core.verdict import DO_NOT_USE
 from ..file import ParameterFile
 from ..messages import in_unit, short
-from ..setting_words import tested_loads
+from ..setting_words import loads_tested
 
 MARGIN: Final = 0.25  # of the range of loads tested: a mean of the record may lie this far outside
 
@@ -28,7 +28,7 @@ def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> 
         if law.form != "load_line" or (law.verdict is not None and law.verdict.concern == DO_NOT_USE):
             continue
         point = in_unit(model.operating_point[1], model.unit_y, law.unit)
-        low, high = tested_loads(law)
+        low, high = loads_tested(law)
         slack = MARGIN * (high - low)
         if point is None or low - slack <= point <= high + slack:
             continue

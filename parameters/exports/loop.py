@@ -19,7 +19,7 @@ from ...datasets.units import convert, is_unit, same_dimension
 from ..file import ParameterFile
 from ..sections.dynamics import PiSection
 from ..sections.load_line import Engagement, LoadLineSection
-from ..setting_words import window_assumed
+from ..setting_words import NARROWED, window_assumed
 from .names import plain_unit
 
 ARM_AFTER, LOST_AFTER, STUCK_AFTER, HEARTBEAT, OVERLOAD_AFTER = 0.5, 0.05, 1.0, 0.2, 0.5  # s
@@ -121,7 +121,6 @@ def monitoring(loop: LoadLoop) -> tuple[str, ...]:
     )
 
 
-NARROWED: Final = 1.02  # times the lower feed limit of the settings: a limit that a person has rounded
 LEAST_FEED: Final = 0.05  # of the programmed feed: at zero a tool rubs in its cut for ever, below it runs back
 BACK_OFF, RECOVER = 0.5, 2.0  # s for the whole range of the feed, downwards and upwards: back off faster than recover
 ENGAGE = 0.1  # s

@@ -91,4 +91,4 @@ def gcode_text(words: str) -> str:
     >>> gcode_text("V 120 m/min) M30 (")
     'V 120 m/min_ M30 _'
     """
-    return in_ascii(re.sub(r"\s*[:;]\s+", " - ", words), " ._+-/,=^[]")
+    return in_ascii(re.sub(r"(?:(?<!\s)\s+)?[:;]\s+", " - ", words), " ._+-/,=^[]")
