@@ -413,12 +413,18 @@ def test_a_wrong_cell_gets_a_new_value_with_a_reason(client):
     assert runs.values("VB")[runs.lines == 15] == [0.06]
 
 
-def test_cells_of_a_large_file_are_not_read_beside_other_requests(tmp_path, monkeypatch):
-    path = tmp_path / "cell.csv"
-    path.write_bytes(slipped_table())
+def test_cells_of_a_large_file_are_not_read_and_its_page_has_its_other_forms(client, monkeypatch):
+    name = client.upload("large.csv", slipped_table())[1]
+    client.until_done(f"{name}/laws")
+    path = client.page.project.folder / "large.csv"
     assert cells_of(path, (), {}) is not None
     monkeypatch.setattr(app_cells, "LARGEST", path.stat().st_size - 1)
     assert cells_of(path, (), {}) is None
+    client.page._shown["large.csv"].cells = None
+    text = client.until_done(f"{name}/reading") + client.until_done(f"{name}/laws")
+    assert "Rows in doubt" in text
+    assert "Leave out lines 15, because" in text
+    assert "New value of" not in text
 
 
 @given(st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))
