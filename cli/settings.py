@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from ..core.errors import UsageError
+from ..core.errors import DataError, UsageError
 from .arguments import Parser, parameter_file, traced
 from .output import Printer, output_options, print_json
 
@@ -263,7 +263,7 @@ def _worn(pf: "ParameterFile", args: argparse.Namespace) -> float:
 
 def _numbers(text: str, unit: str, option: str, example: str, count: int) -> list[float]:
     """Numbers in the unit of the law, which is also the default unit."""
-    from ..datasets.units import convert
+    from ..datasets.units import convert, is_unit, same_dimension
 
     found = re.fullmatch(r"([\d.:eE+-]+)\s*([^\d\s,].*)?", text.strip())
     try:
@@ -275,6 +275,11 @@ def _numbers(text: str, unit: str, option: str, example: str, count: int) -> lis
         raise UsageError(f"{option} {text}: give {shape} {example}.")
     if not found[2]:
         return values
+    if not is_unit(found[2]):
+        raise UsageError(f"{option} {text}: the unit {found[2]!r} is not known; give it in {unit}, as {example}.")
+    if not same_dimension(found[2], unit):
+        words = f"values in {found[2]!r} cannot be converted to {unit!r}, which measures another quantity"
+        raise DataError(f"{option} {text}: {words}; give it in {unit}, as {example}.")
     # through a decimal: 220 um is 0.22 mm, not 0.22000000000000003
     return [float(f"{value:.12g}") for value in convert(np.array(values), found[2], unit)]
 

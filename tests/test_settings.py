@@ -527,6 +527,16 @@ def test_a_worn_load_in_another_unit_is_refused_with_the_likely_slip(params, wor
     assert words in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.parametrize(
+    ("worn", "code", "words"),
+    [("280kg", 2, "the unit 'kg' is not known"), ("28000uA", 2, "the unit 'uA' is not known"),
+     ("0.28V", 3, "values in 'V' cannot be converted to 'A', which measures another quantity")],
+)  # fmt: skip
+def test_a_worn_load_in_a_unit_of_no_load_names_the_option(params, worn, code, words, capsys):
+    assert main(["settings", str(params), "--worn", worn]) == code
+    assert f"--worn {worn}: {words}; give it in A, as 0.28A." in " ".join(capsys.readouterr().err.split())
+
+
 def test_a_worn_load_may_have_its_unit(params, capsys):
     settled(params, capsys)
     one = read(params).load_line
