@@ -118,21 +118,36 @@ class Cells:
         old, wanted = (convert(np.array([x]), cell.unit, own)[0] if cell.unit else x for x in (cell.value, new))
         return f"lines {line}:{symbol}{'-' if wanted < old else '+'}{abs(float(wanted) - float(old))!r}"
 
-    def worded(self, text: str) -> str:
-        """What a correction of one cell does, in words; empty for another one.
+    def corrected(self, text: str) -> tuple[Cell, float] | None:
+        """The cell that a correction changes, and its new value; None where it changes several, or by a sum.
 
-        A sum is stated by its text, since it may be in another unit than the column.
+        A sum may be in another unit than the column.
         """
         own = OWN.fullmatch(text)
         try:
             one = parse_correction(text)
             if own is None or one.factor is None:
-                return ""
+                return None
             cell = self.cell(int(own[1]), own[2])
         except UsageError:
+            return None
+        return cell, float(one.apply(np.array([cell.value]))[0])
+
+    def worded(self, text: str) -> str:
+        """What a correction of one cell does, in words; empty for another one."""
+        found = self.corrected(text)
+        if found is None:
             return ""
-        new = float(one.apply(np.array([cell.value]))[0])
+        cell, new = found
         return f"line {cell.line}: {cell.symbol} {cell.value:.6g} {cell.unit} becomes {new:.6g} {cell.unit}"
+
+    def row_after(self, corrections: Sequence[str], line: int) -> list[str]:
+        """Texts of a row in which the cells that corrections change have their new and former values."""
+        row, numbers = self.row(line), [column.number for column in self.table.columns]
+        for cell, new in filter(None, map(self.corrected, corrections)):
+            if cell.line == line and row:
+                row[numbers.index(self.column(cell.symbol)[0].number)] = f"{new:.6g} (was {cell.value:.6g})"
+        return row
 
     def of_doubt(self, doubt: Mapping[str, Any]) -> list[Cell]:
         """Cells that a doubt names, with the value that it points to."""

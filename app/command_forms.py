@@ -30,6 +30,8 @@ class Input:
         An example, and what the field holds at first.
     default : str
         What the command takes where the field is empty.
+    kinds : tuple of str
+        Kinds of exports that it is of; empty for all.
     choices : tuple of (str, str)
         Values and labels of a menu; empty for a text.
     needed : bool
@@ -46,6 +48,7 @@ class Input:
     needed: bool = False
     is_rare: bool = False
     default: str = ""
+    kinds: tuple[str, ...] = ()
 
     @property
     def placeholder(self) -> str:
@@ -244,6 +247,12 @@ SIGNALS = (
     Input("input", "commanded column", "--input {}", default="found by its name"),
     Input("output", "measured column", "--output {}", default="found by its name"),
     Input("rate", "samples per second", "--rate {}", default="by the column of times"),
+    Input(
+        "deviations",
+        "the record holds",
+        "--deviations",
+        choices=(("", "the measured load"), ("yes", "deviations from a load in the cut")),
+    ),
     Input("time", "column of times", "--time {}", is_rare=True),
     Input("sample-time", "seconds between samples", "--sample-time {}", is_rare=True),
     Input("resample", "resample uneven samples to, Hz", "--resample {}", is_rare=True),
@@ -265,10 +274,10 @@ EXPORT = Action(
     (
         Input("to", "kind", "--to {}", choices=tuple(LABELS.items()), needed=True),
         Input("system", "what is controlled", "--system {}", choices=(("", "as the file asks for"), *SYSTEMS)),
-        Input("diameter", "diameter of the part (NC program)", "--diameter {}", "60mm"),
-        Input("length", "length of the cut (NC program)", "--length {}", "100mm"),
-        Input("max-rpm", "highest spindle speed (NC program)", "--max-rpm {}", "3000"),
-        Input("pass", "diameter:length of a pass (NC program)", "--pass {}", "80:200", is_rare=True),
+        Input("diameter", "diameter of the part (NC program)", "--diameter {}", "60mm", kinds=("nc",)),
+        Input("length", "length of the cut (NC program)", "--length {}", "100mm", kinds=("nc",)),
+        Input("max-rpm", "highest spindle speed (NC program)", "--max-rpm {}", "3000", kinds=("nc",)),
+        Input("pass", "diameter:length of a pass (NC program)", "--pass {}", "80:200", is_rare=True, kinds=("nc",)),
         Input("depth", "depth of cut (plan, NC program)", "--depth {}", "1.5mm", is_rare=True),
         Input("at", "a further factor of the laws", "--at {}", "D=80mm", is_rare=True),
         Input("beyond-tests", "reason to go beyond the tests (plan)", "--beyond-tests {}", is_rare=True),

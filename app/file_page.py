@@ -54,7 +54,7 @@ class FilePage(PageBase):
             sheets=reading.sheets_of(now.found), fields=reading.fields_of(now.found, entry.options),
             to=self._places(entry), assumed=reading.assumptions(now.found, entry.options),
             doubts=[(one, cells.of_doubt(one) if cells else []) for one in now.found["doubts"]],
-            doubted=reading.doubted_rows(now.found, cells), offered=reading.offered(now.found),
+            named=reading.named_rows(now.found, cells, entry.options), offered=reading.offered(now.found),
             has_added=await asyncio.to_thread(stages.has_added, self.project, entry),
         )  # fmt: skip
 

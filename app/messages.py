@@ -137,6 +137,13 @@ def plain(text: str, to: Places) -> str:
     return on_page(text, to).striptags()
 
 
+def in_parts(text: str, to: Places) -> tuple[Markup, Markup]:
+    """A message in the words of the page, and its details, which the page shows on request."""
+    shown, _, after = on_page(text, to).partition("\n  Details\n")
+    details, _, rest = after.partition("\n\n")
+    return Markup("{}\n\n{}").format(shown, rest) if rest else shown, details
+
+
 def of_laws(text: str, to: Places) -> Markup:
     """The first screen of the laws, without the commands of its end, which the page has as forms."""
     return on_page(NEXT.sub("", text), to)

@@ -64,8 +64,8 @@ class PageBase:
         self._templates.filters["typed"] = lambda words: shlex.join(["fitmodels", *words])
         self._templates.filters["joined"] = shlex.join
         self._templates.filters.update(
-            on_page=messages.on_page, of_laws=messages.of_laws, described=messages.described,
-            localised=reading.localised, micro=reading.micro,
+            on_page=messages.on_page, in_parts=messages.in_parts, of_laws=messages.of_laws,
+            described=messages.described, localised=reading.localised, micro=reading.micro,
         )  # fmt: skip
         self._templates.filters["options_of"] = lambda text: shlex.join(shlex.split(text)[2:])
 

@@ -241,11 +241,27 @@ def _is_well_formed(options: Sequence[str]) -> bool:
     return True
 
 
-def doubted_rows(look: Mapping[str, Any], cells: Cells | None) -> list[tuple[int, list[str]]]:
-    """Rows that the doubts name and that are not among the first ones, with their lines."""
-    named = dict.fromkeys(line for doubt in look.get("doubts") or () for line in lines_in(doubt["sentence"]))
-    found = [(line, cells.row(line)) for line in sorted(named) if line not in look["lines"]] if cells else []
-    return [(line, row) for line, row in found if row][:MOST]
+@dataclass(frozen=True, slots=True)
+class NamedRow:
+    """A row that a doubt or a correction names: its line, cells, and whether it is in doubt."""
+
+    line: int
+    cells: tuple[str, ...]
+    doubted: bool
+
+
+def named_rows(look: Mapping[str, Any], cells: Cells | None, options: Sequence[str]) -> list[NamedRow]:
+    """Rows that doubts and corrections name: those in doubt that are not among the first ones, and every corrected."""
+    corrections = [value for name, value in pairs(options) if name == "--correct"]
+    doubted = dict.fromkeys(line for doubt in look.get("doubts") or () for line in lines_in(doubt["sentence"]))
+    corrected = dict.fromkeys(line for text in corrections for line in lines_in(text.partition(":")[0]))
+    if cells is None:
+        return []
+    wanted = {
+        line: line in doubted for line in (*doubted, *corrected) if line in corrected or line not in look["lines"]
+    }
+    found = (NamedRow(line, tuple(cells.row_after(corrections, line)), of) for line, of in sorted(wanted.items()))
+    return [row for row in found if row.cells][:MOST]
 
 
 AS_ASKED = ("left out as asked", "corrected as asked")

@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     if not new:
         out.show(f"unchanged: {', '.join(made)}")
     if lacking := ", ".join(item.field for item in missing_fields(card)):
-        out.show(f"missing: {lacking}; fitmodels publish needs it in card.toml")
+        out.show(f"Not stated, and needed to publish the card: {lacking}; state it in card.toml.")
     return 0
 
 

@@ -1,6 +1,7 @@
 """``fitmodels ident``: a model of the dynamics of a machine from a recorded run."""
 
 import argparse
+import dataclasses
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,7 @@ RECORDED = (
     "orders",
     "amplitudes",
     "trend",
+    "deviations",
     "handover",
     "decimal",
     "sheet",
@@ -87,6 +89,8 @@ def parser() -> Parser:
     amplitudes = "compare the gain of several runs of different amplitude: is the plant linear?"
     p.add_argument("--amplitudes", action="store_true", default=None, help=amplitudes)
     p.add_argument("--trend", action="store_true", default=None, help="subtract a straight line, not only the mean")
+    deviations = "the record holds deviations from a cutting load, as does one with the line '# deviations'"
+    p.add_argument("--deviations", action="store_true", default=None, help=deviations)
     physical_options(p)
     p.add_argument(
         "--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis (default: unnamed)"
@@ -161,7 +165,9 @@ def _read(name: str, args: argparse.Namespace) -> "Record":
     from ..datasets import read_record
 
     given = {option: getattr(args, option) for option in READING}
-    return read_record(name, units=pairs(args.unit, "--unit", "time=ms"), **given)
+    record = read_record(name, units=pairs(args.unit, "--unit", "time=ms"), **given)
+    stated = ("stated: the record holds deviations from a cutting load",) if args.deviations else ()
+    return dataclasses.replace(record, notes=(*stated, *record.notes))
 
 
 def _target(args: argparse.Namespace) -> Path | None:

@@ -28,7 +28,7 @@ OPTIONS: Final = {  # of each model; an option of another one would have no effe
     DRIVE: ("force_per_unit", "cutoff", "held_out"),
     FORCE: ("given", "drive_pole", "depth", "spindle"),
 }
-OF_IDENTIFICATION: Final = ("orders", "trend", "handover", "amplitudes", "reference")
+OF_IDENTIFICATION: Final = ("orders", "trend", "deviations", "handover", "amplitudes", "reference")
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
 TURNING = re.compile(rf"((?![+-]){NUMBER})\s*+([^\d\s.,+-].*)?")
 

@@ -408,6 +408,8 @@ def test_a_wrong_cell_gets_a_new_value_with_a_reason(client):
     assert list(entry.reasons.values()) == ["read again"]
     text = client.until_done(f"{name}/reading")
     assert re.search(r"line 15: VB [\d.]+ mm becomes 0.06 mm: read again", text)
+    (row,) = re.findall(r'<tr><th scope="row">15 corrected</th>.*', text)
+    assert re.search(r">0\.06 \(was [\d.]+\)</td>", row)
     path = client.page.project.folder / "cell.csv"
     runs = datasets.read_runs(path, correct=[entry.options[1]])
     assert runs.values("VB")[runs.lines == 15] == [0.06]

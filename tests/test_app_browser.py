@@ -188,11 +188,20 @@ def test_tests_and_a_record_lead_to_a_hal_file(opened):
     drop(tab, "fraesen.csv", (EXAMPLES / "fraesen.csv").read_bytes())
     assert "Reference 0.24 A" in run(tab, "settings", worn="0.28")
     assert "Dynamics added to" in run(tab, "ident", record="drive.csv")
+    assert not tab.get_by_text("noise SD = ").is_visible()
+    tab.get_by_text("Details", exact=True).click()
+    assert tab.get_by_text("noise SD = ").is_visible()
     assert tab.locator("#tune-low").input_value() == "521"  # of the constant load
     assert "Kp " in run(tab, "tune", rise="2", settle="4")
     assert "all checks passed" in run(tab, "check")
     assert "fraesen-control.hal" in run(tab, "export", to="hal")
     assert b"setp " in taken(tab, "fraesen-control.hal")
+    assert not tab.get_by_label("diameter of the part").is_visible()
+    former = "#answer-export.former"
+    assert tab.locator(former).count() == 0
+    tab.locator("#export-to").select_option("nc")
+    assert tab.get_by_label("diameter of the part").is_visible()
+    assert tab.locator(former).count() == 1
 
 
 def tabbed_to(tab, words):

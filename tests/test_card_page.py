@@ -17,6 +17,7 @@ from fitmodels.cards.forms import page as module
 from fitmodels.cards.forms.page import equation, page_html, points, prose, value_texts
 from fitmodels.core.figure_style import DARK, LIGHT, css_colours
 from fitmodels.parameters import ParameterFile
+from fitmodels.parameters.published import PAPERS, published
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -459,3 +460,10 @@ def test_colours_of_the_page_are_those_of_the_figures(scheme, palette):
         wanted["ink"] = "#000"
     assert {name: colours[name] for name in wanted} == wanted
     assert np.abs(deuteranope(colours["line"]) - deuteranope(colours["second"])).max() > 0.2
+
+
+@pytest.mark.parametrize("name", list(PAPERS))
+def test_each_published_file_has_a_page(name):
+    pf = published(name)
+    text = page_html(compose(pf), pf)
+    assert text.count("<svg") >= len(pf.laws)

@@ -275,13 +275,26 @@ def test_the_head_names_the_data_their_corrections_and_the_tool_change(constant_
     note = window_note(0.18, 0.22, "mm")
     pf = constant_load_file(provenance=origin, load_line={"notes": [note]}, identity={"machine": "VMC 3, LinuxCNC"})
     text = rendered(pf, "hal")
-    for line in ("# data tests.csv, drive.csv", "# corrected lines 9:I/1000", "# left out lines 5",
+    for line in ("# Load limit of a worn tool 0.26 A, safety factor 0.85.",
+                 "# data tests.csv, drive.csv", "# corrected lines 9:I/1000", "# left out lines 5",
                  "# Tool change at a wear of 0.18 to 0.22 mm, assumed."):  # fmt: skip
         assert line in text.splitlines()
     assert "machine VMC 3, LinuxCNC;" in text
     assert "its noise (equal readings for stuck_after are a fault)." in text.replace("\n# ", " ")
     assert "Assumed: window 0.18 to 0.22 mm, the wear at tool change" in text
     assert "to stop: fitmodels settings --on-fault stop." in text
+
+
+def test_the_head_states_what_gains_meet_tested_ranges_and_a_record_outside_of_them(constant_load_file):
+    gains = {"probability": 0.964, "specification": {"rise_time": 2.0, "settling_time": 4.0, "overshoot": 0.02}}
+    pf = constant_load_file(pi=gains, dynamics={"operating_point": [0.1, 0.001]})
+    for kind in ("hal", "st", "c", "comp"):
+        text = re.sub(r"[\s#*()]+", " ", rendered(pf, kind))
+        assert "Gains for rise time 2 s, settling time 4 s, overshoot 2 %, with probability 96 % over the" in text
+        assert "The law of I was tested at fm 600 to 1000 mm/min, VB 0 to 0.2 mm." in text
+        assert "the dynamics are those of a cut: The record of the dynamics was made about 0.001 A" in text
+    stated = constant_load_file(dynamics={"operating_point": [0.1, 0.001], "notes": ["deviations from a cut"]})
+    assert "those of a cut" not in rendered(stated, "hal")
 
 
 def test_a_moving_average_and_the_other_form_are_refused_with_the_export_that_has_them(short):

@@ -13,6 +13,8 @@ from fitmodels.cards.content.dynamics import _nonminimum_phase
 from fitmodels.cli import main
 from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.ident import Model
+from fitmodels.parameters.file import sealed
+from fitmodels.parameters.published import published
 
 pytestmark = pytest.mark.slow
 
@@ -42,6 +44,24 @@ def german(tmp_path):
     path = tmp_path / "lauf.csv"
     path.write_text("Zeit [s];Vorschubspannung [V];Spindelstrom [A]\n" + "\n".join(rows) + "\n", encoding="latin-1")
     return path
+
+
+@pytest.mark.parametrize("stated", [(), ("--deviations",)])
+def test_a_record_about_zero_is_noted_unless_it_is_stated_to_hold_deviations(run, german, tmp_path, stated):
+    text = german.read_text("latin-1").splitlines()
+    zero = [
+        f"{row.rpartition(';')[0]};{float(row.rpartition(';')[2].replace(',', '.')) - 0.24:.5f}" for row in text[1:]
+    ]
+    german.write_text("\n".join([text[0], *(row.replace(".", ",") for row in zero)]), encoding="latin-1")
+    pf = published("CLM-2023")
+    law = {**pf.laws["I"].model_dump(), "verdict": {"level": "usable inside the tested region"}}
+    parameters.write(sealed(pf, laws={"I": law}), tmp_path / "params.json")
+    code, out, _ = run("ident", german.name, "--params", "params.json", "--force", *stated)
+    assert code == 0
+    assert ("otherwise it was not made in a cut" in out) == (not stated)
+    run("card", "params.json")
+    noted = "The record of the dynamics was made about" in (tmp_path / "card.html").read_text("utf-8")
+    assert noted == (not stated)
 
 
 def test_a_record_is_recognised_and_identified(run, german, tmp_path):

@@ -678,7 +678,7 @@ def test_what_a_card_does_not_tell_is_said(pairs, capsys):
     add(pairs, "bare", toml=None)
     out = command("card", capsys, "pairs/bare/params.json")[1]
     fields = "license, authors, contact, machine, iso513, setup, sensors"
-    assert out.endswith(f"missing: {fields}; fitmodels publish needs it in card.toml")
+    assert out.endswith(f"Not stated, and needed to publish the card: {fields}; state it in card.toml.")
 
 
 def test_a_card_that_tells_something_else_is_replaced_by_force_alone(pairs, capsys):

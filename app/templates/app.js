@@ -20,6 +20,7 @@
       }
     });
     input.addEventListener("change", () => input.files.length && form.requestSubmit());
+    form.querySelector("button").hidden = true; // a chosen file is added at once
   }
   if (!form) {
     document.addEventListener("drop", () => {
@@ -35,6 +36,24 @@
       if (field && value) field.value = value;
     }
   };
+  // An answer is of the values that its form had; fields of an export are those of its kind.
+  const former = (field) => {
+    const form = field.matches("details") ? field.querySelector("form") : field.closest("form");
+    const answer = form && /^#answer-/.test(form.getAttribute("hx-target") || "") && document.querySelector(form.getAttribute("hx-target"));
+    if (answer && answer.querySelector(".result")) answer.classList.add("former");
+  };
+  const ofKind = () => {
+    const kind = document.getElementById("export-to");
+    for (const field of kind ? kind.form.querySelectorAll("[data-kinds]") : []) {
+      field.hidden = field.disabled = !field.dataset.kinds.split(" ").includes(kind.value);
+    }
+  };
+  for (const name of ["input", "change"]) {
+    document.addEventListener(name, (event) => {
+      if (event.target.id === "export-to") ofKind();
+      former(event.target);
+    });
+  }
   document.addEventListener("click", (event) => {
     const link = event.target.closest("[data-open]");
     const target = link && document.getElementById(link.dataset.open);
@@ -43,6 +62,7 @@
       outer.open = true;
     }
     fill(target, link.dataset.fill || "");
+    if (link.dataset.fill) former(target);
     if (!target.matches("details, section, h2, h3")) setTimeout(() => target.focus());
   });
   // An answer is brought into view and gets the focus, unless another form is being filled in.
@@ -58,7 +78,9 @@
     if (!answer.querySelector(".waiting")) answer.focus({ preventScroll: true });
   };
   document.body.addEventListener("htmx:afterSwap", (event) => {
+    ofKind();
     const answer = event.target.closest && event.target.closest(".answer");
+    if (answer) answer.classList.remove("former");
     if (answer && answer.firstElementChild && answer.dataset.state !== state(answer)) {
       answer.dataset.state = state(answer);
       brought(answer);

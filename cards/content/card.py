@@ -10,6 +10,7 @@ from ...core.display import Display, facts_of
 from ...core.verdict import MARKS, Mark
 from ...fit.available import NotAvailable, computed
 from ...parameters import ParameterFile
+from ...parameters.checks.record import record_notes
 from ...parameters.sections.base import Covariance
 from .design import design_part, doubts
 from .dynamics import GainsPart, dynamics_part, gains_part
@@ -138,7 +139,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
         "design": lambda: design_part(pf.design),
         "tool_life": lambda: tool_life_part(pf),
         "uncertainty": lambda: statements(pf),
-        "dynamics": lambda: dynamics_part(pf.dynamics),
+        "dynamics": lambda: dynamics_part(pf.dynamics, record_notes(pf)),
         "gains": lambda: gains_part(pf.pi, pf.dynamics),
         "windows": lambda: window_parts(pf),
         "plan": lambda: plan_part(pf),

@@ -58,8 +58,8 @@ CHOSEN = {  # selection rules that need an explanation
 UNBOUNDED = ("rise_time", "settling_time", "gain_margin", "delay_margin")
 
 
-def dynamics_part(d: DynamicsSection | None) -> DynamicsPart | None:
-    """Transfer function, its coefficients, facts and limits of validity."""
+def dynamics_part(d: DynamicsSection | None, apart: Sequence[str] = ()) -> DynamicsPart | None:
+    """Transfer function, its coefficients, facts and limits of validity; ``apart`` are notes on its record."""
     if d is None:
         return None
     return DynamicsPart(
@@ -68,7 +68,7 @@ def dynamics_part(d: DynamicsSection | None) -> DynamicsPart | None:
         equation=f"G(z) = ({_polynomial(d.b)}) / ({_polynomial(d.a)})",
         coefficients=_coefficients(d),
         facts=_facts(d),
-        sentences=tuple(sentence(text) for text in (*_alternatives(d), *_nonminimum_phase(d), *d.notes)),
+        sentences=tuple(sentence(text) for text in (*apart, *_alternatives(d), *_nonminimum_phase(d), *d.notes)),
     )
 
 

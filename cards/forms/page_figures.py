@@ -191,6 +191,7 @@ def _response(of: DrawnLaw, title: str, text: str, ticks: Sequence[tuple[float, 
     low, high = first.low, first.high
     margin = BEYOND * (high - low) if high > low else BEYOND * abs(high)
     x = np.unique(np.r_[np.linspace(max(low - margin, low / (1 + BEYOND)), high + margin, POINTS), low, high])
+    x = x[x > 0] if law.formula.logs[0] else x  # a law of a time from zero
     value, band = _over(of, of.at_first(x))
     held = np.asarray(law.values(of.at_first(x, held=True), by=of.level)) if wear else None
     top = HIGHEST * float(value.max()) if band is None else min(HIGHEST * float(value.max()), float(band[1].max()))

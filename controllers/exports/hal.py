@@ -338,7 +338,7 @@ def _head(view: ExportView, loop: LoadLoop, thread: str) -> str:
         "the feed is one period late, which is harmless.",
         "",
         *_states(loop),
-        *(f"Assumed: {words}" for words in view.assumed),
+        *_wrapped(f"Assumed: {words}" for words in view.assumed),
         *_wrapped(f"Not included: {words}" for words in NOT_IN_HAL),
         *_wrapped(f"{words[0].upper()}{words[1:]}." for words in NOT_DETECTED),
     ]

@@ -37,7 +37,7 @@ def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> 
         about = f"{point:.2g} {law.unit}" + (f" ({over} {law.unit})" if over else "")
         return [
             f"The record of the dynamics was made about {about}, the tests of {short(law.response)} lie at {low:.2g} "
-            f"to {high:.2g} {law.unit} by their law: if the record holds deviations from a cutting load, write "
-            "'# deviations' as its first line; otherwise it was not made in a cut."
+            f"to {high:.2g} {law.unit} by their law: if the record holds deviations from a cutting load, state it with "
+            "--deviations; otherwise it was not made in a cut."
         ]
     return []

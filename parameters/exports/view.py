@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from ...core.errors import GateError
-from ..checks import check
+from ..checks import check, record_notes
 from ..checks.report import require_verdicts
 from ..data_sources import data_lines
 from ..file import ParameterFile
@@ -70,7 +70,7 @@ class ExportView:
     ``assumed`` lists the settings that the file lacks, with the value assumed for each; ``verdicts`` are lines on the
     laws, dynamics and force process that are not usable without reservations, with the reasons; ``equations`` are those
     of the laws, for people: a program computes with the quantities; ``data`` are lines on the data files and on what
-    was corrected or left out in them; ``tool_change`` states the wear at which the tool is changed.
+    was corrected or left out in them; ``basis`` are lines on what the settings of the control come from.
     """
 
     name: str
@@ -88,7 +88,7 @@ class ExportView:
     verdicts: tuple[str, ...] = ()
     equations: tuple[str, ...] = ()
     data: tuple[str, ...] = ()
-    tool_change: str = ""
+    basis: tuple[str, ...] = ()
 
     @property
     def origin(self) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: b
     held = require_verdicts(pf, accept_verdict, loop_only=loop_only)
     verdicts = tuple(line for words in held for line in plain_lines(words))
     doubts = () if pf.reading is None else pf.reading.doubts
-    doubted = (plain(f"the data are right although the reading doubts them: {doubt.sentence}") for doubt in doubts)
+    doubted = (_in_full(f"the data are right although the reading doubts them: {doubt.sentence}") for doubt in doubts)
     found, who = loop_settings(pf, own_form=True), pf.identity
     return ExportView(
         name=safe_name(f"{safe_name(who.tool, 'tool')}_{safe_name(who.work, 'work')}"),
@@ -150,7 +150,7 @@ def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: b
         loop=found.loop, verdicts=verdicts, gains=_gains(pf), plant=_plant(pf),
         equations=tuple(_equation(law) for law in pf.laws.values()),
         quantities=file_quantities(pf, found.loop), assumed=(*doubted, *untried, *found.assumed),
-        data=data_lines(pf), tool_change=_tool_change(pf),
+        data=data_lines(pf), basis=_basis(pf),
     )  # fmt: skip
 
 
@@ -178,8 +178,7 @@ def view_of_laws(pf: ParameterFile, used: tuple[str, ...], accept_verdict: bool)
 def first_lines(view: ExportView, loop: LoadLoop, *of_limits: str) -> tuple[str, ...]:
     """Lines below the title of every exported control; ``of_limits`` are further ones on the limits."""
     safety = (f"{words[0].upper()}{words[1:]}." for words in NO_SAFETY)
-    change = [view.tool_change] if view.tool_change else []
-    return (*safety, _fault_words(loop), _limit_words(loop), *of_limits, *change)
+    return (*safety, _fault_words(loop), _limit_words(loop), *of_limits, *view.basis)
 
 
 def _fault_words(loop: LoadLoop) -> str:
@@ -199,12 +198,39 @@ def _limit_words(loop: LoadLoop) -> str:
     )
 
 
-def _tool_change(pf: ParameterFile) -> str:
-    line = pf.load_line
-    if line is None:
-        return ""
-    assumed = ", assumed" if window_assumed(line) else ""
-    return f"Tool change at a wear of {line.window[0]:g} to {line.window[1]:g} {plain_unit(line.unit_wear)}{assumed}."
+def _basis(pf: ParameterFile) -> tuple[str, ...]:
+    """Lines on what a control comes from: load limit, tool change, tested ranges of its law, and what gains meet."""
+    line, pi = pf.load_line, pf.pi
+    said = []
+    if line is not None:
+        assumed = ", assumed" if window_assumed(line) else ""
+        unit = plain_unit(line.unit_load)
+        said = [
+            f"Load limit of a worn tool {line.worn:g} {unit}, safety factor {line.safety_factor:g}.",
+            f"Tool change at a wear of {line.window[0]:g} to {line.window[1]:g} {plain_unit(line.unit_wear)}{assumed}.",
+        ]
+        said += [_tested(pf.laws[line.law])] if line.law in pf.laws else []
+    if pi is not None and pi.probability is not None and pi.specification is not None:
+        asked = pi.specification
+        times = ((name, getattr(asked, f"{name}_time")) for name in ("rise", "settling"))
+        limits = [f"{name} time {limit:g} s" for name, limit in times if limit is not None]
+        limits += [] if asked.overshoot is None else [f"overshoot {100 * asked.overshoot:g} %"]
+        share = f"{100 * pi.probability:.0f} % over the uncertainty of the dynamics"
+        said.append(f"Gains for {', '.join(limits)}, with probability {share}.")
+    return tuple(_in_full(words) for words in said)
+
+
+def _in_full(words: str) -> str:
+    """A sentence for a comment, not shortened."""
+    return " ".join(plain_lines(words))
+
+
+def _tested(law: LawSection) -> str:
+    """The ranges in which the law of the feed limits was tested."""
+    ranges = (
+        f"{one.quantity or one.symbol} {one.low:.4g} to {one.high:.4g} {plain_unit(one.unit)}" for one in law.factors
+    )
+    return f"The law of {law.response} was tested at {', '.join(ranges)}."
 
 
 def _equation(law: LawSection) -> str:
@@ -263,8 +289,11 @@ def _not_checked(pf: ParameterFile) -> tuple[str, ...]:
     unknown = line is not None and line.law not in pf.laws
     untried = pi is not None and pf.dynamics is None
     forced = pi is not None and pi.forced is not None
+    noted = () if pi is None else record_notes(pf)
+    apart = (words.partition(": if")[0].replace("'", "") for words in noted)
     return (
         *(("the feed limits are right: the law that they come from is not in the file",) if unknown else ()),
         *(("the gains are right: the file holds no dynamics to try them on",) if untried else ()),
         *(("the gains will do although they miss their specification: they are marked as forced",) if forced else ()),
+        *(_in_full(f"the dynamics are those of a cut: {words}") for words in apart),
     )
