@@ -13,6 +13,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# One thread of linear algebra, as the command has: pytest-xdist has as many processes as there are cores. It must stand
+# in the environment before numpy is loaded.
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
 # The same examples every time, and as long as the machine takes; `--hypothesis-profile explore` draws new and more.
 settings.register_profile("tests", deadline=None, derandomize=True)
 settings.register_profile("explore", deadline=None, max_examples=1000)

@@ -63,8 +63,8 @@ def opened(chromium, client):
 
 def drop(tab, name, content):
     """Drop a file onto the page of the project, and wait for its laws."""
-    tab.get_by_role("link", name="fitmodels", exact=True).click()
-    tab.locator("#file").wait_for()
+    with tab.expect_navigation():  # a page that is left would take the file along
+        tab.get_by_role("link", name="fitmodels", exact=True).click()
     moved = tab.evaluate_handle(DROP, [base64.b64encode(content).decode(), name])
     with tab.expect_navigation(url="**/files/**"):
         tab.dispatch_event("body", "drop", {"dataTransfer": moved})

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...core.calls import check_share
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
+from ...core.threads import one_thread
 from ...datasets.records.record import Record
 from ..estimators.input_checks import check_varies
 from .impulse_response import ImpulseResponse, block_means, regularised_impulse
@@ -93,6 +94,7 @@ class FrequencyResponse(Plottable):
         return as_columns(self, "frequency", *limits, "coherence", "outside").set_index("frequency")
 
 
+@one_thread
 def frequency_response(
     rec: Record,
     frequency: ArrayLike | None = None,
