@@ -89,8 +89,7 @@ def parser() -> Parser:
     amplitudes = "compare the gain of several runs of different amplitude: is the plant linear?"
     p.add_argument("--amplitudes", action="store_true", default=None, help=amplitudes)
     p.add_argument("--trend", action="store_true", default=None, help="subtract a straight line, not only the mean")
-    deviations = "the record holds deviations from a cutting load, as does one with the line '# deviations'"
-    p.add_argument("--deviations", action="store_true", default=None, help=deviations)
+    p.add_argument("--deviations", action="store_true", default=None, help="record of deviations from a cutting load")
     physical_options(p)
     p.add_argument(
         "--tool", metavar="NAME", default="unnamed", help="name of the tool, or of the axis (default: unnamed)"

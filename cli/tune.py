@@ -317,10 +317,7 @@ def _check_scaling(args: argparse.Namespace) -> None:
 def _check_limits(pf: "ParameterFile", args: argparse.Namespace) -> None:
     """Raise UsageError where the limits of the command leave nothing, alone or of the feed limits of the file."""
     if None not in (args.low, args.high) and args.low >= args.high:
-        raise UsageError(
-            f"--low {args.low:g}, --high {args.high:g}: the lowest command must lie below the highest; interchange "
-            "them?"
-        )
+        raise UsageError(f"--low {args.low:g} must lie below --high {args.high:g}; interchange them?")
     line = pf.load_line
     factor = None if line is None or args.unit is None else _factor(line.unit_feed, args.unit)
     if line is None or factor is None:

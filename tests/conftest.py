@@ -1,6 +1,8 @@
 """What the tests share: the real measurements, and a guard that the installed copy is the tree."""
 
 import filecmp
+import gc
+import importlib
 import os
 import shutil
 import sys
@@ -50,12 +52,28 @@ def pytest_configure(config):
             )
 
 
+def pytest_collection_finish():
+    """Leave eleven thousand tests out of each collection of garbage."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True)
 def no_open_figures():
     """Close the figures that ``result.plot()`` hands to pyplot."""
     yield
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].close("all")
+
+
+@pytest.fixture
+def small_pictures(monkeypatch):
+    """PNG pictures are drawn small, for tests of what is computed and printed: drawing takes half of their time."""
+    import matplotlib.figure
+
+    monkeypatch.setattr(matplotlib.figure.Figure, "savefig", matplotlib.figure.Figure.savefig)  # restored at the end
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    importlib.import_module("held_command").draw_fast()
 
 
 @pytest.fixture(scope="session")

@@ -36,6 +36,7 @@ blocks, links, packages = tool("blocks"), tool("links"), tool("reference_text")
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize("page", [p for p in PAGES if RUN.search(p.read_text("utf-8"))], ids=lambda p: p.stem)
 def test_outputs_on_a_page_equal_those_of_the_program(page, tmp_path):
     found = blocks.differences(page, tmp_path)

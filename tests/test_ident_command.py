@@ -16,7 +16,7 @@ from fitmodels.ident import Model
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_pictures")]
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "docs" / "examples"
 G = Model(b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=0.02)

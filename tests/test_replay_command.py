@@ -7,6 +7,8 @@ from fitmodels import parameters
 from fitmodels.cli import main
 from fitmodels.parameters.published import PAPERS, published
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 DRIVES = {
     "AC-2016": "region",
     "AC-2017": "recursion",

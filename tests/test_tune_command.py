@@ -12,7 +12,7 @@ from fitmodels.ident.pi.loop import loop_of
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_pictures")]
 
 # Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18
 G = Model(
