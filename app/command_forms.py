@@ -207,9 +207,24 @@ def tune(of: Subject) -> Action:
     ends, unit = ("", ""), ""
     if isinstance(low, int | float) and isinstance(high, int | float):
         ends, unit = (f"{math.ceil(low)}", f"{math.floor(high)}"), str(line.get("unit_feed") or "")
+    unset = "the feed limits of Constant load" if line else ""
     command = (
-        Input("low", "lowest command: lower bound of the feed, in the unit below", "--low {}", "521", ends[0]),
-        Input("high", "highest command: upper bound of the feed, in the unit below", "--high {}", "1034", ends[1]),
+        Input(
+            "low",
+            "lowest command: lower bound of the feed, in the unit below",
+            "--low {}",
+            "521",
+            ends[0],
+            default=unset,
+        ),
+        Input(
+            "high",
+            "highest command: upper bound of the feed, in the unit below",
+            "--high {}",
+            "1034",
+            ends[1],
+            default=unset,
+        ),
         Input("unit", "unit of the command", "--unit {}", "mm/min", unit),
     )
     scaling = Input(

@@ -136,6 +136,7 @@ def run(args: argparse.Namespace) -> int:
         raise GateError(f"{tuned.words} {_remedy(tuned)}")
     forced = "kept by --force" if tuned.misses else None
     section = pi_section(tuned, scaling_u=args.scaling or 1.0, forced=forced)
+    section["notes"] += derived
     changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
     figure = picture_folder(args.file) / PI_FIGURE
     picture = _picture(tuned, _reference_step(pf), simulated=bool(pf.identity.simulated))

@@ -81,6 +81,9 @@
     ofKind();
     const answer = event.target.closest && event.target.closest(".answer");
     if (answer) answer.classList.remove("former");
+    if (answer && answer.id === "answer-card" && answer.querySelector(".result")) {
+      for (const frame of document.querySelectorAll("iframe.card")) frame.src = `${frame.src.split("?")[0]}?${Date.now()}`;
+    }
     if (answer && answer.firstElementChild && answer.dataset.state !== state(answer)) {
       answer.dataset.state = state(answer);
       brought(answer);

@@ -80,7 +80,8 @@ _INPUTS = """\
 # >>> net fm-velocity <= motion.current-vel   float, mm/s; on a machine in inches: setp fm.standing.in1 0.00066
 """
 _HEARTBEAT_INPUT = """\
-# >>> net fm-heartbeat <= YOUR-HEARTBEAT-PIN  bit: changes every {period:.6g} to {heartbeat:.6g} s
+# >>> net fm-heartbeat <= YOUR-HEARTBEAT-PIN  bit: changes every {period:.6g} to {heartbeat:.6g} s; where there is
+#     none: fitmodels settings --heartbeat 0, and a source that stops is found by its equal readings alone
 """
 _SWITCHES = """\
 # FALSE at first: a switch and a push button, or `halcmd sets fm-enable TRUE` on the running machine. The rising edge

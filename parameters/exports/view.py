@@ -209,6 +209,11 @@ def _basis(pf: ParameterFile) -> tuple[str, ...]:
             f"Load limit of a worn tool {line.worn:g} {unit}, safety factor {line.safety_factor:g}.",
             f"Tool change at a wear of {line.window[0]:g} to {line.window[1]:g} {plain_unit(line.unit_wear)}{assumed}.",
         ]
+        if line.probability is not None:
+            share = f"{100 * line.probability:.0f} %"
+            said.append(
+                f"Of further tools, {share} have a wear in it when they reach the lower feed limit, by the law."
+            )
         said += [_tested(pf.laws[line.law])] if line.law in pf.laws else []
     if pi is not None and pi.probability is not None and pi.specification is not None:
         asked = pi.specification
@@ -217,6 +222,7 @@ def _basis(pf: ParameterFile) -> tuple[str, ...]:
         limits += [] if asked.overshoot is None else [f"overshoot {100 * asked.overshoot:g} %"]
         share = f"{100 * pi.probability:.0f} % over the uncertainty of the dynamics"
         said.append(f"Gains for {', '.join(limits)}, with probability {share}.")
+        said += [note for note in pi.notes if note.startswith("Scaling ")]
     return tuple(_in_full(words) for words in said)
 
 
