@@ -1,7 +1,6 @@
 """What the tests share: the real measurements, and a guard that the installed copy is the tree."""
 
 import filecmp
-import gc
 import importlib
 import os
 import shutil
@@ -50,12 +49,6 @@ def pytest_configure(config):
                 "install again (rm -rf build; pip install .)",
                 returncode=3,
             )
-
-
-def pytest_collection_finish():
-    """Leave eleven thousand tests out of each collection of garbage."""
-    gc.collect()
-    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from ...core.errors import GateError
-from ..checks import check, record_notes
+from ..checks import check
+from ..checks.record import record_notes
 from ..checks.report import require_verdicts
 from ..data_sources import data_lines
 from ..file import ParameterFile
