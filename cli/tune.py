@@ -134,8 +134,7 @@ def run(args: argparse.Namespace) -> int:
     tuned = tuned if args.scaling is None else tuned.in_units(args.unit, args.scaling)
     if tuned.misses and not args.force:
         raise GateError(f"{tuned.words} {_remedy(tuned)}")
-    forced = "kept by --force" if tuned.misses else None
-    section = pi_section(tuned, scaling_u=args.scaling or 1.0, forced=forced)
+    section = pi_section(tuned, scaling_u=args.scaling or 1.0, forced="kept by --force" if tuned.misses else None)
     section["notes"] += derived
     changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
     figure = picture_folder(args.file) / PI_FIGURE
