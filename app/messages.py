@@ -51,10 +51,11 @@ COMMAND: Final = re.compile(r"([`']?)fitmodels\s(?=\w)")
 TOKEN: Final = re.compile(r"\s+(?:\\\s+)?('[^'\n]*'|\"[^\"\n]*\"|\S+)")
 PREFIX: Final = re.compile(r"(?m)^fitmodels(?: [a-z-]+)?: ")
 HELP: Final = re.compile(r"(?:[;,]|(?<![\s;,]))\s+see\s+'fitmodels\s+[A-Za-z-]+\s+-h'")
+COLUMNS: Final = re.compile(r"[^ ] {2,}[^ ]+(?: [^ ]+)* {2,}[^ ]")  # three columns of a table
 NEXT: Final = re.compile(r"(?m)^Next\n(?:[ \t].*+\n?+)*+")
 PLAIN: Final = (
     (re.compile(r"(?<!with)(?<!by)(?<!\s)\s+--force\b"), ""),  # forms replace what they wrote before
-    (re.compile(r"by\s+the\s+option\s+of\s+its\s+name"), "by the field of its name under More fields"),
+    (re.compile(r"by\s+the\s+option\s+of\s+its\s+name"), "by its field under More fields"),
     (re.compile(r"(?<!\s)\s+\(did you mean --[a-z-]+\?\)"), ""),  # nobody types options here
     (re.compile(r"\b(?:add|give)\s+(?=--(?:unit [^=\s]+(?:\s|\.)|scaling))"), "set "),
     (re.compile(r"(--scaling \S+) (?=--unit)"), r"\1 and "),
@@ -62,11 +63,18 @@ PLAIN: Final = (
     (re.compile(r"(?<=[\d.] )um\b"), "µm"),
 )
 NAMES: Final = {
-    name.replace("-", "_"): label.split(" (")[0].partition(",")[0].replace("{load}", "")
-    for name, label, _ in ENGAGEMENT
-    if "-" in name
-}  # fmt: skip  of fields of the constant load
-NAME: Final = re.compile(rf"\b(?:{'|'.join(NAMES)})\b")
+    **{
+        name.replace("-", "_"): label.split(" (")[0].partition(",")[0].replace("{load}", "")
+        for name, label, _ in ENGAGEMENT
+    },
+    "on_fault": "on a lost or wrong load",
+    "feed_low": "lower feed limit",
+    "feed_high": "upper feed limit",
+}  # of the constant load in files: labels of their fields
+NAME: Final = re.compile(  # a name that is a word, too, at the beginning of an item of a list
+    rf"\b(?:{'|'.join(name for name in NAMES if '_' in name)})\b"
+    rf"|(?<=[:;]\s)(?:{'|'.join(name for name in NAMES if '_' not in name)})\b"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +136,17 @@ def on_page(text: str, to: Places) -> Markup:
     return found + _options(text[end:], to, to.own)
 
 
+def screen(text: str, to: Places) -> Markup:
+    r"""A result in the words of the page; rows of its tables are not wrapped.
+
+    >>> screen("Gains: Kp 1.\nrise time  1.9 s  <= 2 s", Places({}, {}))
+    Markup('Gains: Kp 1.\n<span class="row">rise time  1.9 s  &lt;= 2 s</span>')
+    """
+    lines = on_page(text, to).split("\n")
+    rows = (Markup('<span class="row">{}</span>').format(line) if COLUMNS.search(line) else line for line in lines)
+    return Markup("\n").join(rows)
+
+
 def plain(text: str, to: Places) -> str:
     """A message in the words of the page, without links.
 
@@ -139,14 +158,14 @@ def plain(text: str, to: Places) -> str:
 
 def in_parts(text: str, to: Places) -> tuple[Markup, Markup]:
     """A message in the words of the page, and its details, which the page shows on request."""
-    shown, _, after = on_page(text, to).partition("\n  Details\n")
+    shown, _, after = screen(text, to).partition("\n  Details\n")
     details, _, rest = after.partition("\n\n")
     return Markup("{}\n\n{}").format(shown, rest) if rest else shown, details
 
 
 def of_laws(text: str, to: Places) -> Markup:
     """The first screen of the laws, without the commands of its end, which the page has as forms."""
-    return on_page(NEXT.sub("", text), to)
+    return screen(NEXT.sub("", text), to)
 
 
 def described(options: str, to: Places) -> Markup:

@@ -46,7 +46,8 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
     return {
         "cards": [name for name in results if name.endswith("/card.html") and name.startswith(tuple(folders))],
         "is_former": bool(former) and set(files) == set(former),
-        "has_load": any(law.get("form") in ("load_line", "feed_line") for _, law in laws),
+        "has_load": any(law.get("form") in ("load_line", "feed_line") and not _is_barred(law) for _, law in laws),
+        "is_barred": bool(laws) and all(_is_barred(law) for _, law in laws),
         "rows_of": rows_left_out(list(files.values())),
         "laws": list(dict.fromkeys(name for name, _ in laws)),
         "levels": levels(found),
@@ -103,6 +104,11 @@ def levels(laws: Sequence[tuple[str, str, Mapping[str, Any]]]) -> list[tuple[str
         (f"{pair}: {name}" if pair else name, (law.get("verdict") or {}).get("level") or "no verdict")
         for pair, name, law in laws
     ]
+
+
+def _is_barred(law: Mapping[str, Any]) -> bool:
+    """Whether a law must not be used."""
+    return str((law.get("verdict") or {}).get("level")).startswith("do not use")
 
 
 def suspects(laws: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:

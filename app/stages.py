@@ -21,6 +21,7 @@ USES: Final[Mapping[str, Sequence[str]]] = {  # commands whose later run makes t
     "export": ADDING,
 }  # fmt: skip
 KEPT_OF_SETTINGS: Final = frozenset(f"--{one}" for one in (*(name for name, *_ in ENGAGEMENT), "idle", "on-fault"))
+FEW_OTHERS: Final = 0.9  # share of tools within the wear of the tool change from which the settings are not in doubt
 LIMITS_OF_GAINS: Final = ("low", "high", "unit")
 
 
@@ -283,11 +284,13 @@ def _state(
         return State("outdated", "doubt", why)
     if name == "export" and (old := _old_exports(project, entry, of)):
         return State("outdated", "doubt", f"{', '.join(old)} is older than params.json")
-    words = _result(project, of, name, used.get(name, ()))
-    level = _level(of.content.get(SECTIONS.get(name, "")))
+    words, section = _result(project, of, name, used.get(name, ())), of.content.get(SECTIONS.get(name, "")) or {}
+    level = _level(section)
     if colour(level) in ("bad", "doubt"):
         return State(f"{level}: {words}", colour(level))
-    return State(f"done: {words}" if words else "done", "good")
+    share = section.get("probability") if name == "settings" else 1.0
+    shown = "good" if isinstance(share, float) and share >= FEW_OTHERS else "doubt"
+    return State(f"done: {words}" if words else "done", shown)
 
 
 def _level(section: object) -> str:
@@ -347,10 +350,10 @@ def _of_section(name: str, section: Mapping[str, Any]) -> str:
     try:
         if name == "settings":
             low, high = section["lower"]["value"], section["upper"]["value"]
-            return (
-                f"reference {section['reference']:.4g} {section['unit_load']}, feed {low:.4g} to {high:.4g} "
-                f"{section['unit_feed']}"
-            )
+            known = section.get("probability")
+            share = "an unknown share" if known is None else f"{known:.0%}"
+            load, feed = f"{section['reference']:.4g} {section['unit_load']}", section["unit_feed"]
+            return f"reference {load}, feed {low:.4g} to {high:.4g} {feed}, {share} of tools within the wear limits"
         if name == "tune":
             return f"kp {section['kp']:.4g}, ki {section['ki']:.4g}"
         if name == "ident":

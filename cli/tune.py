@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 SAME = ("overshoot", "undershoot", "ms", "phase_margin", "gain_margin", "travel", "noise_gain")
 LIMITS = {"rise": "rise_time", "settle": "settling_time", **{name: name for name in SAME}}
 OF_COMMAND = ("low", "high", "rate", "travel", "noise_gain")  # in the unit of the command
-AGREE = 1.25  # static gain and slope of a load law are from two experiments
 STEP = 0.1  # of the reference load: a step that a tuned loop meets
-REFUSED = 2.0  # a ratio of the two beyond this, or its inverse, is a wrong scaling or unit
 CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup",
               "setpoint_weight")  # fmt: skip
 
@@ -108,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     """Tune, print, write, and return the exit code."""
     from ..cards.folder import PI_FIGURE
     from ..core.progress import progress_bar
-    from ..parameters.checks.record import record_notes
+    from ..parameters.checks.record import against_load_law, against_scaling_by_law, record_notes, scaling_by_load_law
     from ..parameters.checks.report import cautions
     from ..parameters.file import picture_folder, replace, sealed
     from ..parameters.gather.control import pi_section
@@ -125,12 +123,12 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--scaling and --unit: give both; --unit alone needs a load law of the file in that unit.")
     _check_scaling(args)
     _check_limits(pf, args)
-    against = _against_load_law(pf, args)
+    against = against_load_law(pf, args.unit, args.scaling)
     if against and not args.force:
         raise GateError(f"{against} Nothing was written; --force writes gains, marked as not to be used.")
     with progress_bar(lines=False) as step:
         step.say("tuning")
-        tuned = _tuned(pf, pf.dynamics, args)
+        tuned = _tuned(pf, pf.dynamics, args, against or (against_scaling_by_law(pf) if derived else ""))
     tuned = tuned if args.scaling is None else tuned.in_units(args.unit, args.scaling)
     if tuned.misses and not args.force:
         raise GateError(f"{tuned.words} {_remedy(tuned)}")
@@ -145,9 +143,10 @@ def run(args: argparse.Namespace) -> int:
         facts = {"file": Path(args.file).name, "pi": section, "words": tuned.words, "margins": _margins(tuned)}
         print_json("tune", {**facts, "verdicts": verdicts}, version=3)
         return 0
+    by_law = scaling_by_load_law(pf, args.unit, args.scaling)
     simulated = [*_simulated(tuned, _reference_step(pf)), *_beyond_limits(tuned, pf)]
     verdicts += record_notes(pf)
-    lines = [*verdicts, *derived, *_sentences(tuned, changed), *simulated, *_scaling_by_load_law(changed, args)]
+    lines = [*verdicts, *derived, *_sentences(tuned, changed), *simulated, *by_law]
     out = Printer(quiet=args.quiet)
     for line in lines:
         out.show(line)
@@ -156,7 +155,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _tuned(pf: "ParameterFile", d: "DynamicsSection", args: argparse.Namespace) -> "TunedPi":
+def _tuned(pf: "ParameterFile", d: "DynamicsSection", args: argparse.Namespace, against: str) -> "TunedPi":
+    """Gains for a specification; ``against`` is why they must not be used, or empty."""
     from ..core.verdict import DO_NOT_USE, verdict_from
     from ..ident import tune_pi
     from ..parameters.gather.control import model_of
@@ -169,7 +169,7 @@ def _tuned(pf: "ParameterFile", d: "DynamicsSection", args: argparse.Namespace) 
             for options in (limits, controller)
         )
     verdict = None if d.verdict is None else d.verdict.verdict
-    if against := _against_load_law(pf, args):
+    if against:
         known = () if verdict is None else tuple((verdict.level, words) for words in verdict.reasons)
         verdict = verdict_from([(DO_NOT_USE, against), *known])
     return tune_pi(
@@ -266,10 +266,13 @@ def _margins(tuned: "TunedPi") -> list[dict[str, Any]]:
 
 def _derive_scaling(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
     """Set the scaling where ``--unit`` stands alone: of the two units, or by the load law, which is said."""
-    d, law = pf.dynamics, _slope_of_law(pf, args)
+    from ..parameters.checks.record import load_slope
+    from ..parameters.messages import in_unit
+
+    d, law = pf.dynamics, load_slope(pf, args.unit)
     if d is None or args.scaling is not None or args.unit is None:
         return []
-    args.scaling = _factor(d.unit_u, args.unit) if d.unit_u else None
+    args.scaling = in_unit(1.0, d.unit_u, args.unit) if d.unit_u else None
     if args.scaling is not None or law is None or not d.dc_gain:
         return []
     args.scaling = float(f"{abs(d.dc_gain / law[1]):.4g}")  # of two experiments; the sign is checked next
@@ -277,31 +280,6 @@ def _derive_scaling(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
         f"Scaling {args.scaling:g} {law[0]} per {d.unit_u}: the static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u} "
         f"of the model over the slope {law[1]:.4g} {d.unit_y} per {law[0]} of the load law (derived, not measured)."
     ]
-
-
-def _slope_of_law(pf: "ParameterFile", args: argparse.Namespace) -> tuple[str, float] | None:
-    """Unit of the command and load per unit of it by the load law; None where the dynamics cannot be compared."""
-    d, laws = pf.dynamics, [law for law in pf.laws.values() if law.form == "load_line"]
-    assert d is not None  # noqa: S101  tuned on it
-    if len(laws) != 1:
-        return None
-    law, feed = laws[0], laws[0].factors[0].unit
-    load, command = _factor(law.unit, d.unit_y), _factor(args.unit or feed, feed)
-    B = law.coefficients["B"]
-    return (args.unit or feed, B * load * command) if B and load and command else None
-
-
-def _factor(unit: str, to: str) -> float | None:
-    """One unit in another one; None where they have other dimensions."""
-    import numpy as np
-
-    from ..datasets.units import convert, is_unit, same_dimension
-
-    if unit == to:
-        return 1.0
-    if not (is_unit(unit) and is_unit(to) and same_dimension(unit, to)):
-        return None
-    return float(convert(np.array(1.0), unit, to))
 
 
 def _check_scaling(args: argparse.Namespace) -> None:
@@ -316,10 +294,12 @@ def _check_scaling(args: argparse.Namespace) -> None:
 
 def _check_limits(pf: "ParameterFile", args: argparse.Namespace) -> None:
     """Raise UsageError where the limits of the command leave nothing, alone or of the feed limits of the file."""
+    from ..parameters.messages import in_unit
+
     if None not in (args.low, args.high) and args.low >= args.high:
         raise UsageError(f"--low {args.low:g} must lie below --high {args.high:g}; interchange them?")
     line = pf.load_line
-    factor = None if line is None or args.unit is None else _factor(line.unit_feed, args.unit)
+    factor = None if line is None or args.unit is None else in_unit(1.0, line.unit_feed, args.unit)
     if line is None or factor is None:
         return
     low, high = line.lower.value * factor, line.upper.value * factor
@@ -329,56 +309,6 @@ def _check_limits(pf: "ParameterFile", args: argparse.Namespace) -> None:
             f"{given} {args.unit}: outside the feed limits of the file, {low:.4g} to {high:.4g} {args.unit} "
             f"({line.lower.value:.4g} to {line.upper.value:.4g} {line.unit_feed}). Check --unit, or leave them out."
         )
-
-
-def _against_load_law(pf: "ParameterFile", args: argparse.Namespace) -> str:
-    """Sentence on dynamics or a scaling that contradict the load law; empty where none does."""
-    d, law = pf.dynamics, _slope_of_law(pf, args)
-    assert d is not None  # noqa: S101  tuned on it
-    if law is None or not math.isfinite(d.dc_gain):
-        return ""
-    feed, B = law
-    slope = f"{d.unit_y} per {feed}"
-    scaling = args.scaling or (1.0 if d.unit_u == feed else None)
-    if d.dc_gain * B < 0:
-        falls, rises = ("falls", "rises") if d.dc_gain < 0 else ("rises", "falls")
-        return (
-            f"By the dynamics the load {falls} where the feed rises (static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u}"
-            f"), by the load law it {rises} ({B:.4g} {slope}): the sign of the load sensor or of the command is "
-            "reversed in one of the two records, and the control would be positive feedback. Check the sensor and "
-            "identify again."
-        )
-    if scaling is not None and not 1 / REFUSED <= d.dc_gain / scaling / B <= REFUSED:
-        return (
-            f"By dynamics and scaling the load changes by {d.dc_gain / scaling:.4g} {slope}, by the load law by "
-            f"{B:.4g}: {d.dc_gain / scaling / B:.2g} times as much, outside {1 / REFUSED:g} to {REFUSED:g}. The "
-            f"given scaling is {scaling:g}; by the load law 1 {d.unit_u} is {d.dc_gain / B:.4g} {feed}: --scaling "
-            f"{d.dc_gain / B:.4g}."
-        )
-    return ""
-
-
-def _scaling_by_load_law(pf: "ParameterFile", args: argparse.Namespace) -> list[str]:
-    """The scaling of the input by the load law, where another one or none was given."""
-    d, law = pf.dynamics, _slope_of_law(pf, args)
-    assert d is not None  # noqa: S101  tuned on it
-    if law is None:
-        return []
-    feed, B = law
-    scaling = d.dc_gain / B
-    given = args.scaling or (1.0 if d.unit_u == feed else None)
-    if scaling <= 0 or (given and max(given / scaling, scaling / given) <= AGREE):
-        return []
-    by_law = (
-        f"By the load law 1 {d.unit_u} is {scaling:.4g} {feed}: the static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u} "
-        f"of the model over the slope {B:.4g} {d.unit_y} per {feed} of the law. "
-    )
-    if given is None:
-        return [f"{by_law}For gains in feed add --unit {feed} --force."]
-    return [
-        f"{by_law}The given scaling is {given:g}, {given / scaling:.2g} times that: check it; a run under other "
-        "cutting conditions than the tests has another gain."
-    ]
 
 
 def _unit(pi: Any) -> str:  # noqa: ANN401

@@ -876,6 +876,19 @@ def test_settings_that_the_file_has_kept_are_repeated_too(tmp_path):
     assert to_repeat(project, entry) == []
 
 
+def test_laws_that_must_not_be_used_lead_to_no_limits(client):
+    rows = [
+        f"E{k};{V};{f};2;{t};{0.1 + 0.05 * ((7 * k + 3 * t) % 5):.4f}"
+        for k, (V, f) in enumerate((V, f) for V in (100, 150, 200) for f in (0.1, 0.2, 0.3))
+        for t in (2, 4, 8, 12)
+    ]
+    client.upload("random.csv", (HEAD + "\n".join(rows)).replace(".", ",").encode())
+    text = client.until_done("/files/random.csv/laws")
+    assert "do not use" in text
+    assert "None of these laws may be used" in text
+    assert "Next:" not in text
+
+
 def test_each_form_states_what_was_done(tmp_path):
     commands = [
         ("settings PARAMS --worn 0.28 --force", 0),
@@ -884,7 +897,8 @@ def test_each_form_states_what_was_done(tmp_path):
     ]
     project, entry, of = run_project(tmp_path, commands)
     found = states(project, entry, of)
-    assert found["settings"].words == "done: reference 0.24 A, feed 601 to 1019 mm/min"
+    words = "done: reference 0.24 A, feed 601 to 1019 mm/min, an unknown share of tools within the wear limits"
+    assert (found["settings"].words, found["settings"].colour) == (words, "doubt")
     assert found["tune"].words == "done: kp 1, ki 2"
     assert found["check"].words == "done: passed"
     assert found["export"].words == found["costs"].words == "not done"

@@ -11,6 +11,7 @@ from fitmodels.ident import Model
 from fitmodels.ident.pi.loop import loop_of
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
+from fitmodels.parameters.sections.base import VerdictSection
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_pictures")]
 
@@ -254,6 +255,22 @@ def test_the_unit_alone_takes_the_scaling_from_the_load_law(tmp_path, monkeypatc
     code, _, err = tune(capsys, "--rise", "2", "--unit", "rpm", "--force")
     assert code == 2
     assert "--unit alone needs a load law of the file in that unit" in err
+
+
+def test_gains_of_a_scaling_by_a_law_that_must_not_be_used_must_not_be_used(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    pf = published("CLM-2023")
+    bad = {"level": "do not use for control", "reasons": ["One current is 261 A."]}
+    law = pf.laws["I"].model_copy(update={"verdict": VerdictSection(**bad)})
+    parameters.write(sealed(pf, pi=None, laws={"I": law}), tmp_path / "p.json")
+    code, out, _ = tune(capsys, "--rise", "2", "--settle", "4", "--unit", "mm/min")
+    assert code == 0
+    assert "Verdict on the gains: do not use" in out
+    assert "derived from the law of 'I', which must not be used: One current is 261 A." in " ".join(out.split())
+    assert parameters.read("p.json").pi.verdict.level == bad["level"]
+    code, out, _ = tune(capsys, "--rise", "2", "--settle", "4", "--scaling", "1459", "--unit", "mm/min", "--force")
+    assert code == 0
+    assert "Verdict on the gains: usable with reservations" in out
 
 
 def test_the_unit_alone_converts_a_command_in_another_unit_and_refuses_a_reversed_sensor(tmp_path, monkeypatch, capsys):

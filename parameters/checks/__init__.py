@@ -2,7 +2,7 @@
 
 report   findings; verdicts of laws, dynamics and force process, and the refusal to export what must not be used
 values   units, covariances, posterior, dynamics and settings; gains, loop_figures: the gains on the dynamics
-record   the record of the dynamics against the load tests
+record   the record of the dynamics against the load tests: range, slope, scaling
 """
 
 import os

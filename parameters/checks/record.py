@@ -1,12 +1,16 @@
-"""The record of the dynamics against the load tests: whether both were made in the same range of load."""
+"""The record of the dynamics against the load tests: ranges of load, static gain and slope, scaling of the command."""
 
+import math
 from typing import Final
 
 from ...core.verdict import DO_NOT_USE
 from ..file import ParameterFile
 from ..messages import in_unit, short
+from ..sections.law import LawSection
 from ..setting_words import loads_tested
 
+AGREE: Final = 1.25  # static gain and slope of a load law are from two experiments
+REFUSED: Final = 2.0  # a ratio of the two beyond this, or its inverse, is a wrong scaling or unit
 MARGIN: Final = 0.25  # of the range of loads tested: a mean of the record may lie this far outside
 
 
@@ -25,7 +29,7 @@ def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> 
     if model is None or model.operating_point is None or model.integrating or any(map(DEVIATIONS.search, model.notes)):
         return []
     for law in pf.laws.values():
-        if law.form != "load_line" or (law.verdict is not None and law.verdict.concern == DO_NOT_USE):
+        if law.form != "load_line" or _is_barred(law):
             continue
         point = in_unit(model.operating_point[1], model.unit_y, law.unit)
         low, high = loads_tested(law)
@@ -41,3 +45,92 @@ def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> 
             "--deviations; otherwise it was not made in a cut."
         ]
     return []
+
+
+def load_slope(pf: ParameterFile, unit: str | None) -> tuple[str, float] | None:
+    """Unit of the command, and change of the output of the dynamics for one unit of it by the load law.
+
+    None where there is no single load law, or where the units cannot be compared.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+        With dynamics.
+    unit : str or None
+        Of the command; None: that of the feed of the law.
+    """
+    d, laws = pf.dynamics, _load_laws(pf)
+    if d is None or len(laws) != 1:
+        return None
+    law, feed = laws[0], laws[0].factors[0].unit
+    load, command = in_unit(1.0, law.unit, d.unit_y), in_unit(1.0, unit or feed, feed)
+    B = law.coefficients["B"]
+    return (unit or feed, B * load * command) if B and load and command else None
+
+
+def against_scaling_by_law(pf: ParameterFile) -> str:
+    """Sentence on a scaling that a load law gives which must not be used; empty where it may be used."""
+    law = next((law for law in _load_laws(pf) if law.verdict is not None and _is_barred(law)), None)
+    if law is None or law.verdict is None:
+        return ""
+    return (
+        f"The scaling is derived from the law of {short(law.response)}, which must not be used: "
+        f"{law.verdict.reasons[0]} Give the measured one with --scaling, or correct the tests and fit again."
+    )
+
+
+def against_load_law(pf: ParameterFile, unit: str | None, scaling: float | None) -> str:
+    """Sentence on dynamics or a scaling that contradict the load law; empty where none does."""
+    d, law = pf.dynamics, load_slope(pf, unit)
+    if d is None or law is None or not math.isfinite(d.dc_gain):
+        return ""
+    feed, B = law
+    slope = f"{d.unit_y} per {feed}"
+    scaling = scaling or (1.0 if d.unit_u == feed else None)
+    if d.dc_gain * B < 0:
+        falls, rises = ("falls", "rises") if d.dc_gain < 0 else ("rises", "falls")
+        return (
+            f"By the dynamics the load {falls} where the feed rises (static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u}"
+            f"), by the load law it {rises} ({B:.4g} {slope}): the sign of the load sensor or of the command is "
+            "reversed in one of the two records, and the control would be positive feedback. Check the sensor and "
+            "identify again."
+        )
+    if scaling is not None and not 1 / REFUSED <= d.dc_gain / scaling / B <= REFUSED:
+        return (
+            f"By dynamics and scaling the load changes by {d.dc_gain / scaling:.4g} {slope}, by the load law by "
+            f"{B:.4g}: {d.dc_gain / scaling / B:.2g} times as much, outside {1 / REFUSED:g} to {REFUSED:g}. The "
+            f"given scaling is {scaling:g}; by the load law 1 {d.unit_u} is {d.dc_gain / B:.4g} {feed}: --scaling "
+            f"{d.dc_gain / B:.4g}."
+        )
+    return ""
+
+
+def scaling_by_load_law(pf: ParameterFile, unit: str | None, scaling: float | None) -> list[str]:
+    """Sentences with the scaling of the input by the load law, where another one or none was given."""
+    d, law = pf.dynamics, load_slope(pf, unit)
+    if d is None or law is None:
+        return []
+    feed, B = law
+    found = d.dc_gain / B
+    given = scaling or (1.0 if d.unit_u == feed else None)
+    if found <= 0 or (given and max(given / found, found / given) <= AGREE):
+        return []
+    by_law = (
+        f"By the load law 1 {d.unit_u} is {found:.4g} {feed}: the static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u} "
+        f"of the model over the slope {B:.4g} {d.unit_y} per {feed} of the law. "
+    )
+    if given is None:
+        return [f"{by_law}For gains in feed add --unit {feed} --force."]
+    return [
+        f"{by_law}The given scaling is {given:g}, {given / found:.2g} times that: check it; a run under other "
+        "cutting conditions than the tests has another gain."
+    ]
+
+
+def _load_laws(pf: ParameterFile) -> list[LawSection]:
+    return [law for law in pf.laws.values() if law.form == "load_line"]
+
+
+def _is_barred(law: LawSection) -> bool:
+    """Whether a law must not be used."""
+    return law.verdict is not None and law.verdict.concern == DO_NOT_USE
