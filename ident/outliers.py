@@ -5,6 +5,7 @@ filter separates from a load impulse (a single innovation). Their samples are th
 Tiao & Chen 1988, doi 10.1080/00401706.1988.10488367.
 """
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -114,7 +115,9 @@ def skips(u: Array, stretches: tuple[slice, ...]) -> list[tuple[int, int]]:
         at = np.flatnonzero(off > max(SKIP * float(np.median(off)), 1e-9 * float(np.ptp(part)))) + SKIP_LAGS
         at = at[np.diff(at, prepend=-SKIP_LAGS) > SKIP_LAGS]  # the first of those that see the same place
         if len(at) <= MOST_SKIPS:
-            found += [(s.start + int(k), n) for k in at if (n := _missing(part, int(k)))]
+            for k in at:  # at an extreme of the input the samples after the place deviate first
+                agree = ((int(j), n) for j in (k, k - 1, k - 2) if (n := _missing(part, int(j))))
+                found += [(s.start + j, n) for j, n in itertools.islice(agree, 1)]
     return found
 
 
