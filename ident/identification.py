@@ -83,7 +83,8 @@ class Identification(Plottable):
     bias, causality : str or None
         Sentences on sensor-noise bias and swapped signals, if detected.
     disturbances : Disturbances
-        Spikes, jumps, missing samples, drift, lines and nonlinearity of the record, each with size and place.
+        Spikes, jumps, held readings, missing samples, drift, lines and nonlinearity of the record, each with size and
+        place.
     by_choice : str or None
         Clause on an ARX model that is used by choice.
     amplitudes : AmplitudeTable or None

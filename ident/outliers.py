@@ -28,6 +28,7 @@ MOST_SPIKES, ROUNDS = 0.05, 6  # share of the samples above which the noise has 
 SKIP = 30.0  # median errors of the prediction of a smooth input at samples that may be missing
 SKIP_LAGS, SKIP_NEAR, SKIP_AFTER = 6, 60, 6  # lags of the prediction; samples before it, and after it that must agree
 MOST_SKIPS, LONGEST_SKIP = 5, 25  # more places are edges of the input; samples missing at one place
+FEWEST_HELD, CHANCE = 4, 1e-3  # equal readings of a held output, and their probability in a record without one
 AGREES = 0.2  # of the difference that remains
 MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
@@ -119,6 +120,26 @@ def skips(u: Array, stretches: tuple[slice, ...]) -> list[tuple[int, int]]:
                 agree = ((int(j), n) for j in (k, k - 1, k - 2) if (n := _missing(part, int(j))))
                 found += [(s.start + j, n) for j, n in itertools.islice(agree, 1)]
     return found
+
+
+def held(rec: Record, scatter: float) -> list[tuple[int, int]]:
+    """Runs (k, n) of n equal readings of the output from sample k on, while the input changes; none that are chance.
+
+    An innovation of standard deviation ``scatter`` lets a reading of resolution q repeat with probability
+    q / (scatter sqrt(2 pi)) at most; a sensor that is read more often than it measures repeats others, too.
+    """
+    levels = np.unique(rec.y)
+    if len(levels) < 2 or not scatter:
+        return []
+    chance = float(np.diff(levels).min()) / (scatter * np.sqrt(2 * np.pi))
+    first = np.r_[True, np.diff(rec.y) != 0.0]
+    first[[s.start for s in rec.stretches]] = True
+    at = np.flatnonzero(first)
+    counts = np.diff(np.r_[at, len(rec)])
+    others = (len(rec) - len(at) - (counts - 1) + 1) / len(rec)  # repeated readings outside of each run
+    rare = len(rec) * np.minimum(np.maximum(chance, others), 1.0) ** (counts - 1) < CHANCE
+    runs = zip(at[rare].tolist(), counts[rare].tolist(), strict=True)
+    return [(k, n) for k, n in runs if n >= FEWEST_HELD and np.ptp(rec.u[k : k + n])]
 
 
 def _missing(u: Array, k: int) -> int:

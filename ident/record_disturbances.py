@@ -1,4 +1,4 @@
-"""Disturbances of a record: spikes, jumps, missing samples, drift, lines, nonlinearity, quantisation.
+"""Disturbances of a record: spikes, jumps, held readings, missing samples, drift, lines, nonlinearity, quantisation.
 
 Spikes are replaced in the record; drift and lines are additional regressors of the output; the others cannot be
 removed and are reservations. Records of more than 4000 samples are tested on their middle part, spikes on all samples.
@@ -23,14 +23,14 @@ from .additive_disturbances import (
     relative_size,
 )
 from .estimators.high_order_arx import EXACT, LongArx, input_lags, long_arx, middle, offsets_of, order_of, spread
-from .outliers import JUMP, MOST_SPIKES, innovations, jumps, skips, without_spikes
+from .outliers import JUMP, MOST_SPIKES, held, innovations, jumps, skips, without_spikes
 from .static_nonlinearity import Nonlinearity, clipped, nonlinearity, quantum
 
 RELEVANT = 0.02  # of the standard deviation of y: smaller drift and lines are named without a reservation
 NARROW = 0.02  # of half the range of u: smaller dead zones and backlash are named without a reservation
 FEWEST_STEPS = 20  # of a quantised output over its range
 COARSE = 0.5  # standard deviation of the rounding per standard deviation of the innovations
-CHECKED = "Spikes, jumps, missing samples, drift, lines and nonlinearity"
+CHECKED = "Spikes, jumps, held readings, missing samples, drift, lines and nonlinearity"
 SHOWN = 6  # samples of spikes that are named
 
 
@@ -42,10 +42,10 @@ class Disturbance:
     ----------
     kind : str
         ``spikes``, ``heavy tails``, ``jump``, ``drift``, ``line``, ``dead zone``, ``backlash``, ``saturation``,
-        ``curvature``, ``missing samples``, ``quantisation``, or ``clipped output``.
+        ``curvature``, ``held output``, ``missing samples``, ``quantisation``, or ``clipped output``.
     size : float
         In ``unit``: amplitude of a line, range of a drift, largest spike or jump, width of a dead zone, level of a
-        saturation, number of missing samples.
+        saturation, number of missing samples or of equal readings.
     unit : str
     place : str
         Samples, frequency or range of the input.
@@ -141,17 +141,17 @@ def disturbances(rec: Record) -> Disturbances:
     part = middle(clean)
     lags = input_lags(part, order)
     fit = long_arx(part, order, lags)
-    static = [*_of_missing_samples(rec), *_of_quantum(rec, fit), *_of_clipping(rec)]
+    static = [*_of_missing_samples(rec), *_of_quantum(rec, fit), *(_of_clipping(rec) or _of_held(rec, fit))]
     clean = replace(rec, y=clean.y + offsets_of(clean)[:, 1] - offsets_of(rec)[:, 1], sha256=rec.sha256)
     if fit.rss <= EXACT * float(part.y @ part.y):
         return Disturbances(tuple(static), clean, remark="the record has no noise")
-    drift, lines, held = drift_and_lines(part, fit)
-    found = _static(spread(clean), order, lines, drift, held if len(part) == len(rec) else None)
+    drift, lines, whole = drift_and_lines(part, fit)
+    found = _static(spread(clean), order, lines, drift, whole if len(part) == len(rec) else None)
     named = [
         *_of_spikes(rec, clean, replaced, heavy),
         *_of_jumps(clean, fit),
-        *_of_drift(part, held, drift),
-        *_of_lines(part, held, lines, drift),
+        *_of_drift(part, whole, drift),
+        *_of_lines(part, whole, lines, drift),
     ]
     named += [*_of_nonlinearity(rec, found), *static]
     return Disturbances(tuple(named), clean, lines, drift, replaced)
@@ -177,11 +177,11 @@ def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:
     return replace(clean, u=rec.u, offsets=rec.offsets), replaced, heavy
 
 
-def _static(rec: Record, order: int, lines: tuple[float, ...], drift: int, held: LongArx | None) -> Nonlinearity | None:
-    """Nonlinearity of the input, tested with drift and lines; ``held`` is their regression on this record, if known."""
+def _static(rec: Record, order: int, lines: tuple[float, ...], drift: int, fit: LongArx | None) -> Nonlinearity | None:
+    """Nonlinearity of the input, tested with drift and lines; ``fit`` is their regression on this record, if known."""
     additional = additional_columns(rec, lines, drift)
-    held = held or long_arx(rec, order, input_lags(rec, order), additional)
-    return nonlinearity(held, rec, rec.u + offsets_of(rec)[:, 0], additional)
+    fit = fit or long_arx(rec, order, input_lags(rec, order), additional)
+    return nonlinearity(fit, rec, rec.u + offsets_of(rec)[:, 0], additional)
 
 
 def _unit(unit: str) -> str:
@@ -232,6 +232,19 @@ def _of_missing_samples(rec: Record) -> list[Disturbance]:
         "missing, though the times go on: the acquisition loses samples. Record again, with times from its clock"
     )
     return [Disturbance("missing samples", float(most), "", place, words)]
+
+
+def _of_held(rec: Record, fit: LongArx) -> list[Disturbance]:
+    found = held(rec, float(np.sqrt(fit.rss / max(fit.free, 1))))
+    if not found:
+        return []
+    places = np.array([k for k, _ in found], dtype=np.intp)
+    place, most = f"sample{'s' * (len(found) > 1)} {_shown(places)}", max(n for _, n in found)
+    words = (
+        f"the output {rec.output} has up to {most} equal readings in a row from {place} on, while {rec.input} changes "
+        "and its other readings differ: the sensor or the acquisition held its value. Record again"
+    )
+    return [Disturbance("held output", float(most), "", place, words)]
 
 
 def _shown(at: NDArray[np.intp]) -> str:

@@ -181,7 +181,7 @@ def test_an_identification_is_as_accurate_beside_disturbances_and_names_them():
     assert found.verdict.level == 1
     assert [item.kind for item in found.disturbances.found] == ["spikes", "drift", "line"]
     assert sum("output y" in reason for reason in found.verdict.reasons) == 3
-    assert "Spikes, jumps, missing samples, drift, lines and nonlinearity" in found.verdict.checked
+    assert "Spikes, jumps, held readings, missing samples, drift, lines and nonlinearity" in found.verdict.checked
 
 
 @pytest.mark.parametrize("size", [1.0, -5.0])
@@ -223,6 +223,24 @@ def test_one_missing_sample_is_found_anywhere_in_a_chirp():
 )
 def test_edges_of_an_input_are_no_missing_samples(u):
     assert skips(u, (slice(0, len(u)),)) == []
+
+
+@pytest.mark.parametrize("length", [4, 10])
+def test_a_held_output_is_named(length):
+    """A sensor that repeats its reading while the input changes; readings with noise do not repeat."""
+    whole = record(CLM)
+    y = np.r_[whole.y[:300], np.full(length, whole.y[300]), whole.y[300 + length :]]
+    (item,) = disturbances(Record(u=whole.u, y=y, sample_time=T)).found[-1:]
+    assert (item.kind, item.size, item.place, item.level) == ("held output", length, "sample 301", 1)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.5, "sampled slowly"])
+def test_repeated_readings_of_a_coarse_or_slow_sensor_are_not_held(step):
+    whole = record(CLM)
+    slow = step == "sampled slowly"
+    y = np.repeat(whole.y[::5], 5) if slow else np.round(whole.y / (step * np.std(whole.y))) * step * np.std(whole.y)
+    found = disturbances(Record(u=whole.u, y=y, sample_time=T)).found
+    assert "held output" not in [item.kind for item in found]
 
 
 def test_a_slow_plant_is_not_taken_for_a_drift():
