@@ -12,6 +12,7 @@ Records are 15 s at 50 Hz, input a chirp of 0.1 to 2 Hz with an amplitude of 2.5
     drift        straight line; its range relative to the rms of the output
     dead zone    of the size times the amplitude of the input, to both sides of zero
     backlash     half its width, relative to the amplitude of the input
+    held output  a reading that is repeated for so many samples
     saturation   of the input beyond this share of its amplitude, to both sides; override: above it only
 
 A spike, a line, a drift is found where it is named at its place (a sample, .1 Hz). A nonlinearity is found where one is
@@ -42,9 +43,10 @@ SIZES = {
     "backlash": (0.05, 0.1, 0.2, 0.3),
     "saturation": (0.9, 0.8, 0.7, 0.5),
     "override": (0.9, 0.8, 0.7, 0.5),
+    "held output": (4, 10),
 }
 STATIC = ("dead zone", "backlash", "saturation", "curvature")
-REQUIRED = {"spikes": 0.95, "line": 0.95, "dead zone": 0.8, "saturation": 0.8, "override": 0.8}
+REQUIRED = {"spikes": 0.95, "line": 0.95, "dead zone": 0.8, "saturation": 0.8, "override": 0.8, "held output": 0.95}
 
 
 def acting(kind, size, u):
@@ -78,7 +80,11 @@ def drawn(cell, seed, draw):
     plant, u = plant_of(name), INPUTS[signal]()
     x = plant.simulate(acting(kind, size, play(u, 0.25) if name == "lag with backlash" else u))
     extra, place = added(kind, size, len(x), rng)
-    return Record(u=u, y=x + noise_of(noise, plant, x, rng) + np.std(x) * extra, sample_time=T), place
+    y = x + noise_of(noise, plant, x, rng) + np.std(x) * extra
+    if kind == "held output":
+        first = int(rng.integers(20, len(y) - 40))
+        y[first : first + size] = y[first]
+    return Record(u=u, y=y, sample_time=T), place
 
 
 def line_of(cell, seed, draw):
