@@ -223,16 +223,28 @@ def tabbed_to(tab, words):
     raise AssertionError(f"no way to {words} by Tab")
 
 
+def chooser_by_space(tab):
+    """The dialog for files of the focused field; a busy browser can lose the first key."""
+    choosers = []
+    tab.once("filechooser", lambda chooser: choosers.append(chooser))
+    for _ in range(12):
+        tab.keyboard.press("Space")
+        for _ in range(50):
+            tab.wait_for_timeout(200)
+            if choosers:
+                return choosers[0]
+    raise AssertionError("Space opens no dialog for files")
+
+
 def test_by_keyboard_alone_from_a_file_to_an_export(opened):
     tab = opened()
     tabbed_to(tab, "Skip to the content")
     tab.keyboard.press("Enter")
     tabbed_to(tab, "Drop files")
-    with tab.expect_file_chooser(timeout=4 * FIRST) as chooser:
-        tab.keyboard.press("Space")
+    chooser = chooser_by_space(tab)
     content = datasets.bundled("gc435_709m40").read_bytes() + b"\n"
     with tab.expect_navigation():
-        chooser.value.set_files({"name": "keys.csv", "mimeType": "text/csv", "buffer": content})
+        chooser.set_files({"name": "keys.csv", "mimeType": "text/csv", "buffer": content})
     fitted(tab)
     tabbed_to(tab, "Unit of column")
     tab.keyboard.press("ArrowDown")
