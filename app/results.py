@@ -13,7 +13,7 @@ from starlette.responses import FileResponse, HTMLResponse, Response
 from .jobs import Job
 from .options import OF_OUTPUT, applied, pairs, typed, words
 from .project import Entry, Project
-from .stages import current_files, files_of, time_of
+from .stages import colour, current_files, files_of, time_of
 
 RECORD: Final = "is a record of one run"  # in a refusal of look
 PICTURES: Final = (".png", ".svg")
@@ -42,15 +42,18 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
     files, former = current_files(project, entry)
     folders = [path.removesuffix("params.json") for path in files]
     found = laws_of(files)
-    laws = [(name, law) for _, name, law in found]
+    laws, judged = [(name, law) for _, name, law in found], levels(found)
     return {
         "cards": [name for name in results if name.endswith("/card.html") and name.startswith(tuple(folders))],
         "is_former": bool(former) and set(files) == set(former),
-        "has_load": any(law.get("form") in ("load_line", "feed_line") and not _is_barred(law) for _, law in laws),
-        "is_barred": bool(laws) and all(_is_barred(law) for _, law in laws),
+        "has_load": any(
+            law.get("form") in ("load_line", "feed_line") and colour(level) != "bad"
+            for (_, law), (_, level) in zip(laws, judged, strict=True)
+        ),
+        "is_barred": bool(judged) and all(colour(level) == "bad" for _, level in judged),
         "rows_of": rows_left_out(list(files.values())),
         "laws": list(dict.fromkeys(name for name, _ in laws)),
-        "levels": levels(found),
+        "levels": judged,
         "suspects": suspects([law for _, law in laws]),
         "remedies": remedies(entry, results),
         "left_out": [(value, one) for one, value in typed(entry.options) if one.startswith("--leave-out")],
@@ -104,11 +107,6 @@ def levels(laws: Sequence[tuple[str, str, Mapping[str, Any]]]) -> list[tuple[str
         (f"{pair}: {name}" if pair else name, (law.get("verdict") or {}).get("level") or "no verdict")
         for pair, name, law in laws
     ]
-
-
-def _is_barred(law: Mapping[str, Any]) -> bool:
-    """Whether a law must not be used."""
-    return str((law.get("verdict") or {}).get("level")).startswith("do not use")
 
 
 def suspects(laws: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:

@@ -21,7 +21,7 @@ USES: Final[Mapping[str, Sequence[str]]] = {  # commands whose later run makes t
     "export": ADDING,
 }  # fmt: skip
 KEPT_OF_SETTINGS: Final = frozenset(f"--{one}" for one in (*(name for name, *_ in ENGAGEMENT), "idle", "on-fault"))
-FEW_OTHERS: Final = 0.9  # share of tools within the wear of the tool change from which the settings are not in doubt
+MOST_TOOLS: Final = 0.9  # fewer within the wear of the tool change put settings in doubt
 LIMITS_OF_GAINS: Final = ("low", "high", "unit")
 
 
@@ -289,7 +289,7 @@ def _state(
     if colour(level) in ("bad", "doubt"):
         return State(f"{level}: {words}", colour(level))
     share = section.get("probability") if name == "settings" else 1.0
-    shown = "good" if isinstance(share, float) and share >= FEW_OTHERS else "doubt"
+    shown = "good" if isinstance(share, int | float) and share >= MOST_TOOLS else "doubt"
     return State(f"done: {words}" if words else "done", shown)
 
 
@@ -351,9 +351,9 @@ def _of_section(name: str, section: Mapping[str, Any]) -> str:
         if name == "settings":
             low, high = section["lower"]["value"], section["upper"]["value"]
             known = section.get("probability")
-            share = "an unknown share" if known is None else f"{known:.0%}"
+            tools = f"{'an unknown share' if known is None else f'{known:.0%}'} of tools within the wear at tool change"
             load, feed = f"{section['reference']:.4g} {section['unit_load']}", section["unit_feed"]
-            return f"reference {load}, feed {low:.4g} to {high:.4g} {feed}, {share} of tools within the wear limits"
+            return f"reference {load}, feed {low:.4g} to {high:.4g} {feed}, {tools}"
         if name == "tune":
             return f"kp {section['kp']:.4g}, ki {section['ki']:.4g}"
         if name == "ident":

@@ -4,6 +4,7 @@ Spikes are replaced in the record; drift and lines are additional regressors of 
 removed and are reservations. Records of more than 4000 samples are tested on their middle part, spikes on all samples.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -198,7 +199,7 @@ def _of_spikes(rec: Record, clean: Record, at: NDArray[np.intp], heavy: bool) ->
     if not at.size:
         return []
     largest = float(np.abs(rec.y[at] - clean.y[at]).max())
-    place = f"sample{'s' * (len(at) > 1)} {_shown(at)}"
+    place = _shown(at)
     words = (
         f"the output {rec.output} has spikes of up to {plain(largest, 3)}{_unit(rec.unit_y)} at {len(at)} of "
         f"{len(rec)} samples ({place}); they were replaced by values consistent with the other samples: check "
@@ -212,7 +213,7 @@ def _of_jumps(rec: Record, fit: LongArx) -> list[Disturbance]:
     at = jumps(e, JUMP[1] * float(np.std(rec.y)))
     if not at.size:
         return []
-    largest, place = float(np.abs(e[at]).max()), f"sample{'s' * (len(at) > 1)} {_shown(at)}"
+    largest, place = float(np.abs(e[at]).max()), _shown(at)
     words = (
         f"the output {rec.output} jumps by up to {plain(largest, 2)}{_unit(rec.unit_y)} at {place}, which neither "
         f"{rec.input} nor the noise of the other samples explains: the load or the offset of the sensor changed there, "
@@ -225,8 +226,7 @@ def _of_missing_samples(rec: Record) -> list[Disturbance]:
     found = skips(rec.u, rec.stretches)
     if not found:
         return []
-    places = np.array([k for k, _ in found], dtype=np.intp)
-    place, most = f"sample{'s' * (len(found) > 1)} {_shown(places)}", max(n for _, n in found)
+    place, most = _shown([k for k, _ in found]), max(n for _, n in found)
     words = (
         f"the input {rec.input}, smooth elsewhere, continues at {place} as if up to {most} samples before it were "
         "missing, though the times go on: the acquisition loses samples. Record again, with times from its clock"
@@ -238,17 +238,19 @@ def _of_held(rec: Record, fit: LongArx) -> list[Disturbance]:
     found = held(rec, float(np.sqrt(fit.rss / max(fit.free, 1))))
     if not found:
         return []
-    places = np.array([k for k, _ in found], dtype=np.intp)
-    place, most = f"sample{'s' * (len(found) > 1)} {_shown(places)}", max(n for _, n in found)
+    place, most = _shown([k for k, _ in found]), max(n for _, n in found)
     words = (
         f"the output {rec.output} has up to {most} equal readings in a row from {place} on, while {rec.input} changes "
-        "and its other readings differ: the sensor or the acquisition held its value. Record again"
+        "and its other readings differ: the sensor or the acquisition held its value, or the machine stood still. "
+        "Record again, or leave these samples out"
     )
     return [Disturbance("held output", float(most), "", place, words)]
 
 
-def _shown(at: NDArray[np.intp]) -> str:
-    return ", ".join(str(k + 1) for k in at[:SHOWN]) + (f" and {len(at) - SHOWN} more" if len(at) > SHOWN else "")
+def _shown(at: Sequence[int] | NDArray[np.intp]) -> str:
+    """Numbers of samples, counted from 1."""
+    more = f" and {len(at) - SHOWN} more" if len(at) > SHOWN else ""
+    return f"sample{'s' * (len(at) > 1)} {', '.join(str(k + 1) for k in at[:SHOWN])}{more}"
 
 
 def _of_drift(rec: Record, fit: LongArx, drift: int) -> list[Disturbance]:

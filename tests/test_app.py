@@ -876,6 +876,17 @@ def test_settings_that_the_file_has_kept_are_repeated_too(tmp_path):
     assert to_repeat(project, entry) == []
 
 
+def test_values_of_the_settings_have_the_labels_of_their_fields():
+    to = places((), {}, "settings")
+    said = "Assumed, each replaced by the option of its name: heartbeat 0.2 s; dwell 4 s; load_low 1 A; the dwell of it"
+    shown = on_page(said, to)
+    assert "by its field under More fields: time without a sign of the load" in shown
+    assert (
+        "; time at the lower feed limit before the tool counts as worn 4 s; smallest valid load reading 1 A;" in shown
+    )
+    assert shown.endswith("the dwell of it")
+
+
 def test_laws_that_must_not_be_used_lead_to_no_limits(client):
     rows = [
         f"E{k};{V};{f};2;{t};{0.1 + 0.05 * ((7 * k + 3 * t) % 5):.4f}"
@@ -897,7 +908,7 @@ def test_each_form_states_what_was_done(tmp_path):
     ]
     project, entry, of = run_project(tmp_path, commands)
     found = states(project, entry, of)
-    words = "done: reference 0.24 A, feed 601 to 1019 mm/min, an unknown share of tools within the wear limits"
+    words = "done: reference 0.24 A, feed 601 to 1019 mm/min, an unknown share of tools within the wear at tool change"
     assert (found["settings"].words, found["settings"].colour) == (words, "doubt")
     assert found["tune"].words == "done: kp 1, ki 2"
     assert found["check"].words == "done: passed"

@@ -266,11 +266,14 @@ def test_gains_of_a_scaling_by_a_law_that_must_not_be_used_must_not_be_used(tmp_
     code, out, _ = tune(capsys, "--rise", "2", "--settle", "4", "--unit", "mm/min")
     assert code == 0
     assert "Verdict on the gains: do not use" in out
-    assert "derived from the law of 'I', which must not be used: One current is 261 A." in " ".join(out.split())
+    assert "derived from a load law. The law of 'I' must not be used: One current is 261 A." in " ".join(out.split())
     assert parameters.read("p.json").pi.verdict.level == bad["level"]
     code, out, _ = tune(capsys, "--rise", "2", "--settle", "4", "--scaling", "1459", "--unit", "mm/min", "--force")
     assert code == 0
     assert "Verdict on the gains: usable with reservations" in out
+    assert tune(capsys, "--rise", "2", "--settle", "4", "--scaling", "200", "--unit", "mm/min", "--force")[0] == 0
+    (reason,) = parameters.read("p.json").pi.verdict.reasons[:1]
+    assert "The law of 'I' must not be used: One current is 261 A. Correct the tests" in reason
 
 
 def test_the_unit_alone_converts_a_command_in_another_unit_and_refuses_a_reversed_sensor(tmp_path, monkeypatch, capsys):

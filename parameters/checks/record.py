@@ -70,13 +70,8 @@ def load_slope(pf: ParameterFile, unit: str | None) -> tuple[str, float] | None:
 
 def against_scaling_by_law(pf: ParameterFile) -> str:
     """Sentence on a scaling that a load law gives which must not be used; empty where it may be used."""
-    law = next((law for law in _load_laws(pf) if law.verdict is not None and _is_barred(law)), None)
-    if law is None or law.verdict is None:
-        return ""
-    return (
-        f"The scaling is derived from the law of {short(law.response)}, which must not be used: "
-        f"{law.verdict.reasons[0]} Give the measured one with --scaling, or correct the tests and fit again."
-    )
+    barred = _barred(pf)
+    return f"The scaling is derived from a load law. {barred}" if barred else ""
 
 
 def against_load_law(pf: ParameterFile, unit: str | None, scaling: float | None) -> str:
@@ -85,7 +80,7 @@ def against_load_law(pf: ParameterFile, unit: str | None, scaling: float | None)
     if d is None or law is None or not math.isfinite(d.dc_gain):
         return ""
     feed, B = law
-    slope = f"{d.unit_y} per {feed}"
+    slope, barred = f"{d.unit_y} per {feed}", _barred(pf)
     scaling = scaling or (1.0 if d.unit_u == feed else None)
     if d.dc_gain * B < 0:
         falls, rises = ("falls", "rises") if d.dc_gain < 0 else ("rises", "falls")
@@ -93,14 +88,14 @@ def against_load_law(pf: ParameterFile, unit: str | None, scaling: float | None)
             f"By the dynamics the load {falls} where the feed rises (static gain {d.dc_gain:.4g} {d.unit_y}/{d.unit_u}"
             f"), by the load law it {rises} ({B:.4g} {slope}): the sign of the load sensor or of the command is "
             "reversed in one of the two records, and the control would be positive feedback. Check the sensor and "
-            "identify again."
+            f"identify again. {barred}".rstrip()
         )
     if scaling is not None and not 1 / REFUSED <= d.dc_gain / scaling / B <= REFUSED:
         return (
             f"By dynamics and scaling the load changes by {d.dc_gain / scaling:.4g} {slope}, by the load law by "
             f"{B:.4g}: {d.dc_gain / scaling / B:.2g} times as much, outside {1 / REFUSED:g} to {REFUSED:g}. The "
             f"given scaling is {scaling:g}; by the load law 1 {d.unit_u} is {d.dc_gain / B:.4g} {feed}: --scaling "
-            f"{d.dc_gain / B:.4g}."
+            f"{d.dc_gain / B:.4g}. {barred}".rstrip()
         )
     return ""
 
@@ -120,15 +115,26 @@ def scaling_by_load_law(pf: ParameterFile, unit: str | None, scaling: float | No
         f"of the model over the slope {B:.4g} {d.unit_y} per {feed} of the law. "
     )
     if given is None:
-        return [f"{by_law}For gains in feed add --unit {feed} --force."]
-    return [
-        f"{by_law}The given scaling is {given:g}, {given / found:.2g} times that: check it; a run under other "
-        "cutting conditions than the tests has another gain."
-    ]
+        said = f"For gains in feed add --unit {feed} --force."
+    else:
+        said = (
+            f"The given scaling is {given:g}, {given / found:.2g} times that: check it; a run under other cutting "
+            "conditions than the tests has another gain."
+        )
+    return [f"{by_law}{said} {_barred(pf)}".rstrip()]
 
 
 def _load_laws(pf: ParameterFile) -> list[LawSection]:
     return [law for law in pf.laws.values() if law.form == "load_line"]
+
+
+def _barred(pf: ParameterFile) -> str:
+    """Sentence on a load law that must not be used, with the first reason; empty where there is none."""
+    for law in _load_laws(pf):
+        if law.verdict is not None and _is_barred(law):
+            what = f"The law of {short(law.response)} must not be used: {law.verdict.reasons[0]}"
+            return f"{what} Correct the tests and fit again, or measure the scaling."
+    return ""
 
 
 def _is_barred(law: LawSection) -> bool:
