@@ -191,6 +191,7 @@ def measured(words, python=sys.executable):
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
         words = [{"{python}": python, "{new}": f"{folder}/new"}.get(word, word) for word in words]
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # the warm-up compiles modules and templates, as a first run
         process = subprocess.Popen(words, stdout=said, stderr=subprocess.STDOUT, env=environment)
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)

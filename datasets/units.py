@@ -39,8 +39,8 @@ def _cubed(lengths: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _ratio(above: tuple[str, ...], below: tuple[str, ...]) -> tuple[str, ...]:
-    """Spell a quotient in both ways: ``a/b`` and ``a b-1``."""
-    return tuple(spelled for a in above for b in below for spelled in (f"{a}/{b}", f"{a} {b}-1"))
+    """Spell a quotient as ``a/b``; ``a b-1`` is rewritten to it."""
+    return tuple(f"{a}/{b}" for a in above for b in below)
 
 
 SPELLINGS: Mapping[str, tuple[str, ...]] = {
@@ -137,11 +137,13 @@ _REWRITES = (
     (r"(?:(?<!\s)\s+)?([/*])\s*", r"\1"),
     (r"(?<=\w)\s+(?=-?\d)", ""),
     (r"\s+", "*"),
+    (r"(?<=.)\*([^\W\d]+)-1$", r"/\1"),
 )
 _PLAIN = re.compile(r"(?!.*\b(?:per|pro|par|por|je)\b)[A-Za-z0-9/]+")  # spellings that no rewriting changes
 _PROSE = re.compile(r"^\W*(?:in|en|units?|einheit|unité|unidad|/)(?:\s*+[:=])?\s++(?=\S)", re.IGNORECASE)
 
 
+@lru_cache(maxsize=4096)  # of quotients the parts come again and again
 def _key(text: str) -> str:
     """Bring a spelling to the form compared: no brackets, ``*`` for blanks, plain digits, u for micro."""
     if _PLAIN.fullmatch(text):
@@ -152,7 +154,9 @@ def _key(text: str) -> str:
     return key
 
 
-_BY_KEY: dict[str, str] = {_key(s): unit for unit, spellings in SPELLINGS.items() for s in spellings}
+_BY_KEY: dict[str, str] = {
+    "/".join(map(_key, spelling.split("/"))): unit for unit, spellings in SPELLINGS.items() for spelling in spellings
+}
 _BY_FOLDED: dict[str, str] = {key.casefold(): unit for key, unit in _BY_KEY.items() if sum(map(str.isalpha, key)) >= 3}
 
 

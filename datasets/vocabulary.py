@@ -223,8 +223,9 @@ def _key(name: str, umlauts: bool = True) -> str:
 
 
 def _index() -> dict[str, tuple[str, ...]]:
-    named = [(name, (role.symbol,)) for role in _TABLE for name in role.names]
-    return {_key(name, umlauts): roles for name, roles in (*named, *_SHARED.items()) for umlauts in (True, False)}
+    named = [*((name, (role.symbol,)) for role in _TABLE for name in role.names), *_SHARED.items()]
+    plain = {_key(name, umlauts=False): roles for name, roles in named}
+    return plain | {_key(name): roles for name, roles in named if not name.isascii()}
 
 
 _BY_NAME: dict[str, tuple[str, ...]] = _index()

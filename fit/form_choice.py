@@ -22,7 +22,6 @@ from .regression import fit_form
 from .rows import SELECTED, LeftOut
 
 ICCS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49)])  # shares of the variance between edges
-ALL = "*"  # stands for the responses that are not named
 LIFE = "T"
 REDUCED = "second-order-reduced"
 TIME = "t"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from ..core.errors import UsageError
 from ..datasets.vocabulary import ROLES, roles_named
 
+ALL = "*"  # stands for the responses that are not named
 EXAMPLE = 'write it as "Ra ~ V, f, d", or "Ra ~ + VB" and "Ra ~ - t" to change the factors of the default law'
 _SIGNED = re.compile(r"([+-])\s*([^,;+-]+)")
 _FUNCTION = re.compile(r"(?:ln|log|log10|exp|I|C)\s*\(|\*|\^|:", re.IGNORECASE)

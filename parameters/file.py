@@ -268,7 +268,13 @@ def as_bytes(pf: ParameterFile, name: str = "the parameter file") -> bytes:
     >>> as_bytes(pf)[:20]
     b'{\n  "schema_version"'
     """
-    return _content(pf.model_dump(), name)[0]
+    data = _renewed(pf.model_dump(), name)
+    content = (json_text(data, indent=2) + "\n").encode()
+    if len(content) > (largest := LIMITS["parameters"].size):
+        raise ParameterError(f"{name}: {len(content)} bytes to write; the limit is {largest}.")
+    if data["content_sha256"] != pf.content_sha256:  # otherwise it was read back when its checksum was made
+        _parse(content, name)
+    return content
 
 
 def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
@@ -287,7 +293,8 @@ def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
     7.0
     """
     data = {**pf.model_dump(), **{name: _data(value) for name, value in sections.items()}}
-    return _content(data, "the parameter file")[1]
+    name = "the parameter file"
+    return _parse(json_text(_renewed(data, name)).encode(), name)
 
 
 def _data(value: object) -> object:
@@ -330,17 +337,13 @@ def require_seal(pf: ParameterFile, name: str) -> None:
         )
 
 
-def _content(data: dict[str, Any], name: str) -> tuple[bytes, ParameterFile]:
-    """Bytes of the file with its checksum, and the file read back from them, so that nothing unreadable is written."""
+def _renewed(data: dict[str, Any], name: str) -> dict[str, Any]:
+    """The data of a file with its checksum."""
     try:
         renewed = {**data, "content_sha256": None}
-        renewed["content_sha256"] = content_sha256(renewed)
-        content = (json_text(renewed, indent=2) + "\n").encode()
+        return {**renewed, "content_sha256": content_sha256(renewed)}
     except (TypeError, ValueError, RecursionError) as error:
         raise ParameterError(f"{name}: a section has a value that JSON cannot represent: {error}.") from None
-    if len(content) > (largest := LIMITS["parameters"].size):
-        raise ParameterError(f"{name}: {len(content)} bytes to write; the limit is {largest}.")
-    return content, _parse(content, name)
 
 
 def _bytes(path: Path) -> bytes:

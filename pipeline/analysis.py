@@ -245,28 +245,24 @@ def analysis_stages(
     """Each pair as soon as it is analysed, and whether it is complete.
 
     With ``previews`` a pair comes before as well, as soon as its laws are judged: with laws, checks and tool life in a
-    parameter file without posteriors. One whose posteriors are drawn by chains comes before and after these.
+    parameter file without posteriors. These can change a verdict afterwards where they disagree with the law.
     """
+    from ..parameters.collection import completed
+    from ..parameters.gather.law import disagreement
+
     for one in pairs_of(runs, options):
         step(f"fitting {one.tool} on {one.work}")
-        fitted = fit_laws(one, options)
-        if previews and fitted.laws and needs_chains(fitted, options):
-            yield replace(fitted, parameters=parameter_file(fitted, options, command=command)), False
-        pair = with_posteriors(fitted, options, step=step)
-        if pair.laws and not pair.failed:
-            from ..parameters.collection import completed
-
+        pair, pf = fit_laws(one, options), None
+        if previews and pair.laws:
             pf = parameter_file(pair, options, command=command, complete=False)
-            if previews:
-                yield replace(pair, parameters=pf), False
+            yield replace(pair, parameters=pf), False
+        pair = with_posteriors(pair, options, step=step)
+        if pair.laws and not pair.failed:
+            laws = {law.response: law for law in pair.laws}
+            if pf is None or any(disagreement(laws[post.response], post) for post in pair.posteriors):
+                pf = parameter_file(pair, options, command=command, complete=False)
             pair = replace(pair, parameters=completed(pf, pair.posteriors, pair.no_posterior))
         yield pair, True
-
-
-def needs_chains(pair: PairAnalysis, options: FitOptions) -> bool:
-    """Whether posteriors of a pair are probably drawn by chains, which take seconds to minutes."""
-    nonlinear = any(law.error == "additive" and law.formula.logarithmic for law in pair.laws)
-    return options.student or options.verify or nonlinear
 
 
 def pairs_of(runs: "Runs", options: FitOptions) -> "tuple[Runs, ...]":

@@ -84,7 +84,7 @@ checks) to 1000000.
     posterior_figures: bool = False
 
     def __post_init__(self) -> None:
-        from ..fit.bayes.draw_posterior import FEWEST, MOST
+        from ..fit.bayes import FEWEST_DRAWS, MOST_DRAWS
         from ..fit.law_requests import parse_laws
 
         ReadOptions.__post_init__(self)
@@ -101,9 +101,9 @@ checks) to 1000000.
             raise UsageError(f"gauge_sd {self.gauge_sd}: a standard deviation is not below zero, for instance 0.01.")
         if not (_is_whole(self.seed) and 0 <= self.seed < 2**32):
             raise UsageError(f"seed {self.seed}: give a whole number from 0 to {2**32 - 1}.")
-        if not (_is_whole(self.draws) and FEWEST <= self.draws <= MOST):
-            few = f"{FEWEST} (fewer cannot pass the convergence checks)"
-            raise UsageError(f"draws {self.draws}: give a whole number from {few} to {MOST}.")
+        if not (_is_whole(self.draws) and FEWEST_DRAWS <= self.draws <= MOST_DRAWS):
+            few = f"{FEWEST_DRAWS} (fewer cannot pass the convergence checks)"
+            raise UsageError(f"draws {self.draws}: give a whole number from {few} to {MOST_DRAWS}.")
         if not isinstance(self.priors, str | os.PathLike | Mapping):
             raise UsageError(
                 f"priors {self.priors!r}: give 'weak', 'reference', the path of a TOML file or its content."
@@ -122,11 +122,14 @@ checks) to 1000000.
         >>> FitOptions(form="second_order").forms, FitOptions(form={"Ra": "linear"}).forms
         ({'*': 'second-order'}, {'Ra': 'linear'})
         """
+        if not self.form and isinstance(self.form, str):
+            return {}
         from ..datasets.vocabulary import ROLES
-        from ..fit.form_choice import ALL, form_named
+        from ..fit.form_choice import form_named
+        from ..fit.law_requests import ALL
 
         if isinstance(self.form, str):
-            return {ALL: form_named(self.form).name} if self.form else {}
+            return {ALL: form_named(self.form).name}
         if not isinstance(self.form, Mapping):
             raise UsageError(f"form {self.form!r}: give the name of a form, or one for each response.")
         for name in self.form:
@@ -136,17 +139,17 @@ checks) to 1000000.
 
     def form_of(self, response: str) -> str | None:
         """Form that the law of a response is kept in; None for the usual one."""
-        from ..fit.form_choice import ALL
+        from ..fit.law_requests import ALL
 
         forms = self.forms
         return forms.get(response, forms.get(ALL))
 
     def prior_tables(self) -> str | Mapping[str, object]:
         """The priors as `fit.posterior` takes them, read where they are a file."""
-        from ..fit.bayes.priors_file import read_priors
-
         if isinstance(self.priors, Mapping) or self.priors in NAMED_PRIORS:
             return self.priors
+        from ..fit.bayes.priors_file import read_priors
+
         return read_priors(Path(self.priors))
 
     def recorded(self) -> dict[str, Any]:

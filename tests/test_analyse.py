@@ -14,8 +14,6 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.core.errors import DataError, FitError, UsageError
 from fitmodels.fit.law_figures import response_surface
-from fitmodels.parameters import collection
-from fitmodels.parameters.gather import posterior
 from fitmodels.pipeline import FitOptions, analyse
 from fitmodels.pipeline.analysis import analyse_runs, analysis_stages
 from fitmodels.pipeline.options import RECORDED
@@ -296,15 +294,12 @@ def test_a_surface_without_slope_is_drawn_without_contours(level, tmp_path):
     drawn.figure.savefig(tmp_path / "surface.png")
 
 
-def test_a_pair_comes_with_its_judged_laws_before_its_posteriors_are_summarised(monkeypatch):
-    summarised = []
-    monkeypatch.setattr(
-        collection, "posterior_section", lambda *of: summarised.append(of) or posterior.posterior_section(*of)
-    )
+def test_a_pair_comes_with_its_judged_laws_before_its_posteriors_are_drawn():
     runs, options = datasets.read_runs(SMALL), FitOptions(draws=1000)
     stages = analysis_stages(runs, options)
-    (first, complete), held = next(stages), len(summarised)
-    assert (complete, held, first.parameters.posterior, first.parameters.content_sha256) == (False, 0, None, None)
+    first, complete = next(stages)
+    assert (complete, first.posteriors, first.parameters.posterior) == (False, (), None)
+    assert first.parameters.content_sha256 is None
     (last, complete), *others = stages
     assert complete
     assert not others
@@ -312,3 +307,23 @@ def test_a_pair_comes_with_its_judged_laws_before_its_posteriors_are_summarised(
     assert [law.verdict for law in last.parameters.laws.values()] == [
         law.verdict for law in first.parameters.laws.values()
     ]
+
+
+def test_a_posterior_that_disagrees_changes_the_verdict_after_the_first_stage(monkeypatch):
+    from fitmodels.fit.checks import agreement
+
+    compared = agreement.posterior_agreement
+    found = []
+
+    def disagreeing(law, post):
+        found.append(law.response)
+        return dataclasses.replace(compared(law, post), concern=1, verdict="the posterior differs")
+
+    monkeypatch.setattr(agreement, "posterior_agreement", disagreeing)
+    runs, options = datasets.read_runs(GC435), FitOptions(draws=1000, laws=("AW ~ V, f, d, t",))
+    (first, _), (last, _) = analysis_stages(runs, options)
+    assert set(found) == set(last.parameters.laws)
+    sentences = [" ".join(str(law.checks) for law in one.parameters.laws.values()) for one in (first, last)]
+    assert "the posterior differs" not in sentences[0]
+    assert "the posterior differs" in sentences[1]
+    assert last.parameters == analyse_runs(runs, options).pairs[0].parameters

@@ -15,7 +15,7 @@ from fitmodels.core.errors import FitError, UsageError
 from fitmodels.datasets import runs_from_frame
 from fitmodels.fit.available import NotAvailable
 from fitmodels.fit.composite_law import without_fixed
-from fitmodels.fit.form_choice import ALL
+from fitmodels.fit.law_requests import ALL
 from fitmodels.fit.mechanistic import mean_chip_thickness, table_value, turning_chip
 from fitmodels.fit.regression import fit_form
 from scipy.optimize import curve_fit

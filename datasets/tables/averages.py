@@ -21,14 +21,12 @@ _WORDS = (
     "mean|average|avg|mittelwert|durchschnitt|moyenne|promedio|std dev|stdev|standard deviation|"
     "standardabweichung|stabw|écart-type|ecart-type"
 )
-_AVERAGE = re.compile(
-    rf"(?:(?:{_WORDS})\b[\s\w.,:()#/-]{{0,40}}|[\s\w.,:()#/-]{{0,40}}\b(?:{_WORDS}))[\s:=]*", re.IGNORECASE
-)
+_AVERAGE = re.compile(rf"(?:(?:{_WORDS})\b[\s\w.,:()#/-]{{0,40}}|[\s\w.,:()#/-]{{0,40}}\b(?:{_WORDS}))[\s:=]*")
 _BARE = frozenset(("mw", "ø", "mittel", "media", "moy", "sd", "std", "s"))
 _SHORT = "|".join(re.escape(word) for word in {*FOOTERS, *_BARE} if len(word) < 4)
 _LONG = "|".join(re.escape(word) for word in FOOTERS if len(word) >= 4)
 _AROUND = r"(?:[.:=]|[^\S\n])*+"
-_HINT = re.compile(rf"{_WORDS}|{_LONG}|^{_AROUND}(?:{_SHORT}){_AROUND}$", re.IGNORECASE | re.MULTILINE)  # a quick look
+_HINT = re.compile(rf"{_WORDS}|{_LONG}|^{_AROUND}(?:{_SHORT}){_AROUND}$", re.MULTILINE)  # a quick look
 
 Floats = NDArray[np.float64]
 
@@ -39,8 +37,8 @@ def average_label(text: str) -> bool:
     >>> [average_label(text) for text in ("Mean", "Mittelwert E3:", "E1 average", "meander", "max")]
     [True, True, True, False, False]
     """
-    plain = text.strip().replace(".", " ").replace("  ", " ")
-    return len(plain) <= 2 * 40 and (plain.casefold().strip(" .:=") in _BARE or _AVERAGE.fullmatch(plain) is not None)
+    plain = text.strip().replace(".", " ").replace("  ", " ").casefold()
+    return len(plain) <= 2 * 40 and (plain.strip(" .:=") in _BARE or _AVERAGE.fullmatch(plain) is not None)
 
 
 def average_rows(columns: Sequence[Column], lines: NDArray[np.int64], body: Body) -> dict[int, str]:
@@ -77,7 +75,7 @@ def _holds_label(column: Column) -> bool:
         return any(average_label(text) or footer_label([text]) for _, text in column.bad)
     texts = set(column.values.tolist())
     kinds = "\n".join(set("\n".join(texts).translate(_NO_DIGITS).split("\n")))  # of many names few kinds are left
-    if not _HINT.search(kinds.replace(".", " ").replace("  ", " ")):
+    if not _HINT.search(kinds.replace(".", " ").replace("  ", " ").casefold()):
         return False
     labels = [text for text in texts if text and (average_label(text) or footer_label([text]))]
     return 0 < len(labels) < len(texts) and not all(average_label(t) for t in texts if t)

@@ -11,6 +11,7 @@ from ...core.threads import one_thread
 from ..available import NotAvailable, computed
 from ..edges import EdgeInference
 from ..lawfit import LawFit
+from . import FEWEST_DRAWS, MOST_DRAWS
 from .convergence import Agreement, compare_draws
 from .density import Errors, Method, law_density
 from .posterior import Posterior
@@ -18,7 +19,6 @@ from .priors import Flat, Priors, reference, weak
 from .priors_file import read_priors, replaced
 from .sampling import Progress, draw
 
-FEWEST, MOST = 1000, 1_000_000  # draws: fewer pass the convergence checks by chance only
 MOST_ROWS = 100_000  # of a law that is not linear: every draw evaluates every row
 OFFSET = 7919  # between the seed of the draws and that of the chains that verify them
 
@@ -122,9 +122,10 @@ def _check(law: LawFit, draws: int, seed: int, errors: str, method: str | None) 
         raise UsageError(f"errors={errors!r}: they are 'normal' or 'student'.")
     if method is not None and method not in get_args(Method):
         raise UsageError(f"method={method!r}: it is one of {', '.join(get_args(Method))}.")
-    if not FEWEST <= draws <= MOST:
+    if not FEWEST_DRAWS <= draws <= MOST_DRAWS:
         raise UsageError(
-            f"{draws} draws: at least {FEWEST} (fewer cannot pass the convergence checks) and at most {MOST}."
+            f"{draws} draws: at least {FEWEST_DRAWS} (fewer cannot pass the convergence checks) and at most "
+            f"{MOST_DRAWS}."
         )
     _check_law(law)
 

@@ -171,15 +171,19 @@ def _optional(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], l
     return {name: None if name in failed else value for name, value in found.items()}, notes
 
 
-def _compared(found: "Judgement", law: "LawFit", posterior: "Posterior | None") -> "Judgement":
-    """The judgement with the agreement of the posterior, where its exponents disagree with other estimates."""
+def disagreement(law: "LawFit", posterior: "Posterior | None") -> "Check | None":
+    """The check of a posterior whose exponents disagree with other estimates; None where none does or none is given."""
     from ...fit.available import NotAvailable, computed
     from ...fit.checks.agreement import posterior_agreement
 
     check = None if posterior is None else computed(partial(posterior_agreement, law, posterior))
-    if check is None or isinstance(check, NotAvailable) or not check.concern:
-        return found
-    return replace(found, checks={**found.checks, "agreement": check})
+    return None if check is None or isinstance(check, NotAvailable) or not check.concern else check
+
+
+def _compared(found: "Judgement", law: "LawFit", posterior: "Posterior | None") -> "Judgement":
+    """The judgement with the agreement of the posterior, where its exponents disagree with other estimates."""
+    check = disagreement(law, posterior)
+    return found if check is None else replace(found, checks={**found.checks, "agreement": check})
 
 
 def fitted_fields(law: "LawFit") -> dict[str, Any]:
