@@ -16,6 +16,7 @@ from ..core.errors import UsageError
 from ..datasets.options import Process
 from ..datasets.runs import Readable, Runs, as_runs
 from .available import computed
+from .censored_lives import life_law
 from .law_requests import ALL, LawRequest, named_role, parse_laws, symbol_of
 from .lawfit import LawFit
 from .laws import Error
@@ -265,8 +266,7 @@ def fit_asked(
         A column of the law is not there.
     """
     _check_columns(runs, asked)
-    forms = forms or {}
-    form = forms.get(asked.response, forms.get(ALL))
+    form = (forms := forms or {}).get(asked.response, forms.get(ALL))
     if form is not None:
         from .form_choice import fit_in_form, form_named
 
@@ -285,8 +285,6 @@ def fit_asked(
     if asked.form == "exponential":
         return exponential_law(runs, asked.response, asked.factors[0], error=error, by=by)
     if asked.response == "T" and error == "multiplicative":
-        from .censored_lives import life_law
-
         return life_law(runs, asked.factors, by=by)
     law = fit_form(runs, asked.form, asked.response, asked.factors, error=error, by=by)
     return replace(law, notes=(*law.notes, asked.note)) if asked.note else law
