@@ -268,11 +268,8 @@ def as_bytes(pf: ParameterFile, name: str = "the parameter file") -> bytes:
     >>> as_bytes(pf)[:20]
     b'{\n  "schema_version"'
     """
-    data = _renewed(pf.model_dump(), name)
-    content = (json_text(data, indent=2) + "\n").encode()
-    if len(content) > (largest := LIMITS["parameters"].size):
-        raise ParameterError(f"{name}: {len(content)} bytes to write; the limit is {largest}.")
-    if data["content_sha256"] != pf.content_sha256:  # otherwise it was read back when its checksum was made
+    checksum, content = _content(pf.model_dump(), name, indent=2)
+    if checksum != pf.content_sha256:  # otherwise it was read back when its checksum was made
         _parse(content, name)
     return content
 
@@ -294,7 +291,7 @@ def sealed(pf: ParameterFile, **sections: object) -> ParameterFile:
     """
     data = {**pf.model_dump(), **{name: _data(value) for name, value in sections.items()}}
     name = "the parameter file"
-    return _parse(json_text(_renewed(data, name)).encode(), name)
+    return _parse(_content(data, name)[1], name)
 
 
 def _data(value: object) -> object:
@@ -337,13 +334,17 @@ def require_seal(pf: ParameterFile, name: str) -> None:
         )
 
 
-def _renewed(data: dict[str, Any], name: str) -> dict[str, Any]:
-    """The data of a file with its checksum."""
+def _content(data: dict[str, Any], name: str, **options: int) -> tuple[str, bytes]:
+    """Checksum of the data of a file, and its bytes with this checksum; ``options`` of `json.dumps`."""
     try:
         renewed = {**data, "content_sha256": None}
-        return {**renewed, "content_sha256": content_sha256(renewed)}
+        renewed["content_sha256"] = checksum = content_sha256(renewed)
+        content = (json_text(renewed, **options) + "\n").encode()
     except (TypeError, ValueError, RecursionError) as error:
         raise ParameterError(f"{name}: a section has a value that JSON cannot represent: {error}.") from None
+    if len(content) > (largest := LIMITS["parameters"].size):
+        raise ParameterError(f"{name}: {len(content)} bytes to write; the limit is {largest}.")
+    return checksum, content
 
 
 def _bytes(path: Path) -> bytes:

@@ -8,6 +8,7 @@ import os
 import random
 import subprocess
 import sys
+from collections import UserDict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import SimpleNamespace
@@ -538,10 +539,22 @@ def test_a_place_that_cannot_be_written(tmp_path, where):
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["folder", "plain"]
 
 
-@pytest.mark.parametrize("section", [math.nan, np.arange(3), {"a": {1, 2}}, "\ud800", {1: "a", "1": "b"}])
+@pytest.mark.parametrize(
+    "section",
+    [math.nan, np.arange(3), {"a": {1, 2}}, "\ud800", {1: "a", "1": "b"}, UserDict(a=1)],
+)
 def test_a_section_that_json_cannot_hold(path, section):
     with pytest.raises(ParameterError, match=r"params\.json: "):
         write(whole(later={"kp": section}), path)
+    with pytest.raises(ParameterError, match="JSON cannot represent"):
+        sealed(whole(later={"kp": section}))
+    assert not path.exists()
+
+
+def test_a_sealed_file_that_was_changed_is_read_back_before_it_is_written(path):
+    changed = sealed(whole()).model_copy(update={"later": json.loads("[" * 60 + "]" * 60)})
+    with pytest.raises(ParameterError, match="nested deeper"):
+        write(changed, path)
     assert not path.exists()
 
 
