@@ -17,7 +17,7 @@ from ..datasets.options import Process
 from ..datasets.runs import Readable, Runs, as_runs
 from .available import computed
 from .censored_lives import life_law
-from .law_requests import ALL, LawRequest, named_role, parse_laws, symbol_of
+from .law_requests import ALL, LawRequest, form_for, named_role, parse_laws, symbol_of
 from .lawfit import LawFit
 from .laws import Error
 from .regression import exponential_law, fit_form, load_law
@@ -266,8 +266,8 @@ def fit_asked(
         A column of the law is not there.
     """
     _check_columns(runs, asked)
-    form = (forms := forms or {}).get(asked.response, forms.get(ALL))
-    if form is not None:
+    form = form_for(asked.response, forms)
+    if forms and form is not None:
         from .form_choice import fit_in_form, form_named
 
         reason = form_named(form).unsuited(asked.response, asked.factors)

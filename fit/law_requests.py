@@ -1,7 +1,7 @@
 """Laws that a user asks for in words: ``Ra ~ V, f, d``, ``Ra ~ + VB``, ``Ra ~ - t``."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..core.errors import UsageError
@@ -38,6 +38,15 @@ class LawRequest:
     def names(self) -> tuple[str, ...]:
         """Every name in it, the response first."""
         return self.response, *self.factors, *self.added, *self.removed
+
+
+def form_for(response: str, forms: Mapping[str, str] | None) -> str | None:
+    """Form that is named for a response, or under ``*`` for all others; None for the usual one.
+
+    >>> form_for("Ra", {"*": "second-order"}), form_for("Ra", None)
+    ('second-order', None)
+    """
+    return (forms or {}).get(response, (forms or {}).get(ALL))
 
 
 def parse_law(text: str) -> LawRequest:

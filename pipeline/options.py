@@ -139,10 +139,9 @@ checks) to 1000000.
 
     def form_of(self, response: str) -> str | None:
         """Form that the law of a response is kept in; None for the usual one."""
-        from ..fit.law_requests import ALL
+        from ..fit.law_requests import form_for
 
-        forms = self.forms
-        return forms.get(response, forms.get(ALL))
+        return form_for(response, self.forms)
 
     def prior_tables(self) -> str | Mapping[str, object]:
         """The priors as `fit.posterior` takes them, read where they are a file."""
