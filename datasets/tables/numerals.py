@@ -57,14 +57,20 @@ _STOPPED = (
     r"censurado|no alcanzado"
 )
 STOPPED = re.compile(_STOPPED, re.IGNORECASE)
-_MARKED = (
+_MARKED_NUMBER = (
     r"(?P<before>[<>]=?|=?[<>]|[≤≥⩾≧~≈≃*†‡]|(?:ca|approx|env|circa|about|etwa)\b\.?|"
     rf"(?P<least>{'|'.join(map(re.escape, _AT_LEAST))}))?\s*"
     r"(?P<number>[+\-−]?[\d.,]++(?:['’ \u00a0\u2009\u202f][\d.,]++)*+(?:[eE][+-]?\d++)?+)\s*+"
     rf"(?:(?P<unit>(?!(?:{_STOPPED})\b)[^\W\d_][\w/·^]*)\s*+)?"
     rf"(?P<after>\*{{1,3}}|\(\*\)|[†‡]|(?P<longer>\(?(?:\+|[>↑→])\)?(?:\s*(?P<unit2>min|s|sec|h)\b)?"
     rf"(?:\s*\(?(?:{_STOPPED})\)?)?|\(?(?:{_STOPPED})\)?))?"
-)  # compiled where a cell asks for it
+)
+
+
+@lru_cache(maxsize=1)
+def _marked() -> re.Pattern[str]:
+    """A marked number; compiled where a cell asks for it."""
+    return re.compile(_MARKED_NUMBER, re.IGNORECASE)
 
 
 def _grammar(mark: str, other: str) -> re.Pattern[str]:
@@ -316,7 +322,7 @@ def read_mark(text: str, decimal: Decimal) -> Mark | None:
     text = text.strip()
     if not text or (text[0].isalpha() and not text[:2].lower().startswith(_FIRST_LETTERS)):
         return None
-    match = re.fullmatch(_MARKED, text, re.IGNORECASE)
+    match = _marked().fullmatch(text)
     if match is None or not (match["before"] or match["after"]):
         return None
     value = parse_number(match["number"].strip(), decimal)
