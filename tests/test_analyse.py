@@ -14,7 +14,7 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.core.errors import DataError, FitError, UsageError
 from fitmodels.fit.law_figures import response_surface
-from fitmodels.pipeline import FitOptions, analyse
+from fitmodels.pipeline import FitOptions, analyse, analysis
 from fitmodels.pipeline.analysis import analyse_runs, analysis_stages
 from fitmodels.pipeline.options import RECORDED
 
@@ -294,11 +294,14 @@ def test_a_surface_without_slope_is_drawn_without_contours(level, tmp_path):
     drawn.figure.savefig(tmp_path / "surface.png")
 
 
-def test_a_pair_comes_with_its_judged_laws_before_its_posteriors_are_drawn():
+def test_a_pair_comes_with_its_judged_laws_before_its_posteriors_are_drawn(monkeypatch):
+    drawn = []
+    draw = analysis.with_posteriors
+    monkeypatch.setattr(analysis, "with_posteriors", lambda *of, **more: drawn.append(of) or draw(*of, **more))
     runs, options = datasets.read_runs(SMALL), FitOptions(draws=1000)
     stages = analysis_stages(runs, options)
     first, complete = next(stages)
-    assert (complete, first.posteriors, first.parameters.posterior) == (False, (), None)
+    assert (complete, drawn, first.parameters.posterior) == (False, [], None)
     assert first.parameters.content_sha256 is None
     (last, complete), *others = stages
     assert complete

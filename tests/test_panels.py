@@ -112,6 +112,21 @@ def test_names_are_drawn_as_they_are(tmp_path):
     assert (tmp_path / "a.png").stat().st_size > 100
 
 
+def test_a_saved_picture_has_the_colours_that_were_drawn(tmp_path):
+    from PIL import Image
+
+    pen = PngPen(100.0, 50.0)
+    pen.area([np.array([[10.0, 10.0], [50.0, 10.0], [50.0, 40.0], [10.0, 40.0]])], "#0072b2", 0.3)
+    pen.line(np.array([[60.0, 40.0], [90.0, 10.0]]), "#d55e00", 4.0)
+    drawn = np.asarray(pen.picture()).astype(int)
+    pen.save(tmp_path / "a.png")
+    saved = np.asarray(Image.open(tmp_path / "a.png").convert("RGB")).astype(int)
+    white = (drawn == 255).all(axis=2)
+    assert (saved[white] == 255).all()
+    assert (saved[30, 40] == drawn[30, 40]).all()
+    assert np.abs(saved - drawn).max() < 16  # mixed colours at edges share those of the palette
+
+
 def test_the_main_job_loads_neither_matplotlib_nor_pint(tmp_path):
     code = (
         "import sys; from fitmodels.cli import main; "
