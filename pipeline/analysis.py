@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -10,8 +11,8 @@ from ..core.calls import checked
 from ..core.display import Display, Displayable, TextTable
 from ..core.errors import FitError, UsageError
 from ..core.suggestions import did_you_mean
-from .options import FitOptions, fit_options
-from .pair import PairAnalysis, Step, fit_laws, no_step, parameter_file, with_posteriors
+from .options import NAMED_PRIORS, FitOptions, fit_options
+from .pair import USER_ERRORS, PairAnalysis, Step, fit_laws, no_step, parameter_file, with_posteriors
 
 if TYPE_CHECKING:
     from ..cards.forms.page import Profiler
@@ -254,6 +255,7 @@ def analysis_stages(
         step(f"fitting {one.tool} on {one.work}")
         pair, pf = fit_laws(one, options), None
         if previews and pair.laws:
+            _check_priors(pair, options)
             pf = parameter_file(pair, options, command=command, complete=False)
             yield replace(pair, parameters=pf), False
         pair = with_posteriors(pair, options, step=step)
@@ -263,6 +265,19 @@ def analysis_stages(
                 pf = parameter_file(pair, options, command=command, complete=False)
             pair = replace(pair, parameters=completed(pf, pair.posteriors, pair.no_posterior))
         yield pair, True
+
+
+def _check_priors(pair: PairAnalysis, options: FitOptions) -> None:
+    """Refuse priors of the user that do not suit a law, before the laws are shown."""
+    from ..fit.available import computed
+
+    given = Path(options.priors) if isinstance(options.priors, os.PathLike) else options.priors
+    if given in NAMED_PRIORS:
+        return
+    from ..fit.bayes.draw_posterior import check_priors
+
+    for law in pair.laws:
+        computed(partial(check_priors, law, given), USER_ERRORS)
 
 
 def pairs_of(runs: "Runs", options: FitOptions) -> "tuple[Runs, ...]":

@@ -30,6 +30,15 @@ def pair_of(folder):
     return next(path.parent for path in sorted(folder.rglob("params.json")))
 
 
+def test_priors_that_no_law_has_are_refused_before_a_law_is_shown(run, tmp_path):
+    mine = tmp_path / "p.toml"
+    mine.write_text('[AW]\nnosuch = { distribution = "normal", mean = 0, sd = 1 }\n')
+    code, out, err = run(GC435, "--out", "a", "--priors", mine)
+    assert code == 2
+    assert "usable" not in out
+    assert "the law of AW has no parameter 'nosuch'" in err
+
+
 def test_draws_in_the_folder_are_those_of_the_laws(run, tmp_path):
     assert run(GC435, "--out", "a")[0] == 0
     folder = pair_of(tmp_path / "a")

@@ -115,6 +115,11 @@ def _verified(post: Posterior, draws: int, progress: Progress | None) -> Agreeme
     )
 
 
+def check_priors(law: LawFit, given: str | Path | Mapping[str, object]) -> None:
+    """Raise where priors do not suit a law; errors as of `posterior`, which draws from them."""
+    _priors(law, given, _edges(law)[0])
+
+
 def _check(law: LawFit, draws: int, seed: int, errors: str, method: str | None) -> None:
     if not 0 <= seed < 2**32:
         raise UsageError(f"seed {seed}: it must be between 0 and {2**32 - 1}.")
