@@ -294,6 +294,7 @@ def structure_chart(found: Identification, axes: tuple[Axes, Axes] | None = None
     left.set(xlabel="delay nk [samples]", ylabel="order na")
     end = f"chosen: {chosen['form']}" if chosen["form"] else "outlined: chosen"
     what = "simulation fit [%]" if len(grid.columns) <= CELLS else "simulation error"
+    what += f" without the {found.search.without}" if found.search.without else ""
     left.set_title(f"{what}, best nb; grey: not tried; {end}")
     _ranking(right, found)
     return left, right

@@ -1,10 +1,8 @@
 """Identification of a record: excited band, structure, estimate, and validation by simulation of other samples.
 
 The structure is chosen by `structure.structure_search`: orders, delays and continuous forms, each with a noise model
-of its own,
-compared by Schwarz's criterion of their innovations. The model is estimated with its noise model (`box_jenkins`, or
-`arx` where the noise enters through the poles of the plant), and carries the other structures that the record supports
-with their weights.
+of its own, compared by Schwarz's criterion of their innovations. The model is estimated with its noise model and
+carries the other structures that the record supports with their weights.
 
 Source: Schwarz 1978, Ann. Stat. 6, 461; Ljung 1999, System Identification, sections 16.4 to 16.6.
 """
@@ -34,9 +32,9 @@ from .record_disturbances import Disturbances, disturbances
 from .responses.spectra import excited_band
 from .structure.candidates import Candidate
 from .structure.equation_noise import partialled
-from .structure.final_estimates import estimated, mixture
+from .structure.final_estimates import at_amplitude, estimated, mixture
 from .structure.fitted_form import FittedForm
-from .structure.structure_search import MOST_ORDER, Search, search
+from .structure.structure_search import EQUAL, MOST_ORDER, Search, search
 from .validation.amplitudes import AmplitudeTable
 from .validation.handover import Handover, arx_by_choice, judge_handover
 from .validation.model_validation import Validation
@@ -72,8 +70,6 @@ class Identification(Plottable):
         Of the same orders by least squares, as in the papers.
     search : Search
         Candidate structures with their criteria and weights.
-    chosen : Candidate
-        Of ``search``: the structure of ``model``.
     one_step : OrderSearch
         Order selection by one-step errors, as in the papers; optimistic under sensor noise.
     judged : Handover
@@ -96,7 +92,6 @@ class Identification(Plottable):
     model: Model
     arx: Model
     search: Search
-    chosen: Candidate
     one_step: OrderSearch
     judged: Handover
     loop: LoopCheck
@@ -128,6 +123,11 @@ class Identification(Plottable):
         return self.search.table
 
     @property
+    def chosen(self) -> Candidate:
+        """Of ``search``: the structure of ``model``."""
+        return self.search.chosen
+
+    @property
     def form(self) -> FittedForm | None:
         """The continuous form, where one was chosen."""
         return self.chosen.form
@@ -136,18 +136,25 @@ class Identification(Plottable):
     def argument(self) -> str:
         """Reason for this structure, in two sentences."""
         best, found = self.chosen, self.search.candidates
-        lowest = found[0] if best.form is None else min(found, key=lambda one: one.total)
-        behind = best.total - lowest.total
+        named, fit = sentence(_named(best))[:-1], f"simulation fit {self.search.fit(best):.1f} %"
+        if without := self.search.without:
+            count = sum(one.weight > 0 for one in found)
+            return (
+                f"{named} describes the record best at its amplitude, of {count} structures that the record supports "
+                f"once the {without} is removed from the input ({fit} without the {without})."
+            )
+        behind = best.total - min(one.total for one in found)
         place = "has the smallest criterion (BIC)" if behind <= 0 else "is as good as the smallest criterion (BIC)"
-        parts = f"{self.search.n} of {len(self.record)} samples" if len(self.record) > self.search.n else ""
-        first = f"{sentence(_named(best))[:-1]} {place} of {len(found)} structures"
-        fit = f"simulation fit {self.search.fit(best):.1f} %"
-        if parts:  # compared anew on all samples: the criteria of the search are of its parts
+        if behind > EQUAL:
+            place = f"has a criterion (BIC) {behind:.1f} above the smallest, and a gain closer to those of all"
+        first = f"{named} {place} of {len(found)} structures"
+        if len(self.record) > self.search.n:  # the criteria of the search are of its parts
+            parts = f"{self.search.n} of {len(self.record)} samples"
             return f"{first} searched on {parts} and compared on all ({fit})."
         other = [one for one in found if one.na != best.na or (one.form is None) != (best.form is None)]
         if not other:
             return f"{first} ({fit})."
-        second = other[0]
+        second = min(other, key=lambda one: one.total)
         apart = second.total - best.total
         by = f"{'larger' if apart >= 0 else 'smaller'} by {abs(apart):.1f}"
         return (
@@ -302,9 +309,10 @@ def identify(
     disturbed = disturbances(whole)
     whole = disturbed.record
     loop = checked_feedback(whole)
+    linear = None if loop.found or orders else disturbed.linear
 
     def searched(disturbed: Disturbances) -> Search:
-        part = _parts(whole)
+        part = _parts(linear or whole)
         return search(
             part, most_order=most_order, delays=delays, orders=orders, least_delay=int(loop.found),
             additional=disturbed.columns_of(part), integrators=not disturbed.drift,
@@ -312,7 +320,12 @@ def identify(
 
     found, disturbed = _with_drift(searched, disturbed)
     additional = disturbed.columns
-    best, chosen = mixture(whole, found, additional)
+    if linear is not None and disturbed.nonlinearity is not None:
+        found, chosen = at_amplitude(whole, linear, found, additional)
+        found = replace(found, without=disturbed.nonlinearity.kind)
+    else:
+        found, chosen = mixture(whole, found, additional)
+    best = found.chosen
     one_step = _one_step(whole)
     plain = _plain(partialled(whole, additional), best, one_step)
     by_arx = handover == "arx"
@@ -330,7 +343,6 @@ def identify(
         model=model,
         arx=replace(plain, band=band),
         search=found,
-        chosen=best,
         one_step=one_step,
         judged=judge_handover(model, whole, estimate, held_out, additional),
         loop=check_loop(whole, model, band, loop, lambda part: estimated(part, independent, additional)),

@@ -81,6 +81,8 @@ class Disturbances(Displayable):
         Samples of the output that were replaced.
     remark : str or None
         Reason why nothing was tested.
+    nonlinearity : Nonlinearity or None
+        Of the input, if it lowers the verdict.
     """
 
     found: tuple[Disturbance, ...]
@@ -89,6 +91,7 @@ class Disturbances(Displayable):
     drift: int = 0
     replaced: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, dtype=np.intp))
     remark: str | None = None
+    nonlinearity: Nonlinearity | None = None
 
     def _display(self) -> Display:
         head = ", ".join(item.kind for item in self.found) or self.remark or "no disturbance found"
@@ -98,6 +101,14 @@ class Disturbances(Displayable):
     def reservations(self) -> tuple[tuple[int, str], ...]:
         """Level and sentence of each disturbance that lowers the verdict."""
         return tuple((item.level, item.sentence) for item in self.found if item.level > USABLE)
+
+    @property
+    def linear(self) -> Record | None:
+        """The record with the input that acts behind the nonlinearity; None without one."""
+        if self.nonlinearity is None:
+            return None
+        raw = self.record.u + offsets_of(self.record)[:, 0]
+        return replace(self.record, u=self.nonlinearity.acting(self.record, raw), sha256=None).centred()
 
     @property
     def columns(self) -> Array | None:
@@ -154,8 +165,10 @@ def disturbances(rec: Record) -> Disturbances:
         *_of_drift(part, whole, drift),
         *_of_lines(part, whole, lines, drift),
     ]
-    named += [*_of_nonlinearity(rec, found), *static]
-    return Disturbances(tuple(named), clean, lines, drift, replaced)
+    of_input = _of_nonlinearity(rec, found)
+    lowers = any(item.level > USABLE for item in of_input)
+    named += [*of_input, *static]
+    return Disturbances(tuple(named), clean, lines, drift, replaced, nonlinearity=found if lowers else None)
 
 
 def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:

@@ -19,7 +19,7 @@ from ..datasets.records.record import Record
 from .estimators.high_order_arx import LongArx, golden, lagged_rows, long_arx, rss_of
 
 LAGS = np.array([1, 2, 4, 7, 11, 16, 22, 30, 40, 55])  # of g: dense near, wide apart for slow plants and long delays
-FALSE_ALARM = 1e-4  # of all candidates together
+FALSE_ALARM = 1e-3  # of all candidates together; with 1e-4 a dead zone of 20 % is named in .78 of records, not .83
 WIDTHS = (0.05, 0.1, 0.2, 0.35)  # of dead zone and backlash, of half the range of u
 LEVELS = (0.5, 0.7, 0.85)  # of saturation, of half the range of u from its middle
 REFINED = 8  # evaluations of the width or level

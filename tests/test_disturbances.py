@@ -7,9 +7,11 @@ from fitmodels.ident import Model, chirp, identify, tune_pi
 from fitmodels.ident.additive_disturbances import origins_of_line
 from fitmodels.ident.continuous import ContinuousModel
 from fitmodels.ident.estimators.high_order_arx import input_lags, long_arx
+from fitmodels.ident.estimators.prediction_error import output_error
 from fitmodels.ident.outliers import skips
 from fitmodels.ident.record_disturbances import disturbances
 from fitmodels.ident.static_nonlinearity import backlash
+from fitmodels.parameters.gather.control import dynamics_section
 
 T = 0.02
 CLM = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=T)
@@ -250,6 +252,35 @@ def test_a_slow_plant_is_not_taken_for_a_drift():
     f = np.geomspace(*found.model.band, 40)
     assert found.disturbances.drift == 0
     assert np.abs(np.abs(found.model.response(f) / slow.response(f)) - 1).max() < 0.1
+
+
+NONLINEAR = {
+    "backlash": lambda u: backlash(u, 0.5),
+    "dead zone": lambda u: u - np.clip(u, -0.75, 0.75),
+    "saturation": lambda u: np.minimum(u, 1.75),
+}
+
+
+@pytest.mark.parametrize("kind", NONLINEAR)
+def test_orders_are_those_of_the_linear_part_behind_a_nonlinearity(kind):
+    """With little noise the criterion alone selects orders that describe the nonlinearity: errors of .24 to .45."""
+    rec = record(LAG, noise=0.01, acting=NONLINEAR[kind])
+    found = identify(rec)
+    x = LAG.simulate(NONLINEAR[kind](chirp()))
+    linear = output_error(Record(u=chirp(), y=x, sample_time=T).centred(), 1, 1, 3, initial="offset")
+    f = np.geomspace(*found.model.band, 40)
+    assert np.abs(np.abs(found.model.response(f) / linear.response(f)) - 1).max() < 0.1
+    share, behind = found.model.alternatives[0]
+    assert (found.search.without, share) == (kind, 0.5)
+    assert np.abs(np.abs(behind.response(f) / LAG.response(f)) - 1).max() < 0.02
+    assert kind in found.argument
+    section = dynamics_section(found)["alternatives"][0]
+    assert section["structure"] == f"linear part without the {kind}"
+
+
+def test_given_orders_are_kept_where_the_input_has_a_nonlinearity():
+    found = identify(record(LAG, acting=NONLINEAR["dead zone"]), orders=(2, 2, 3))
+    assert (found.model.na, found.model.nb, found.model.nk, found.search.without) == (2, 2, 3, "")
 
 
 def test_gains_inherit_the_reservation():

@@ -37,7 +37,7 @@ def test_an_exact_fit_has_a_finite_criterion():
     assert np.isfinite(criterion(100, 0.0, 2))
 
 
-@pytest.mark.parametrize("cutoff", [0.05, 0.5, 5.0])
+@pytest.mark.parametrize("cutoff", [0.1, 0.5, 5.0])
 @pytest.mark.parametrize("order", [1, 2, 4])
 def test_a_low_pass_plant_pays_nothing(order, cutoff):
     b, a = butter(order, cutoff, fs=1 / T)
@@ -53,6 +53,12 @@ def test_a_resonance_narrower_than_the_resolution_of_the_record_pays_until_the_r
     narrow = mode(1.0, 0.005)  # 0.01 Hz wide at -3 dB
     assert guard(*narrow, T, BAND, 750) > guard(*mode(1.0, 0.02), T, BAND, 750) > 0.0  # 15 s resolve 0.067 Hz
     assert guard(*narrow, T, BAND, 6000) == 0.0
+
+
+def test_a_pair_of_poles_slower_than_the_record_pays_for_both():
+    slow = mode(0.03, 0.7)  # a natural period of 33 s
+    assert guard(*slow, T, BAND, 750) == pytest.approx(2 * np.log(750))  # a record of 15 s
+    assert guard(*slow, T, BAND, 3000) == 0.0
 
 
 def test_an_unresolved_resonance_beyond_the_band_is_a_line_of_the_noise():

@@ -128,6 +128,11 @@ def _alternatives(d: DynamicsSection) -> list[str]:
         f"{_orders(other)} ({100 * other.weight:.2g} %)"
         for other in sorted(d.alternatives, key=lambda other: -other.weight)
     ]
+    if any(other.structure.startswith(AlternativeModel.LINEAR_PART) for other in d.alternatives):
+        return [
+            "gain and delay depend on the amplitude: bands, gains and their probability include this structure "
+            f"(weight {100 * own:.2g} %), {', '.join(named)}"
+        ]
     return [
         f"the record does not decide between this structure (weight {100 * own:.2g} %) and {', '.join(named)}: bands, "
         "gains and their probability include all of them"

@@ -89,6 +89,11 @@ class Candidate:
     integrating: bool = False
 
     @property
+    def name(self) -> tuple[str, int, int, int, bool]:
+        """Form or structure, orders, and whether a pole lies at 1: no two candidates of a search have the same."""
+        return self.form.name if self.form else self.structure, self.na, self.nb, self.nk, self.integrating
+
+    @property
     def poles(self) -> NDArray[np.complex128]:
         """Roots of a, in z."""
         return np.asarray(np.roots(self.a), dtype=np.complex128)

@@ -9,7 +9,8 @@ A record without power above its excited band cannot reject poles there, and noi
 candidate pays where its gain beyond the band exceeds the largest in the band, and for each lightly damped pole there.
 It also pays for a resonance narrower than 1 / duration, which the record cannot resolve: a pole of this kind, with a
 zero near it, fits a spectral line of the noise or an initial state. A real pole with a time constant above the
-duration, an integrator included, counts for one coefficient more: it fits drift.
+duration, an integrator included, counts for one coefficient more: it fits drift. A pair of poles with a natural period
+above the duration counts for two, one for each pole.
 Weights of candidates are exp(-BIC difference / TEMPER): with TEMPER 2 they would be posterior probabilities of the
 orders, which are too sure where every candidate is an approximation.
 
@@ -102,9 +103,10 @@ def _unresolved(poles: NDArray[np.complex128], sample_time: float, n: int, start
 
 
 def _slow(poles: NDArray[np.complex128], n: int) -> int:
-    """Number of real poles with a time constant above the duration of the record."""
-    real = poles.real[np.abs(poles.imag) < 1e-9]
-    return int((real > math.exp(-1 / n)).sum())
+    """Number of real poles with a time constant above the duration of the record, and of pairs with such a period."""
+    is_real = np.abs(poles.imag) < 1e-9
+    pairs = np.log(poles[~is_real])
+    return int((poles.real[is_real] > math.exp(-1 / n)).sum() + (np.abs(pairs) < 2 * math.pi / n).sum())
 
 
 def _gain(b: Array, a: Array, z: NDArray[np.complex128]) -> Array:

@@ -141,6 +141,7 @@ def _fits(data: FormData, delays: Array) -> list[FormFit]:
             found += _variants(scan, form, [np.append(scan.starts(form)[0][0].p, 0.0)])
     if any(math.log(0.3) < fit.p[2] < math.log(1.1) for fit in found if fit.form.name == "second order"):
         several = [fits for form in EQUAL_LAGS if (fits := _variants(scan, form, [scan.starts(form)[0][0].p]))]
+        several = [fits for fits in several if fits[0].p[1] >= 0]  # T below one sample: the lags stand for a delay
         if several:
             found += sorted(several, key=lambda fits: fits[0].loss)[0]
     return found

@@ -11,13 +11,18 @@ from ..estimators.filters import MAX_ORDER
 from ..estimators.plant_and_noise import box_jenkins_model, whitened_minimum, whitened_run
 from ..estimators.prediction_error import output_error
 from ..model import Model
+from ..responses.spectra import excited_band
 from .candidates import Candidate, both_additional, no_model
 from .choice import criterion, weights
 from .continuous_forms import integrating, refit_form
 from .equation_noise import equation_estimate
+from .fitted_form import FittedForm
 from .structure_search import Search
 
 FINAL, FINAL_STEPS = 1e-10, 100  # predicted reduction of the loss at convergence, as a share; trials
+LINEAR, OTHERS = 0.5, 0.25  # weights of the linear part, and of the other structures at the amplitude of the record
+GAINS = 40  # frequencies at which gains are compared
+CLEARLY = 0.5  # ratio of expected square errors: benchmarks/structure_bank.py
 MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
 
 
@@ -30,8 +35,7 @@ def estimated(rec: Record, one: Candidate, additional: Array | None = None) -> M
         The record does not identify the structure.
     """
     if one.form is not None:
-        same = rec.sha256 == one.form.model.record and additional is None
-        return one.form.model if same else refit_form(rec, one.form, additional=additional).model
+        return form_of(rec, one.form, additional).model
     if one.structure == "arx":
         return equation_estimate(rec, one, additional)
     if one.integrating:
@@ -40,6 +44,11 @@ def estimated(rec: Record, one: Candidate, additional: Array | None = None) -> M
     if len(one.d) > MAX_ORDER - 1 and additional is None:
         return _output_error(rec, one)
     return _box_jenkins(rec, one, additional)
+
+
+def form_of(rec: Record, form: FittedForm, additional: Array | None) -> FittedForm:
+    """The form fitted to a record; the given one if it was fitted to this record, by the search."""
+    return form if rec.sha256 == form.model.record else refit_form(rec, form, additional=additional)
 
 
 def _output_error(rec: Record, one: Candidate) -> Model:
@@ -75,16 +84,67 @@ def without_integrator(one: Candidate) -> Candidate:
     return replace(one, na=one.na - 1, theta=np.concatenate([a[1:], one.theta[one.na :]]), integrating=False)
 
 
-def mixture(rec: Record, found: Search, additional: Array | None = None) -> tuple[Candidate, Model]:
-    """The chosen candidate, and its final estimate with the alternatives that the record supports.
+def mixture(rec: Record, found: Search, additional: Array | None = None) -> tuple[Search, Model]:
+    """The search with its final estimates, and that of the chosen candidate with the alternatives of the record.
 
-    A candidate whose coefficients are not identifiable is left out.
+    A candidate whose coefficients are not identifiable is left out. Of those that the record does not decide between,
+    one whose gain is clearly closer to the gains of the others is preferred to the one of the smallest criterion.
 
     Raises
     ------
     IdentError
         No candidate is identifiable.
     """
+    models = _estimates(rec, found, additional)
+    if len(rec) > found.n:  # compared anew on all samples
+        again = sorted(((rescored(one, model), model) for one, model in models), key=lambda pair: pair[0].total)
+        shares = weights([one.total for one, _ in again], [one.nk == 0 for one, _ in again])
+        models = [(replace(one, weight=float(w)), model) for w, (one, model) in zip(shares, again, strict=True)]
+    (chosen, model), *rest = models = central_first(models, excited_band(rec))
+    total = chosen.weight + sum(one.weight for one, _ in rest)
+    others = tuple((one.weight / total, other) for one, other in rest if one.weight > 0)
+    found = found.estimated([one for one, _ in models])
+    return found, replace(model, alternatives=others if chosen.weight > 0 else ())
+
+
+def at_amplitude(rec: Record, linear: Record, found: Search, additional: Array | None = None) -> tuple[Search, Model]:
+    """The same as `mixture` of a record with a nonlinearity of the input.
+
+    ``found`` holds the structures of the linear part: its record ``linear`` has the input that acts behind the
+    nonlinearity. On the measured input the criterion would select a higher order, which describes the nonlinearity at
+    this amplitude in part and is wrong elsewhere. The structures are estimated on the measured input, so that gain and
+    delay are those of its amplitude, and the one with the smallest criterion there is chosen. The others and the
+    linear part, which the plant approaches at other amplitudes, are its alternatives.
+    """
+    _, part = mixture(linear, found, additional)
+    models = sorted(_estimates(rec, found, additional), key=lambda pair: rescored(*pair).total)
+    (_, model), *rest = models
+    rest = [(one, other) for one, other in rest if one.weight > 0]
+    total = sum(one.weight for one, _ in rest)
+    others = ((OTHERS * one.weight / total, other) for one, other in rest)
+    alternatives = (LINEAR, replace(part, alternatives=())), *others
+    return found.estimated([one for one, _ in models]), replace(model, alternatives=alternatives)
+
+
+def central_first(models: list[tuple[Candidate, Model]], band: tuple[float, float]) -> list[tuple[Candidate, Model]]:
+    """The estimates, first the one whose logarithm of the gain has the smallest expected square error in the band.
+
+    The expectation is over the estimates with their weights. The first one keeps its place unless its error is twice
+    as large; whether a pole lies at 1 is left to the criterion.
+    """
+    share = np.array([one.weight for one, _ in models])
+    f = np.geomspace(*band, GAINS)
+    gain = np.log([np.maximum(np.abs(model.response(f)), np.finfo(float).tiny) for _, model in models])
+    error = np.square(gain[:, None] - gain[None]).mean(axis=2) @ share
+    error[[model.integrating != models[0][1].integrating for _, model in models]] = np.inf
+    k = int(np.argmin(error))
+    if not error[k] < CLEARLY * error[0]:
+        return models
+    return [models[k], *models[:k], *models[k + 1 :]]
+
+
+def _estimates(rec: Record, found: Search, additional: Array | None) -> list[tuple[Candidate, Model]]:
+    """Final estimates of the chosen candidate and of those with a weight; not of those that are not identifiable."""
     models: list[tuple[Candidate, Model]] = []
     refusal: IdentError | None = None
     most = MOST_LONG if len(rec) > found.n else len(found.candidates)
@@ -92,19 +152,14 @@ def mixture(rec: Record, found: Search, additional: Array | None = None) -> tupl
         if len(models) == most or (models and one.weight == 0):
             break
         try:
+            if one.form is not None:
+                one = replace(one, form=form_of(rec, one.form, additional))
             models.append((one, estimated(rec, one, additional)))
         except IdentError as error:
             refusal = refusal or error
     if not models:
         raise refusal or no_model()
-    if len(rec) > found.n:  # compared anew on all samples
-        again = sorted(((rescored(one, model), model) for one, model in models), key=lambda pair: pair[0].total)
-        shares = weights([one.total for one, _ in again], [one.nk == 0 for one, _ in again])
-        models = [(replace(one, weight=float(w)), model) for w, (one, model) in zip(shares, again, strict=True)]
-    (chosen, model), *rest = models
-    total = chosen.weight + sum(one.weight for one, _ in rest)
-    others = tuple((one.weight / total, other) for one, other in rest if one.weight > 0)
-    return chosen, replace(model, alternatives=others if chosen.weight > 0 else ())
+    return models
 
 
 def rescored(one: Candidate, model: Model) -> Candidate:

@@ -36,10 +36,9 @@ MOST_ORDER, MOST_DELAY = 5, 10
 FARTHEST = 100  # samples of delay, or a tenth of the longest segment
 AHEAD = 3  # delays scanned beyond the best
 MIDDLE = 3  # order that is tried first: the others are compared with it
-NEAR = 2  # delays fitted for each pair of orders
+CLOSE = 10.0  # of the criterion above the best: candidates whose neighbours are fitted
 REFINED = 8  # candidates whose plant and noise model are fitted jointly
 EQUAL = 2.0  # of the criterion: no evidence (Kass & Raftery 1995, doi 10.1080/01621459.1995.10476572)
-UNLIKELY = 5.0  # error of the iteration relative to the best delay, above which a delay is not fitted
 AS_GOOD = 6.0  # of the criterion: weights differ by a factor of 4
 
 
@@ -50,24 +49,33 @@ class Search:
     Attributes
     ----------
     candidates : tuple of Candidate
-        Sorted by criterion and penalty; a continuous form that is as good as the best stands first.
+        Sorted by criterion and penalty, the chosen one first.
     n : int
         Samples searched.
     spread : float
         Variance of the output.
     notes : tuple of str
         Limits of the search that the chosen candidate reaches.
+    without : str
+        Kind of nonlinearity whose effect was removed from the input before the search, or empty.
     """
 
     candidates: tuple[Candidate, ...]
     n: int
     spread: float
     notes: tuple[str, ...] = ()
+    without: str = ""
 
     @property
     def chosen(self) -> Candidate:
-        """The candidate with the smallest criterion and penalty, or a continuous form that is as good."""
+        """The first candidate, by default the one with the smallest criterion and penalty, or a form as good."""
         return self.candidates[0]
+
+    def estimated(self, models: Sequence[Candidate]) -> "Search":
+        """The same with candidates that were estimated anew, the first as the chosen one; the others without weight."""
+        known = {one.name for one in models}
+        others = (replace(one, weight=0.0) for one in self.candidates if one.name not in known)
+        return replace(self, candidates=(*models, *others))
 
     def fit(self, one: Candidate) -> float:
         """Simulation fit of a candidate, %."""
@@ -128,18 +136,21 @@ def search(
     longest = max(s.stop - s.start for s in rec.stretches)
     reach = Reach.of(delays, least_delay, min(FARTHEST, longest // 10))
     screen = screen_of(rec, band, least_delay, 0 if reach.open else reach.delays[-1], additional)
+    forms = [one for one in form_candidates(screen, reach.delays) if reach.open or one.nk in reach.delays]
+    long = min(forms, key=lambda one: one.total).nk if forms and reach.open else 0
+    if long > MOST_DELAY:
+        screen, reach = screen_of(rec, band, least_delay, long, additional), replace(reach, long=long)
     tried = range(1, min(most_order, max(longest // 20, 1)) + 1)
     found: list[Candidate] = []
     for na in sorted(tried, key=lambda na: abs(na - MIDDLE)):
         found += _of_order(screen, na, reach, _least(found))
     last = max((one.nk for one in found), default=0)
     found += equation_candidates(screen, len(tried), reach.upto(last + AHEAD))
-    forms = form_candidates(screen, reach.upto(last + AHEAD))
-    found += [one for one in forms if reach.open or one.nk in reach.delays]
+    found += forms
     found = [one for one in found if integrators or not one.integrating] or found
     if not found:
         raise no_model()
-    found = sorted(found, key=lambda one: one.total)
+    found = _with_neighbours(screen, sorted(found, key=lambda one: one.total), reach)
     found = [refined(screen, one) for one in found[:REFINED]] + found[REFINED:]
     found = sorted(found, key=lambda one: one.total)
     slow = integrating_candidates(screen, found) if integrators else []
@@ -169,10 +180,11 @@ def _without_doubles(found: Sequence[Candidate]) -> list[Candidate]:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Delays that may be tried, and whether they were left to the search (``open``)."""
+    """Delays that may be tried, whether they were left to the search, and the delay of the best form if it is long."""
 
     delays: tuple[int, ...]
     open: bool
+    long: int = 0
 
     @classmethod
     def of(cls, delays: Sequence[int] | None, least: int, farthest: int) -> "Reach":
@@ -189,10 +201,13 @@ class Reach:
 def _best_delay(screen: Screen, na: int, reach: Reach) -> tuple[int, Array]:
     """Best delay of an order with na coefficients of b; its f.
 
-    Every second delay is scanned, further while the best lies at the end, then the neighbours of the best.
+    Every second delay is scanned, further while the best lies at the end, and those about the delay of a form if that
+    is long; then the neighbours of the best.
     """
     coarse = reach.delays[:: 2 if reach.open else 1]
     found = scanned(screen, na, na, [k for k in coarse if k <= MOST_DELAY or not reach.open])
+    if reach.long:
+        found |= scanned(screen, na, na, [k for k in coarse if abs(k - reach.long) <= AHEAD])
     while found:
         best, end = min(found, key=lambda nk: found[nk][0]), max(found)
         more = [k for k in coarse if end < k <= end + MOST_DELAY] if best > end - AHEAD else []
@@ -221,9 +236,11 @@ def _of_order(screen: Screen, na: int, reach: Reach, others: float) -> list[Cand
         if best > 0 and nb <= na:
             around.discard(0)  # the direct response is one coefficient of the widest b more
         tried = [(*equation(screen, (na, nb, k), f, 1), k) for k in sorted(around) if k in reach.delays]
-        tried = sorted(tried, key=lambda t: t[1])[:NEAR]
-        tried = [t for t in tried if t[1] <= UNLIKELY * tried[0][1]]
-        return [one for theta, _, k in tried if (one := fitted(screen, (na, nb, k), theta, least)) is not None]
+        if not tried:
+            return []
+        theta, _, k = min(tried, key=lambda t: t[1])
+        one = fitted(screen, (na, nb, k), theta, least)
+        return [] if one is None else [one]
 
     widest = out = at(na + 1, others)
     if _least(out) > others + HOPELESS + na * np.log(len(screen.rec)):
@@ -240,6 +257,37 @@ def _of_order(screen: Screen, na: int, reach: Reach, others: float) -> list[Cand
         widest = at(nb, min(_least(out), others))
         out = out + widest
     return out
+
+
+def _with_neighbours(screen: Screen, found: list[Candidate], reach: Reach) -> list[Candidate]:
+    """Sorted candidates with the neighbours of the good ones: one sample of delay, or one coefficient of b less.
+
+    The neighbours of a neighbour that is better follow. The delays of an order are compared by an iteration that may
+    not have converged, so the best one need not be among the candidates before.
+    """
+    own = [one for one in found if one.form is None and one.structure == "box_jenkins"]
+    known = {(one.na, one.nb, one.nk) for one in own}
+    good = (one for one in reversed(own) if one.total < found[0].total + CLOSE)
+    waiting = list({(one.na, one.nb): one for one in good}.values())  # the best delay of each pair of orders
+    out = list(found)
+    while waiting:
+        one = waiting.pop()
+        for orders, theta in _beside(one):
+            if orders not in known and orders[2] in reach.delays:
+                known.add(orders)
+                other = fitted(screen, orders, theta, found[0].total)
+                out += [other] if other else []
+                waiting += [other] if other and other.total < one.total else []
+    return sorted(out, key=lambda one: one.total)
+
+
+def _beside(one: Candidate) -> list[tuple[tuple[int, int, int], Array]]:
+    """Orders of the neighbours of a candidate with a starting value."""
+    na, nb, nk, theta = one.na, one.nb, one.nk, one.theta
+    found = [((na, nb, nk - 1), theta), ((na, nb, nk + 1), theta)]
+    if nb > 1:
+        found += [((na, nb - 1, nk), theta[:-1]), ((na, nb - 1, nk + 1), np.delete(theta, na))]
+    return found
 
 
 def _least(found: Sequence[Candidate]) -> float:

@@ -72,13 +72,16 @@ def dynamics_section(
 
 
 def _by_form(found: "Identification", alternatives: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The alternatives, those of a continuous form under its name; the candidates have their order."""
+    """The alternatives, those of a continuous form and a linear part under their names; the candidates' order."""
     others = [one for one in found.search.candidates if one.weight > 0 and one is not found.chosen]
-    if found.by_choice or len(others) != len(alternatives):
+    names = [one.form.name if one.form else None for one in others]
+    if found.search.without:
+        names.insert(0, f"{AlternativeModel.LINEAR_PART} {found.search.without}")
+    if found.by_choice or len(names) != len(alternatives):
         return alternatives
     return [
-        section if one.form is None else {**section, "structure": one.form.name}
-        for one, section in zip(others, alternatives, strict=True)
+        {**section, "structure": name or section["structure"]}
+        for name, section in zip(names, alternatives, strict=True)
     ]
 
 

@@ -5,7 +5,7 @@
 Source: Ljung 1999, System Identification, section 4.2. ``nk`` counts as MATLAB does; Octave's arx counts one less.
 """
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,6 +51,8 @@ class AlternativeModel(Section):
     >>> AlternativeModel(weight=0.2, b=[0.0, 0.0, 0.5], a=[1.0, -0.5], nk=2, uncertainty=none).names
     ('a1', 'b2')
     """
+
+    LINEAR_PART: ClassVar[str] = "linear part without the"  # structure, before the name of a nonlinearity of the input
 
     weight: Annotated[float, Field(strict=True, gt=0, lt=1)]
     structure: Text = "given"
