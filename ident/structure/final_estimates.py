@@ -130,13 +130,16 @@ def central_first(models: list[tuple[Candidate, Model]], band: tuple[float, floa
     """The estimates, first the one whose logarithm of the gain has the smallest expected square error in the band.
 
     The expectation is over the estimates with their weights. The first one keeps its place unless its error is twice
-    as large; whether a pole lies at 1 is left to the criterion.
+    as large, and to one with more parameters; whether a pole lies at 1 is left to the criterion.
     """
     share = np.array([one.weight for one, _ in models])
     f = np.geomspace(*band, GAINS)
     gain = np.log([np.maximum(np.abs(model.response(f)), np.finfo(float).tiny) for _, model in models])
     error = np.square(gain[:, None] - gain[None]).mean(axis=2) @ share
-    error[[model.integrating != models[0][1].integrating for _, model in models]] = np.inf
+    first, estimate = models[0]
+    for k, (one, model) in enumerate(models):
+        if one.parameters > first.parameters or model.integrating != estimate.integrating:
+            error[k] = np.inf
     k = int(np.argmin(error))
     if not error[k] < CLEARLY * error[0]:
         return models
