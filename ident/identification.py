@@ -34,7 +34,7 @@ from .structure.candidates import Candidate
 from .structure.equation_noise import partialled
 from .structure.final_estimates import at_amplitude, estimated, mixture
 from .structure.fitted_form import FittedForm
-from .structure.structure_search import EQUAL, MOST_ORDER, Search, search
+from .structure.structure_search import MOST_ORDER, Search, search
 from .validation.amplitudes import AmplitudeTable
 from .validation.handover import Handover, arx_by_choice, judge_handover
 from .validation.model_validation import Validation
@@ -145,8 +145,6 @@ class Identification(Plottable):
             )
         behind = best.total - min(one.total for one in found)
         place = "has the smallest criterion (BIC)" if behind <= 0 else "is as good as the smallest criterion (BIC)"
-        if behind > EQUAL:
-            place = f"has a criterion (BIC) {behind:.1f} above the smallest, and a gain closer to those of all"
         first = f"{named} {place} of {len(found)} structures"
         if len(self.record) > self.search.n:  # the criteria of the search are of its parts
             parts = f"{self.search.n} of {len(self.record)} samples"

@@ -10,8 +10,6 @@ from fitmodels.datasets import Record
 from fitmodels.datasets.records.record import join_records
 from fitmodels.ident import Model, identify
 from fitmodels.ident.continuous import sampled
-from fitmodels.ident.structure.candidates import Candidate
-from fitmodels.ident.structure.final_estimates import central_first
 from scipy.signal import lfilter
 
 pytestmark = pytest.mark.slow
@@ -176,22 +174,6 @@ def test_the_true_orders_are_no_better_than_those_found(seed):
     rec = of(NON_MINIMUM_PHASE.b, NON_MINIMUM_PHASE.a, 20, seed=seed)
     given = min(identify(rec, orders=orders).search.chosen.total for orders in ((3, 3, 1), (3, 2, 1)))
     assert min(one.total for one in identify(rec).search.candidates) < given + 2.0
-
-
-def test_a_gain_close_to_those_of_all_is_preferred_to_an_outlying_one():
-    def pair(gain, weight, integrating=False):
-        model = Model(b=[0.0, gain], a=[1.0, -1.0 if integrating else -0.5], nk=1, sample_time=0.02)
-        one = Candidate("box_jenkins", 1, 1, 1, model.theta, np.ones(1), 1.0, 1.0, 0.0, weight=weight)
-        return one, model
-
-    def order(estimates):
-        return [float(model.b[1]) for _, model in central_first(estimates, (0.1, 2.0))]
-
-    outlying = [pair(2.0, 0.28), pair(1.0, 0.24), pair(1.01, 0.24), pair(1.02, 0.24)]
-    assert order(outlying) == [1.02, 2.0, 1.0, 1.01]
-    assert order([pair(1.01, 0.4), pair(1.0, 0.3), pair(1.02, 0.3)]) == [1.01, 1.0, 1.02]
-    integrating = [pair(0.1, 0.28, integrating=True), *outlying[1:]]
-    assert order(integrating) == [0.1, 1.0, 1.01, 1.02]  # whether a pole lies at 1 is left to the criterion
 
 
 def test_the_form_of_a_long_record_is_that_of_all_its_samples():

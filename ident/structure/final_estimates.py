@@ -11,7 +11,6 @@ from ..estimators.filters import MAX_ORDER
 from ..estimators.plant_and_noise import box_jenkins_model, whitened_minimum, whitened_run
 from ..estimators.prediction_error import output_error
 from ..model import Model
-from ..responses.spectra import excited_band
 from .candidates import Candidate, both_additional, no_model
 from .choice import criterion, weights
 from .continuous_forms import integrating, refit_form
@@ -21,8 +20,6 @@ from .structure_search import Search
 
 FINAL, FINAL_STEPS = 1e-10, 100  # predicted reduction of the loss at convergence, as a share; trials
 LINEAR, OTHERS = 0.5, 0.25  # weights of the linear part, and of the other structures at the amplitude of the record
-GAINS = 40  # frequencies at which gains are compared
-CLEARLY = 0.5  # ratio of expected square errors: benchmarks/structure_bank.py
 MOST_LONG = 3  # candidates estimated on all samples of a record of which parts were searched
 
 
@@ -87,8 +84,7 @@ def without_integrator(one: Candidate) -> Candidate:
 def mixture(rec: Record, found: Search, additional: Array | None = None) -> tuple[Search, Model]:
     """The search with its final estimates, and that of the chosen candidate with the alternatives of the record.
 
-    A candidate whose coefficients are not identifiable is left out. Of those that the record does not decide between,
-    one whose gain is clearly closer to the gains of the others is preferred to the one of the smallest criterion.
+    A candidate whose coefficients are not identifiable is left out.
 
     Raises
     ------
@@ -100,7 +96,7 @@ def mixture(rec: Record, found: Search, additional: Array | None = None) -> tupl
         again = sorted(((rescored(one, model), model) for one, model in models), key=lambda pair: pair[0].total)
         shares = weights([one.total for one, _ in again], [one.nk == 0 for one, _ in again])
         models = [(replace(one, weight=float(w)), model) for w, (one, model) in zip(shares, again, strict=True)]
-    (chosen, model), *rest = models = central_first(models, excited_band(rec))
+    (chosen, model), *rest = models
     total = chosen.weight + sum(one.weight for one, _ in rest)
     others = tuple((one.weight / total, other) for one, other in rest if one.weight > 0)
     found = found.estimated([one for one, _ in models])
@@ -124,26 +120,6 @@ def at_amplitude(rec: Record, linear: Record, found: Search, additional: Array |
     others = ((OTHERS * one.weight / total, other) for one, other in rest)
     alternatives = (LINEAR, replace(part, alternatives=())), *others
     return found.estimated([one for one, _ in models]), replace(model, alternatives=alternatives)
-
-
-def central_first(models: list[tuple[Candidate, Model]], band: tuple[float, float]) -> list[tuple[Candidate, Model]]:
-    """The estimates, first the one whose logarithm of the gain has the smallest expected square error in the band.
-
-    The expectation is over the estimates with their weights. The first one keeps its place unless its error is twice
-    as large, and to one with more parameters; whether a pole lies at 1 is left to the criterion.
-    """
-    share = np.array([one.weight for one, _ in models])
-    f = np.geomspace(*band, GAINS)
-    gain = np.log([np.maximum(np.abs(model.response(f)), np.finfo(float).tiny) for _, model in models])
-    error = np.square(gain[:, None] - gain[None]).mean(axis=2) @ share
-    first, estimate = models[0]
-    for k, (one, model) in enumerate(models):
-        if one.parameters > first.parameters or model.integrating != estimate.integrating:
-            error[k] = np.inf
-    k = int(np.argmin(error))
-    if not error[k] < CLEARLY * error[0]:
-        return models
-    return [models[k], *models[:k], *models[k + 1 :]]
 
 
 def _estimates(rec: Record, found: Search, additional: Array | None) -> list[tuple[Candidate, Model]]:
