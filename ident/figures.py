@@ -316,14 +316,13 @@ def _fits(ax: Axes, grid: Any, best: Any, norm: LogNorm, least: float) -> None: 
 def _ranking(ax: Axes, found: Identification) -> None:
     """Bars of the criterion above the smallest for the best candidates, with their weights."""
     rows = found.tried.head(RANKED)
-    names = [_candidate(row) for _, row in rows.iterrows()]
-    above = (rows["bic"] - rows["bic"].iloc[0]).to_numpy(dtype=np.float64)
+    above = (rows["bic"] - found.tried["bic"].min()).to_numpy(dtype=np.float64)
     ax.barh(range(len(rows)), above, color=[ORANGE, *[BLUE] * (len(rows) - 1)], height=0.6)
     for k, (value, (_, row)) in enumerate(zip(above, rows.iterrows(), strict=True)):
         weight = float(row.get("weight", 0.0))
         share = f"weight {weight:.2g}" if weight else "chosen" if k == 0 else ""
         ax.text(value, k, f" {share}", va="center", fontsize=SMALL)
-    ax.set_yticks(range(len(rows)), names, fontsize=SMALL)
+    ax.set_yticks(range(len(rows)), [_candidate(row) for _, row in rows.iterrows()], fontsize=SMALL)
     ax.invert_yaxis()
     ax.set_xlim(0, 1.3 * max(float(above.max()), 1.0))
     ax.set_xlabel("criterion (BIC) above the smallest")

@@ -115,7 +115,7 @@ def at_amplitude(rec: Record, linear: Record, found: Search, additional: Array |
     _, part = mixture(linear, found, additional)
     models = sorted(_estimates(rec, found, additional), key=lambda pair: rescored(*pair).total)
     (_, model), *rest = models
-    rest = [(one, other) for one, other in rest if one.weight > 0]
+    rest = [(one, other) for one, other in sorted(rest, key=lambda pair: pair[0].total) if one.weight > 0]
     total = sum(one.weight for one, _ in rest)
     others = ((OTHERS * one.weight / total, other) for one, other in rest)
     alternatives = (LINEAR, replace(part, alternatives=())), *others

@@ -73,9 +73,10 @@ class Search:
 
     def estimated(self, models: Sequence[Candidate]) -> "Search":
         """The same with candidates that were estimated anew, the first as the chosen one; the others without weight."""
+        chosen, *rest = models
         known = {one.name for one in models}
-        others = (replace(one, weight=0.0) for one in self.candidates if one.name not in known)
-        return replace(self, candidates=(*models, *others))
+        rest += [replace(one, weight=0.0) for one in self.candidates if one.name not in known]
+        return replace(self, candidates=(chosen, *sorted(rest, key=lambda one: one.total)))
 
     def fit(self, one: Candidate) -> float:
         """Simulation fit of a candidate, %."""
