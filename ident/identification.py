@@ -9,6 +9,7 @@ Source: Schwarz 1978, Ann. Stat. 6, 461; Ljung 1999, System Identification, sect
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -34,7 +35,7 @@ from .structure.candidates import Candidate
 from .structure.equation_noise import partialled
 from .structure.final_estimates import at_amplitude, estimated, mixture
 from .structure.fitted_form import FittedForm
-from .structure.structure_search import MOST_ORDER, Search, search
+from .structure.structure_search import MOST_ORDER, Search, parts_of, search
 from .validation.amplitudes import AmplitudeTable
 from .validation.handover import Handover, arx_by_choice, judge_handover
 from .validation.model_validation import Validation
@@ -52,7 +53,7 @@ CHECKED = (
     LOOP,
     "Exchanged signals",
 )
-MOST_SAMPLES, PARTS = 3200, 8  # in the search: of longer records so many parts with so many samples together
+NONLINEAR = 2  # parameters of a nonlinearity: its size and the change of gain
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -309,18 +310,17 @@ def identify(
     loop = checked_feedback(whole)
     linear = None if loop.found or orders else disturbed.linear
 
-    def searched(disturbed: Disturbances) -> Search:
-        part = _parts(linear or whole)
+    def searched(rec: Record, disturbed: Disturbances) -> Search:
+        part = parts_of(rec)
         return search(
             part, most_order=most_order, delays=delays, orders=orders, least_delay=int(loop.found),
             additional=disturbed.columns_of(part), integrators=not disturbed.drift,
         )  # fmt: skip
 
-    found, disturbed = _with_drift(searched, disturbed)
+    found, disturbed = _best_search(searched, whole, linear, disturbed)
     additional = disturbed.columns
-    if linear is not None and disturbed.nonlinearity is not None:
+    if linear is not None and found.without:
         found, chosen = at_amplitude(whole, linear, found, additional)
-        found = replace(found, without=disturbed.nonlinearity.kind)
     else:
         found, chosen = mixture(whole, found, additional)
     best = found.chosen
@@ -352,6 +352,21 @@ def identify(
     )
 
 
+def _best_search(
+    searched: Callable[[Record, Disturbances], Search], rec: Record, linear: Record | None, disturbed: Disturbances
+) -> tuple[Search, Disturbances]:
+    """The search of the record, or of ``linear``, without a nonlinearity of the input, if its criterion is smaller.
+
+    A nonlinearity that is named falsely, or with a wrong size, leaves the structure as it is.
+    """
+    found, used = _with_drift(partial(searched, rec), disturbed)
+    if linear is not None and disturbed.nonlinearity is not None:
+        behind, beside = _with_drift(partial(searched, linear), disturbed)
+        if behind.chosen.total + NONLINEAR * np.log(found.n) < found.chosen.total:
+            return replace(behind, without=disturbed.nonlinearity.kind), beside
+    return found, used
+
+
 def _with_drift(searched: Callable[[Disturbances], Search], disturbed: Disturbances) -> tuple[Search, Disturbances]:
     """The search with drift, or without it where the plant explains it: a slow plant has responses like a drift."""
     found = searched(disturbed)
@@ -376,23 +391,3 @@ def _plain(rec: Record, best: Candidate, one_step: OrderSearch) -> Model:
         return arx(rec, best.na, best.nb, best.nk)
     except IdentError:
         return arx(rec, *one_step.chosen)
-
-
-def _parts(rec: Record) -> Record:
-    """Evenly spaced parts of one length of a very long record: of a sweep, each excites another frequency."""
-    if len(rec) <= MOST_SAMPLES:
-        return rec
-    size = MOST_SAMPLES // PARTS
-    long = [s for s in rec.stretches if s.stop - s.start >= size]
-    if not long:
-        return rec.part(0, MOST_SAMPLES).centred()
-    # each segment holds parts in proportion to its length
-    first = np.concatenate([np.arange(s.start, s.stop - size + 1) for s in long])
-    starts = first[np.linspace(0, len(first) - 1, PARTS).astype(np.intp)]
-    starts = starts[np.r_[True, np.diff(starts) >= size]]
-    rows = (starts[:, None] + np.arange(size)).ravel()
-    offsets = np.asarray(rec.offsets)[np.searchsorted(rec.starts, starts, side="right") - 1]
-    joined = tuple(int(k) * size for k in range(len(starts)))
-    return replace(
-        rec, u=rec.u[rows], y=rec.y[rows], starts=joined, offsets=offsets, sha256=None, reference=None
-    ).centred()

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 from fitmodels.datasets import Record
-from fitmodels.ident import Model, chirp, identify, tune_pi
+from fitmodels.ident import Model, chirp, identify, record_disturbances, tune_pi
 from fitmodels.ident.additive_disturbances import origins_of_line
 from fitmodels.ident.continuous import ContinuousModel
 from fitmodels.ident.estimators.high_order_arx import input_lags, long_arx
 from fitmodels.ident.estimators.prediction_error import output_error
 from fitmodels.ident.outliers import skips
 from fitmodels.ident.record_disturbances import disturbances
-from fitmodels.ident.static_nonlinearity import backlash
+from fitmodels.ident.static_nonlinearity import Nonlinearity, backlash
 from fitmodels.parameters.gather.control import dynamics_section
 
 T = 0.02
@@ -276,6 +276,18 @@ def test_orders_are_those_of_the_linear_part_behind_a_nonlinearity(kind):
     assert kind in found.argument
     section = dynamics_section(found)["alternatives"][0]
     assert section["structure"] == f"linear part without the {kind}"
+
+
+def test_a_nonlinearity_that_is_named_falsely_leaves_the_structure_as_it_is(monkeypatch):
+    """A false backlash of half the range: its removal from the input spoils the record, which the criterion sees."""
+    rec = record(LAG, noise=0.01)
+    plain = identify(rec)
+    false = Nonlinearity("backlash", 0.0, 2.5, 1e-9, 1.0, -1.0, lambda rec, u: u - backlash(u, 2.5))
+    monkeypatch.setattr(record_disturbances, "nonlinearity", lambda *args: false)
+    found = identify(rec)
+    assert [item.kind for item in found.disturbances.found] == ["backlash"]  # the reservation is kept
+    assert found.search.without == ""
+    np.testing.assert_array_equal(found.model.theta, plain.model.theta)
 
 
 def test_given_orders_are_kept_where_the_input_has_a_nonlinearity():

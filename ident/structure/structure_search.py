@@ -39,6 +39,7 @@ MIDDLE = 3  # order that is tried first: the others are compared with it
 CLOSE = 10.0  # of the criterion above the best: candidates whose neighbours are fitted
 REFINED = 8  # candidates whose plant and noise model are fitted jointly
 EQUAL = 2.0  # of the criterion: no evidence (Kass & Raftery 1995, doi 10.1080/01621459.1995.10476572)
+MOST_SAMPLES, PARTS = 3200, 8  # of longer records so many parts with so many samples together are searched
 AS_GOOD = 6.0  # of the criterion: weights differ by a factor of 4
 
 
@@ -294,6 +295,26 @@ def _beside(one: Candidate) -> list[tuple[tuple[int, int, int], Array]]:
 def _least(found: Sequence[Candidate]) -> float:
     """Smallest criterion with its penalty; infinite without a candidate."""
     return min((one.total for one in found), default=np.inf)
+
+
+def parts_of(rec: Record) -> Record:
+    """Evenly spaced parts of one length of a very long record: of a sweep, each excites another frequency."""
+    if len(rec) <= MOST_SAMPLES:
+        return rec
+    size = MOST_SAMPLES // PARTS
+    long = [s for s in rec.stretches if s.stop - s.start >= size]
+    if not long:
+        return rec.part(0, MOST_SAMPLES).centred()
+    # each segment holds parts in proportion to its length
+    first = np.concatenate([np.arange(s.start, s.stop - size + 1) for s in long])
+    starts = first[np.linspace(0, len(first) - 1, PARTS).astype(np.intp)]
+    starts = starts[np.r_[True, np.diff(starts) >= size]]
+    rows = (starts[:, None] + np.arange(size)).ravel()
+    offsets = np.asarray(rec.offsets)[np.searchsorted(rec.starts, starts, side="right") - 1]
+    joined = tuple(int(k) * size for k in range(len(starts)))
+    return replace(
+        rec, u=rec.u[rows], y=rec.y[rows], starts=joined, offsets=offsets, sha256=None, reference=None
+    ).centred()
 
 
 def _given(
