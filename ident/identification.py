@@ -317,13 +317,8 @@ def identify(
             additional=disturbed.columns_of(part), integrators=not disturbed.drift,
         )  # fmt: skip
 
-    found, disturbed = _best_search(searched, whole, linear, disturbed)
-    additional = disturbed.columns
-    if linear is not None and found.without:
-        found, chosen = at_amplitude(whole, linear, found, additional)
-    else:
-        found, chosen = mixture(whole, found, additional)
-    best = found.chosen
+    found, chosen, disturbed = _structure(searched, whole, linear, disturbed)
+    best, additional = found.chosen, disturbed.columns
     one_step = _one_step(whole)
     plain = _plain(partialled(whole, additional), best, one_step)
     by_arx = handover == "arx"
@@ -352,19 +347,24 @@ def identify(
     )
 
 
-def _best_search(
+def _structure(
     searched: Callable[[Record, Disturbances], Search], rec: Record, linear: Record | None, disturbed: Disturbances
-) -> tuple[Search, Disturbances]:
-    """The search of the record, or of ``linear``, without a nonlinearity of the input, if its criterion is smaller.
+) -> tuple[Search, Model, Disturbances]:
+    """The search with the estimate of its chosen structure, and the disturbances that it accounts for.
 
-    A nonlinearity that is named falsely, or with a wrong size, leaves the structure as it is.
+    The search is that of ``linear``, the record without a nonlinearity of the input, if its criterion is smaller: a
+    nonlinearity that is named falsely, or with a wrong size, leaves the structure as it is.
     """
     found, used = _with_drift(partial(searched, rec), disturbed)
     if linear is not None and disturbed.nonlinearity is not None:
-        behind, beside = _with_drift(partial(searched, linear), disturbed)
-        if behind.chosen.total + NONLINEAR * np.log(found.n) < found.chosen.total:
-            return replace(behind, without=disturbed.nonlinearity.kind), beside
-    return found, used
+        try:
+            behind, kept = _with_drift(partial(searched, linear), disturbed)
+            if behind.chosen.total + NONLINEAR * np.log(found.n) < found.chosen.total:
+                behind = replace(behind, without=disturbed.nonlinearity.kind)
+                return *at_amplitude(rec, linear, behind, kept.columns), kept
+        except IdentError:  # the input that is left does not identify a model
+            pass
+    return *mixture(rec, found, used.columns), used
 
 
 def _with_drift(searched: Callable[[Disturbances], Search], disturbed: Disturbances) -> tuple[Search, Disturbances]:

@@ -290,6 +290,14 @@ def test_a_nonlinearity_that_is_named_falsely_leaves_the_structure_as_it_is(monk
     np.testing.assert_array_equal(found.model.theta, plain.model.theta)
 
 
+def test_a_nonlinearity_that_leaves_no_input_leaves_the_structure_as_it_is(monkeypatch):
+    rec = record(LAG, noise=0.01)
+    plain = identify(rec)
+    false = Nonlinearity("dead zone", -9.0, 9.0, 1e-9, 1.0, -1.0, lambda rec, u: u)
+    monkeypatch.setattr(record_disturbances, "nonlinearity", lambda *args: false)
+    np.testing.assert_array_equal(identify(rec).model.theta, plain.model.theta)
+
+
 def test_given_orders_are_kept_where_the_input_has_a_nonlinearity():
     found = identify(record(LAG, acting=NONLINEAR["dead zone"]), orders=(2, 2, 3))
     assert (found.model.na, found.model.nb, found.model.nk, found.search.without) == (2, 2, 3, "")

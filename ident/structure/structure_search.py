@@ -274,7 +274,7 @@ def _with_neighbours(screen: Screen, found: list[Candidate], reach: Reach) -> li
     out = list(found)
     while waiting:
         one = waiting.pop()
-        for orders, theta in _beside(one):
+        for orders, theta in _neighbours_of(one):
             if orders not in known and orders[2] in reach.delays:
                 known.add(orders)
                 other = fitted(screen, orders, theta, found[0].total)
@@ -283,7 +283,7 @@ def _with_neighbours(screen: Screen, found: list[Candidate], reach: Reach) -> li
     return sorted(out, key=lambda one: one.total)
 
 
-def _beside(one: Candidate) -> list[tuple[tuple[int, int, int], Array]]:
+def _neighbours_of(one: Candidate) -> list[tuple[tuple[int, int, int], Array]]:
     """Orders of the neighbours of a candidate with a starting value."""
     na, nb, nk, theta = one.na, one.nb, one.nk, one.theta
     found = [((na, nb, nk - 1), theta), ((na, nb, nk + 1), theta)]
