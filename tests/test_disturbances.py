@@ -2,16 +2,19 @@
 
 import numpy as np
 import pytest
+from fitmodels.cards.content.dynamics import dynamics_part
 from fitmodels.datasets import Record
 from fitmodels.ident import Model, chirp, identify, record_disturbances, tune_pi
 from fitmodels.ident.additive_disturbances import origins_of_line
 from fitmodels.ident.continuous import ContinuousModel
 from fitmodels.ident.estimators.high_order_arx import input_lags, long_arx
 from fitmodels.ident.estimators.prediction_error import output_error
+from fitmodels.ident.figures import structure_chart
 from fitmodels.ident.outliers import skips
 from fitmodels.ident.record_disturbances import disturbances
 from fitmodels.ident.static_nonlinearity import Nonlinearity, backlash
 from fitmodels.parameters.gather.control import dynamics_section
+from fitmodels.parameters.sections.dynamics import DynamicsSection
 
 T = 0.02
 CLM = Model(b=[0.0, 0.0611, -0.1338, 0.0752], a=[1.0, -2.0311, 1.2104, -0.1655], nk=1, sample_time=T)
@@ -274,8 +277,15 @@ def test_orders_are_those_of_the_linear_part_behind_a_nonlinearity(kind):
     assert (found.search.without, share) == (kind, 0.5)
     assert np.abs(np.abs(behind.response(f) / LAG.response(f)) - 1).max() < 0.02
     assert kind in found.argument
-    section = dynamics_section(found)["alternatives"][0]
-    assert section["structure"] == f"linear part without the {kind}"
+    totals = [one.total for one in found.search.candidates[1:]]
+    assert totals == sorted(totals)
+    section = DynamicsSection.model_validate(dynamics_section(found))
+    part = f"linear part without the {kind}"
+    assert section.alternatives[0].structure == part
+    (sentence,) = (text for text in dynamics_part(section).sentences if part in text)
+    assert sentence.startswith("Gain and delay depend on the amplitude")
+    _, ranking = structure_chart(found)
+    assert min(bar.get_width() for bar in ranking.patches) >= 0.0  # above the smallest, also where another is chosen
 
 
 def test_a_nonlinearity_that_is_named_falsely_leaves_the_structure_as_it_is(monkeypatch):

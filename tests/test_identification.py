@@ -158,6 +158,17 @@ def test_a_delay_of_thirty_samples_is_found_with_a_binary_input():
         assert np.abs(model.response(FREQUENCIES) / response(*LATE) - 1).max() < 0.03
 
 
+def test_a_long_delay_is_found_where_no_form_describes_the_plant():
+    """The published plant 30 samples later: without the delay of the best form its gain was wrong by 27 %."""
+    u = ident.prbs(2.5, 15.0, 50.0, hold=0.2)
+    late = (np.r_[np.zeros(29), G.b], G.a)
+    y = lfilter(*late, u)
+    e = np.random.default_rng(0).standard_normal(len(u))
+    model = identify(Record(u=u, y=y + 0.03 * y.std() * e, sample_time=0.02)).model
+    assert model.nk == 30
+    assert np.abs(model.response(FREQUENCIES) / response(*late) - 1).max() < 0.05
+
+
 def test_equal_lags_below_the_sample_time_are_no_form():
     """Five lags of .008 s, sampled every .02 s, stand for a delay with one parameter less."""
     found = identify(of(*MORE_ZEROS, 30))
@@ -168,9 +179,9 @@ def test_equal_lags_below_the_sample_time_are_no_form():
 NON_MINIMUM_PHASE = sampled([-0.2, 1.0], np.poly([-2.0, -5.0, -10.0]) / 100, dt=0.02)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [4, 6, 15])
 def test_the_true_orders_are_no_better_than_those_found(seed):
-    """The delays of an order are screened by an iteration; the neighbours of what it finds are fitted as well."""
+    """The delays of an order are screened by an iteration that misses the best; its neighbours are fitted as well."""
     rec = of(NON_MINIMUM_PHASE.b, NON_MINIMUM_PHASE.a, 20, seed=seed)
     given = min(identify(rec, orders=orders).search.chosen.total for orders in ((3, 3, 1), (3, 2, 1)))
     assert min(one.total for one in identify(rec).search.candidates) < given + 2.0
