@@ -82,7 +82,7 @@ class Disturbances(Displayable):
     remark : str or None
         Reason why nothing was tested.
     nonlinearity : Nonlinearity or None
-        Of the input, if it lowers the verdict.
+        Of the input.
     """
 
     found: tuple[Disturbance, ...]
@@ -165,10 +165,8 @@ def disturbances(rec: Record) -> Disturbances:
         *_of_drift(part, whole, drift),
         *_of_lines(part, whole, lines, drift),
     ]
-    of_input = _of_nonlinearity(rec, found)
-    lowers = any(item.level > USABLE for item in of_input)
-    named += [*of_input, *static]
-    return Disturbances(tuple(named), clean, lines, drift, replaced, nonlinearity=found if lowers else None)
+    named += [*_of_nonlinearity(rec, found), *static]
+    return Disturbances(tuple(named), clean, lines, drift, replaced, nonlinearity=found)
 
 
 def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:
