@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fitmodels import datasets, ident
+from fitmodels import datasets, ident, parameters
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
 from fitmodels.datasets.records.record import join_records
 from fitmodels.ident import Model, identify
 from fitmodels.ident.continuous import sampled
+from fitmodels.ident.static_nonlinearity import backlash
+from fitmodels.ident.structure.final_estimates import rescored
 from scipy.signal import lfilter
 
 pytestmark = pytest.mark.slow
@@ -185,6 +187,28 @@ def test_the_true_orders_are_no_better_than_those_found(seed):
     rec = of(NON_MINIMUM_PHASE.b, NON_MINIMUM_PHASE.a, 20, seed=seed)
     given = min(identify(rec, orders=orders).search.chosen.total for orders in ((3, 3, 1), (3, 2, 1)))
     assert min(one.total for one in identify(rec).search.candidates) < given + 2.0
+
+
+def test_a_final_estimate_pays_for_the_poles_that_it_has():
+    """On the measured input of a plant with backlash a candidate without a pole beyond the band got one at -1."""
+    rec = run(30).centred()
+    one = identify(rec).chosen
+    ringing = Model(b=[0.0, 0.1, 0.1], a=np.polymul([1.0, -0.9], [1.0, 0.9999]), nk=1, sample_time=0.02)
+    assert one.guard == 0.0
+    again = rescored(rec, one, replace(ringing, n=len(rec), noise_variance=1e-3))
+    assert again.guard == pytest.approx(np.log(len(rec)))  # one coefficient for the pole
+
+
+def test_a_form_with_a_delay_beyond_the_search_is_no_candidate():
+    """Swapped columns fitted a lag with a delay of 139 samples, more coefficients than a file holds."""
+    rng = np.random.default_rng(1)
+    lag = sampled([1.0], [0.3, 1.0], dt=0.02, delay=0.05)
+    y = lag.simulate(backlash(U, 0.5))
+    found = identify(Record(u=y + 0.01 * y.std() * rng.standard_normal(len(y)), y=U, sample_time=0.02))
+    assert found.verdict.level == 2
+    assert "swapped" in found.verdict.reasons[0]
+    assert max(one.nk for one in found.search.candidates) <= 76  # a tenth of 750 samples, and one
+    parameters.collect(tool="clamp", work="axis", laws=[], dynamics=found)
 
 
 def test_the_form_of_a_long_record_is_that_of_all_its_samples():

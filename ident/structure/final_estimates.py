@@ -11,8 +11,9 @@ from ..estimators.filters import MAX_ORDER
 from ..estimators.plant_and_noise import box_jenkins_model, whitened_minimum, whitened_run
 from ..estimators.prediction_error import output_error
 from ..model import Model
-from .candidates import Candidate, both_additional, no_model
-from .choice import criterion, weights
+from ..responses.spectra import excited_band
+from .candidates import NO_DELAY, Candidate, both_additional, no_model
+from .choice import criterion, guard, weights
 from .continuous_forms import integrating, refit_form
 from .equation_noise import equation_estimate
 from .fitted_form import FittedForm
@@ -93,7 +94,7 @@ def mixture(rec: Record, found: Search, additional: Array | None = None) -> tupl
     """
     models = _estimates(rec, found, additional)
     if len(rec) > found.n:  # compared anew on all samples
-        again = sorted(((rescored(one, model), model) for one, model in models), key=lambda pair: pair[0].total)
+        again = sorted(((rescored(rec, one, model), model) for one, model in models), key=lambda pair: pair[0].total)
         shares = weights([one.total for one, _ in again], [one.nk == 0 for one, _ in again])
         models = [(replace(one, weight=float(w)), model) for w, (one, model) in zip(shares, again, strict=True)]
     (chosen, model), *rest = models
@@ -113,7 +114,7 @@ def at_amplitude(rec: Record, linear: Record, found: Search, additional: Array |
     linear part, which the plant approaches at other amplitudes, are its alternatives.
     """
     _, part = mixture(linear, found, additional)
-    models = sorted(_estimates(rec, found, additional), key=lambda pair: rescored(*pair).total)
+    models = sorted(_estimates(rec, found, additional), key=lambda pair: rescored(rec, *pair).total)
     (_, model), *rest = models
     rest = [(one, other) for one, other in sorted(rest, key=lambda pair: pair[0].total) if one.weight > 0]
     total = sum(one.weight for one, _ in rest)
@@ -141,8 +142,9 @@ def _estimates(rec: Record, found: Search, additional: Array | None) -> list[tup
     return models
 
 
-def rescored(one: Candidate, model: Model) -> Candidate:
-    """The candidate with the criterion of its final estimate on all samples."""
-    n, noise = model.n or 1, len(model.d) - 1
-    total = criterion(n, model.noise_variance or 0.0, one.parameters, noise)
-    return replace(one, theta=model.theta, d=model.d, variance=model.noise_variance or 0.0, criterion=total)
+def rescored(rec: Record, one: Candidate, model: Model) -> Candidate:
+    """The candidate with criterion and penalty of its final estimate on all samples of a record."""
+    n, noise, variance = model.n or 1, len(model.d) - 1, model.noise_variance or 0.0
+    own = criterion(n, variance, one.parameters, noise)
+    penalty = guard(model.b, model.a, rec.sample_time, excited_band(rec), n) + NO_DELAY * (one.nk == 0)
+    return replace(one, theta=model.theta, d=model.d, variance=variance, criterion=own, guard=penalty)

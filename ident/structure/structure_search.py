@@ -33,7 +33,7 @@ from .choice import weights
 from .equation_noise import equation_candidates
 
 MOST_ORDER, MOST_DELAY = 5, 10
-FARTHEST = 100  # samples of delay, or a tenth of the longest segment
+FARTHEST = 87  # samples of delay, or a tenth of the longest segment: a file holds 100 coefficients
 AHEAD = 3  # delays scanned beyond the best
 MIDDLE = 3  # order that is tried first: the others are compared with it
 CLOSE = 10.0  # of the criterion above the best: candidates whose neighbours are fitted
@@ -138,7 +138,7 @@ def search(
     longest = max(s.stop - s.start for s in rec.stretches)
     reach = Reach.of(delays, least_delay, min(FARTHEST, longest // 10))
     screen = screen_of(rec, band, least_delay, 0 if reach.open else reach.delays[-1], additional)
-    forms = [one for one in form_candidates(screen, reach.delays) if reach.open or one.nk in reach.delays]
+    forms = [one for one in form_candidates(screen, reach.delays) if reach.holds(one.nk)]
     long = min(forms, key=lambda one: one.total).nk if forms and reach.open else 0
     if long > MOST_DELAY:
         screen, reach = screen_of(rec, band, least_delay, long, additional), replace(reach, long=long)
@@ -194,6 +194,10 @@ class Reach:
         if delays is None:
             return cls(tuple(range(least, max(farthest, least) + 1)), True)
         return cls(tuple(sorted({max(int(k), least) for k in delays})), False)
+
+    def holds(self, nk: int) -> bool:
+        """Whether a form may have this delay: it is estimated, and need not be one of those that are scanned."""
+        return nk <= self.delays[-1] + 1 if self.open else nk in self.delays
 
     def upto(self, last: int) -> list[int]:
         """The delays asked for, or those up to ``last`` and at least the usual number."""
