@@ -35,7 +35,7 @@ from .edges import (
     random_level,
     too_few_edges,
 )
-from .least_squares import LinearFit, grams_by, sums_by
+from .least_squares import LinearFit, grams_about, sums_by
 from .triangle import Summary
 
 Array = NDArray[np.float64]
@@ -85,9 +85,9 @@ class EdgeSums:
     >>> edge = np.repeat(np.arange(6), 10)
     >>> sums = EdgeSums(3)
     >>> for part in (slice(0, 25), slice(25, 60)):
-    ...     sums.add(W[part], edge[part])
+    ...     sums.add(W[part].T, edge[part])
     >>> other = EdgeSums(3, sums.base)
-    >>> other.add(W, edge)
+    >>> other.add(W.T, edge)
     >>> bool(np.allclose(sums.square, other.square)), sums.n_groups
     (True, 6)
 
@@ -99,8 +99,10 @@ class EdgeSums:
     number : dict
         Number of each group by its key, edge and level in one number.
     size : ndarray, shape (G,)
-    mean, first, far : ndarray, shape (G, q)
-        Means and first row, both about ``base``; the largest distance of a row from the first.
+    mean, first : ndarray, shape (G, q)
+        Means and first row, both about ``base``.
+    far : ndarray, shape (q,)
+        Bound of the distances of rows from the first of their group; zero where a column is constant in every group.
     square : ndarray, shape (G, q, q)
         Sums of products about the means.
     inside : ndarray, shape (at most q, q)
@@ -119,7 +121,8 @@ class EdgeSums:
 
     def __post_init__(self) -> None:
         self.size = np.zeros(0)
-        self.mean, self.first, self.far, self.inside = (np.zeros((0, self.q)) for _ in range(4))
+        self.mean, self.first, self.inside = (np.zeros((0, self.q)) for _ in range(3))
+        self.far = np.zeros(self.q)
         self.square = np.zeros((0, self.q, self.q))
 
     @property
@@ -127,28 +130,31 @@ class EdgeSums:
         """Number of groups so far."""
         return len(self.number)
 
-    def add(self, W: Array, edge: Index | None, level: Index | None = None) -> None:
-        """Add rows W (m, q), logarithms of the factors and, last, of the response, with numbers of edge and level."""
+    def add(
+        self, columns: Sequence[Array], edge: Index | None, level: Index | None = None, *, logarithms: bool = False
+    ) -> None:
+        """Add rows: columns of the factors and, last, of the response, and the numbers of the rows' edges and levels.
+
+        With ``logarithms`` the columns are values above zero, and their logarithms are added.
+        """
         if self.base is None:
-            self.base = _first_law(W)
-        order, starts, keys = _grouped(np.zeros(len(W), dtype=np.intp) if edge is None else edge, level)
-        columns = np.empty(W.shape[::-1])
-        for column, origin, into in zip(W.T, self.base.origin, columns, strict=True):
-            np.subtract(column if order is None else column.take(order), origin, out=into)
-        columns[-1] -= self.base.exponents @ columns[:-1]
-        found = grams_by(columns, starts)
-        at = self._numbers(keys, found.first.T)
-        self._reach(at, columns, starts)
+            W = np.column_stack(columns)
+            self.base = _first_law(np.log(W) if logarithms else W)
+        order, starts, keys = _grouped(np.zeros(len(columns[0]), dtype=np.intp) if edge is None else edge, level)
+        first, about, moves = _about_first(columns, order, starts, logarithms)
+        first -= self.base.origin[:, None]
+        first[-1] -= self.base.exponents @ first[:-1]
+        for j in moves:
+            if j < self.q - 1:
+                about[-1] -= self.base.exponents[j] * about[j]
+        at = self._numbers(keys, first.T)
+        far = np.abs(first - self.first[at].T).max(axis=1)
+        far[moves] += [max(about[j].max(), -about[j].min()) for j in moves]
+        self.far = np.maximum(self.far, far)
+        found = grams_about(first, about, starts, moves)
         root = _root(found.square.sum(axis=2))
         apart = self._combine(at, found.size, found.mean.T, found.square.transpose(2, 0, 1))
         self._extend(found.about.T if root is None else root, apart)
-
-    def _reach(self, at: Index, columns: Array, starts: Index) -> None:
-        """Take the distances of further rows from the first row of their group into ``far``."""
-        first = self.first[at].T
-        for j, column in enumerate(columns):
-            ends = np.maximum.reduceat(column, starts) - first[j], first[j] - np.minimum.reduceat(column, starts)
-            self.far[at, j] = np.maximum(self.far[at, j], np.maximum(*ends))
 
     def merge(self, other: "EdgeSums") -> None:
         """Add the sums of further rows; both need the same ``base``."""
@@ -160,7 +166,7 @@ class EdgeSums:
             raise ValueError("sums are about different laws; create them with the same base")
         keys, G = list(other.number), other.n_groups
         at = self._numbers(np.array(keys, dtype=np.int64), other.first[:G])
-        self.far[at] = np.maximum(self.far[at], np.abs(other.first[:G] - self.first[at]) + other.far[:G])
+        self.far = np.maximum(self.far, np.abs(other.first[:G] - self.first[at]).max(axis=0) + other.far)
         self._extend(other.inside, self._combine(at, other.size[:G], other.mean[:G], other.square[:G]))
 
     def _combine(self, at: Index, n: Array, mean: Array, square: Array) -> Array:
@@ -197,7 +203,7 @@ class EdgeSums:
     def trimmed(self) -> "EdgeSums":
         """The sums without the memory reserved for further groups."""
         G = len(self.number)
-        for name in ("size", "mean", "first", "far", "square"):
+        for name in ("size", "mean", "first", "square"):
             setattr(self, name, getattr(self, name)[:G])
         return self
 
@@ -215,7 +221,7 @@ class EdgeSums:
         if groups <= len(self.size):
             return
         more = max(groups, 2 * len(self.size)) - len(self.size)
-        for name in ("size", "mean", "first", "far", "square"):
+        for name in ("size", "mean", "first", "square"):
             old = getattr(self, name)
             setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]))]))
 
@@ -241,6 +247,25 @@ def _grouped(edge: Index, level: Index | None) -> tuple[Index | None, Index, NDA
     starts = np.append(0, np.flatnonzero(key[1:] != key[:-1]) + 1)
     first = starts if order is None else order[starts]
     return order, starts, edge[first].astype(np.int64) * MOST_LEVELS + (0 if level is None else level[first])
+
+
+def _about_first(
+    columns: Sequence[Array], order: Index | None, starts: Index, logarithms: bool
+) -> tuple[Array, Array, list[int]]:
+    """First row of each group, all rows about it, shapes (q, G) and (q, m), and the columns that change in a group.
+
+    The logarithm of a column that is constant in its groups is taken once in each.
+    """
+    about, moves = np.zeros((len(columns), len(columns[0]))), []
+    count = np.diff(np.append(starts, len(columns[0])))
+    opening = np.array([column[starts if order is None else order[starts]] for column in columns])
+    first = np.log(opening) if logarithms else opening
+    for j, column in enumerate(columns):
+        grouped = column if order is None else column.take(order)
+        if not np.array_equal(grouped, np.repeat(opening[j], count)):
+            moves.append(j)
+            np.subtract(np.log(grouped) if logarithms else grouped, np.repeat(first[j], count), out=about[j])
+    return first, about, moves
 
 
 def _sorted(key: Index) -> Index:
@@ -347,17 +372,17 @@ def equivalent_rows(
         size=sums.size,
         centre=np.hstack([one, means[:, keep], shifts, (means[:, columns] @ back)[:, None]]),
         roots=roots,
-        moves=_moves(np.hstack([one, sums.first[:, keep], shifts]), sums.far[:, keep], number),
+        moves=_moves(np.hstack([one, sums.first[:, keep], shifts]), sums.far[keep], number),
         base=np.concatenate([base[:1], base[1:][list(keep)], np.zeros(shifts.shape[1])]),
     )
 
 
 def _moves(first: Array, far: Array, edge: Index) -> Array:
-    """Largest change of each column of the law within an edge, from the first rows of groups and their moves."""
+    """Bound of the change of each column of the law within an edge, from the first rows of groups and ``far``."""
     opening = first[np.unique(edge, return_index=True)[1]][edge]  # one group of each edge
     moves: Array = np.abs(first - opening).max(axis=0)
-    factors = slice(1, 1 + far.shape[1])
-    moves[factors] = np.maximum(moves[factors], far.max(axis=0))
+    factors = slice(1, 1 + len(far))
+    moves[factors] = np.maximum(moves[factors], far)
     return moves
 
 

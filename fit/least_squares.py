@@ -7,6 +7,7 @@ keep the digits that the normal equations and a pseudo-inverse lose on ill-condi
 Source: Golub & Van Loan, Matrix Computations, section 5.3 (QR of the augmented matrix [X y]).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -265,20 +266,33 @@ def grams_by(W: Array, starts: Index) -> Grams:
     >>> found.mean.tolist(), found.square[:, :, 0].tolist()
     ([[2.0, 5.0], [3.0, 7.0]], [[2.0, 2.0], [2.0, 2.0]])
     """
-    (q, N), G = W.shape, len(starts)
-    count, first = np.diff(np.append(starts, N)), W[:, starts]
+    count, first = np.diff(np.append(starts, W.shape[1])), W[:, starts]
+    about = np.empty(W.shape)
+    for column, opening, into in zip(W, first, about, strict=True):
+        np.subtract(column, np.repeat(opening, count), out=into)
+    return grams_about(first, about, starts, [i for i, column in enumerate(about) if column.any()])
+
+
+def grams_about(first: Array, about: Array, starts: Index, moves: Sequence[int]) -> Grams:
+    """Gram matrices of groups of rows about their first row, shapes (q, G) and (q, N); changes ``about`` in place.
+
+    ``moves`` are the columns of ``about`` that are not zero throughout.
+
+    Examples
+    --------
+    >>> found = grams_about(np.array([[1.0, 5.0]]), np.array([[0.0, 2.0, 0.0]]), np.array([0, 2]), [0])
+    >>> found.mean.tolist(), found.square.tolist(), found.about.tolist()
+    ([[2.0, 5.0]], [[[2.0, 0.0]]], [[-1.0, 1.0, 0.0]])
+    """
+    (q, N), G = about.shape, len(starts)
+    count, product = np.diff(np.append(starts, N)), np.empty(N)
     mean, square = first.copy(), np.zeros((q, q, G))
-    about, product = np.empty((q, N)), np.empty(N)
-    moves = []
-    for i, column in enumerate(W):
-        np.subtract(column, np.repeat(first[i], count), out=about[i])
-        if not about[i].any():
-            continue
-        moves.append(i)
-        offset = np.add.reduceat(about[i], starts) / count
-        about[i] -= np.repeat(offset, count)
+    for k, i in enumerate(moves):
+        column = about[i]
+        offset = np.add.reduceat(column, starts) / count
+        column -= np.repeat(offset, count)
         mean[i] += offset
-        for j in moves:
-            np.multiply(about[i], about[j], out=product)
+        for j in moves[: k + 1]:
+            np.multiply(column, about[j], out=product)
             square[i, j] = square[j, i] = np.add.reduceat(product, starts)
     return Grams(count.astype(float), first, mean, square, about)

@@ -117,10 +117,7 @@ class _Pass:
             self.low, self.high, self.first = rows.low, rows.high, np.array([column[0] for column in rows.columns])
         self.low, self.high = np.minimum(self.low, rows.low), np.maximum(self.high, rows.high)
         self.n += len(rows)
-        W = np.empty((len(rows.columns), len(rows)))  # factors, then the response
-        for column, into in zip(rows.columns, (W[-1], *W[:-1]), strict=True):
-            np.log(column, out=into)
-        self.sums.add(W.T, rows.edge, rows.level)
+        self.sums.add((*rows.columns[1:], rows.columns[0]), rows.edge, rows.level, logarithms=True)
 
 
 def _fitted(

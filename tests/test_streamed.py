@@ -357,10 +357,29 @@ def test_merged_triangles_keep_the_certified_digits(measurements, name, degree, 
     x = rows[:, 1:] if degree is None else rows[:, 1:] ** np.arange(1, degree + 1)
     W, sums = np.hstack([x, rows[:, :1]]), EdgeSums(1 + x.shape[1])
     for part in np.split(W, range(rows_a_chunk, len(x), rows_a_chunk)):
-        sums.add(part, None)
+        sums.add(part.T, None)
     found = least_squares(sums.summary(np.array([0])))
     assert -np.log10(np.max(np.abs(found.params / estimates - 1))) >= of_params
     assert -np.log10(np.max(np.abs(found.bse / errors - 1))) >= of_errors
+
+
+def test_sums_of_logarithms_are_those_of_the_values():
+    """A column that is constant in its groups has sums and a distance of exactly zero, also where its level differs."""
+    frame = table(4000)
+    codes = pd.factorize(frame["edge"])[0]
+    values = frame[[*FACTORS, "AW"]].to_numpy().T
+    of_values, of_logs = EdgeSums(5), EdgeSums(5)
+    for part in (slice(0, 1500), slice(1500, None)):
+        of_values.add(values[:, part], codes[part], logarithms=True)
+        of_logs.add(np.log(values[:, part]), codes[part])
+    for name in ("size", "mean", "first", "square", "far"):
+        np.testing.assert_allclose(getattr(of_values, name), getattr(of_logs, name), rtol=1e-12, atol=1e-13)
+    constant = [frame.groupby("edge")[name].nunique().max() == 1 for name in FACTORS]
+    assert [bool(far == 0) for far in of_values.far[:-1]] == constant
+    assert sum(constant) == 3
+    t = np.log(frame["t"])
+    farthest = (t - t.groupby(frame["edge"]).transform("first")).abs().max()
+    assert farthest - 1e-12 <= of_values.far[FACTORS.index("t")] <= 3 * farthest  # a block opens at another row
 
 
 def few(edges, per_edge=4, noise=0.05, settings=None):
@@ -493,9 +512,9 @@ def test_the_sums_alone_give_the_estimates_and_merge_in_any_order():
     codes, names = pd.factorize(frame["edge"].astype(str), sort=True)
     W = np.log(frame[[*FACTORS, "AW"]].to_numpy())
     first, second = EdgeSums(5), EdgeSums(5)
-    first.add(W[:2000], codes[:2000])
+    first.add(W[:2000].T, codes[:2000])
     second.base = first.base
-    second.add(W[2000:], codes[2000:])
+    second.add(W[2000:].T, codes[2000:])
     second.merge(first)
     order = np.arange(len(names))
     rows = equivalent_rows(second, range(4), tuple(names), order, np.array([0]))
