@@ -36,7 +36,7 @@ from .edges import (
     too_few_edges,
 )
 from .least_squares import LinearFit, grams_about, sums_by
-from .triangle import Summary
+from .triangle import Summary, in_rows, square_roots
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -192,7 +192,7 @@ class EdgeSums:
         mean = self.size[:G] @ means / n
         level = np.concatenate([self.base.origin[:k], np.zeros(shifts.shape[1] + 1)])
         inside = np.hstack([self.inside[:, :k], np.zeros((len(self.inside), shifts.shape[1])), self.inside[:, k:]])
-        R = _in_rows(np.vstack([np.sqrt(self.size[:G])[:, None] * (means - mean), inside]), int(n) - 1)
+        R = in_rows(np.vstack([np.sqrt(self.size[:G])[:, None] * (means - mean), inside]), int(n) - 1)
         return Summary(int(n), k, mean + level, R, self.base.params)
 
     def groups(self) -> tuple[Index, Index]:
@@ -224,18 +224,6 @@ class EdgeSums:
         for name in ("size", "mean", "first", "square"):
             old = getattr(self, name)
             setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]))]))
-
-
-def _in_rows(A: Array, most: int) -> Array:
-    """Triangle of rows A, in at most as many rows as their rank is; of permuted columns where these are more."""
-    if most >= A.shape[1]:
-        return np.asarray(np.linalg.qr(A, mode="r"))
-    from scipy.linalg import qr
-
-    R, order = qr(A, mode="r", pivoting=True)  # the rows that go hold rounding alone
-    found = np.zeros((most, A.shape[1]))
-    found[:, order] = R[:most]
-    return found
 
 
 def _grouped(edge: Index, level: Index | None) -> tuple[Index | None, Index, NDArray[np.int64]]:
@@ -278,25 +266,9 @@ def _sorted(key: Index) -> Index:
 
 def _root(square: Array) -> Array | None:
     """Rows, shape (r, q), whose sums of products are ``square``; None above the condition number `LARGEST`."""
-    values, rows = _square_roots(square[None])
+    values, rows = square_roots(square[None])
     ends = values[0, [0, -1]] if values.size else (1.0, 1.0)
     return rows[0] if ends[0] * LARGEST**2 >= ends[1] else None
-
-
-def _square_roots(square: Array) -> tuple[Array, Array]:
-    """Rows, shape (G, r, q), whose sums of products are ``square``, and their squared singular values, shape (G, r).
-
-    There are as many rows as columns that change in any group. These are scaled to one length first, so that a long one
-    does not round away a short one.
-    """
-    length = np.sqrt(np.einsum("gii->gi", square))
-    moves = np.flatnonzero(length.any(axis=0))
-    length[length == 0] = 1.0
-    scaled = square / length[:, :, None] / length[:, None, :]
-    value, vector = np.linalg.eigh(scaled[:, moves[:, None], moves])
-    rows = np.zeros((len(square), len(moves), square.shape[1]))
-    rows[:, :, moves] = np.sqrt(np.maximum(value, 0.0))[:, :, None] * vector.transpose(0, 2, 1)
-    return value, rows * length[:, None, :]
 
 
 def _first_law(W: Array) -> BaseLaw:
@@ -363,7 +335,7 @@ def equivalent_rows(
     back = np.append(base[1:][gone], 1.0)  # a factor that is left out takes nothing from the response
     columns = [*gone, sums.q - 1]
     one, k = np.ones((len(edge), 1)), len(keep)
-    _, about = _square_roots(sums.square)
+    _, about = square_roots(sums.square)
     roots = np.zeros((*about.shape[:2], k + 2 + shifts.shape[1]))
     roots[:, :, 1 : k + 1], roots[:, :, -1] = about[:, :, keep], about[:, :, columns] @ back
     return EquivalentRows(

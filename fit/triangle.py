@@ -81,3 +81,43 @@ def equivalent_columns(rows: Summary) -> Array:
     from scipy.linalg import helmert
 
     return np.asarray(helmert(len(rows.R) + 1).T @ rows.R)
+
+
+def in_rows(A: Array, most: int) -> Array:
+    """Triangle of rows A, in at most as many rows as their rank is; of permuted columns where these are more.
+
+    Examples
+    --------
+    >>> in_rows(np.array([[1.0, 2.0, 3.0], [2.0, 4.0, 6.1]]), 2).shape
+    (2, 3)
+    """
+    if most >= A.shape[1]:
+        return np.asarray(np.linalg.qr(A, mode="r"))
+    from scipy.linalg import qr
+
+    R, order = qr(A, mode="r", pivoting=True)  # the rows that go hold rounding alone
+    found = np.zeros((most, A.shape[1]))
+    found[:, order] = R[:most]
+    return found
+
+
+def square_roots(square: Array) -> tuple[Array, Array]:
+    """Rows, shape (G, r, q), whose sums of products are ``square``, and their squared singular values, shape (G, r).
+
+    There are as many rows as columns that change in any group. These are scaled to one length first, so that a long one
+    does not round away a short one.
+
+    Examples
+    --------
+    >>> values, rows = square_roots(np.array([[[4.0, 0.0], [0.0, 0.0]]]))
+    >>> values.tolist(), np.abs(rows).tolist()
+    ([[1.0]], [[[2.0, 0.0]]])
+    """
+    length = np.sqrt(np.einsum("gii->gi", square))
+    moves = np.flatnonzero(length.any(axis=0))
+    length[length == 0] = 1.0
+    scaled = square / length[:, :, None] / length[:, None, :]
+    value, vector = np.linalg.eigh(scaled[:, moves[:, None], moves])
+    rows = np.zeros((len(square), len(moves), square.shape[1]))
+    rows[:, :, moves] = np.sqrt(np.maximum(value, 0.0))[:, :, None] * vector.transpose(0, 2, 1)
+    return value, rows * length[:, None, :]
