@@ -22,6 +22,8 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Literal
 
+from ..core.threads import start_with_one
+
 Runner = Callable[[Sequence[str]], int]
 
 AT_ONCE = 2
@@ -29,7 +31,6 @@ GRACE = 5.0  # s between the request to stop and the end of the process
 SHOWN = 200_000  # characters of an output
 KEPT = 60  # ended jobs
 COLUMNS = "100"
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 STARTED_BY_SERVER = "forkserver" in multiprocessing.get_all_start_methods()
 
 
@@ -127,8 +128,7 @@ class Jobs:
         preload: Sequence[str] = (),
         ended: Callable[[Sequence[str], int], None] | None = None,
     ) -> None:
-        for name in ONE_THREAD:  # small matrices; read when numpy is first imported, in the other process
-            os.environ.setdefault(name, "1")
+        start_with_one()
         os.environ["MPLBACKEND"] = "agg"
         self._run, self._ended, self.folder = run, ended, Path(folder).resolve()
         self._context: BaseContext = multiprocessing.get_context("forkserver" if STARTED_BY_SERVER else "spawn")

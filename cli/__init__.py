@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
+from ..core.threads import start_with_one
 from ..core.version import __version__
 
 # Each command is a module of this package (see `module_name`) with ``parser()`` and ``run(args) -> exit code``.
@@ -43,9 +44,7 @@ DEFECT = 70
 
 def entry() -> int:
     """Run the command as a process of its own, without garbage collection: the process is short."""
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        # small matrices: several threads cost ten times what they save on a busy machine
-        os.environ.setdefault(name, "1")
+    start_with_one()
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else all installed packages are searched for some
     os.environ["MPLBACKEND"] = "agg"  # figures are written, none is shown
     gc.disable()  # the collector takes a tenth of the whole time, most of it while importing

@@ -14,6 +14,19 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_process = {"has one": False}
+
+
+def start_with_one() -> None:
+    """Set one BLAS thread for this process and its children, where the environment has no number.
+
+    It holds for libraries that are loaded afterwards; `one_thread` then has nothing to limit.
+    """
+    for name, number in ONE_THREAD.items():
+        os.environ.setdefault(name, number)
+    loaded = "numpy" in sys.modules
+    _process["has one"] = not loaded and all(os.environ[name] == number for name, number in ONE_THREAD.items())
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
@@ -28,6 +41,8 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
+        if _process["has one"]:
+            return function(*args, **kwargs)
         import numpy.linalg  # noqa: F401  the libraries that are limited must be there
         import scipy.linalg  # noqa: F401
 

@@ -24,25 +24,28 @@ import pandas as pd
 
 from ..core.errors import UsageError
 from .design import central_composite
+from .published_laws import PUBLISHED
 from .simulation import SimulatedLaw, simulate, write_csv
 
 DOMAIN: Mapping[str, tuple[float, float]] = MappingProxyType({"V": (50.0, 200.0), "f": (0.06, 0.6), "d": (1.5, 3.0)})
-STANDARD_ERROR: Mapping[str, float] = MappingProxyType({"AW": 0.1, "P": 0.062, "Fxz": 0.12})
 ICC = 0.5
 SEED = 435
+_UNITS = {"AW": "mm", "P": "kW", "Fxz": "N"}
+_PRINTED = {law.response: law for law in PUBLISHED if law.tool == "GC435"}
+STANDARD_ERROR: Mapping[str, float] = MappingProxyType(
+    {response: law.standard_error for response, law in _PRINTED.items() if law.standard_error is not None}
+)
 
 
-def _law(response: str, unit: str, c0: float, exponents: Mapping[str, float]) -> SimulatedLaw:
+def _law(response: str, unit: str) -> SimulatedLaw:
     """Split the published residual variance between edges and rows; the laboratory records three digits."""
-    sd = STANDARD_ERROR[response]
+    exponents = dict(_PRINTED[response].coefficients)
+    c0, sd = exponents.pop("c0"), STANDARD_ERROR[response]
     sd_edge, sd_row = sd * sqrt(ICC), sd * sqrt(1 - ICC)
-    return SimulatedLaw(response, unit, c0, MappingProxyType(dict(exponents)), sd_edge, sd_row, digits=3)
+    return SimulatedLaw(response, unit, c0, MappingProxyType(exponents), sd_edge, sd_row, digits=3)
 
 
-AW = _law("AW", "mm", 7.62e-3, {"V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245})
-P = _law("P", "kW", 0.140, {"V": 0.82, "f": 0.627, "d": 0.844, "t": -0.049, "AW": 0.342})
-FXZ = _law("Fxz", "N", 55354.0, {"V": -0.484, "f": 0.236, "d": 0.715, "t": -0.173, "AW": 1.1})
-LAWS = (AW, P, FXZ)
+LAWS = AW, P, FXZ = tuple(_law(response, unit) for response, unit in _UNITS.items())
 
 NOTES = (
     "simulated: no real measurement; drawn from the published laws of Alaskari and Oraby, "

@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .gc435 import LAWS, STANDARD_ERROR
-
 TAI_2023 = "Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587"
 ALASKARI_2016 = "Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006"
 
@@ -58,12 +56,17 @@ class PublishedLaw:
 
 
 PUBLISHED = (
-    *(
-        PublishedLaw(
-            "GC435", "709M40", "power", law.response, {"c0": law.c0, **law.exponents},
-            ALASKARI_2016, STANDARD_ERROR[law.response],
-        )
-        for law in LAWS
+    PublishedLaw(
+        "GC435", "709M40", "power", "AW", {"c0": 7.62e-3, "V": 0.577, "f": 0.168, "d": 0.248, "t": 0.245},
+        ALASKARI_2016, 0.1,
+    ),
+    PublishedLaw(
+        "GC435", "709M40", "power", "P",
+        {"c0": 0.140, "V": 0.82, "f": 0.627, "d": 0.844, "t": -0.049, "AW": 0.342}, ALASKARI_2016, 0.062,
+    ),
+    PublishedLaw(
+        "GC435", "709M40", "power", "Fxz",
+        {"c0": 55354.0, "V": -0.484, "f": 0.236, "d": 0.715, "t": -0.173, "AW": 1.1}, ALASKARI_2016, 0.12,
     ),
     PublishedLaw(
         "", "Ck 45", "exponential", "Ra", {"a": 0.2401, "b": 0.0034}, "constant-roughness paper (SURF), eq. 5",

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
@@ -16,13 +16,15 @@ from ..core.intervals import Kind
 from ..core.predictions import Prediction
 from ..core.predicts import Predicts
 from .available import NotAvailable
-from .edge_sums import EdgeSums
 from .edges import EdgeInference
 from .fitted_rows import FittedRows, LawFigures, LawSource, RowAccess
 from .laws import Error, LawForm
 from .prediction import predicted
 from .region import DesignRegion, design_region
 from .rows import By, Dropped, LeftOut, as_table, level_names
+
+if TYPE_CHECKING:
+    from .edge_sums import EdgeSums
 
 NOT_ASKED, NO_SOURCE = NotAvailable("not asked for"), LawSource()
 ROUNDING = 1e-11  # relative residual below which a law meets its rows exactly
@@ -90,7 +92,7 @@ class LawFit(Predicts, RowAccess, LawFigures):
     repeats: int = 1
     source: LawSource = NO_SOURCE
     life: LifeDistribution | None = None
-    sums: EdgeSums | None = field(default=None, compare=False)
+    sums: "EdgeSums | None" = field(default=None, compare=False)
     rows: FittedRows | None = None
 
     @classmethod

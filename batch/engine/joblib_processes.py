@@ -20,6 +20,7 @@ from time import monotonic, sleep
 from typing import Any, TypeVar
 
 from ...core.errors import FitmodelsError, UsageError
+from ...core.threads import ONE_THREAD
 from .base import KEPT, Run, uninterrupted
 
 T = TypeVar("T")
@@ -28,7 +29,6 @@ R = TypeVar("R")
 AHEAD = 2  # tasks of a process: one running and one waiting; loky accepts no more
 TAKEN_IN = 5.0  # s; usually a thousandth of that
 FEEDER = "QueueFeederThread"  # as multiprocessing.queues names it
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 @dataclass(frozen=True, slots=True)

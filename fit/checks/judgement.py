@@ -26,7 +26,6 @@ from .autocorrelation import serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
 from .competing_models import compare_forms
 from .deletion_diagnostics import Deletion, DeterminesAlone, deletion, influence, precision, press, sole_unit
-from .gauge_error import gauge_corrected
 from .missing_factors import missing_conditions, unused_columns
 from .model_checks import collinearity, curvature, lack_of_fit
 from .physics import exponents, possible_values
@@ -343,6 +342,8 @@ def _gauge(given: CheckInput) -> Found | None:
     wear = next((name for name in ("AW", "VB") if name in given.law.factors), None)
     if given.gauge_sd is None or wear is None:
         return None
+    from .gauge_error import gauge_corrected
+
     return gauge_corrected(given.law, given.gauge_sd, wear, unit=given.law.units[wear])
 
 

@@ -1,7 +1,7 @@
 """The law section: one fitted equation with its domain, its uncertainty and its statistics, and its predictions."""
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +12,12 @@ from ...core.errors import ParameterError
 from ...core.intervals import Centre, Edge, Kind
 from ...core.predictions import Prediction
 from ...core.predicts import Predicts
-from ..budget import UncertaintyBudget, uncertainty_budget
 from ..evaluation import IntervalOptions, as_given, interval_band, point_values, region_contains
 from ..prediction import predict_with_interval
 from .law_fields import LawFields
+
+if TYPE_CHECKING:
+    from ..budget import UncertaintyBudget
 
 EXAMPLE: Mapping[str, object] = {  # the law of the examples below
     "form": "power",
@@ -188,8 +190,8 @@ class LawSection(Predicts, Plottable, LawFields):
         *,
         u: Mapping[str, float] | None = None,
         gauge: float = 0.0,
-        sources: Mapping[str, UncertaintyBudget] | None = None,
-    ) -> UncertaintyBudget:
+        sources: "Mapping[str, UncertaintyBudget] | None" = None,
+    ) -> "UncertaintyBudget":
         """Uncertainty budget of a prediction according to the GUM: contributions, u, effective df, k and U.
 
         Parameters
@@ -222,6 +224,8 @@ class LawSection(Predicts, Plottable, LawFields):
         >>> print(f"u {found.u:.4f} mm, k {found.k:.2f}, U {found.U:.4f} mm")
         u 0.0138 mm, k 2.44, U 0.0337 mm
         """
+        from ..budget import uncertainty_budget
+
         return uncertainty_budget(self, at, kind=kind, level=level, by=by, u=u, gauge=gauge, sources=sources)
 
     def inside(self, by: str | None = None, **factors: ArrayLike) -> Any:  # noqa: ANN401
