@@ -24,7 +24,9 @@ FEWEST = 4
 # R2 of a factor on the others above 1 - 1e-8 is a computed column, not a measured one: a wear printed to
 # six decimals from a power law of V and f still leaves a condition number of 3e5, so a rank test misses it.
 EXACT = 1e-8
-# Rows that are tested first where there are more.
+# The same above which a column is clearly not a function of the others, before each is tested alone.
+CLEAR = 1e-6
+# Rows of that first test, where there are more.
 SOME = 10_000
 # Relative spread below which a column is the same number written down n times.
 CONSTANT = 1e-9
@@ -224,14 +226,13 @@ def identifiable(
     """
     keep: list[int] = []
     out: list[LeftOut] = []
-    each = [logs] * len(names) if isinstance(logs, bool) else logs
-    for j, name in enumerate(names):
-        column = terms[:, j]
-        level = float(column[0]) if len(column) else 0.0
-        reason = ""
-        if len(column) > 1:
-            reason = constant_reason(level, float(column.min()), float(column.max()), len(column), log=each[j])
-        reason = reason or _dependence(column, terms[:, keep], shifts, [names[i] for i in keep], all(each)) or ""
+    n, each = len(terms), [logs] * len(names) if isinstance(logs, bool) else logs
+    ends = zip(terms[0], terms.min(axis=0), terms.max(axis=0), each, strict=True) if n > 1 else ()
+    constant = [constant_reason(float(a), float(b), float(c), n, log=log) for a, b, c, log in ends] or [""] * len(names)
+    clear = _independent(terms[:, [not reason for reason in constant]], shifts)
+    for j, (name, reason) in enumerate(zip(names, constant, strict=True)):
+        if not reason and not clear:
+            reason = _dependence(terms[:, j], terms[:, keep], shifts, [names[i] for i in keep], all(each)) or ""
         if reason:
             out.append(LeftOut(name, reason))
         else:
@@ -258,8 +259,6 @@ def _dependence(column: Array, others: Array, shifts: Array, names: list[str], l
     p = 1 + others.shape[1] + shifts.shape[1]
     if p < 2 or n <= p:  # too few rows for a test: the fit itself counts them
         return None
-    if n > SOME and _independent_in_part(column, others, shifts):
-        return None
     fit = linear(np.hstack([np.ones((n, 1)), shifts, others]), column)
     if fit.rss > EXACT * fit.tss:
         return None
@@ -274,18 +273,18 @@ def _dependence(column: Array, others: Array, shifts: Array, names: list[str], l
     return f"an exact sum of others ({law}): these rows do not identify its effect"
 
 
-def _independent_in_part(column: Array, others: Array, shifts: Array) -> bool:
-    """Whether an even selection of rows shows that ``column`` is not a function of the others.
+def _independent(terms: Array, shifts: Array) -> bool:
+    """Whether an even selection of rows shows that no column of terms is a function of those before it.
 
     The sum of squares that these rows leave unexplained is a lower bound of that of all rows.
     """
-    few = slice(None, None, -(-len(column) // SOME))
-    ones = np.ones((len(column[few]), 1))
-    try:
-        fit = linear(np.hstack([ones, shifts[few], others[few]]), column[few])
-    except FitError:  # a term that does not change within these rows
+    few = slice(None, None, max(1, -(-len(terms) // SOME)))
+    A = np.hstack([shifts[few], terms[few]])
+    if len(A) <= A.shape[1] + 1:
         return False
-    return bool(fit.rss > EXACT * np.sum((column - column.mean()) ** 2))
+    R = np.linalg.qr(A - A.mean(axis=0), mode="r")
+    left, total = np.square(np.diag(R)[shifts.shape[1] :]), np.square(terms - terms.mean(axis=0)).sum(axis=0)
+    return bool(np.all(left > CLEAR * total))
 
 
 def identified(law: LawForm, columns: Array, rows: Rows) -> tuple[list[int], tuple[LeftOut, ...]]:
