@@ -17,8 +17,9 @@ from ..core.bounded import LIMITS
 from ..core.errors import DataError, ParameterError, UsageError
 from ..core.files import STANDARD_INPUT, cause
 from ..core.suggestions import closest
+from . import WIDEST
 from .numbers import number
-from .output import WIDEST, complain, write_error
+from .output import complain, write_error
 
 NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins
 MARK = "-"  # standard input as the file of a command

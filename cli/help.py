@@ -1,18 +1,19 @@
 """``fitmodels help``: the commands in groups, or the help of one of them."""
 
-import argparse
 import os
 import shutil
 import sys
 import textwrap
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from ..core.errors import UsageError
-from ..core.suggestions import closest
-from .arguments import Parser
-from .output import WIDEST
+from . import WIDEST
+
+if TYPE_CHECKING:
+    import argparse
+
+    from .arguments import Parser
 
 MAIN = "FILE"
 GROUPS: Final = {
@@ -63,15 +64,17 @@ OTHER_NAMES: Final = {  # words that a user may try first
 }  # fmt: skip
 
 
-def parser() -> Parser:
+def parser() -> "Parser":
     """Arguments of ``fitmodels help``."""
+    from .arguments import Parser
+
     p = Parser("fitmodels help", "fitmodels help predict", "Print the commands in groups, or the help of one of them.")
     p.add_argument("command", metavar="COMMAND", nargs="?", help="a command; FILE for the main job")
     p.add_argument("--all", action="store_true", help="every option of the command, with its default")
     return p
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: "argparse.Namespace") -> int:
     """Print the help, and return the exit code."""
     if args.command is None:
         sys.stdout.write(overview())
@@ -79,6 +82,9 @@ def run(args: argparse.Namespace) -> int:
     name = MAIN if args.command.upper() == MAIN else OTHER_NAMES.get(args.command, args.command)
     known = known_names()
     if name not in known:
+        from ..core.errors import UsageError
+        from ..core.suggestions import closest
+
         near = closest(name, known, 0.6)
         remedy = f"did you mean 'fitmodels help {near}'?" if near else "'fitmodels help' lists the commands."
         raise UsageError(f"{args.command}: there is no such command; {remedy}")
@@ -116,6 +122,8 @@ def unknown_command(word: str, following: Sequence[str] = ()) -> str:
     >>> unknown_command("pedict")
     "pedict: there is no such file or command; did you mean 'fitmodels predict'? 'fitmodels help' lists the commands."
     """
+    from ..core.suggestions import closest
+
     known = [name for name in known_names() if name != MAIN]
     near = OTHER_NAMES.get(word) or closest(word, known, 0.7)
     if near is None and not (word.isalpha() and any(map(os.path.exists, following))):

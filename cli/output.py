@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from ..core.text import json_text, printable, printable_message, without_long_words
 from ..core.verdict import MARKS
+from . import NARROWEST, WIDEST
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.live import Live
 
-NARROWEST, WIDEST = 60, 120  # columns of a terminal; a sentence needs no more than the second
 IN_ASCII = {**{ord(mark.icon): mark.ascii for mark in MARKS.values()}, ord("…"): "..."}  # signs of other encodings
 PAGE = 25  # lines; nothing that is printed depends on it
 OF_A_PIPE = 100  # columns where the output is no terminal and COLUMNS is not set
