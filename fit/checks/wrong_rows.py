@@ -300,11 +300,12 @@ def copies(law: LawFit) -> Check | NotAvailable | None:
 
 def _rows_twice(law: LawFit, edge: NDArray[np.object_]) -> list[int]:
     """Rows that repeat an earlier row of the same edge, unless readings at one setting and time are repeated there."""
-    frame = pd.DataFrame(law.X).assign(edge=edge)
-    again = frame.duplicated(keep="first").to_numpy()
-    frame["y"] = law.observed
+    frame = pd.DataFrame(law.X).assign(edge=edge, y=law.observed)
     same = frame.duplicated(keep="first").to_numpy()
-    return [int(i) for i in np.flatnonzero(same)] if same.any() and same.sum() > again.sum() / 2 else []
+    if not same.any():
+        return []
+    again = frame.drop(columns="y").duplicated(keep="first").to_numpy()
+    return [int(i) for i in np.flatnonzero(same)] if same.sum() > again.sum() / 2 else []
 
 
 def _equal_sequences(law: LawFit, names: NDArray[np.object_]) -> tuple[list[tuple[str, str, int, float]], float]:
