@@ -302,9 +302,7 @@ def _rows_twice(law: LawFit, edge: NDArray[np.object_]) -> list[int]:
     """Rows that repeat an earlier row of the same edge, unless readings at one setting and time are repeated there."""
     frame = pd.DataFrame(law.X).assign(edge=edge, y=law.observed)
     same = frame.duplicated(keep="first").to_numpy()
-    if not same.any():
-        return []
-    again = frame.drop(columns="y").duplicated(keep="first").to_numpy()
+    again = frame.drop(columns="y").duplicated(keep="first").to_numpy() if same.any() else same
     return [int(i) for i in np.flatnonzero(same)] if same.sum() > again.sum() / 2 else []
 
 
