@@ -40,7 +40,6 @@ COMMANDS = (
     *("publish", "reduce", "replay", "roughness", "settings", "simulate", "tune", "watch"),
 )
 DEFECT = 70
-NARROWEST, WIDEST = 60, 120  # columns of a terminal; a sentence needs no more than the second
 
 
 def entry() -> int:

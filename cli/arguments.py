@@ -17,7 +17,7 @@ from ..core.bounded import LIMITS
 from ..core.errors import DataError, ParameterError, UsageError
 from ..core.files import STANDARD_INPUT, cause
 from ..core.suggestions import closest
-from . import WIDEST
+from ..core.text import WIDEST
 from .numbers import number
 from .output import complain, write_error
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
-from . import WIDEST
+from ..core.text import WIDEST
 
 if TYPE_CHECKING:
     import argparse

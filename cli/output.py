@@ -10,9 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from ..core.text import json_text, printable, printable_message, without_long_words
+from ..core.text import NARROWEST, WIDEST, json_text, printable, printable_message, without_long_words
 from ..core.verdict import MARKS
-from . import NARROWEST, WIDEST
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -17,6 +17,7 @@ INVISIBLE: Final = (
     "\u00ad\u034f\u061c\u115f\u1160\u17b4\u17b5\u180b-\u180f\u200b-\u200f\u202a-\u202e\u2060-\u206f\u3164"
     "\ufe00-\ufe0f\ufeff\uffa0\ufff9-\ufffc\x7f-\x84\x86-\x9f"
 )
+NARROWEST, WIDEST = 60, 120  # columns of a terminal; a sentence needs no more than the second
 LONGEST_WORD: Final = 40  # lines without a blank
 WORD_OF_A_LINE: Final = 50  # characters
 LONGEST_MESSAGE: Final = 20_000  # characters
