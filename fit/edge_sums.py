@@ -144,9 +144,10 @@ class EdgeSums:
         first, about, moves = _about_first(columns, order, starts, logarithms)
         first -= self.base.origin[:, None]
         first[-1] -= self.base.exponents @ first[:-1]
-        for j in moves:
-            if j < self.q - 1:
-                about[-1] -= self.base.exponents[j] * about[j]
+        of_factors = [j for j in moves if j < self.q - 1]
+        for j in of_factors:
+            about[-1] -= self.base.exponents[j] * about[j]
+        moves = [*of_factors, self.q - 1]  # the law moves a response that is constant itself
         at = self._numbers(keys, first.T)
         far = np.abs(first - self.first[at].T).max(axis=1)
         far[moves] += [max(about[j].max(), -about[j].min()) for j in moves]

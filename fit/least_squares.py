@@ -276,7 +276,7 @@ def grams_by(W: Array, starts: Index) -> Grams:
 def grams_about(first: Array, about: Array, starts: Index, moves: Sequence[int]) -> Grams:
     """Gram matrices of groups of rows about their first row, shapes (q, G) and (q, N); changes ``about`` in place.
 
-    ``moves`` are the columns of ``about`` that are not zero throughout.
+    ``moves`` are the columns of ``about``, in their order, without those that are zero throughout.
 
     Examples
     --------

@@ -23,6 +23,7 @@ from fitmodels.fit.checks.model_checks import collinearity, lack_of_fit
 from fitmodels.fit.checks.response_scale import box_cox, error_structure
 from fitmodels.fit.checks.time_exponent import common_exponent
 from fitmodels.fit.checks.wrong_rows import copies, outlying_rows
+from fitmodels.fit.chunks import ROWS
 from fitmodels.fit.edge_sums import EdgeSums, equivalent_rows, infer_from_sums
 from fitmodels.fit.streaming import streamed_power_law
 from fitmodels.fit.triangle import least_squares
@@ -380,6 +381,17 @@ def test_sums_of_logarithms_are_those_of_the_values():
     t = np.log(frame["t"])
     farthest = (t - t.groupby(frame["edge"]).transform("first")).abs().max()
     assert farthest - 1e-12 <= of_values.far[FACTORS.index("t")] <= 3 * farthest  # a block opens at another row
+
+
+def test_a_response_that_becomes_constant_in_each_edge_is_fitted_as_in_memory():
+    """In later blocks the law of the first rows moves a response that does not change itself."""
+    frame = table(60_000, edges=30).sort_values("edge", kind="stable")
+    late = frame["edge"] >= 15
+    assert late.to_numpy()[ROWS:].all()
+    frame.loc[late, "AW"] = frame.loc[late].groupby("edge")["AW"].transform("first")
+    streamed, memory = both(frame, FACTORS)
+    assert_same(streamed, memory)
+    assert_same_edges(streamed.edges, memory.edges)
 
 
 def few(edges, per_edge=4, noise=0.05, settings=None):
