@@ -27,12 +27,13 @@ print(*inside())
     [
         pytest.param("", {}, False, id="set before the libraries are loaded"),
         pytest.param("", {"OPENBLAS_NUM_THREADS": "2"}, True, id="a number of the user"),
+        pytest.param("", {"BLIS_NUM_THREADS": "2"}, True, id="a number of another library"),
+        pytest.param("", {"OPENBLAS_NUM_THREADS": ""}, True, id="an empty number"),
         pytest.param("import numpy", {}, True, id="loaded before"),
     ],
 )
 def test_one_thread_holds_and_is_limited_only_where_the_process_has_more(before, given, sought):
-    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-    environment = {name: value for name, value in os.environ.items() if name not in names} | given
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")} | given
     run = [sys.executable, "-c", CODE.format(before=before)]
     found = subprocess.run(run, env=environment, capture_output=True, text=True, check=True).stdout.strip()
     assert found == f"{sought} {{1}}"
