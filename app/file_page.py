@@ -36,7 +36,7 @@ class FilePage(PageBase):
                 return now.laws
             if now.picture is None:
                 words = ["look", entry.name, *options.of_reading(entry.options)]
-                now.picture = self.jobs.start([*words, "--out", f"{entry.stem}-look.png", "--force"])
+                now.picture = self.jobs.start([*words, "--out", f"{entry.stem}-look.png", "--force"], entry.name)
             return now.picture
 
     async def _reading(self, request: Request) -> Response:

@@ -1,5 +1,7 @@
 """Commands in processes of their own: started at once, two at a time, with their output so far; each can be cancelled.
 
+Commands that write the results of one file run one after another, so that none meets what another is writing.
+
 A process is forked from a server that has imported the package, so that a command begins without imports; where the
 system has no such servers (Windows), each process imports for itself.
 """
@@ -30,6 +32,7 @@ AT_ONCE = 2
 GRACE = 5.0  # s between the request to stop and the end of the process
 SHOWN = 200_000  # characters of an output
 KEPT = 60  # ended jobs
+CANCELLED = 130  # exit code of a command that was not started
 COLUMNS = "100"
 STARTED_BY_SERVER = "forkserver" in multiprocessing.get_all_start_methods()
 
@@ -62,7 +65,7 @@ class Job:
     code: int | None = None
     cancelled: bool = False
     process: BaseProcess | None = None
-    future: "Future[None] | None" = field(default=None, repr=False)
+    future: "Future[None]" = field(default_factory=Future, repr=False)
 
     @property
     def state(self) -> Literal["waiting", "running", "done", "cancelled"]:
@@ -137,10 +140,20 @@ class Jobs:
         self._outputs = Path(tempfile.mkdtemp(prefix="fitmodels-app-"))
         self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="job")
         self._jobs: dict[str, Job] = {}
+        self._last: dict[str, Job] = {}  # of each file whose results are written
         self._lock = threading.Lock()
 
-    def start(self, words: Sequence[str]) -> Job:
-        """Start a command, or let it wait for the end of others."""
+    def start(self, words: Sequence[str], writes: str = "") -> Job:
+        """Start a command, or let it wait for the end of others.
+
+        Parameters
+        ----------
+        words : sequence of str
+            Without the program.
+        writes : str
+            File whose results it writes: it begins when the last command that writes them has ended, also where that
+            one was cancelled, because a command that is asked to stop ends what it is writing.
+        """
         name = secrets.token_hex(8)
         job = Job(name, tuple(words), self._outputs / f"{name}.out", self._outputs / f"{name}.err")
         with self._lock:
@@ -150,8 +163,22 @@ class Jobs:
                 del self._jobs[one.id]
                 one.out.unlink(missing_ok=True)
                 one.err.unlink(missing_ok=True)
-        job.future = self._pool.submit(self._work, job)
+            before = self._last.get(writes)
+            if writes:
+                self._last[writes] = job
+        if before is None:
+            self._begin(job)
+        else:
+            before.future.add_done_callback(lambda _: self._begin(job))
         return job
+
+    def _begin(self, job: Job) -> None:
+        """Let a command wait for one of the places, unless it was cancelled before."""
+        with self._lock:
+            if not job.cancelled:
+                self._pool.submit(self._work, job)
+                return
+        job.future.set_result(None)
 
     def get(self, name: str) -> Job | None:
         """The job of an id."""
@@ -164,6 +191,8 @@ class Jobs:
                 return
             job.cancelled = True
             process = job.process
+            if process is None:
+                job.code = CANCELLED
         if process is not None and process.pid is not None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(process.pid, signal.SIGINT if os.name == "posix" else signal.SIGTERM)
@@ -197,7 +226,8 @@ class Jobs:
             if self._ended is not None and code is not None and not job.cancelled:
                 self._ended(job.words, code)
         finally:
-            job.code = 130 if code is None else code
+            job.code = CANCELLED if code is None else code
+            job.future.set_result(None)
 
 
 def _end(process: BaseProcess) -> None:

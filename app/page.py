@@ -144,7 +144,8 @@ class Page(FilePage):
         own = options.of_comparison if action.name == "compare" else options.of_reading
         forms = await asyncio.to_thread(stages.filled, self.project, entry, subject)
         emptied = [name for one in forms if one.name == action.name for name in stages.emptied(one, given)]
-        job = self.jobs.start(command(action, subject, given, [entry.name, *own(entry.options)], emptied))
+        words = command(action, subject, given, [entry.name, *own(entry.options)], emptied)
+        job = self.jobs.start(words, entry.name)
         self._runs[entry.name, action.name] = job, given
         return self._waiting(entry, job, action.title.lower(), _address(job, entry))
 
@@ -166,7 +167,7 @@ class Page(FilePage):
         known = {shlex.join(words): words for words in (*facts["to_repeat"], *facts["older"].values())}
         if not wanted or wanted not in known:
             raise UsageError("this command was run again already: reload the page.")
-        job = self.jobs.start(known[wanted])
+        job = self.jobs.start(known[wanted], entry.name)
         return self._waiting(entry, job, job.words[0], _address(job, entry))
 
     async def _job(self, request: Request) -> Response:

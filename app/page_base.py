@@ -100,7 +100,7 @@ class PageBase:
                 for job in () if now is None else (now.look, now.laws, now.picture):
                     if job is not None:
                         self.jobs.cancel(job)
-                fit = self.jobs.start(options.command_of(entry, force=force))
+                fit = self.jobs.start(options.command_of(entry, force=force), entry.name)
                 look = self.jobs.start(["look", entry.name, *options.of_reading(entry.options), "--json"])
                 now = self._shown[entry.name] = Shown(key, look, fit)
             return now

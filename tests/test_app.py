@@ -775,7 +775,7 @@ def test_a_command_is_cancelled_and_another_waits(tmp_path):
     jobs = Jobs(cli.main, tmp_path)
     try:
         (tmp_path / "a.csv").write_bytes(BUNDLED)
-        running = [jobs.start(["a.csv", "--draws", "4000000", "--out", str(k)]) for k in range(2)]
+        running = [jobs.start(["a.csv", "--draws", "1000000", "--out", str(k)]) for k in range(2)]
         waits = jobs.start(["--version"])
         end = time.monotonic() + 30
         while any(job.state != "running" for job in running) and time.monotonic() < end:
@@ -784,11 +784,47 @@ def test_a_command_is_cancelled_and_another_waits(tmp_path):
         for job in running:
             jobs.cancel(job)
         waits.future.result(60)
-        assert [job.state for job in running] == ["cancelled"] * 2 or all(
-            job.future.result(60) is None for job in running
-        )
+        assert [job.state for job in running] == ["cancelled"] * 2
+        for job in running:
+            job.future.result(60)
+            assert job.code != 0
+            assert "draws" not in job.errors
         assert (waits.state, waits.code) == ("done", 0)
         assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv"]
+    finally:
+        jobs.close()
+
+
+def _slow(words):
+    """Write a file slowly; a request to stop is not heard, as while results are put in place."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with Path(words[1]).open("a", encoding="utf-8") as file:
+        for mark in "<>":
+            file.write(words[0] + mark)
+            file.flush()
+            time.sleep(0.3)
+    return 0
+
+
+def test_commands_that_write_the_results_of_one_file_run_one_after_another(tmp_path):
+    """Settings changed while a fit writes its results had met "written by another process" in the next fit."""
+    jobs = Jobs(_slow, tmp_path)
+    try:
+        first = jobs.start(["a", "own"], "one.csv")
+        while "a" not in ((tmp_path / "own").read_text() if (tmp_path / "own").exists() else ""):
+            time.sleep(0.01)
+        jobs.cancel(first)
+        unwanted = jobs.start(["b", "own"], "one.csv")
+        last = jobs.start(["c", "own"], "one.csv")
+        jobs.cancel(unwanted)
+        assert (unwanted.state, unwanted.code) == ("cancelled", 130)
+        other = jobs.start(["d", "other"], "two.csv")
+        other.future.result(60)
+        last.future.result(60)
+        assert (tmp_path / "own").read_text() == "a<a>c<c>"
+        assert first.ended <= last.started
+        assert other.started < last.ended
+        assert [job.state for job in (first, unwanted, last, other)] == ["cancelled", "cancelled", "done", "done"]
     finally:
         jobs.close()
 
