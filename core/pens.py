@@ -3,9 +3,9 @@
 `PngPen` draws shapes three times as fine as they are written, and words at the size of the picture.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -17,13 +17,15 @@ from .figure_style import DPI, INK, TEXT
 from .text import printable
 
 if TYPE_CHECKING:
-    from PIL import ImageFont
+    from PIL import Image, ImageDraw, ImageFont
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
 Dashes = tuple[float, ...]
 LEADING = 1.2  # times the size of a text, from line to line
 FINE = 3  # pixels drawn for each that is written
+STRIP = 256  # rows of the picture that are drawn at once
+ABOVE = 8  # rows above a strip that are drawn and cut off: more than the joint of two lines
 RIM = 2  # pixels about words on shapes
 PAPER = "#ffffff"
 LONGEST = 500  # letters of a text: a cell of 32 kB is no name
@@ -77,8 +79,19 @@ class Words:
         self.rim = True
 
 
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """A shape of a picture: its points (n, 2) in fine pixels, how far it goes beyond them, and what draws it."""
+
+    points: Array
+    beyond: float
+    draw: Callable[["ImageDraw.ImageDraw", Array], None]
+
+
 class PngPen:
     """A white picture of so many pt.
+
+    Shapes are kept, and drawn in strips of the height: a tall picture needs no more memory than a strip of it.
 
     Examples
     --------
@@ -90,48 +103,37 @@ class PngPen:
     """
 
     def __init__(self, width: float, height: float) -> None:
-        from PIL import Image, ImageDraw
-
         self._pixels = DPI / 72
         self._size = round(width * self._pixels), round(height * self._pixels)
-        self._fine = Image.new("RGB", (FINE * self._size[0], FINE * self._size[1]), PAPER)
-        self._draw = ImageDraw.Draw(self._fine)
+        self._shapes: list[_Shape] = []
         self._words: list[tuple[Point, Words]] = []
 
-    def _scaled(self, points: Array) -> Array:
-        return points * (FINE * self._pixels)
+    def _add(self, points: Array, beyond: float, draw: Callable[["ImageDraw.ImageDraw", Array], None]) -> None:
+        """Keep a shape at points (n, 2), pt, that goes so many fine pixels beyond them."""
+        if len(points):
+            self._shapes.append(_Shape(points * (FINE * self._pixels), beyond, draw))
 
     def _width(self, width: float) -> int:
         return max(1, round(width * FINE * self._pixels))
 
     def line(self, points: Array, color: str, width: float, dashes: Dashes = ()) -> None:
         """A line through points (n, 2), pt; ``dashes`` are multiples of its width."""
+        wide = self._width(width)
         for part in dashed(points, [width * dash for dash in dashes]) if dashes else (points,):
-            path = self._scaled(part).ravel().tolist()
-            self._draw.line(path, color, self._width(width), joint="curve" if len(part) > 2 else None)
+            joint = "curve" if len(part) > 2 else None
+            self._add(part, wide, partial(_line, color=color, width=wide, joint=joint))
 
     def area(self, rings: Sequence[Array], color: str, opacity: float = 1.0) -> None:
         """The inside of the first ring; others are holes, in the colour of the paper."""
         for k, ring in enumerate(rings):
-            self._draw.polygon(self._scaled(ring).ravel().tolist(), PAPER if k else _on_paper(color, opacity))
+            self._add(ring, 0.0, partial(_area, fill=PAPER if k else _on_paper(color, opacity)))
 
     def markers(self, points: Array, marker: str, size: float, face: str, edge: str, width: float) -> None:
         """A marker at each of the points (n, 2), pt."""
         half, line = size / 2 * FINE * self._pixels, self._width(width)
-        grown = half + line / 2
         fill = None if face == "none" else face
-        for x, y in self._scaled(points[np.isfinite(points).all(axis=1)]).tolist():
-            if marker == "o":
-                self._draw.ellipse((x - grown, y - grown, x + grown, y + grown), fill, edge, line)
-                continue
-            if fill:  # with an outline Pillow would draw it on a picture of its own
-                self._draw.polygon(_outline(x, y, marker, grown), edge)
-            if fill != edge:
-                inner = _outline(x, y, marker, half - line / 2 if fill else half)
-                if fill:
-                    self._draw.polygon(inner, fill)
-                else:
-                    self._draw.line([*inner, *inner[:2]], edge, line, joint="curve")
+        draw = partial(_markers, marker=marker, half=half, line=line, fill=fill, edge=edge)
+        self._add(points[np.isfinite(points).all(axis=1)], 2 * half + line, draw)
 
     def words(self, at: Point, words: Words) -> None:
         """A text at a place, pt; it is drawn above all shapes."""
@@ -140,9 +142,11 @@ class PngPen:
 
     def picture(self) -> Any:  # noqa: ANN401  Image
         """The picture."""
-        from PIL import ImageDraw
+        from PIL import Image, ImageDraw
 
-        made = self._fine.reduce(FINE)
+        made = Image.new("RGB", self._size, PAPER)
+        for top in range(0, self._size[1], STRIP):
+            made.paste(self._strip(top, min(STRIP, self._size[1] - top)), (0, top))
         draw = ImageDraw.Draw(made)
         for (x, y), words in self._words:
             font = _font(round(words.size * self._pixels), words.bold)
@@ -152,6 +156,19 @@ class PngPen:
             else:
                 self._lines(draw, (x, y), lines, words, font)
         return made
+
+    def _strip(self, top: int, rows: int) -> "Image.Image":
+        """Rows of the picture from a top, without words."""
+        from PIL import Image, ImageDraw
+
+        first, after = FINE * (top - ABOVE), FINE * (top + rows)
+        size = FINE * self._size[0], after - first
+        draw = ImageDraw.Draw(fine := Image.new("RGB", size, PAPER))
+        for shape in self._shapes:
+            heights = shape.points[:, 1]
+            if heights.max() + shape.beyond >= first and heights.min() - shape.beyond <= after:
+                shape.draw(draw, shape.points - (0, first))
+        return fine.reduce(FINE, (0, FINE * ABOVE, *size))
 
     def _lines(self, draw: Any, at: Point, lines: Sequence[str], words: Words, font: "ImageFont.FreeTypeFont") -> None:  # noqa: ANN401
         """Lines of words one below the other."""
@@ -182,6 +199,39 @@ class PngPen:
         made = self.picture().quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
         made.putpalette([255 if level == 254 else level for level in made.getpalette() or ()])  # white stays white
         made.save(path, format="PNG", dpi=(DPI, DPI), compress_level=4)
+
+
+def _flat(points: "Array | Sequence[Point]") -> list[float]:
+    """Coordinates one after another, rounded down: Pillow rounds towards zero, which depends on the strip."""
+    return np.floor(points).ravel().tolist()
+
+
+def _line(to: "ImageDraw.ImageDraw", at: Array, *, color: str, width: int, joint: str | None) -> None:
+    to.line(_flat(at), color, width, joint)
+
+
+def _area(to: "ImageDraw.ImageDraw", at: Array, *, fill: str | tuple[int, ...]) -> None:
+    to.polygon(_flat(at), fill)
+
+
+def _markers(
+    to: "ImageDraw.ImageDraw", at: Array, *, marker: str, half: float, line: int, fill: str | None, edge: str
+) -> None:
+    """Draw markers at points (n, 2), fine pixels, where they can be seen."""
+    beyond, grown = 2 * half + line, half + line / 2
+    seen = at[(at[:, 1] > -beyond) & (at[:, 1] < to.im.size[1] + beyond)]
+    for x, y in seen.tolist():
+        if marker == "o":
+            to.ellipse(_flat([(x - grown, y - grown), (x + grown, y + grown)]), fill, edge, line)
+            continue
+        if fill:  # with an outline Pillow would draw it on a picture of its own
+            to.polygon(_flat(_outline(x, y, marker, grown)), edge)
+        if fill != edge:
+            inner = _flat(_outline(x, y, marker, half - line / 2 if fill else half))
+            if fill:
+                to.polygon(inner, fill)
+            else:
+                to.line([*inner, *inner[:4]], edge, line, joint="curve")
 
 
 def _outline(x: float, y: float, marker: str, half: float) -> list[Point]:

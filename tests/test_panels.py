@@ -10,6 +10,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.cards.figures import draw_figures
 from fitmodels.cards.forms.svg_panel import SvgPen
+from fitmodels.core import pens
 from fitmodels.core.figure_style import contour_levels, number_labels, tick_values
 from fitmodels.core.panels import PanelAxes
 from fitmodels.core.pens import PngPen, dashed
@@ -100,6 +101,26 @@ def test_figures_of_a_folder_are_whole_png_files(name, tmp_path):
         assert height > 300
         at = content.index(b"IDAT")
         assert zlib.decompressobj().decompress(content[at + 4 :], 100)
+
+
+def test_a_picture_does_not_depend_on_the_strips_that_it_is_drawn_in(monkeypatch):
+    """Lines, joints, areas and markers that cross the strips, drawn in strips of 7 rows and at once."""
+
+    def picture(strip):
+        monkeypatch.setattr(pens, "STRIP", strip)
+        rng = np.random.default_rng(3)
+        pen = PngPen(200.0, 200.0)
+        for marker, face in zip("osD^vP", ("none", "#112233") * 3, strict=True):
+            at = rng.uniform(5.0, 195.0, (30, 2))
+            pen.area([at[:5], at[5:9]], "#0072b2", 0.4)
+            pen.line(at, "#d55e00", rng.uniform(0.2, 3.0), (3.0, 2.0) if face == "none" else ())
+            pen.markers(at, marker, rng.uniform(2.0, 12.0), face, "#445566", rng.uniform(0.2, 2.0))
+        return np.asarray(pen.picture())
+
+    whole = picture(10_000)
+    assert (whole != 255).any(axis=2).mean() > 0.2
+    np.testing.assert_array_equal(picture(7), whole)
+    np.testing.assert_array_equal(picture(pens.FINE), whole)
 
 
 def test_names_are_drawn_as_they_are(tmp_path):
