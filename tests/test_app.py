@@ -784,11 +784,10 @@ def test_a_command_is_cancelled_and_another_waits(tmp_path):
         for job in running:
             jobs.cancel(job)
         waits.future.result(60)
-        assert [job.state for job in running] == ["cancelled"] * 2
         for job in running:
             job.future.result(60)
+            assert (job.state, "draws" in job.errors) == ("cancelled", False)
             assert job.code != 0
-            assert "draws" not in job.errors
         assert (waits.state, waits.code) == ("done", 0)
         assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv"]
     finally:

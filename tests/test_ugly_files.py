@@ -486,8 +486,8 @@ def test_any_number_of_comments_may_stand_above_a_table(tmp_path):
 USES = ("search", "match", "fullmatch", "findall", "finditer", "sub", "split")
 REPEATS = (sre.MAX_REPEAT, sre.MIN_REPEAT, sre.POSSESSIVE_REPEAT)
 CHARACTERS = " \t\n1a0A.,:;-_=()[]<>+*/\"'#%xé°(→|"
-LENGTHS = (500, 2000)  # characters; at 2000 the square takes 10 ms and more, a multiple below 1 ms
-MOST_CPU = 4e-3  # s, above which the growth is looked at, whatever the machine
+LENGTHS = (500, 2000)  # characters
+MOST_CPU = 1.5e-3  # s, above which the growth is looked at: a square takes 4 ms on a fast machine
 MOST_GROWTH = 8.0  # of the time for four times the characters: 4 where it is linear, 16 where it is the square
 
 

@@ -11,6 +11,7 @@ from ...controllers.constant_load_milling.runs import ToolRun, constant_feed_run
 from ...controllers.constant_load_milling.steady import drawn_life
 from ...controllers.region.operating_point import three
 from ...core.errors import ParameterError
+from ...core.rounding import format_rounded
 from ...parameters.checks.report import worn_past_window
 from . import Replayed
 
@@ -188,12 +189,12 @@ def _spread(pf: "ParameterFile", draws: "Mapping[str, Draws]") -> tuple[str, ...
         return ("No draws of the load and wear laws, so no band of the life.",)
     good = np.isfinite(life.length)
     ends = [np.quantile(of[good], [(1 - LEVEL) / 2, (1 + LEVEL) / 2]) for of in (life.length, life.wear)]
-    (a, b), (c, d) = ends
-    worn = f"{wear_symbol(pf)} at the lower limit {three(c)} to {three(d)}"
+    life_band, wear_band = (" to ".join(format_rounded(end, (b - a) / 2)[0] for end in (a, b)) for a, b in ends)
+    worn = f"{wear_symbol(pf)} at the lower limit {wear_band}"
     unit = CutModel.from_parameters(pf).unit_wear
     lost = "" if good.all() else f" ({100 * np.mean(~good):.0f} % never reach the limit)"
     return (
-        f"Over {good.size} posterior draws of the laws of {' and '.join(used)}{lost} the life is {a:.0f} to {b:.0f} "
+        f"Over {good.size} posterior draws of the laws of {' and '.join(used)}{lost} the life is {life_band} "
         f"mm and {worn} {unit} ({100 * LEVEL:.0f} % bands of the "
         "laws, calculated without the dwell and without the scatter of tools).",
     )
