@@ -48,7 +48,12 @@ def key_of(block: Block, plan: Plan, options: BatchOptions) -> str:
     return sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, str]) -> None:
+def as_json(outcome: BlockOutcome) -> str:
+    """The outcome as its record contains it, without the bytes of files; made by the process that fitted it."""
+    return _text(_plain(outcome))
+
+
+def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, str], text: str = "") -> None:
     """Write the files of a block's pairs, those of a pair all or none, then its record.
 
     The record is first written without its outcome: wherever a batch is stopped, the files that it wrote are recorded.
@@ -62,6 +67,8 @@ def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, st
     outcome : BlockOutcome
     folders : mapping of Pair to str
         See `place.folder_names`; pairs without files need none.
+    text : str
+        The outcome `as_json`, where it is made already.
 
     Raises
     ------
@@ -74,10 +81,10 @@ def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, st
     made = {f"{of}/{name}": sha256(data).hexdigest() for of, files in contents.items() for name, data in files.items()}
     head = {"schema": SCHEMA, "files": made}
     if contents:
-        write_whole(path, _sealed(head | {"outcome": None}), parents=True)
+        write_whole(path, _sealed(head, "null"), parents=True)
         with ThreadPoolExecutor(WRITERS) as pool:
             list(pool.map(lambda name: write_files(out / name, contents[name]), contents))
-    write_whole(path, _sealed(head | {"outcome": _plain(outcome)}), parents=True)
+    write_whole(path, _sealed(head, text or as_json(outcome)), parents=True)
 
 
 def recorded(out: Path, key: str, folders: Mapping[Pair, str]) -> BlockOutcome | None:
@@ -132,14 +139,18 @@ def read_json(path: Path) -> dict[str, Any]:
     return data if isinstance(data, dict) else {}
 
 
-def _bytes(data: Mapping[str, Any]) -> bytes:
-    return (json.dumps(data, separators=(",", ":"), allow_nan=False) + "\n").encode()
+def _text(data: Mapping[str, Any]) -> str:
+    return json.dumps(data, separators=(",", ":"), allow_nan=False)
 
 
-def _sealed(data: dict[str, Any]) -> bytes:
+def _sealed(head: Mapping[str, Any], outcome: str) -> bytes:
     """A record with the SHA-256 of its other content as its last key."""
-    content = _bytes(data)
-    return content[:-2] + f',"sha256":"{sha256(content).hexdigest()}"}}\n'.encode()
+    content = f'{_text(head)[:-1]},"outcome":{outcome}'
+    return f'{content},"sha256":"{_seal(content + "}")}"}}\n'.encode()
+
+
+def _seal(content: str) -> str:
+    return sha256(f"{content}\n".encode()).hexdigest()
 
 
 def _read(path: Path) -> dict[str, Any] | None:
@@ -147,7 +158,7 @@ def _read(path: Path) -> dict[str, Any] | None:
     data = read_json(path)
     seal = data.pop("sha256", None)
     try:
-        if data.get("schema") != SCHEMA or "outcome" not in data or seal != sha256(_bytes(data)).hexdigest():
+        if data.get("schema") != SCHEMA or "outcome" not in data or seal != _seal(_text(data)):
             return None
     except ValueError:  # a number that is not finite
         return None

@@ -18,8 +18,8 @@ from .fitting.concerns import is_identity
 from .outcomes import BlockOutcome, PairOutcome
 from .output_folder import folder_names, prepare, sweep
 from .pair_table import read_pairs, with_groups
-from .plan import BatchOptions, Pair, Plan, Reading
-from .records import key_of, record, recorded
+from .plan import BatchOptions, Block, Pair, Plan, Reading
+from .records import as_json, key_of, record, recorded
 from .result import Batch, Effort
 from .site import check_card, site_of
 from .source import existing_path, open_source
@@ -177,17 +177,23 @@ def fit_blocks(
     meter.say("fitting")
     begun = time.perf_counter()
     memory = 0
-    work = partial(fit_block, plan=replace(plan, blocks=(), unreadable={}), options=options)
+    work = partial(_fitted, plan=replace(plan, blocks=(), unreadable={}), options=options)
     run_on = workers if len(todo) > 1 else SerialRun()  # processes take as long to start as 10 000 pairs of a table
-    for at, outcome in run_on(work, [plan.blocks[i] for i in todo]):
+    for at, (outcome, text) in run_on(work, [plan.blocks[i] for i in todo]):
         i = todo[at]
-        record(out, keys[i], outcome, folders)
+        record(out, keys[i], outcome, folders, text)
         memory = max(memory, outcome.memory)
         outcomes[i] = _without_files(outcome)
         meter.advance(len(plan.blocks[i].pairs))
     seconds = time.perf_counter() - begun
     effort = Effort(workers.describe(), len(plan.pairs) - kept, kept, seconds, memory, largest_memory())
     return FittedBlocks(tuple(outcomes[i] for i in range(len(keys))), keys, effort)
+
+
+def _fitted(block: Block, plan: Plan, options: BatchOptions) -> tuple[BlockOutcome, str]:
+    """The outcome of a block and the text of its record, both by the process that has the task."""
+    outcome = fit_block(block, plan, options)
+    return outcome, as_json(outcome)
 
 
 def _without_files(outcome: BlockOutcome) -> BlockOutcome:

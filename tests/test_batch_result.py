@@ -176,7 +176,8 @@ def tear(out):
 def swap(out, name, value):
     data = json.loads(at(out).read_text()) | {name: value}
     data.pop("sha256")
-    at(out).write_bytes(records._sealed(data))
+    text = json.dumps(data.pop("outcome"), separators=(",", ":"))
+    at(out).write_bytes(records._sealed(data, text))
 
 
 def alter(out, change):
