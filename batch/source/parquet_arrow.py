@@ -86,22 +86,27 @@ def numbers(array: Any) -> Array:  # noqa: ANN401
 
 
 def labels(array: Any) -> Labels:  # noqa: ANN401
-    """Texts of an array of anything.
+    """Texts of an array of anything, without those of its dictionary that no row has: each row group may hold all.
 
     >>> found = labels(pa.array([7.0, None, 0.5]))
     >>> [found.texts[code] for code in found.codes]
     ['7', '', '0.5']
+    >>> labels(pa.DictionaryArray.from_arrays([2, 0, 2], ["A", "B", "C"])).texts
+    ('A', 'C', '')
     """
     if pa.types.is_null(array.type):
         return constant("", len(array))
     if not pa.types.is_dictionary(array.type):
         array = pc.dictionary_encode(array)
-    values = array.dictionary.to_pylist()
+    dictionary, indices = array.dictionary, array.indices.cast(pa.int64()).fill_null(len(array.dictionary))
+    codes = np.asarray(indices.to_numpy(zero_copy_only=False), dtype=np.intp)
+    used = np.bincount(codes, minlength=len(dictionary) + 1)[:-1] > 0
+    if not used.all():
+        codes = np.append(np.cumsum(used) - 1, np.count_nonzero(used))[codes]
+        dictionary = dictionary.filter(pa.array(used))
+    values = dictionary.to_pylist()
     texts = [value or "" for value in values] if kind_of(array.type) == "text" else [text_of(v) for v in values]
-    codes = array.indices.cast(pa.int64())
-    if codes.null_count:
-        codes = codes.fill_null(len(texts))
-    return Labels(np.asarray(codes.to_numpy(zero_copy_only=False), dtype=np.intp), (*texts, ""))
+    return Labels(codes, (*texts, ""))
 
 
 def text_of(value: object) -> str:
