@@ -104,7 +104,7 @@ def _with_band(law: ProfiledLawPart, z: list[float]) -> tuple[float, float, floa
     """Value and ends of the band, NaN where there is none."""
     last = z.pop() if law.added else 0.0
     eta = sum(b * x for b, x in zip(law.theta, z, strict=not law.added))
-    product = np.exp(eta) if law.logarithmic else 1.0
+    product = float(np.exp(eta)) if law.logarithmic else 1.0
     value = (product if law.logarithmic else eta) + (law.theta[-1] * last if law.added else 0.0)
     if not law.covariance or law.scatter is None or law.t is None or (law.multiplies and value <= 0):
         return value, math.nan, math.nan
@@ -112,22 +112,22 @@ def _with_band(law: ProfiledLawPart, z: list[float]) -> tuple[float, float, floa
     variance = np.maximum(
         sum(a * c * b for a, row in zip(g, law.covariance, strict=True) for b, c in zip(g, row, strict=True)), 0
     )
-    half = law.t * np.sqrt(variance / (value * value if law.multiplies else 1.0) + np.square(law.scatter))
+    half = law.t * np.sqrt(np.divide(variance, value * value if law.multiplies else 1.0) + np.square(law.scatter))
     if law.multiplies:
         return value, value * np.exp(-half), value * np.exp(half)
     return value, value - half, value + half
 
 
 def _columns(law: ProfiledLawPart, at: Mapping[str, float]) -> list[float]:
-    """1, then the product of powers of the centred factors of each term."""
+    """1, then the product of powers of the centred factors of each term; floats, faster than scalars of NumPy."""
     u = [
-        np.log(np.divide(at[name], g)) if log else at[name] - g
+        float(np.log(np.divide(at[name], g))) if log else at[name] - g
         for name, log, g in zip(law.factors, law.logs, law.centres, strict=True)
     ]
     return [
         1.0,
         *(
-            math.prod(x if d == 1 else np.power(x, d) for x, d in zip(u, degrees, strict=True) if d)
+            math.prod(x if d == 1 else float(np.power(x, d)) for x, d in zip(u, degrees, strict=True) if d)
             for degrees in law.terms
         ),
     ]
