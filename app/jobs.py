@@ -16,6 +16,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Literal
 
+from ..core.files import cause
 from ..core.threads import start_with_one
 
 Runner = Callable[[Sequence[str]], int]
@@ -32,7 +34,7 @@ AT_ONCE = 2
 GRACE = 5.0  # s between the request to stop and the end of the process
 SHOWN = 200_000  # characters of an output
 KEPT = 60  # ended jobs
-CANCELLED = 130  # exit code of a command that was not started
+CANCELLED, NOT_STARTED = 130, 1  # exit codes of commands without a process: cancelled, or refused by the system
 COLUMNS = "100"
 STARTED_BY_SERVER = "forkserver" in multiprocessing.get_all_start_methods()
 
@@ -53,6 +55,8 @@ class Job:
     code : int or None
         Exit code, None before the end; negative: the signal that ended it.
     cancelled : bool
+    writes : str
+        File whose results it writes, empty where it writes none.
     """
 
     id: str
@@ -64,6 +68,7 @@ class Job:
     clock_time: float = 0.0
     code: int | None = None
     cancelled: bool = False
+    writes: str = ""
     process: BaseProcess | None = None
     future: "Future[None]" = field(default_factory=Future, repr=False)
 
@@ -140,7 +145,7 @@ class Jobs:
         self._outputs = Path(tempfile.mkdtemp(prefix="fitmodels-app-"))
         self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="job")
         self._jobs: dict[str, Job] = {}
-        self._last: dict[str, Job] = {}  # of each file whose results are written
+        self._queues: dict[str, deque[Job]] = {}  # of each file whose results are written: the first one runs
         self._lock = threading.Lock()
 
     def start(self, words: Sequence[str], writes: str = "") -> Job:
@@ -151,11 +156,16 @@ class Jobs:
         words : sequence of str
             Without the program.
         writes : str
-            File whose results it writes: it begins when the last command that writes them has ended, also where that
+            File whose results it writes: it begins when the commands before it that write them have ended, also where
             one was cancelled, because a command that is asked to stop ends what it is writing.
+
+        Raises
+        ------
+        RuntimeError
+            The commands were closed.
         """
         name = secrets.token_hex(8)
-        job = Job(name, tuple(words), self._outputs / f"{name}.out", self._outputs / f"{name}.err")
+        job = Job(name, tuple(words), self._outputs / f"{name}.out", self._outputs / f"{name}.err", writes=writes)
         with self._lock:
             self._jobs[name] = job
             old = [one for one in self._jobs.values() if one.code is not None][:-KEPT]
@@ -163,22 +173,11 @@ class Jobs:
                 del self._jobs[one.id]
                 one.out.unlink(missing_ok=True)
                 one.err.unlink(missing_ok=True)
-            before = self._last.get(writes)
-            if writes:
-                self._last[writes] = job
-        if before is None:
-            self._begin(job)
-        else:
-            before.future.add_done_callback(lambda _: self._begin(job))
-        return job
-
-    def _begin(self, job: Job) -> None:
-        """Let a command wait for one of the places, unless it was cancelled before."""
-        with self._lock:
-            if not job.cancelled:
+            queue = self._queues.setdefault(writes or name, deque())
+            queue.append(job)
+            if queue[0] is job:
                 self._pool.submit(self._work, job)
-                return
-        job.future.set_result(None)
+        return job
 
     def get(self, name: str) -> Job | None:
         """The job of an id."""
@@ -193,6 +192,7 @@ class Jobs:
             process = job.process
             if process is None:
                 job.code = CANCELLED
+                job.future.set_result(None)
         if process is not None and process.pid is not None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(process.pid, signal.SIGINT if os.name == "posix" else signal.SIGTERM)
@@ -203,10 +203,29 @@ class Jobs:
         for job in list(self._jobs.values()):
             self.cancel(job)
         self._pool.shutdown(wait=True, cancel_futures=True)
+        self._queues.clear()
         shutil.rmtree(self._outputs, ignore_errors=True)
 
     def _work(self, job: Job) -> None:
-        """Run a command in a process and wait for its end."""
+        """Run a command in a process and wait for its end, then begin the next one that writes the same results."""
+        code = NOT_STARTED
+        try:
+            process = self._process_of(job)
+            if process is not None:
+                code = _exit_code(job, process)
+                if self._ended is not None and not job.cancelled:
+                    self._ended(job.words, code)
+        except Exception as error:  # the system gives no process or file, the server of processes was ended
+            reason = cause(error) if isinstance(error, OSError) else repr(error)
+            with contextlib.suppress(OSError):
+                job.err.write_text(
+                    f"{job.errors}The command was not run to its end: {reason}. Run it again.\n", "utf-8"
+                )
+        finally:
+            self._after(job, code)
+
+    def _process_of(self, job: Job) -> BaseProcess | None:
+        """The process of a command, not started; None for one that was cancelled."""
         with self._lock:
             if not job.cancelled:
                 job.process = self._context.Process(  # type: ignore[attr-defined]
@@ -215,19 +234,33 @@ class Jobs:
                     daemon=True,
                 )
                 job.started, job.clock_time = time.monotonic(), time.time()
-        if job.process is not None:
-            job.process.start()
-            if job.cancelled:  # asked for while it was started
-                _end(job.process)
-            job.process.join()
-        job.ended = time.monotonic()
-        code = None if job.process is None else job.process.exitcode
-        try:
-            if self._ended is not None and code is not None and not job.cancelled:
-                self._ended(job.words, code)
-        finally:
-            job.code = CANCELLED if code is None else code
+            return job.process
+
+    def _after(self, job: Job, code: int) -> None:
+        """Let a command have ended."""
+        with self._lock:
+            is_open = job.code is None
+            if is_open:
+                job.ended, job.code = job.ended or time.monotonic(), code
+            queue = self._queues[job.writes or job.id]
+            while queue and queue[0].code is not None:
+                queue.popleft()
+            if queue:
+                self._pool.submit(self._work, queue[0])
+            else:
+                del self._queues[job.writes or job.id]
+        if is_open:
             job.future.set_result(None)
+
+
+def _exit_code(job: Job, process: BaseProcess) -> int:
+    """Start the process of a command, wait for its end and give its exit code."""
+    process.start()
+    if job.cancelled:  # asked for while it was started
+        _end(process)
+    process.join()
+    job.ended = time.monotonic()
+    return NOT_STARTED if process.exitcode is None else process.exitcode
 
 
 def _end(process: BaseProcess) -> None:

@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"):
     os.environ.setdefault(name, "1")  # a copy has only the thread that makes it
 LONGEST = 120.0  # s of a command
 MAKING = ("open", "os.mkdir", "os.rename", "os.link", "os.symlink", "fsync")  # fail on a full disk

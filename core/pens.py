@@ -25,7 +25,7 @@ Dashes = tuple[float, ...]
 LEADING = 1.2  # times the size of a text, from line to line
 FINE = 3  # pixels drawn for each that is written
 STRIP = 256  # rows of the picture that are drawn at once
-ABOVE = 8  # rows above a strip that are drawn and cut off: more than the joint of two lines
+ABOVE = 8  # rows above a strip that are drawn and cut off: more than the joint of two lines of 8 pt
 RIM = 2  # pixels about words on shapes
 PAPER = "#ffffff"
 LONGEST = 500  # letters of a text: a cell of 32 kB is no name
@@ -81,10 +81,11 @@ class Words:
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """A shape of a picture: its points (n, 2) in fine pixels, how far it goes beyond them, and what draws it."""
+    """A shape of a picture: its points (n, 2) in fine pixels, the rows that it covers, and what draws it."""
 
     points: Array
-    beyond: float
+    top: float
+    bottom: float
     draw: Callable[["ImageDraw.ImageDraw", Array], None]
 
 
@@ -109,9 +110,11 @@ class PngPen:
         self._words: list[tuple[Point, Words]] = []
 
     def _add(self, points: Array, beyond: float, draw: Callable[["ImageDraw.ImageDraw", Array], None]) -> None:
-        """Keep a shape at points (n, 2), pt, that goes so many fine pixels beyond them."""
-        if len(points):
-            self._shapes.append(_Shape(points * (FINE * self._pixels), beyond, draw))
+        """Keep a shape at the finite ones of points (n, 2), pt, that goes so many fine pixels beyond them."""
+        fine = points[np.isfinite(points).all(axis=1)] * (FINE * self._pixels)
+        if len(fine):
+            rows = fine[:, 1]
+            self._shapes.append(_Shape(fine, float(rows.min()) - beyond, float(rows.max()) + beyond, draw))
 
     def _width(self, width: float) -> int:
         return max(1, round(width * FINE * self._pixels))
@@ -133,7 +136,7 @@ class PngPen:
         half, line = size / 2 * FINE * self._pixels, self._width(width)
         fill = None if face == "none" else face
         draw = partial(_markers, marker=marker, half=half, line=line, fill=fill, edge=edge)
-        self._add(points[np.isfinite(points).all(axis=1)], 2 * half + line, draw)
+        self._add(points, 2 * half + line, draw)
 
     def words(self, at: Point, words: Words) -> None:
         """A text at a place, pt; it is drawn above all shapes."""
@@ -165,8 +168,7 @@ class PngPen:
         size = FINE * self._size[0], after - first
         draw = ImageDraw.Draw(fine := Image.new("RGB", size, PAPER))
         for shape in self._shapes:
-            heights = shape.points[:, 1]
-            if heights.max() + shape.beyond >= first and heights.min() - shape.beyond <= after:
+            if shape.bottom >= first and shape.top <= after:
                 shape.draw(draw, shape.points - (0, first))
         return fine.reduce(FINE, (0, FINE * ABOVE, *size))
 

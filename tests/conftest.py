@@ -16,7 +16,7 @@ from hypothesis import settings
 
 # One thread of linear algebra, as the command has: pytest-xdist has as many processes as there are cores. It must stand
 # in the environment before numpy is loaded.
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 # The same examples every time, and as long as the machine takes; `--hypothesis-profile explore` draws new and more.

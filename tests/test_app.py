@@ -4,6 +4,7 @@ import errno
 import http.client
 import io
 import json
+import os
 import re
 import shlex
 import signal
@@ -826,6 +827,42 @@ def test_commands_that_write_the_results_of_one_file_run_one_after_another(tmp_p
         assert [job.state for job in (first, unwanted, last, other)] == ["cancelled", "cancelled", "done", "done"]
     finally:
         jobs.close()
+
+
+def test_a_command_that_gets_no_process_says_so_and_the_next_one_runs(tmp_path, monkeypatch):
+    jobs = Jobs(_slow, tmp_path)
+    try:
+        start = jobs._context.Process.start
+
+        def refused(process):
+            monkeypatch.setattr(jobs._context.Process, "start", start)
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+        monkeypatch.setattr(jobs._context.Process, "start", refused)
+        first, second = jobs.start(["a", "own"], "one.csv"), jobs.start(["b", "own"], "one.csv")
+        second.future.result(60)
+        assert (first.state, first.code, first.future.done()) == ("done", 1, True)
+        assert re.fullmatch(r"The command was not run to its end: .*open files.* Run it again\.\n", first.errors)
+        assert (tmp_path / "own").read_text() == "b<b>"
+    finally:
+        jobs.close()
+
+
+def test_many_commands_that_were_cancelled_while_they_waited_do_not_hold_up_the_last(tmp_path):
+    jobs = Jobs(_slow, tmp_path)
+    try:
+        first = jobs.start(["a", "own"], "one.csv")
+        for _ in range(1500):
+            jobs.cancel(jobs.start(["b", "own"], "one.csv"))
+        last = jobs.start(["c", "own"], "one.csv")
+        last.future.result(60)
+        assert (first.code, last.code, (tmp_path / "own").read_text()) == (0, 0, "a<a>c<c>")
+        waits = [jobs.start(["d", "own"], "one.csv") for _ in range(2)]
+    finally:
+        jobs.close()
+    assert all(job.future.done() and job.state == "cancelled" for job in waits)
+    with pytest.raises(RuntimeError, match="shutdown"):
+        jobs.start(["e", "own"], "one.csv")
 
 
 def test_options_are_set_once_each():

@@ -6,11 +6,13 @@ constant feed with an assumed criterion, so gains are asked for in bands and not
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from fitmodels import parameters
 from fitmodels.cards import replays
+from fitmodels.cards.replays import constant_load
 from fitmodels.controllers.constant_load_milling.cut_model import CutModel
 from fitmodels.controllers.constant_load_milling.mixed_path import mixed_run
 from fitmodels.controllers.constant_load_milling.plant import MillingCut
@@ -305,6 +307,23 @@ def test_with_draws_it_tells_a_band(pf):
     reported = replays.replayed("constant-load", pf, {"I": Draws(("A", "B", "k1"), rows)}, 1)
     assert "Over 500 posterior draws of the laws of I" in reported.lines[-1]
     assert "90 % bands" in reported.lines[-1]
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [((1959.2, 2231.4), "1960 to 2230"), ((30.0, 3037.0), "30 to 3000"), ((0.1881, 0.2129), "0.188 to 0.213")],
+)
+def test_a_band_has_the_digits_of_its_width_and_no_end_becomes_zero(ends, words):
+    low, high = ends
+    a = (low * 0.95 - high * 0.05) / 0.9  # the quantiles of two draws lie between them
+    assert constant_load._band(np.array([a, a + (high - low) / 0.9])) == words
+
+
+def test_draws_that_never_reach_the_limit_are_said(pf, monkeypatch):
+    never = SimpleNamespace(length=np.full(500, np.inf), wear=np.full(500, np.nan))
+    monkeypatch.setattr(constant_load, "drawn_life", lambda *_: (never, ("I",)))
+    reported = replays.replayed("constant-load", pf, {"I": Draws(("A", "B", "k1"), np.ones((500, 3)))}, 1)
+    assert reported.lines[-1] == "No tool of 500 posterior draws of the laws of I reaches the lower limit."
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from . import Replayed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from ...parameters import ParameterFile
     from ...parameters.draws import Draws
@@ -188,8 +189,9 @@ def _spread(pf: "ParameterFile", draws: "Mapping[str, Draws]") -> tuple[str, ...
     if not used:
         return ("No draws of the load and wear laws, so no band of the life.",)
     good = np.isfinite(life.length)
-    ends = [np.quantile(of[good], [(1 - LEVEL) / 2, (1 + LEVEL) / 2]) for of in (life.length, life.wear)]
-    life_band, wear_band = (" to ".join(format_rounded(end, (b - a) / 2)[0] for end in (a, b)) for a, b in ends)
+    if not good.any():
+        return (f"No tool of {good.size} posterior draws of the laws of {' and '.join(used)} reaches the lower limit.",)
+    life_band, wear_band = (_band(of[good]) for of in (life.length, life.wear))
     worn = f"{wear_symbol(pf)} at the lower limit {wear_band}"
     unit = CutModel.from_parameters(pf).unit_wear
     lost = "" if good.all() else f" ({100 * np.mean(~good):.0f} % never reach the limit)"
@@ -198,6 +200,12 @@ def _spread(pf: "ParameterFile", draws: "Mapping[str, Draws]") -> tuple[str, ...
         f"mm and {worn} {unit} ({100 * LEVEL:.0f} % bands of the "
         "laws, calculated without the dwell and without the scatter of tools).",
     )
+
+
+def _band(values: "NDArray[np.float64]") -> str:
+    """Ends of the band of some draws, to the digits of its width."""
+    a, b = np.quantile(values, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return " to ".join(format_rounded(end, min(b - a, abs(end)) / 2)[0] for end in (a, b))
 
 
 def _assumed(pf: "ParameterFile", cut: CutModel) -> tuple[str, ...]:
