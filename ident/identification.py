@@ -23,7 +23,7 @@ from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ..datasets.records.gaps import without_short
 from ..datasets.records.record import Record, join_records
 from .closed_loop import LoopCheck, check_loop, checked_feedback
-from .estimators.bias_checks import causality, response_error, warn_of_bias
+from .estimators.bias_checks import causality, warn_of_bias
 from .estimators.input_checks import check_varies
 from .estimators.least_squares import arx
 from .estimators.order_selection import OrderSearch, choose_order
@@ -38,11 +38,8 @@ from .structure.fitted_form import FittedForm
 from .structure.structure_search import MOST_ORDER, Search, parts_of, search
 from .validation.amplitudes import AmplitudeTable
 from .validation.handover import Handover, arx_by_choice, judge_handover
-from .validation.model_validation import Validation
+from .validation.model_validation import Validation, band_reservations, gain_reservations
 
-CERTAIN = 3.0  # standard errors below zero of a gain that is named as negative
-LOADS = ("A", "mA", "W", "kW", "N", "kN", "Nm", "%")  # units of a load, which rises with the feed
-SURE = 2.0  # standard errors between the static gain and zero
 LOOP = "Closed loop"
 CHECKED = (
     "Simulation of samples not fitted",
@@ -188,7 +185,8 @@ class Identification(Plottable):
         loop = [] if self.feedback else [(RESERVATIONS, words) for words in filter(None, signs)][:1]
         found = [
             *([(DO_NOT_USE, self.causality)] if self.causality else []),
-            *_of_gain(self.model),
+            *gain_reservations(self.model),
+            *band_reservations(self.model),
             *([(self.amplitudes.level, self.amplitudes.sentence)] if self.amplitudes else []),
             *held,
             *self.disturbances.reservations,
@@ -219,39 +217,6 @@ def sentence(clause: str) -> str:
     'Recorded in closed loop.'
     """
     return f"{clause[0].upper()}{clause[1:].rstrip('.')}."
-
-
-def _of_gain(model: Model) -> list[tuple[int, str]]:
-    """Reservations about the stability and the static gain of a model."""
-    if model.integrating:
-        return _of_integrator(model)
-    if not model.stable:
-        radius = float(np.abs(model.poles).max())
-        return [(DO_NOT_USE, f"the model is not stable, a pole at radius {radius:.6g}: record it in closed loop")]
-    gain, error = model.dc_gain, float(response_error(model, np.zeros(1))[0])
-    unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
-    if gain < -CERTAIN * error and model.unit_y in LOADS:
-        words = f"the static gain is negative, {gain:.3g}{unit}: {model.output} falls when {model.input} rises"
-        return [(RESERVATIONS, f"{words}; check the sign of the sensor and the columns")]
-    if abs(gain) >= SURE * error:
-        return []
-    return [
-        (
-            DO_NOT_USE,
-            f"the static gain, {gain:.3g}{unit}, has a standard error of {error:.2g}, so its sign is not known: record "
-            "longer or with more amplitude",
-        )
-    ]
-
-
-def _of_integrator(model: Model) -> list[tuple[int, str]]:
-    """Reservation where the gain of an integrating model is not known at the lowest excited frequency."""
-    f = np.array([model.band[0] if model.band else 0.01 / model.sample_time])
-    gain, error = float(np.abs(model.response(f))[0]), float(response_error(model, f)[0])
-    if gain >= SURE * error:
-        return []
-    words = f"the gain at {f[0]:.3g} Hz, {gain:.3g}, has a standard error of {error:.2g}: record longer or with more"
-    return [(DO_NOT_USE, f"{words} amplitude")]
 
 
 @one_thread

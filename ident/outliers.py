@@ -36,7 +36,9 @@ MAD = 1.4826  # standard deviation of a normal distribution per median absolute 
 def without_spikes(rec: Record, y_lags: int) -> tuple[Record, NDArray[np.intp], bool]:
     """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes.
 
-    The first samples of a segment have no innovations; their spikes are found in the reversed record.
+    The first samples of a segment have no innovations; their spikes are found in the reversed record. Those that begin
+    with the very first sample are kept: where a machine at rest gets an input that is not zero, as at the start of a
+    chirp by cosine, the first samples respond to an input before the record, and only they do not fit the others.
     """
     clean, bad = _cleaned(rec, y_lags, np.ones(len(rec), dtype=bool), (SPIKE, SMALLEST))
     if bad.mean() <= MOST_SPIKES:
@@ -44,10 +46,19 @@ def without_spikes(rec: Record, y_lags: int) -> tuple[Record, NDArray[np.intp], 
         for s in rec.stretches:
             first[s.start : s.start + y_lags * len(U_LAGS)] = True
         back, early = _cleaned(_reversed(clean), y_lags, first[::-1], EARLY)
-        clean, bad = replace(clean, y=back.y[::-1].copy()), bad | early[::-1]
+        early = _not_from_the_start(early[::-1], rec.stretches)
+        clean, bad = replace(clean, y=np.where(early, back.y[::-1], clean.y)), bad | early
     if bad.mean() > MOST_SPIKES:
         return rec, np.empty(0, dtype=np.intp), True
     return clean, np.flatnonzero(bad), False
+
+
+def _not_from_the_start(bad: NDArray[np.bool_], stretches: tuple[slice, ...]) -> NDArray[np.bool_]:
+    """The samples without the runs that begin with the first sample of a segment."""
+    kept = bad.copy()
+    for s in stretches:
+        kept[s] &= np.logical_or.accumulate(~bad[s])
+    return kept
 
 
 def _cleaned(

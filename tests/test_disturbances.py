@@ -64,12 +64,34 @@ def test_spikes_are_replaced_by_values_near_the_true_ones():
     np.testing.assert_array_equal(np.delete(found.record.u, at), np.delete(rec.u, at))
 
 
-@pytest.mark.parametrize("at", [(0,), (2,), (9,), (400, 404, 417), (30, 44), (748,)])
+@pytest.mark.parametrize("at", [(1,), (2,), (9,), (400, 404, 417), (30, 44), (748,)])
 @pytest.mark.parametrize("plant", [CLM, LAG, DRIVE])
 def test_spikes_at_the_ends_of_a_record_and_close_together_are_found(plant, at):
     extra = np.zeros(750)
     extra[list(at)] = [1.0, -0.8, 0.7][: len(at)]
     assert disturbances(record(plant, extra=extra)).replaced.tolist() == list(at)
+
+
+@pytest.mark.parametrize("gain", [[0.0, 0.12], [0.0, 0.0, 0.08, 0.04], [0.0, 0.02, 0.019]])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_command_that_begins_at_its_amplitude_leaves_no_spikes(gain, seed):
+    """A chirp by cosine from rest: its first samples had been replaced as spikes."""
+    t = T * np.arange(1500)
+    u = 2.5 * np.cos(2 * np.pi * (0.1 + 4.9 / 60 * t) * t)
+    plant = Model(b=gain, a=[1.0, -0.88] if len(gain) != 3 else [1.0, -1.6, 0.65], nk=1, sample_time=T)
+    y = plant.simulate(u) + 0.01 * np.random.default_rng(seed).standard_normal(1500)
+    assert disturbances(Record(u=u, y=y, sample_time=T)).found == ()
+
+
+@pytest.mark.parametrize("at", [1, 15, 40])
+def test_a_step_at_the_start_of_a_record_is_identified_or_refused_with_a_reason(at):
+    """The input is constant in all rows of the long regression, which then has no lag of it."""
+    u = np.r_[np.zeros(at), np.ones(1500 - at)]
+    y = LAG.simulate(u) + 0.01 * np.random.default_rng(0).standard_normal(1500)
+    found = identify(Record(u=u, y=y, sample_time=T))
+    assert found.model.dc_gain == pytest.approx(1.0, rel=0.1)
+    assert any("The input hardly changes in the samples that can be held out" in one for one in found.verdict.reasons)
+    assert any(one.startswith("Simulation of samples not fitted") for one in found.verdict.not_checked)
 
 
 def test_a_load_impulse_is_no_spike():

@@ -9,7 +9,7 @@ from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record
 from fitmodels.datasets.records.record import join_records
 from fitmodels.ident import Model, identify
-from fitmodels.ident.continuous import sampled
+from fitmodels.ident.continuous import ContinuousModel, sampled
 from fitmodels.ident.static_nonlinearity import backlash
 from fitmodels.ident.structure.final_estimates import rescored
 from scipy.signal import lfilter
@@ -287,3 +287,30 @@ def test_runs_of_one_length_equal_runs_of_several_lengths():
     other = join_records([*parts[:2], parts[2].part(0, 599)])
     theta = [ident.box_jenkins(rec.centred(), 3, 3, 1).theta for rec in (same, other)]
     np.testing.assert_allclose(theta[0], theta[1], rtol=0.01)
+
+
+# A fast and a slow lag: gain at rest 2, of which nothing above 1 Hz shows the slow half
+
+
+def two_lags(u, noise=0.01, seed=1):
+    fast, slow = (ContinuousModel(np.array([1.0]), np.array([T, 1.0])).sampled(0.02) for T in (0.15, 3.0))
+    y = fast.simulate(u) + slow.simulate(u)
+    return Record(u=u, y=y + noise * np.random.default_rng(seed).standard_normal(len(u)), sample_time=0.02)
+
+
+@pytest.mark.parametrize("f", [0.5, 2.0])
+def test_a_single_sine_gives_no_gain_at_rest(f):
+    found = identify(two_lags(np.sin(2 * np.pi * f * 0.02 * np.arange(1500))))
+    assert found.concern
+    assert any("Hz alone, so that all else is an extrapolation" in one for one in found.verdict.reasons)
+
+
+def test_a_gain_at_rest_below_the_excited_band_is_an_extrapolation():
+    """A slow lag with a chirp from 1.9 Hz on; from 0.05 Hz on there is no doubt."""
+    t = 0.02 * np.arange(3000)
+    plant = ContinuousModel(np.array([1.0]), np.array([2.0, 1.0])).sampled(0.02)
+    for low, doubted in ((1.9, True), (0.02, False)):
+        u = np.sin(2 * np.pi * (low + (5.1 - low) / (2 * t[-1]) * t) * t)
+        y = plant.simulate(u) + 1e-3 * np.random.default_rng(1).standard_normal(3000)
+        reasons = identify(Record(u=u, y=y, sample_time=0.02)).verdict.reasons
+        assert any("is an extrapolation: the input excites nothing below" in one for one in reasons) == doubted

@@ -153,7 +153,7 @@ def long_arx(
     diagonal = np.abs(np.diag(r))
     r[np.diag_indices(len(r))] += np.where(diagonal < 1e-14 * diagonal.max(), 1e-14 * diagonal.max(), 0.0)
     theta = solve_triangular(r, c)
-    b = np.zeros(int(lags[-1]) + 1)
+    b = np.zeros(_longest(lags) + 1)
     end, count = theta.size - y_lags, 0 if additional is None else additional.shape[1]
     start = end - count - len(lags)
     b[lags] = theta[start : start + len(lags)]
@@ -178,10 +178,15 @@ def _columns(
     rec: Record, y_lags: int, lags: NDArray[np.intp], additional: Array | None, span: int = 0
 ) -> tuple[NDArray[np.intp], Array]:
     """Samples with a complete regressor (m,), and the regressors (m, p): levels, u, ``additional``, y."""
-    t = rows_of(rec, max(y_lags, int(lags[-1]), span))
+    t = rows_of(rec, max(y_lags, _longest(lags), span))
     extra = np.empty((len(t), 0)) if additional is None else additional[t]
     past = lagged_rows(rec.y, 1 + np.arange(y_lags), t)
     return t, np.column_stack([levels(rec, t), lagged_rows(rec.u, lags, t), extra, past])
+
+
+def _longest(lags: NDArray[np.intp]) -> int:
+    """The longest lag of u; 0 where the input is constant in all rows, as after a step at the start of a record."""
+    return int(lags.max(initial=0))
 
 
 def rows_of(rec: Record, span: int) -> NDArray[np.intp]:

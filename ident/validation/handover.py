@@ -34,6 +34,11 @@ SIGNIFICANT = 4.0  # standard errors of that difference
 SAME_BAND = 0.7  # of the excited band, in each of two runs
 Span = tuple[int, int]
 Estimate = Callable[[Record, Array | None], Model]  # of the same structure, from any record and additional regressors
+LITTLE = 0.05  # of the change of the input: samples with less do not validate a model
+UNCHANGED = (
+    "the input hardly changes in the samples that can be held out, so the model was validated on those that it was "
+    "fitted to: record a second run in which the input changes"
+)
 TOO_SHORT = "the estimation record, too short to hold out samples: record a second run"
 OWN_RECORD = (
     "the record is too short to hold out samples, so the model was validated on those that it was fitted to: record a "
@@ -148,6 +153,8 @@ def judge_handover(
     if not parts:
         return Handover(own, own, where, unseen=OWN_RECORD)
     (fitted, of_fitted), (other, of_other) = ((_joined(whole, part), _rows(additional, part)) for part in parts)
+    if _change(other) < LITTLE * _change(whole):
+        return Handover(own, own, "the estimation record", unseen=UNCHANGED)
     try:
         trained = estimate(fitted, of_fitted)
         structure = validate(trained, other, additional=of_other)
@@ -155,6 +162,11 @@ def judge_handover(
         unseen = f"the structure could not be validated on {where}: {str(error).rstrip('.')}"
         return Handover(own, own, "the estimation record", unseen=unseen)
     return Handover(structure, own, where, _apart(model, trained, where))
+
+
+def _change(rec: Record) -> float:
+    """Root mean square of the input about the mean of each segment."""
+    return float(np.sqrt(sum(np.var(rec.u[s]) * (s.stop - s.start) for s in rec.stretches) / len(rec)))
 
 
 def _has_last_run(rec: Record) -> bool:

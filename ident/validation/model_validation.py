@@ -15,6 +15,7 @@ from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE
 from ...datasets.records.record import Record
 from ..closed_loop import feedback
+from ..estimators.bias_checks import response_error
 from ..model import Model
 from .prediction import BY_EQUATION, check_frame, fit_percent, k_steps, lagged_inputs, one_step, simulated
 from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
@@ -22,6 +23,11 @@ from .residual_tests import LAGS, ResidualTest, independence, residual_whiteness
 GOOD, POOR = 80.0, 50.0  # % of fit: R2 0.96 and 0.75
 SIGNIFICANT = 0.001  # p below which the residuals depend on the input
 FIT, DEPEND = "the simulation fit", "residuals depend"
+CERTAIN = 3.0  # standard errors below zero of a gain that is named as negative
+LOADS = ("A", "mA", "W", "kW", "N", "kN", "Nm", "%")  # units of a load, which rises with the feed
+SURE = 2.0  # standard errors between the static gain and zero
+NARROW = 2.0  # highest over lowest excited frequency below which the input has one frequency
+FLAT = 1.41  # between the gain at rest and at the lowest excited frequency, 3 dB
 OPTIMISM = 15.0  # % of fit between one-step prediction and simulation: then the one-step fit is optimistic
 
 
@@ -302,3 +308,60 @@ def plausibility_remarks(model: Model, longest: float) -> tuple[str, ...]:
         if abs(p - z) < 0.01 * (1 - min(abs(p), 0.99)) and p.imag >= 0
     ]
     return tuple(remarks)
+
+
+def gain_reservations(model: Model) -> list[tuple[int, str]]:
+    """Reservations about the stability and the static gain of a model."""
+    if model.integrating:
+        return _of_integrator(model)
+    if not model.stable:
+        radius = float(np.abs(model.poles).max())
+        return [(DO_NOT_USE, f"the model is not stable, a pole at radius {radius:.6g}: record it in closed loop")]
+    gain, error = model.dc_gain, float(response_error(model, np.zeros(1))[0])
+    unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
+    if gain < -CERTAIN * error and model.unit_y in LOADS:
+        words = f"the static gain is negative, {gain:.3g}{unit}: {model.output} falls when {model.input} rises"
+        return [(RESERVATIONS, f"{words}; check the sign of the sensor and the columns")]
+    if abs(gain) >= SURE * error:
+        return []
+    return [
+        (
+            DO_NOT_USE,
+            f"the static gain, {gain:.3g}{unit}, has a standard error of {error:.2g}, so its sign is not known: record "
+            "longer or with more amplitude",
+        )
+    ]
+
+
+def _of_integrator(model: Model) -> list[tuple[int, str]]:
+    """Reservation where the gain of an integrating model is not known at the lowest excited frequency."""
+    f = np.array([model.band[0] if model.band else 0.01 / model.sample_time])
+    gain, error = float(np.abs(model.response(f))[0]), float(response_error(model, f)[0])
+    if gain >= SURE * error:
+        return []
+    words = f"the gain at {f[0]:.3g} Hz, {gain:.3g}, has a standard error of {error:.2g}: record longer or with more"
+    return [(DO_NOT_USE, f"{words} amplitude")]
+
+
+def band_reservations(model: Model) -> list[tuple[int, str]]:
+    """Reservations about what a model says outside the excited band: its gain at rest, or all but one frequency."""
+    if model.band is None:
+        return []
+    low, high = model.band
+    if high < NARROW * low:
+        words = (
+            f"the input excites {low:.3g} to {high:.3g} Hz alone, so that all else is an extrapolation, gain at rest, "
+            "delay and settling time among it: record a chirp, steps or a binary input"
+        )
+        return [(RESERVATIONS, words)]
+    if model.integrating or not model.stable:
+        return []
+    rest, there = abs(model.dc_gain), float(np.abs(model.response(np.array([low])))[0])
+    if max(rest, there) <= FLAT * min(rest, there):
+        return []
+    unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
+    words = (
+        f"the static gain of {model.dc_gain:.3g}{unit} is an extrapolation: the input excites nothing below "
+        f"{low:.3g} Hz, where the gain is {there:.3g}{unit}. Begin at a lower frequency, or record steps with it"
+    )
+    return [(RESERVATIONS, words)]
