@@ -187,3 +187,50 @@ def test_refusals(call, says):
     with pytest.raises(IdentError) as error:
         call()
     assert says in str(error.value)
+
+
+# What an engineer sees in the figure
+
+
+def pulse(num, den, noise=0.003, ends=(-np.inf, np.inf)):
+    """A pulse of 3 s through a plant, sampled at 50 Hz and clipped."""
+    t = np.arange(400) * 0.02
+    u = ((t > 1) & (t < 4)) * 1.0
+    y = sampled(num, den, 0.02, 0.04).simulate(u) + noise * np.random.default_rng(4).standard_normal(400)
+    return Record(u=u, y=np.clip(y, *ends), sample_time=0.02, unit_y="mm")
+
+
+@pytest.mark.parametrize(("den", "top"), [([1 / 144, 4.8 / 144, 1.0], 0.83), ([0.15, 1.0], 0.94)])
+def test_a_response_that_is_clipped_must_not_be_used(den, top):
+    whole, cut = pulse((1.0,), den), pulse((1.0,), den, ends=(-0.05, top))
+    assert step_response_fit(whole, None).verdict.level == 0
+    found = step_response_fit(cut, None).verdict
+    assert found.level == 2
+    assert f"The output runs into {top:g} mm and stays there" in found.reasons[0]
+
+
+def test_a_quantised_response_that_settles_is_not_clipped():
+    for den in ([0.15, 1.0], [1 / 144, 12 / 144, 1.0]):
+        rec = pulse((1.0,), den, noise=0.0)
+        found = step_response_fit(Record(u=rec.u, y=rec.y.round(2), sample_time=0.02), None)
+        assert not any("stays there" in words for words in found.verdict.reasons)
+
+
+def test_a_response_that_differs_between_up_and_down_is_doubted():
+    rec = pulse((1.0,), [0.15, 1.0])
+    y = np.zeros(400)
+    for k in range(1, 400):
+        y[k] = y[k - 1] + 0.02 / (0.1 if rec.u[k - 1] > 0 else 0.5) * (rec.u[k - 1] - y[k - 1])
+    y += 0.003 * np.random.default_rng(1).standard_normal(400)
+    reasons = step_response_fit(Record(u=rec.u, y=y, sample_time=0.02), None).verdict.reasons
+    assert any("may differ between up and down" in words for words in reasons)
+
+
+def test_an_integrating_response_has_no_time_constant():
+    t = np.arange(400) * 0.02
+    u = ((t > 1) & (t < 4)) * 1.0
+    y = np.cumsum(u) * 0.02 + 0.003 * np.random.default_rng(2).standard_normal(400)
+    with pytest.raises(IdentError, match="keeps moving while the input is held"):
+        step_response_fit(Record(u=u, y=y, sample_time=0.02), None)
+    slow = pulse((1.0,), [8.0, 1.0])
+    assert step_response_fit(slow, 1).params["time_constant"] == pytest.approx(8.0, rel=0.1)

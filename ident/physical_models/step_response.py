@@ -19,10 +19,22 @@ from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE, Verdict, verdict_from
 from ...datasets import Record
+from ...datasets.records.reading import clipped
 from ..continuous import ContinuousModel
 from ..estimators.filters import ROUNDING, covariance, inverse_of_squares, squares
 from ..model import Model
-from .step_shapes import SHAPES, Stretch, one_step, overshoot, ramp_rate, stretches_of, time_constants, unit_response
+from ..outliers import MAD
+from .step_shapes import (
+    SHAPES,
+    Stretch,
+    one_step,
+    overshoot,
+    ramp_rate,
+    refuse_integral,
+    stretches_of,
+    time_constants,
+    unit_response,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,7 +42,11 @@ if TYPE_CHECKING:
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
 FASTEST = 1 / 3  # of the sample time: a faster response is complete, to 5 %, at the next sample
 SURE = 2.0  # standard errors between the gain and zero
-CHECKED = ("Simulation of the record", "Overshoot and rate limit", "Settling within the record", "Static gain")
+CHECKED = (
+    "Simulation of the record", "Clipped output", "Shape of the residuals", "Overshoot and rate limit",
+    "Settling within the record", "Static gain",
+)  # fmt: skip
+MISFIT = (0.05, 5.0)  # rms of the residuals, of the largest step and of the noise between samples: no lag leaves it
 NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
 
@@ -262,6 +278,7 @@ def step_response_fit(
         stretches_of(rec) if isinstance(rec, Record) else [one_step(np.asarray(rec[0]), np.asarray(rec[1]), step, at)]
     )
     found = search(order, runs, delay)
+    refuse_integral(runs, found.loss, found.size)
     stretches = tuple(slice(a, b) for a, b in zip(found.ends[:-1], found.ends[1:], strict=True))
     if found.loss <= 1e4 * ROUNDING * found.size:  # rounding is coloured too
         cov, colour = found.loss / len(found.e) * inverse_of_squares(found.J), 0
@@ -300,7 +317,34 @@ def _findings(fit: "StepFit") -> list[tuple[int, str]]:
     """Remarks (level 0) and reservations, each a sentence."""
     window = max(float(np.max(np.diff([*run.at, run.time[-1]]))) for run in fit.runs)
     settled = fit.time_to_63 - fit.delay <= (window - fit.delay) / 3
-    return [*_of_output(fit, settled), *_of_order(fit), *_of_window(fit, window, settled), *_of_fit(fit)]
+    own = (*_of_range(fit), *_of_output(fit, settled), *_of_order(fit))
+    return [*own, *_of_window(fit, window, settled), *_of_fit(fit), *_of_shape(fit)]
+
+
+def _of_range(fit: "StepFit") -> Iterator[tuple[int, str]]:
+    if fit.rate_limit is not None:
+        return
+    y = np.concatenate([run.y for run in fit.runs])
+    for extreme in (float(y.max()), float(y.min())):
+        if samples := clipped(y, extreme)[1]:
+            words = (
+                f"The output runs into {extreme:.4g}{f' {fit.unit_y}' if fit.unit_y else ''} and stays there, in "
+                f"{samples} samples, as at the end of the range of a sensor: gain, overshoot and times are not known. "
+            )
+            yield DO_NOT_USE, f"{words}Use another range or smaller steps."
+
+
+def _of_shape(fit: "StepFit") -> Iterator[tuple[int, str]]:
+    e = [run.y - fitted for run, fitted in zip(fit.runs, fit.fitted, strict=True)]
+    between = MAD * float(np.median(np.abs(np.concatenate([np.diff(part) for part in e])))) / np.sqrt(2)
+    rms = float(np.sqrt(np.mean(np.concatenate(e) ** 2)))
+    if fit.fit >= GOOD and fit.rate_limit is None and fit.scatter > MISFIT[0] and rms > MISFIT[1] * between:
+        yield (
+            RESERVATIONS,
+            f"The residuals are {100 * fit.scatter:.0f} % of the largest step, and more than {MISFIT[1]:.0f} times the "
+            f"noise between samples: the response is not that of order {fit.order}. It may differ between up and down, "
+            "begin in the other direction, drift or be nonlinear: look at the figure.",
+        )
 
 
 def _of_output(fit: "StepFit", settled: bool) -> Iterator[tuple[int, str]]:

@@ -21,6 +21,7 @@ from ..estimators.filters import ROUNDING
 
 Array = NDArray[np.float64]
 PLATEAU = 8  # samples between edges, on average: below it the input is not a sequence of steps
+INTEGRATES = (0.1, 0.67)  # largest loss by the integral of the input: of the output, and of that of the lag
 LEFTOVER = 0.05  # rms deviation from the plateaus as a share of the range: noise of a measured input
 
 
@@ -130,6 +131,33 @@ def time_constants(wn: float, zeta: float) -> tuple[float, float]:
     """Slow and fast time constant of a second order with zeta >= 1, s; their product is 1 / wn^2."""
     slow = (zeta + np.sqrt(max(zeta**2 - 1, 0.0))) / wn
     return float(slow), float(1 / (wn**2 * slow))
+
+
+def integral_loss(runs: Sequence[Stretch]) -> float:
+    """Sum of squares of the output about a line of each run and the integral of the input, with one gain of it.
+
+    >>> t = np.arange(50.0)
+    >>> round(integral_loss([Stretch(t, 3 + 0.5 * np.maximum(t - 10, 0), np.array([10.0]), np.array([1.0]))]), 9)
+    0.0
+    """
+    columns, outputs = [], []
+    for run in runs:
+        line = np.column_stack([np.ones(len(run.time)), run.time])
+        pair = np.column_stack([np.maximum(run.time[:, None] - run.at, 0.0) @ run.size, run.y])
+        left = pair - line @ np.linalg.lstsq(line, pair)[0]
+        columns.append(left[:, 0])
+        outputs.append(left[:, 1])
+    x, y = np.concatenate(columns), np.concatenate(outputs)
+    return max(float(y @ y - (x @ y) ** 2 / max(float(x @ x), 1e-300)), 0.0)
+
+
+def refuse_integral(runs: Sequence[Stretch], loss: float, size: float) -> None:
+    """Raise IdentError where the integral of the input describes the output better than a lag of this ``loss``."""
+    if integral_loss(runs) < min(INTEGRATES[0] * size, INTEGRATES[1] * loss):
+        raise IdentError(
+            "the output keeps moving while the input is held, as the integral of the input does: it has no time "
+            "constant. Identify it without --as step (identify in Python), or record its speed."
+        )
 
 
 def guesses(order: int, runs: Sequence[Stretch], delay: float | None) -> list[tuple[list[float], float]]:
