@@ -181,7 +181,6 @@ WHOLE: Final = {  # other advice in terms of Python, and the same in terms of th
     "give force= (--force-per-unit)": "give --force-per-unit",
     "give drive='faster' or 'slower' (--drive-pole)": "give --drive-pole faster or slower",
     "nominal and probability: a nominal": "--nominal and --probability: a nominal",
-    "(rec.centred(trend=True))": "(--trend)",
     "or identify with nk=1": "or identify with --orders NA,NB,1",
     "; fit rec.centred().": "; subtract the means of the record.",
     "collect it with limits={'wear': 0.3, ...}": "write it into the file: fitmodels limits PARAMS AW=0.3mm, or "

@@ -102,6 +102,28 @@ def test_the_covariance_of_a_sampled_step_response_is_that_of_monte_carlo(delay)
     np.testing.assert_allclose(stated, spread, rtol=0.4)  # sd of an sd from 30 draws: 13 %
 
 
+def test_a_delay_that_no_file_holds_is_refused_with_the_rate_that_it_takes(run, tmp_path):
+    t = np.arange(600) * 0.01
+    u = ((t > 0.5) & (t < 3)) * 1.0
+    y = ContinuousModel(np.array([1.0]), np.array([0.2, 1.0]), 1.2).sampled(0.01).simulate(u)
+    y += 1e-3 * np.random.default_rng(1).standard_normal(len(t))
+    file = written(tmp_path / "late.csv", ["time [s]", "command [V]", "speed [mm/s]"], t, u, y)
+    code, _, err = run(file, "--as", "step")
+    assert code == 3
+    assert "its delay of 120 samples included; a parameter file holds 100. Resample the record to 33.3 Hz" in err
+    assert "keep one of 3 rows" in err
+    short = written(tmp_path / "short.csv", ["time [s]", "command [V]", "speed [mm/s]"], t[::3], u[::3], y[::3])
+    assert run(short, "--as", "step")[0] == 0
+
+
+def test_a_constant_input_is_named_with_its_value(run, tmp_path):
+    t = np.arange(200) * 0.01
+    file = written(tmp_path / "still.csv", ["time [s]", "command [V]", "speed [mm/s]"], t, np.full(200, 1.5), np.sin(t))
+    code, _, err = run(file)
+    assert code == 4
+    assert "does not vary (1.5 throughout)" in err
+
+
 def _record(u, y):
     from fitmodels.datasets import Record
 

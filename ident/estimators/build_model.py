@@ -29,8 +29,8 @@ def slow_pole(a: Array, longest: int) -> tuple[str, ...]:
         return ()
     return (
         f"a pole at radius {radius:.7g} is slower than the longest segment of {longest} samples: the plant integrates, "
-        "or the output drifts. Identify from input to the change of the output, or remove the drift "
-        "(rec.centred(trend=True)).",
+        "or the output drifts. Identify from input to the change of the output, or remove the drift (--trend; in "
+        "Python trend=True).",
     )
 
 

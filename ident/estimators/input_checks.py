@@ -53,8 +53,10 @@ def check_varies(rec: Record) -> None:
         ("output", rec.output, rec.y, "Check the sensor and the column that was read"),
     ):
         if not _varies(rec, values):
+            assert rec.offsets is not None  # noqa: S101  set by the record
+            level = values[0] + float(rec.offsets[0, 0 if what == "input" else 1])
             raise IdentError(
-                f"{what} {name} does not vary ({values[0]:g} throughout): the dynamics are not identifiable. {remedy}."
+                f"{what} {name} does not vary ({level:g} throughout): the dynamics are not identifiable. {remedy}."
             )
 
 

@@ -345,8 +345,13 @@ def _limits(found: Sequence[Candidate], most_order: int, reach: Reach) -> tuple[
     """Notes on limits that the best candidate reaches, or for the delay one that is about as good."""
     best, notes, last = found[0], [], reach.delays[-1]
     if best.na == most_order and best.form is None:
-        notes.append(f"na {best.na} is the largest order tried: the plant may be of higher order (most_order)")
+        notes.append(
+            f"na {best.na} is the largest order tried: the plant may have a higher one (--orders; Python: most_order)"
+        )
     near = [one for one in found if one.total < best.total + AS_GOOD]
     if any(one.nk == last for one in near) and len(reach.delays) > 1:
-        notes.append(f"nk {last} is the longest delay tried: the plant may have a longer one (delays)")
+        notes.append(
+            f"nk {last} is the longest delay tried: the plant may have a longer one. Resample to a lower rate "
+            "(--resample), or give --orders (Python: delays)"
+        )
     return tuple(notes)

@@ -13,7 +13,7 @@ from ...core.errors import GateError, ParameterError
 from ...core.suggestions import did_you_mean
 from ...core.verdict import Verdict
 from ..messages import short
-from ..sections.base import ModelCovariance, Section, VerdictSection
+from ..sections.base import ModelCovariance, Section, VerdictSection, check_length
 from ..sections.dynamics import AlternativeModel, DynamicsSection, PiFigures, PiSection, PiSpecification
 from ..sections.force_control import COEFFICIENTS, TESTED, AdaptiveForceSection, RecordRanges
 from ..sections.load_line import LimitsSection
@@ -57,13 +57,11 @@ def dynamics_section(
         judged = dynamics.judged
         fit, where = (None, None) if judged.unseen else (judged.structure.fit, judged.where)
         section = _model(dynamics.model, fit if held_out_fit is None else held_out_fit)
-        form = None if dynamics.by_choice else dynamics.form
+        form = () if dynamics.by_choice or dynamics.form is None else (dynamics.form.words,)
         return {
             **section,
             "alternatives": _by_form(dynamics, section["alternatives"]),
-            "notes": list(
-                dict.fromkeys([*(() if form is None else (form.words,)), *section["notes"], *dynamics.notes])
-            ),
+            "notes": list(dict.fromkeys([*form, *section["notes"], *dynamics.notes])),
             "held_out_on": where if held_out_fit is None else None,
             "own_fit": float(judged.own.fit),
             "verdict": VerdictSection.of(dynamics.verdict).model_dump(),
@@ -86,6 +84,7 @@ def _by_form(found: "Identification", alternatives: list[dict[str, Any]]) -> lis
 
 
 def _model(model: "Model", held_out_fit: float | None) -> dict[str, Any]:
+    check_length(max(len(model.a), len(model.b)), model.nk, model.sample_time)
     return {
         "structure": model.structure,
         **{name: [float(x) for x in getattr(model, name)] for name in ("b", "a", "c", "d")},

@@ -1,5 +1,6 @@
 """Base of all sections: `Section`, its kinds of numbers and text, covariances, and polynomials of models."""
 
+import math
 from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Literal, Self, TypeVar
@@ -8,6 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from ...core.display import Displayable
+from ...core.errors import ParameterError
 from ...core.verdict import LEVELS, USABLE, Verdict
 from ..messages import short
 
@@ -29,9 +31,32 @@ Count = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 Text = Annotated[str, Field(min_length=1)]
 Name = Annotated[str, Field(min_length=1, max_length=500)]
 Level = Literal["usable inside the tested region", "usable with reservations", "do not use for control"]
-Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=100)]  # roots take time with the cube
+MOST_COEFFICIENTS = 100  # of a polynomial: roots take time with the cube
+Polynomial = Annotated[tuple[Number, ...], Field(min_length=1, max_length=MOST_COEFFICIENTS)]
 IsoDate = Annotated[str, AfterValidator(_is_a_date)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+def check_length(count: int, delay: int, sample_time: float) -> None:
+    """Raise ParameterError for a model of more coefficients than a file holds, with the rate that it needs.
+
+    Parameters
+    ----------
+    count : int
+        Coefficients of its longest polynomial.
+    delay : int
+        Samples.
+    sample_time : float
+        s.
+    """
+    if count > MOST_COEFFICIENTS:
+        every = math.ceil(2 * count / MOST_COEFFICIENTS)
+        rate = 1 / (every * sample_time)
+        raise ParameterError(
+            f"the model has {count} coefficients, its delay of {delay} samples included; a parameter file holds "
+            f"{MOST_COEFFICIENTS}. Resample the record to {rate:.3g} Hz (--resample), or, of steps, "
+            f"keep one of {every} rows of the file."
+        )
 
 
 class Section(Displayable, BaseModel):
