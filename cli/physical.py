@@ -161,6 +161,12 @@ def _force(rec: "Record", args: argparse.Namespace, pf: "ParameterFile | None") 
         )
     turn = None if args.spindle is None else 60 / args.spindle
     fit = force_process_fit(rec.centred(), drive=args.drive_pole, revolution=turn, **given)
+    if not fit.ratios[0] > 0 and fit.fit < POOR:
+        raise IdentError(
+            f"{rec.output} does not follow {rec.input}: the model explains {max(fit.fit, 0):.0f} % of it, less than "
+            f"{POOR:.0f} %. Check that the tool cuts, at one depth, in the whole record, and the columns (--input, "
+            "--output)."
+        )
     if not fit.ratios[0] > 0:
         raise IdentError(
             f"the force falls when the feed rises (m/k is {fit.ratios[0]:.3g}): check the sign of {rec.output} and the "

@@ -116,6 +116,26 @@ def test_a_delay_that_no_file_holds_is_refused_with_the_rate_that_it_takes(run, 
     assert run(short, "--as", "step")[0] == 0
 
 
+def test_a_force_in_air_is_not_said_to_fall(run, tmp_path):
+    t = np.arange(1500) * 0.02
+    feed = 400 + 100 * np.sin(2 * np.pi * (0.1 + 0.04 * t) * t)
+    force = 5.0 + np.random.default_rng(3).standard_normal(len(t))
+    file = written(tmp_path / "air.csv", ["time [s]", "feed rate [mm/min]", "force [N]"], t, feed, force)
+    code, _, err = run(file, "--as", "force-process")
+    assert code == 4
+    assert "force does not follow feed rate" in err
+    assert "Check that the tool cuts" in err
+
+
+def test_a_slide_of_a_tenth_of_a_kilogram_has_wrong_units(run, moved, tmp_path):
+    """Millimetres under a header that says metres."""
+    t, F, x = moved
+    name = written(tmp_path / "axis.csv", ("time [s]", "force [N]", "position [m]"), t, F, x)
+    code, out, _ = run(name, "--as", "drive")
+    assert code == 0
+    assert "The moving mass of 0.095 kg is outside the 1 to 100000 kg of machine tools: check the units" in out
+
+
 def test_a_constant_input_is_named_with_its_value(run, tmp_path):
     t = np.arange(200) * 0.01
     file = written(tmp_path / "still.csv", ["time [s]", "command [V]", "speed [mm/s]"], t, np.full(200, 1.5), np.sin(t))

@@ -42,6 +42,7 @@ LARGE, TOO_LARGE = 0.2, 0.5  # share of the force that is not explained
 DF = 13  # of the standard errors: a 95 % interval spans 2.2 of them
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
 CHECKED = ("Share of the force explained", "Signs of inertia and friction", "Simulation of the record")
+SLIDES = (1.0, 1e5)  # kg
 NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
 
@@ -215,6 +216,12 @@ class DriveFit(Plottable):
                 DO_NOT_USE if self.relative_error > TOO_LARGE else RESERVATIONS,
                 f"{100 * self.relative_error:.0f} % of the force is not explained, more than {100 * LARGE:.0f} %: "
                 "another force acts, or time or units of force and motion do not match.",
+            )
+        if self.possible and self.motion.speed_unit != "rad/s" and not SLIDES[0] <= self.M <= SLIDES[1]:
+            yield (
+                RESERVATIONS,
+                f"The moving mass of {self.M:.3g} kg is outside the {SLIDES[0]:g} to {SLIDES[1]:.0f} kg of machine "
+                "tools: check the units of motion and force.",
             )
         if weak:
             yield (
