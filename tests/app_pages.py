@@ -3,10 +3,12 @@
 import http.client
 import json
 import re
+import signal
 import threading
 import time
 import uuid
 from contextlib import contextmanager
+from pathlib import Path
 from urllib.parse import quote
 
 import uvicorn
@@ -110,3 +112,14 @@ def served(folder, largest=LARGEST):
         thread.join(10)
         page.jobs.close()
         sock.close()
+
+
+def slow_command(words):
+    """Write a file slowly, as a command that does not hear a request to stop while it puts results in place."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with Path(words[1]).open("a", encoding="utf-8") as file:
+        for mark in "<>":
+            file.write(words[0] + mark)
+            file.flush()
+            time.sleep(0.3)
+    return 0

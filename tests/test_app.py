@@ -39,7 +39,7 @@ from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from app_pages import served
+from app_pages import served, slow_command
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -795,23 +795,20 @@ def test_a_command_is_cancelled_and_another_waits(tmp_path):
         jobs.close()
 
 
-def _slow(words):
-    """Write a file slowly; a request to stop is not heard, as while results are put in place."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with Path(words[1]).open("a", encoding="utf-8") as file:
-        for mark in "<>":
-            file.write(words[0] + mark)
-            file.flush()
-            time.sleep(0.3)
-    return 0
+@pytest.fixture
+def importable(monkeypatch):
+    """Processes of commands find the modules of the tests."""
+    monkeypatch.syspath_prepend(Path(__file__).parent)
 
 
+@pytest.mark.usefixtures("importable")
 def test_commands_that_write_the_results_of_one_file_run_one_after_another(tmp_path):
     """Settings changed while a fit writes its results had met "written by another process" in the next fit."""
-    jobs = Jobs(_slow, tmp_path)
+    jobs = Jobs(slow_command, tmp_path)
     try:
         first = jobs.start(["a", "own"], "one.csv")
-        while "a" not in ((tmp_path / "own").read_text() if (tmp_path / "own").exists() else ""):
+        end = time.monotonic() + 30
+        while not (tmp_path / "own").exists() and time.monotonic() < end:
             time.sleep(0.01)
         jobs.cancel(first)
         unwanted = jobs.start(["b", "own"], "one.csv")
@@ -829,8 +826,9 @@ def test_commands_that_write_the_results_of_one_file_run_one_after_another(tmp_p
         jobs.close()
 
 
+@pytest.mark.usefixtures("importable")
 def test_a_command_that_gets_no_process_says_so_and_the_next_one_runs(tmp_path, monkeypatch):
-    jobs = Jobs(_slow, tmp_path)
+    jobs = Jobs(slow_command, tmp_path)
     try:
         start = jobs._context.Process.start
 
@@ -848,8 +846,9 @@ def test_a_command_that_gets_no_process_says_so_and_the_next_one_runs(tmp_path, 
         jobs.close()
 
 
+@pytest.mark.usefixtures("importable")
 def test_many_commands_that_were_cancelled_while_they_waited_do_not_hold_up_the_last(tmp_path):
-    jobs = Jobs(_slow, tmp_path)
+    jobs = Jobs(slow_command, tmp_path)
     try:
         first = jobs.start(["a", "own"], "one.csv")
         for _ in range(1500):
