@@ -247,8 +247,8 @@ def test_by_keyboard_alone_from_a_file_to_an_export(opened):
         chooser.set_files({"name": "keys.csv", "mimeType": "text/csv", "buffer": content})
     fitted(tab)
     tabbed_to(tab, "Unit of column")
-    tab.keyboard.press("ArrowDown")
-    tab.wait_for_url("**/files/**")
+    with tab.expect_navigation():
+        tab.keyboard.press("ArrowDown")
     fitted(tab)
     tabbed_to(tab, "Undo")
     with tab.expect_navigation():
