@@ -724,12 +724,20 @@ def test_a_notebook_shows_each_figure_once_and_keeps_none_open(tmp_path):
         "of = lambda: law"
     )
     cells = [first, *(source for source, _ in CELLS.values()), "plt.get_fignums()"]
-    notebook = new_notebook(cells=[new_code_cell(source) for source in cells])
-    nbclient.NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    for (name, (_, kinds)), cell in zip(CELLS.items(), notebook.cells[1:-1], strict=True):
-        pictures = [out for out in cell.outputs if "image/png" in out.get("data", {})]
-        expected = [_laid_out(kind) if isinstance(kind, str) else kind for kind in kinds]
-        assert [_width(out) for out in pictures] == pytest.approx(expected, rel=0.12), name  # cut at the ink by IPython
+    wanted = {
+        name: pytest.approx([_laid_out(kind) if isinstance(kind, str) else kind for kind in kinds], rel=0.12)
+        for name, (_, kinds) in CELLS.items()
+    }  # cut at the ink by IPython
+    for _ in range(3):  # ipykernel loses the pictures of a cell once in a hundred runs: ours would be missing each time
+        notebook = new_notebook(cells=[new_code_cell(source) for source in cells])
+        nbclient.NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
+        found = {
+            name: [_width(out) for out in cell.outputs if "image/png" in out.get("data", {})]
+            for name, cell in zip(CELLS, notebook.cells[1:-1], strict=True)
+        }
+        if found == wanted:
+            break
+    assert found == wanted
     assert notebook.cells[-1].outputs[0].data["text/plain"] == "[]"
 
 
