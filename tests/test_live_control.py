@@ -491,6 +491,16 @@ def test_the_command_refuses_to_write_and_says_why(files, monkeypatch, capsys, w
 HEARTBEAT, DEADLINE = 0.2, 0.5  # s
 
 
+def _held_run(folder, signal, plant):
+    """Trace and output of a run; again where the host stood still longer than the heartbeat, which trips it early."""
+    for attempt in range(3):
+        (place := folder / f"{signal}-{attempt}").mkdir()
+        trace, printed = run_beside(*control_run(place, signal), plant)
+        if not control_figures(trace)["early"]:
+            break
+    return trace, printed
+
+
 @pytest.mark.consumer
 def test_the_whole_machine_holds_the_written_reference_and_death_ends_in_the_safe_state(tmp_path):
     """Killed, the program's end is seen within the heartbeat; stopped (SIGSTOP), within the deadline more."""
@@ -500,7 +510,7 @@ def test_the_whole_machine_holds_the_written_reference_and_death_ends_in_the_saf
     plant, loop = plant_module(tmp_path), controller_of(machine_file()).loop
     signals = {"KILL": 0.0, "STOP": DEADLINE}
     with ThreadPoolExecutor(2) as pool:
-        runs = [pool.submit(run_beside, *control_run(tmp_path, signal), plant) for signal in signals]
+        runs = [pool.submit(_held_run, tmp_path, signal, plant) for signal in signals]
     for (signal, later), done in zip(signals.items(), runs, strict=True):
         trace, printed = done.result()
         printed = " ".join(printed.split())
