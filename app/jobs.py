@@ -35,6 +35,7 @@ GRACE = 5.0  # s between the request to stop and the end of the process
 SHOWN = 200_000  # characters of an output
 KEPT = 60  # ended jobs
 CANCELLED, NOT_STARTED = 130, 1  # exit codes of commands without a process: cancelled, or refused by the system
+LOST = 255  # exit code of a process whose server was ended
 COLUMNS = "100"
 STARTED_BY_SERVER = "forkserver" in multiprocessing.get_all_start_methods()
 
@@ -213,14 +214,12 @@ class Jobs:
             process = self._process_of(job)
             if process is not None:
                 code = _exit_code(job, process)
+                if not job.cancelled and (code < 0 or code == LOST):
+                    _not_ended(job, "it was ended from outside, as the system does when memory runs out")
                 if self._ended is not None and not job.cancelled:
                     self._ended(job.words, code)
-        except Exception as error:  # the system gives no process or file, the server of processes was ended
-            reason = cause(error) if isinstance(error, OSError) else repr(error)
-            with contextlib.suppress(OSError):
-                job.err.write_text(
-                    f"{job.errors}The command was not run to its end: {reason}. Run it again.\n", "utf-8"
-                )
+        except Exception as error:  # the system gives no process or file
+            _not_ended(job, cause(error) if isinstance(error, OSError) else repr(error))
         finally:
             self._after(job, code)
 
@@ -259,8 +258,17 @@ def _exit_code(job: Job, process: BaseProcess) -> int:
     if job.cancelled:  # asked for while it was started
         _end(process)
     process.join()
+    if process.exitcode == LOST and process.pid is not None and os.name == "posix":  # it may still write
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process.pid, signal.SIGKILL)
     job.ended = time.monotonic()
     return NOT_STARTED if process.exitcode is None else process.exitcode
+
+
+def _not_ended(job: Job, reason: str) -> None:
+    """State on standard error of a command why it was not run to its end."""
+    with contextlib.suppress(OSError):
+        job.err.write_text(f"{job.errors}The command was not run to its end: {reason}. Run it again.\n", "utf-8")
 
 
 def _end(process: BaseProcess) -> None:

@@ -847,6 +847,24 @@ def test_a_command_that_gets_no_process_says_so_and_the_next_one_runs(tmp_path, 
 
 
 @pytest.mark.usefixtures("importable")
+def test_a_command_that_is_killed_says_so(tmp_path):
+    """As when memory runs out: the page stated that the reason stands above, and nothing did."""
+    jobs = Jobs(slow_command, tmp_path)
+    try:
+        first, second = jobs.start(["a", "own"], "one.csv"), jobs.start(["b", "own"], "one.csv")
+        end = time.monotonic() + 30
+        while not (tmp_path / "own").exists() and time.monotonic() < end:
+            time.sleep(0.01)
+        os.kill(first.process.pid, signal.SIGKILL)
+        second.future.result(60)
+        assert (first.code, second.code) == (-signal.SIGKILL, 0)
+        assert "ended from outside, as the system does when memory runs out. Run it again." in first.errors
+        assert (tmp_path / "own").read_text() == "a<b<b>"
+    finally:
+        jobs.close()
+
+
+@pytest.mark.usefixtures("importable")
 def test_many_commands_that_were_cancelled_while_they_waited_do_not_hold_up_the_last(tmp_path):
     jobs = Jobs(slow_command, tmp_path)
     try:
