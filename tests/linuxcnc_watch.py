@@ -184,15 +184,18 @@ def control_run(folder: Path, signal: str) -> "tuple[Run, Beside]":
 def control_figures(trace: dict[str, np.ndarray]) -> dict[str, float]:
     """Mean load over the reference before the signal; s from it to the fault and to the lower limit; the end.
 
-    The user interface looks each 50 ms whether it is time for the signal.
+    ``still`` is the longest time before the signal for which the heartbeat did not change, s. The user interface looks
+    each 50 ms whether it is time for the signal.
     """
     seconds = trace["seconds"]
     held = (seconds > 2.5) & (seconds < KILLED)
+    changes = seconds[(seconds > 2.0) & (seconds < KILLED) & (np.diff(trace["beat"], prepend=0.0) != 0)]
     after = seconds > KILLED
     fault, low = after & (trace["fault"] > 0), after & (trace["u"] <= trace["u"][-1] + 1e-9)
     first = int(np.argmax(fault)) if fault.any() else -1
     return {
         "load": float(trace["load"][held].mean() / REFERENCE), "early": float(trace["fault"][held].max()),
+        "still": float(np.diff(changes, append=KILLED).max(initial=0.0)),
         "fault": float(seconds[first] - KILLED) if fault.any() else math.inf,
         "low": float(seconds[np.argmax(low)] - KILLED), "latched": float(trace["fault"][first:].min()),
         "u": float(trace["u"][-1]), "feed": float(trace["feed"][-1]),
