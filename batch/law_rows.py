@@ -121,9 +121,8 @@ def joined_tables(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """
     if len(tables) < 2:
         return _by_pair(tables[0]) if tables else law_table(())
-    names = dict.fromkeys(name for table in tables for name in table if name != PAIR)
-    pairs = np.concatenate([table[PAIR].to_numpy() for table in tables])
-    return _by_pair(pd.DataFrame({PAIR: pairs, **{str(name): _joined(str(name), tables) for name in names}}))
+    names = list(dict.fromkeys(str(name) for table in tables for name in table))
+    return _by_pair(pd.concat([_with_columns(table, names) for table in tables], ignore_index=True))
 
 
 def group_column(header: str) -> str:
@@ -145,9 +144,11 @@ def _by_pair(table: pd.DataFrame) -> pd.DataFrame:
     return table.iloc[np.argsort(pairs, kind="stable")].reset_index(drop=True)
 
 
-def _joined(name: str, tables: Sequence[pd.DataFrame]) -> "pd.Series[Any]":
-    parts = [table[name] if name in table else pd.Series(column(name, [None] * len(table))) for table in tables]
-    return pd.concat(parts, ignore_index=True)
+def _with_columns(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """The table with these columns in this order, empty where it has none."""
+    if list(table) == list(names):
+        return table
+    return pd.DataFrame({name: table[name] if name in table else column(name, [None] * len(table)) for name in names})
 
 
 def renumbered(table: pd.DataFrame, numbers: Sequence[int] | Ints) -> pd.DataFrame:

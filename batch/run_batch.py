@@ -27,6 +27,7 @@ from .tables import FIGURES, tables_of, write_tables
 
 MOST_ROWS = 250_000  # of a block: some tens of megabytes
 MOST_PAIRS = {False: 2000, True: 16}  # of a block, without and with files: both take about as long
+ENOUGH_ROWS = 5_000_000  # of a table without files: with fewer, processes take longer to start than they save
 READS = {False: 4.0, True: 100.0}  # how often a source may be read; next to fits with files it costs nothing
 WORK = Path(".batch", "source")
 
@@ -142,7 +143,7 @@ def run(
         meter.say("comparing")
         map_over: MapOver = workers.in_order if workers.started() else map
         tables = tables_of(plan, blocks.outcomes, table, map_over)
-        new = write_tables(out, tables, map_over)
+        new = write_tables(out, tables)
         report = site_of(out, card, title, jobs, meter, blocks.keys) if site and files else None
         published = report is not None and report.site is not None and not report.unchanged
     folders_made = {FIGURES: True, "pairs/": files, "site/": report is not None}
@@ -178,7 +179,9 @@ def fit_blocks(
     begun = time.perf_counter()
     memory = 0
     work = partial(_fitted, plan=replace(plan, blocks=(), unreadable={}), options=options)
-    run_on = workers if len(todo) > 1 else SerialRun()  # processes take as long to start as 10 000 pairs of a table
+    rows = sum(plan.blocks[i].rows for i in todo)
+    pays = len(todo) > 1 and (options.files or workers.started() or rows >= ENOUGH_ROWS)
+    run_on = workers if pays else SerialRun()
     for at, (outcome, text) in run_on(work, [plan.blocks[i] for i in todo]):
         i = todo[at]
         record(out, keys[i], outcome, folders, text)
@@ -186,7 +189,7 @@ def fit_blocks(
         outcomes[i] = _without_files(outcome)
         meter.advance(len(plan.blocks[i].pairs))
     seconds = time.perf_counter() - begun
-    effort = Effort(workers.describe(), len(plan.pairs) - kept, kept, seconds, memory, largest_memory())
+    effort = Effort(run_on.describe(), len(plan.pairs) - kept, kept, seconds, memory, largest_memory())
     return FittedBlocks(tuple(outcomes[i] for i in range(len(keys))), keys, effort)
 
 

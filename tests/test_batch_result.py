@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import math
 import os
 import pickle
 import re
@@ -10,13 +11,14 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from decimal import Decimal
 from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
 from fitmodels.batch import output_folder as place
-from fitmodels.batch import records, tables
+from fitmodels.batch import records
 from fitmodels.batch.attention import SCATTERS, UNLIKE, attention_frame, attention_summary, with_families
 from fitmodels.batch.law_rows import LAW, law_table
 from fitmodels.batch.outcomes import NO_LAW, NOT_CONVERGED, REFUSED, BlockOutcome, Concern, PairOutcome
@@ -666,24 +668,16 @@ def test_results_lose_no_digit(figures_by_plant):
 
 @settings(max_examples=200)
 @given(st.lists(st.floats() | st.floats(1e-5, 1e-3) | st.floats(1e15, 1e17)))
-def test_numbers_are_written_as_python_writes_them(numbers):
-    """With the shortest digits that read back the same, whatever version of the JSON writer there is."""
+def test_numbers_are_written_with_the_fewest_digits_that_read_back_the_same(numbers):
+    """Those of Python's ``repr``, whatever power of ten the JSON writer prefers; none for what is not finite."""
     made = csv_bytes(pd.DataFrame({"tool": "a", "V": np.array(numbers, dtype=float)})).decode().split("\n")[1:-1]
-    assert made == [f"a,{'' if np.isnan(value) else repr(value)}" for value in numbers]
-
-
-def test_rows_that_several_processes_write_stand_in_their_order(monkeypatch):
-    frame = pd.DataFrame({"tool": [f"T{i}" for i in range(11)], "V": np.arange(11) / 7, "n": [1, None, "x", *range(8)]})
-    together = csv_bytes(frame)
-    monkeypatch.setattr(tables, "AT_ONCE", 3)
-    sizes = []
-
-    def map_over(work, parts):
-        sizes.extend(map(len, parts))
-        return map(work, parts)
-
-    assert csv_bytes(frame, map_over) == together
-    assert sizes == [3, 3, 3, 2]
+    for line, value in zip(made, numbers, strict=True):
+        cell = line.removeprefix("a,")
+        if math.isfinite(value):
+            assert float(cell) == value
+            assert Decimal(cell).normalize() == Decimal(repr(value)).normalize()
+        else:
+            assert cell == ""
 
 
 def test_outcomes_are_the_same_in_another_process():

@@ -548,9 +548,15 @@ def test_what_is_simulated_says_so_in_the_table_the_words_and_the_pictures(tmp_p
     assert banners == ["2 of these pairs simulated, not measured"]
 
 
-def test_a_table_of_one_block_starts_no_processes(tmp_path, monkeypatch):
-    """They would take longer to start than it takes to fit."""
+def test_processes_start_for_a_table_that_is_large_enough(tmp_path, monkeypatch):
+    """They take longer to start than they save on a small one."""
+    monkeypatch.setattr(run_batch, "MOST_PAIRS", {False: 1, True: 1})
     monkeypatch.setattr(Processes, "_submit", lambda *given: pytest.fail("a process was started"))
-    made = batch.run(parquet(tmp_path / "lab.parquet", pairs=2), tmp_path / "out", files=False, jobs=2)
-    assert len(made.plan.blocks) == 1
+    source = parquet(tmp_path / "lab.parquet", pairs=2)
+    made = batch.run(source, tmp_path / "out", files=False, jobs=2)
+    assert len(made.plan.blocks) == 2
     assert len(made.results) == 2
+    assert made.effort.where == "this process"
+    monkeypatch.setattr(run_batch, "ENOUGH_ROWS", made.plan.rows)
+    with pytest.raises(pytest.fail.Exception, match="a process was started"):
+        batch.run(source, tmp_path / "other", files=False, jobs=2)

@@ -29,6 +29,8 @@ R = TypeVar("R")
 AHEAD = 2  # tasks of a process: one running and one waiting; loky accepts no more
 TAKEN_IN = 5.0  # s; usually a thousandth of that
 FEEDER = "QueueFeederThread"  # as multiprocessing.queues names it
+# glibc returns memory of arrays to the system and gets it again for the next block, which takes a tenth of the time.
+KEEP_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(1 << 25), "MALLOC_TRIM_THRESHOLD_": str(1 << 28)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +113,7 @@ def processes(jobs: int) -> Iterator[Processes]:
         # loky renews a process that has grown by 0.3 GB; as an error this warning would end loky's thread
         warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
         with uninterrupted():
-            executor = ProcessPoolExecutor(jobs, env=ONE_THREAD)
+            executor = ProcessPoolExecutor(jobs, env=ONE_THREAD | KEEP_MEMORY)
         run = Processes(jobs, executor)
         try:
             yield run

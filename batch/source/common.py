@@ -36,7 +36,7 @@ STREAMED = 8  # a pair of more rows than eight blocks is streamed: two millions 
 
 
 def packed(rows: Sequence[int] | Ints, most_rows: int, most_pairs: int) -> tuple[range, ...]:
-    """Cut pairs into blocks of at most ``most_rows`` rows and ``most_pairs`` pairs.
+    """Cut pairs into blocks of at most ``most_rows`` rows and ``most_pairs`` pairs, of about as many where they can be.
 
     Parameters
     ----------
@@ -54,9 +54,20 @@ def packed(rows: Sequence[int] | Ints, most_rows: int, most_pairs: int) -> tuple
     --------
     >>> packed([10, 10, 10, 90, 10], most_rows=25, most_pairs=64)
     (range(0, 2), range(2, 3), range(3, 4), range(4, 5))
+    >>> packed([10] * 5, most_rows=40, most_pairs=64)
+    (range(0, 3), range(3, 5))
     """
+    sizes = np.asarray(rows).tolist()
+    blocks = _cut(sizes, most_rows, most_pairs)
+    if len(blocks) < 2:
+        return blocks
+    even = sum(sizes) // len(blocks) + min(max(sizes), most_rows)  # processes end together
+    return _cut(sizes, min(most_rows, even), min(most_pairs, -(-len(sizes) // len(blocks))))
+
+
+def _cut(rows: Sequence[int], most_rows: int, most_pairs: int) -> tuple[range, ...]:
     cuts, held = [0], 0
-    for i, n in enumerate(np.asarray(rows).tolist()):
+    for i, n in enumerate(rows):
         if i > cuts[-1] and (held + n > most_rows or i - cuts[-1] >= most_pairs):
             cuts.append(i)
             held = 0

@@ -86,27 +86,22 @@ def numbers(array: Any) -> Array:  # noqa: ANN401
 
 
 def labels(array: Any) -> Labels:  # noqa: ANN401
-    """Texts of an array of anything, without those of its dictionary that no row has: each row group may hold all.
+    """Texts of an array of anything, in order of appearance; a row group may have more in its dictionary.
 
     >>> found = labels(pa.array([7.0, None, 0.5]))
     >>> [found.texts[code] for code in found.codes]
     ['7', '', '0.5']
     >>> labels(pa.DictionaryArray.from_arrays([2, 0, 2], ["A", "B", "C"])).texts
-    ('A', 'C', '')
+    ('C', 'A')
     """
     if pa.types.is_null(array.type):
         return constant("", len(array))
     if not pa.types.is_dictionary(array.type):
         array = pc.dictionary_encode(array)
-    dictionary, indices = array.dictionary, array.indices.cast(pa.int64()).fill_null(len(array.dictionary))
-    codes = np.asarray(indices.to_numpy(zero_copy_only=False), dtype=np.intp)
-    used = np.bincount(codes, minlength=len(dictionary) + 1)[:-1] > 0
-    if not used.all():
-        codes = np.append(np.cumsum(used) - 1, np.count_nonzero(used))[codes]
-        dictionary = dictionary.filter(pa.array(used))
-    values = dictionary.to_pylist()
-    texts = [value or "" for value in values] if kind_of(array.type) == "text" else [text_of(v) for v in values]
-    return Labels(codes, (*texts, ""))
+    indices = array.indices.cast(pa.int64()).fill_null(-1) if array.indices.null_count else array.indices
+    codes, first = numbers_of_runs(indices.to_numpy())
+    values = array.dictionary.take(array.indices.take(pa.array(first))).to_pylist()
+    return Labels(codes, tuple(map(text_of, values)))
 
 
 def text_of(value: object) -> str:
