@@ -49,15 +49,17 @@ def _is_written_whole(value: float) -> bool:
     return abs(value) < WHOLE and str(value) != "-0.0"
 
 
+_SAME = frozenset({str, int, bool, type(None)})  # types that are written as they are
+
+
 def _plain(value: Any) -> Any:  # noqa: ANN401
-    if isinstance(value, str):  # first: most values of a file are texts and floats
-        return value
     if isinstance(value, float):
         return int(value) if value.is_integer() and _is_written_whole(value) else value
-    if isinstance(value, list | tuple):  # what stays as it is, without a call: a file holds thousands of numbers
-        return [x if type(x) is float and not x.is_integer() else _plain(x) for x in value]
+    # what stays as it is, without a call: a file holds thousands of numbers
+    if isinstance(value, list | tuple):
+        return [x if type(x) in _SAME or (type(x) is float and not x.is_integer()) else _plain(x) for x in value]
     if isinstance(value, dict | Mapping):
-        return {key: x if type(x) is str else _plain(x) for key, x in value.items()}
+        return {key: x if type(x) in _SAME else _plain(x) for key, x in value.items()}
     return value
 
 

@@ -1,10 +1,12 @@
 """The site of many cards: complete, linked, valid, the same bytes again, names never markup, nothing half-written."""
 
 import base64
+import gc
 import hashlib
 import json
 import os
 import re
+import weakref
 from collections import Counter
 from datetime import datetime
 from html.parser import HTMLParser
@@ -314,6 +316,30 @@ def test_one_job_and_two_write_the_same_bytes(pairs, made, tmp_path, monkeypatch
     publishing.publish(pairs, tmp_path / "two", jobs=2, progress=heard.append)
     assert content(tmp_path / "two") == content(made)
     assert heard[-1] == f"{4 + len(HOSTILE)} of {4 + len(HOSTILE)} cards"
+
+
+def test_what_a_card_leaves_behind_is_freed_before_the_next():
+    """A page that was rendered refers to itself; the command runs without the collector of such cycles."""
+
+    class Page:
+        itself = None
+
+    left = []
+
+    def work(piece):
+        assert [ref() for ref in left] == [None] * piece
+        page = Page()
+        page.itself = page
+        left.append(weakref.ref(page))
+        return piece
+
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        assert pool.each(work, range(4), 1, lambda done: None) == [0, 1, 2, 3]
+    finally:
+        if collecting:
+            gc.enable()
 
 
 def test_the_same_site_again_is_unchanged_and_another_needs_force(tmp_path):

@@ -21,8 +21,6 @@ from .streamed_pair import no_law_asked, streamed_outcome
 if TYPE_CHECKING:
     from ..rows import PairRows
 
-COLLECT_AFTER = 25  # files
-
 
 @one_thread
 def fit_block(block: Block, plan: Plan, options: BatchOptions) -> BlockOutcome:
@@ -54,7 +52,7 @@ def fit_block(block: Block, plan: Plan, options: BatchOptions) -> BlockOutcome:
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Disable garbage collection, which takes a sixth of the time; `_with_files` collects after some files."""
+    """Disable garbage collection, which takes a sixth of the time; `_with_files` collects after each file."""
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -139,15 +137,14 @@ def _with_files(
     """The same with the files of each pair that has a law, and concerns from making them."""
     place = {pair: i for i, pair in enumerate(of.pairs)}
     cells: dict[int, Mapping[str, Mapping[str, Cell]]] = {}
-    for done, (pair, runs) in enumerate(of.rows.runs(), 1):
+    for pair, runs in of.rows.runs():
         i = place[pair]
         if not outcomes[i].reason:
             of_rows = {header: name for header, name in outcomes[i].groups.items() if name}  # these come first
             made = files_of_pair(runs, options, block.identity_of(pair) | of_rows)
             cells[i] = made.cells
             outcomes[i] = replace(outcomes[i], concerns=(*outcomes[i].concerns, *made.concerns), files=made.files)
-        if done % COLLECT_AFTER == 0:
-            gc.collect()  # the command runs without the collector
+        gc.collect(0)  # what a file leaves behind that refers to itself
     return outcomes, with_cells(laws, cells)
 
 

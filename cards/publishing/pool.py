@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing import get_context
 from threading import current_thread, main_thread
 from typing import TypeVar
@@ -16,7 +17,6 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 FEW = 50  # pieces that are done here before another process has begun
-NOW_AND_THEN = 200
 AT_ONCE = 4  # pieces handed to a process: enough that the way costs nothing, few enough that none waits at the end
 
 
@@ -45,11 +45,11 @@ def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, progress: Calla
     if jobs == 1 or len(pieces) < FEW:
         return _here(work, pieces, progress)
     # begun afresh: a copy of a process with threads may hang
-    pool = ProcessPoolExecutor(min(jobs, len(pieces)), get_context("spawn"), _begin)
+    pool = ProcessPoolExecutor(min(jobs, len(pieces)), get_context("spawn"), gc.disable)
     results: list[R] = []
     try:
         with _deaf():
-            begun = pool.map(work, pieces, chunksize=AT_ONCE)
+            begun = pool.map(partial(_done, work), pieces, chunksize=AT_ONCE)
         for result in begun:
             results.append(result)
             progress(len(results))
@@ -66,11 +66,16 @@ def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, progress: Calla
 def _here(work: Callable[[T], R], pieces: Sequence[T], progress: Callable[[int], None]) -> list[R]:
     results: list[R] = []
     for piece in pieces:
-        results.append(work(piece))
+        results.append(_done(work, piece))
         progress(len(results))
-        if len(results) % NOW_AND_THEN == 0:
-            gc.collect()  # the command runs without the collector
     return results
+
+
+def _done(work: Callable[[T], R], piece: T) -> R:
+    """The result; what a page leaves behind, which refers to itself, is freed at once, as the collector is off."""
+    result = work(piece)
+    gc.collect(0)
+    return result
 
 
 @contextmanager
@@ -84,7 +89,3 @@ def _deaf() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, heard)
-
-
-def _begin() -> None:
-    gc.set_threshold(50_000, 20, 50)  # as often as by default, the collector takes a sixth of the time
