@@ -43,7 +43,7 @@ DEFECT = 70
 
 
 def entry() -> int:
-    """Run the command as a process of its own, without garbage collection: the process is short."""
+    """Run the command as a process of its own, without garbage collection: most commands are short."""
     start_with_one()
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else all installed packages are searched for some
     os.environ["MPLBACKEND"] = "agg"  # figures are written, none is shown
@@ -56,6 +56,15 @@ def entry() -> int:
 
         complete(COMMANDS)
     return main()
+
+
+def keep_running() -> None:
+    """Enable garbage collection for a command that runs for days, of what is made from now on.
+
+    What was imported is left out: a collection that looked through it would stop a controller for a tenth of a second.
+    """
+    gc.freeze()
+    gc.enable()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
         ) from None
     from ..app.project import Project
     from ..core.bounded import open_regular
-    from . import main
+    from . import keep_running, main
 
     project = Project(args.folder)
     for name in args.file:
@@ -55,5 +55,6 @@ def run(args: argparse.Namespace) -> int:
         if not args.no_browser:
             open_browser(address)
 
+    keep_running()
     serve(project, main, args.port, opened)
     return 0

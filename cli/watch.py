@@ -242,6 +242,7 @@ def _watch(
     from ..live.facts import facts_of
     from ..live.sources import open_source
     from ..live.watching import Watch, open_journal
+    from . import keep_running
 
     control = control_of(args, pf)
     if control is not None:
@@ -280,6 +281,7 @@ def _watch(
         watch.outlets = outlets
     for request in asked:
         watch.record(**{"time": monitor.time, **request})
+    keep_running()
     with _stopped() as stopped:
         watch.run(source, stopped)
         if out.is_terminal and (args.page is not None or args.serve):

@@ -1,6 +1,7 @@
 """The page of the app: who is answered, what is kept, and that it gives what its commands give."""
 
 import errno
+import gc
 import http.client
 import io
 import json
@@ -20,6 +21,7 @@ import numpy as np
 import pytest
 from fitmodels import cli, datasets, parameters
 from fitmodels.app import cells as app_cells
+from fitmodels.app import server
 from fitmodels.app.cells import Cells, cells_of
 from fitmodels.app.command_forms import actions, subject_of
 from fitmodels.app.command_words import command
@@ -1055,6 +1057,19 @@ def test_the_command_serves_until_it_is_interrupted(tmp_path):
         assert process.wait(120) == 0
         assert process.stderr.read() == ""
     assert json.loads((tmp_path / "fitmodels-project" / "project.json").read_text())["files"][0]["name"] == "data.csv"
+
+
+def test_the_server_collects_its_garbage(tmp_path, monkeypatch):
+    """A page that was rendered refers to itself; the process runs without the collector until it serves."""
+    seen = []
+    monkeypatch.setattr(server, "serve", lambda *given: seen.append((gc.isenabled(), gc.get_freeze_count() > 0)))
+    gc.disable()
+    try:
+        assert cli.main(["app", "--no-browser", "--folder", str(tmp_path / "project")]) == 0
+    finally:
+        gc.enable()
+        gc.unfreeze()
+    assert seen == [(True, True)]
 
 
 def test_a_taken_port_is_refused(tmp_path, capsys, monkeypatch):

@@ -1,5 +1,6 @@
 """``fitmodels watch`` as a user runs it: a recorded run, its journal, requests, and refusals of one sentence."""
 
+import gc
 import json
 import os
 import signal
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 from fitmodels import parameters
 from fitmodels.cli import main
+from fitmodels.live.watching import Watch
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -36,6 +38,19 @@ def shop(tmp_path, monkeypatch):
 
 OPEN = '"kind":"contact","time":9'  # in the second cut
 RUN = ["watch", "params.json", "--from", "run.csv", "--replay", "max", "--criterion", "AW=0.25mm"]
+
+
+def test_a_watch_collects_its_garbage(shop, monkeypatch):
+    """It runs for days, and the process begins without the collector."""
+    seen = []
+    monkeypatch.setattr(Watch, "run", lambda *given: seen.append((gc.isenabled(), gc.get_freeze_count() > 0)))
+    gc.disable()
+    try:
+        assert main(RUN) in (0, 3)
+    finally:
+        gc.enable()
+        gc.unfreeze()
+    assert seen == [(True, True)]
 
 
 def test_a_recorded_run_ends_with_the_state_of_the_edge(shop, capsys):
