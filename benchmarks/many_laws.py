@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from fitmodels import fit
 from fitmodels.fit.many.batched import many_power_laws
+from statsmodels.formula.api import ols
 from statsmodels.regression.linear_model import OLS
 
 FACTORS = ["V", "f", "d", "t"]
@@ -46,10 +47,25 @@ def by_statsmodels(frame):
         law = OLS(np.log(rows["AW"].to_numpy()), Z).fit()
         edge = pd.factorize(rows["edge"])[0]
         by_edge = law.get_robustcov_results("cluster-crv3", groups=edge, use_t=True)
-        whole = [law.rsquared, law.rsquared_adj, law.fvalue, law.f_pvalue, law.scale**0.5]
-        parts = (law.bse, by_edge.params, by_edge.bse, by_edge.tvalues, by_edge.pvalues)
-        out.append(np.concatenate([*(part[1:] for part in parts), whole]))
+        out.append(_statistics(law, by_edge))
     return np.array(out)
+
+
+def by_formulas(frame):
+    """The same with a formula for each pair, as the documentation of statsmodels writes it: most users' loop."""
+    formula = f"np.log(AW) ~ {' + '.join(f'np.log({name})' for name in FACTORS)}"
+    out = []
+    for _, rows in frame.groupby("tool", sort=False):
+        law = ols(formula, rows).fit()
+        by_edge = law.get_robustcov_results("cluster-crv3", groups=pd.factorize(rows["edge"])[0], use_t=True)
+        out.append(_statistics(law, by_edge))
+    return np.array(out)
+
+
+def _statistics(law, by_edge):
+    whole = [law.rsquared, law.rsquared_adj, law.fvalue, law.f_pvalue, law.scale**0.5]
+    parts = (law.bse, by_edge.params, by_edge.bse, by_edge.tvalues, by_edge.pvalues)
+    return np.concatenate([*(np.asarray(part)[1:] for part in parts), whole])
 
 
 def ours(frame):

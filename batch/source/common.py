@@ -36,7 +36,7 @@ STREAMED = 8  # a pair of more rows than eight blocks is streamed: two millions 
 
 
 def packed(rows: Sequence[int] | Ints, most_rows: int, most_pairs: int) -> tuple[range, ...]:
-    """Cut pairs into blocks of at most ``most_rows`` rows and ``most_pairs`` pairs, of about as many where they can be.
+    """Cut pairs into blocks of at most ``most_rows`` rows and ``most_pairs`` pairs, with about as many rows each.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def packed(rows: Sequence[int] | Ints, most_rows: int, most_pairs: int) -> tuple
     if len(blocks) < 2:
         return blocks
     even = sum(sizes) // len(blocks) + min(max(sizes), most_rows)  # processes end together
-    return _cut(sizes, min(most_rows, even), min(most_pairs, -(-len(sizes) // len(blocks))))
+    return _cut(sizes, min(most_rows, even), most_pairs)
 
 
 def _cut(rows: Sequence[int], most_rows: int, most_pairs: int) -> tuple[range, ...]:
