@@ -186,7 +186,8 @@ def _packed(values: "pd.Series[Any]") -> list[Cell] | str:
     """A column of the table of laws: doubles in base 64, as in memory; others cell by cell."""
     if values.dtype == np.float64:
         return b64encode(values.to_numpy(dtype="<f8").tobytes()).decode()
-    return values.array.to_numpy(dtype=object, na_value=None).tolist()
+    cells: list[Cell] = values.array.to_numpy(dtype=object, na_value=None).tolist()
+    return cells
 
 
 def _unpacked(name: str, packed: list[Cell] | str) -> Column:

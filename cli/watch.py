@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
 from ..core.files import locked_folder, make_folder
+from . import keep_running
 from .arguments import Parser, parameter_file, typed
 from .numbers import constants, measured
 from .output import Printer, line_writer, output_options, print_json, print_lines
@@ -242,7 +243,6 @@ def _watch(
     from ..live.facts import facts_of
     from ..live.sources import open_source
     from ..live.watching import Watch, open_journal
-    from . import keep_running
 
     control = control_of(args, pf)
     if control is not None:
