@@ -9,6 +9,7 @@ import pickle
 import shutil
 import tempfile
 from collections.abc import Callable
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from fitmodels.batch.source import parquet_index as indexer
 from fitmodels.batch.source import parquet_reading as reader
 from fitmodels.batch.source import sorted_copies as copier
 from fitmodels.batch.source.common import packed
+from fitmodels.batch.source.parquet_arrow import labels, text_of
 from fitmodels.batch.source.parquet_blocks import parquet_plan
 from fitmodels.batch.source.parquet_reading import parquet_chunks, parquet_rows
 from fitmodels.core.errors import DataError, UsageError
@@ -475,6 +477,16 @@ def test_any_arrow_type_of_a_column_gives_the_same_rows(tmp_path, name, wrap, re
     same(everything(planned(tmp_path / "a.parquet", most_pairs=2, reads=reads)), table)
 
 
+def test_views_of_strings_are_read_as_strings(tmp_path):
+    table = a_shop()
+    arrow = pa.table({**table, "tool": pa.array(table["tool"].tolist(), pa.string_view())})
+    try:
+        pq.write_table(arrow, tmp_path / "a.parquet", row_group_size=50)
+    except pa.ArrowNotImplementedError:
+        pytest.skip(f"pyarrow {pa.__version__} writes none")
+    same(everything(planned(tmp_path / "a.parquet", most_pairs=2)), table)
+
+
 @pytest.mark.parametrize("numbers", [np.int64, np.float64])
 @pytest.mark.parametrize("reads", [0.5, 4.0], ids=["copied", "direct"])
 def test_pairs_and_edges_that_are_numbers_read_1_and_not_1_0(tmp_path, numbers, reads):
@@ -573,3 +585,29 @@ def test_a_large_source_is_indexed_by_several_processes(tmp_path, monkeypatch):
 
     assert planned(source, map_over=map_over) == serial
     assert [len(task) for task in tasks] == [2, 1]  # of nine row groups those that hold two pairs
+
+
+INDICES = (pa.int8(), pa.uint8(), pa.int16(), pa.uint16(), pa.int32(), pa.uint32(), pa.int64(), pa.uint64())
+CONTENTS = (["A", "B", None, "", "A "], [1.0, 2.5, None, float("nan")], [1, 2, 3], [True, False], [Decimal("1.50")])
+
+
+@settings(max_examples=200)
+@given(
+    st.sampled_from(INDICES),
+    st.sampled_from(CONTENTS),
+    st.lists(st.none() | st.integers(0, 9), max_size=12),
+    st.integers(0, 3),
+)
+def test_labels_are_the_texts_of_an_array_whatever_codes_its_writer_chose(index, content, numbers, skipped):
+    codes = pa.array([None if number is None else number % len(content) for number in numbers], index)
+    array = pa.DictionaryArray.from_arrays(codes, pa.array(content)).slice(skipped)
+    found = labels(array)
+    assert [found.texts[code] for code in found.codes] == [text_of(value) for value in array.to_pylist()]
+
+
+@pytest.mark.parametrize("kind", [pa.string(), pa.large_string(), pa.string_view()], ids=str)
+def test_labels_of_each_kind_of_text(kind):
+    array = pa.array(["b", None, "a", "b"], kind)
+    for one in (array, array.dictionary_encode()):
+        found = labels(one)
+        assert [found.texts[code] for code in found.codes] == ["b", "", "a", "b"]

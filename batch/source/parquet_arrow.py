@@ -98,9 +98,13 @@ def labels(array: Any) -> Labels:  # noqa: ANN401
         return constant("", len(array))
     if not pa.types.is_dictionary(array.type):
         array = pc.dictionary_encode(array)
-    indices = array.indices.cast(pa.int64()).fill_null(-1) if array.indices.null_count else array.indices
+    dictionary, indices = array.dictionary, array.indices
+    if pa.types.is_string_view(dictionary.type):  # Arrow takes none of these
+        dictionary = pa.array(dictionary.to_pylist(), pa.large_string())
+    if indices.null_count:
+        indices = indices.cast(pa.int64()).fill_null(-1)
     codes, first = numbers_of_runs(indices.to_numpy())
-    values = array.dictionary.take(array.indices.take(pa.array(first))).to_pylist()
+    values = dictionary.take(array.indices.take(pa.array(first))).to_pylist()
     return Labels(codes, tuple(map(text_of, values)))
 
 
