@@ -17,6 +17,7 @@ UNLIKE = "unlike its family"
 SEVERITY = (  # unusable; a law that may mislead; what it lacks; notes on the pair
     NO_LAW, NOT_CONVERGED, "no parameter file", REFUSED,
     LEVELS[DO_NOT_USE], "wear falls with time", "fits badly", SCATTERS, UNLIKE, "draws too certain",
+    "condition not known",
     LEVELS[RESERVATIONS], "few degrees of freedom", "no errors by edge", "factor left out", "rows left out",
     "doubt in reading", "no tool life",
     "group differs within the pair", "no group of ISO 513",

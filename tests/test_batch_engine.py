@@ -20,7 +20,7 @@ from fitmodels.batch.engine import dask_cluster as by_dask
 from fitmodels.batch.engine import dask_scheduler as same_versions
 from fitmodels.batch.engine import engine, largest_memory
 from fitmodels.batch.engine.dask_scheduler import scheduler_address
-from fitmodels.batch.engine.joblib_processes import AHEAD, processes
+from fitmodels.batch.engine.joblib_processes import AHEAD, IDLE, processes
 from fitmodels.core.errors import FitmodelsError, UsageError
 from fitmodels.core.progress import Meter, progress_bar
 from fitmodels.core.threads import ONE_THREAD, cores
@@ -122,6 +122,12 @@ def test_tasks_that_wait_do_not_run_once_the_iterator_is_closed(local):
     results.close()
     local.map(abs, [1, 2])
     assert time.monotonic() - begun < 3.5  # eight of a second each were handed to two workers
+
+
+def test_processes_whose_batch_was_killed_end():
+    """They wait for a task for a minute: nothing tells them that there will be none."""
+    with engine(2) as run:
+        assert run.executor._timeout == IDLE == 60.0
 
 
 @pytest.mark.parametrize(("jobs", "words"), [(1, "this process"), (3, "3 processes (joblib)")])

@@ -560,3 +560,41 @@ def test_processes_start_for_a_table_that_is_large_enough(tmp_path, monkeypatch)
     monkeypatch.setattr(run_batch, "ENOUGH_ROWS", made.plan.rows)
     with pytest.raises(pytest.fail.Exception, match="a process was started"):
         batch.run(source, tmp_path / "other", files=False, jobs=2)
+
+
+def without_speed(frame):
+    return frame.assign(V=np.nan) if frame["tool"].iloc[0] == "T1" else frame
+
+
+@pytest.mark.parametrize("kind", ["parquet", "csv", "stream"])
+def test_a_table_names_pairs_whose_rows_hold_no_cutting_speed(kind, tmp_path, monkeypatch):
+    """A column that is empty for one pair alone; a parameter file names it in its verdict."""
+    source = parquet(tmp_path / "lab.parquet", change=without_speed)
+    if kind == "csv":
+        source = tmp_path / "lab.csv"
+        pd.read_parquet(tmp_path / "lab.parquet").to_csv(source, index=False)
+    if kind == "stream":
+        monkeypatch.setattr(run_batch, "MOST_ROWS", 1)
+    made = batch.run(source, tmp_path / "out", files=False)
+    assert made.plan.blocks[0].streamed == (kind == "stream")
+    named = made.attention[made.attention["kind"] == "condition not known"]
+    assert named["tool"].tolist() == ["T1"]
+    assert named["words"].iloc[0].startswith("Cutting speed V is not in the rows of this pair: exponents of the other")
+
+
+def test_a_cutting_speed_that_is_given_is_known(tmp_path):
+    source = parquet(tmp_path / "lab.parquet", change=lambda frame: frame.drop(columns="V"))
+    kinds = [
+        set(batch.run(source, tmp_path / name, files=False, options=options).attention["kind"])
+        for name, options in (("unknown", None), ("given", FitOptions(constants={"V": 90.0})))
+    ]
+    assert ["condition not known" in of for of in kinds] == [True, False]
+
+
+def test_a_unit_that_the_values_decide_is_among_the_assumptions(tmp_path):
+    """The report of a Parquet source showed the conversion and named no reason."""
+    source = parquet(
+        tmp_path / "lab.parquet", change=lambda frame: frame.assign(V=frame["V"] / 60).rename(columns={"V": "vc"})
+    )
+    plan = batch.run(source, tmp_path / "out", files=False).plan
+    assert any("V 1.2 to 1.95 has no unit and is taken as m/s" in sentence for sentence in plan.assumed)

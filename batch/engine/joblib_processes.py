@@ -28,6 +28,7 @@ R = TypeVar("R")
 
 AHEAD = 2  # tasks of a process: one running and one waiting; loky accepts no more
 TAKEN_IN = 5.0  # s; usually a thousandth of that
+IDLE = 60.0  # s after which a process without a task ends, as one whose batch was killed must; others are started
 FEEDER = "QueueFeederThread"  # as multiprocessing.queues names it
 # glibc returns memory of arrays to the system and gets it again for the next block, which takes a tenth of the time.
 KEEP_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(1 << 25), "MALLOC_TRIM_THRESHOLD_": str(1 << 28)}
@@ -113,7 +114,7 @@ def processes(jobs: int) -> Iterator[Processes]:
         # loky renews a process that has grown by 0.3 GB; as an error this warning would end loky's thread
         warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
         with uninterrupted():
-            executor = ProcessPoolExecutor(jobs, env=ONE_THREAD | KEEP_MEMORY)
+            executor = ProcessPoolExecutor(jobs, timeout=IDLE, env=ONE_THREAD | KEEP_MEMORY)
         run = Processes(jobs, executor)
         try:
             yield run

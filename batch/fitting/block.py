@@ -13,7 +13,7 @@ from ...core.threads import one_thread
 from ..law_rows import PAIR, joined_tables, law_table, reasons, renumbered
 from ..outcomes import DEFECT, GONE, NO_LAW, BlockOutcome, Cell, Concern, Failure, PairOutcome, attempt
 from ..plan import BatchOptions, Block, Pair, Plan
-from .concerns import DOUBT, concerns_of_laws, concerns_of_values, groups_of_pairs
+from .concerns import DOUBT, concerns_of_conditions, concerns_of_laws, concerns_of_values, groups_of_pairs
 from .pair_file import files_of_pair, with_cells
 from .pair_laws import NumberedRows, laws_of_pairs, numbered_rows
 from .streamed_pair import no_law_asked, streamed_outcome
@@ -115,6 +115,7 @@ def _of_rows(
     laws = laws_of_pairs(of, options)
     groups, concerns = groups_of_pairs(of, plan.reading.groups)
     odd = concerns_of_values(of, options.process)
+    unknown = [[]] * len(of.pairs) if options.files else concerns_of_conditions(of, laws)  # verdicts of files name them
     none = reasons(laws)
     of_laws = concerns_of_laws(laws, none, len(of.pairs))
     asked = set(laws[PAIR].tolist())
@@ -126,7 +127,7 @@ def _of_rows(
             reason = no_law_asked(name for name in of.held if of.has(i, name))
             why = (Concern(NO_LAW, reason),)
         simulated, doubts = remarks[i]
-        why = (*why, *concerns[i], *(Concern(DOUBT, words) for words in doubts), *odd[i])
+        why = (*why, *unknown[i], *concerns[i], *(Concern(DOUBT, words) for words in doubts), *odd[i])
         outcomes.append(PairOutcome(pair.tool, pair.work, nobs, reason, why, groups[i], simulated))
     return _with_files(of, outcomes, laws, block, options) if options.files else (outcomes, laws)
 

@@ -1,6 +1,6 @@
 """Reasons why a pair needs attention, and the groups that it belongs to."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,6 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...datasets.plausibility.ranges import plausible, process_of
+from ...fit.checks.missing_factors import absent, is_noted, missing_of
 from ...fit.defaults import WEAR
 from ..law_rows import PAIR, fitted, refusals
 from ..outcomes import NO_LAW, REFUSED, Concern
@@ -81,6 +82,60 @@ def concerns_of_values(of: NumberedRows, process: "Process | None") -> list[list
             )
             concerns[i].append(Concern(DOUBT, words))
     return concerns
+
+
+ALWAYS = ("V", "f")  # conditions without which no law of cutting is one
+
+
+def concerns_of_conditions(of: NumberedRows, laws: pd.DataFrame) -> list[list[Concern]]:
+    """For each pair with a power law, a concern where its rows hold no speed, no feed or, of wear, no time.
+
+    Examples
+    --------
+    >>> from fitmodels.batch.law_rows import law_table
+    >>> from fitmodels.batch.rows import PairRows
+    >>> from fitmodels.batch.fitting.pair_laws import numbered_rows
+    >>> from fitmodels.datasets.runs import Source
+    >>> frame = pd.DataFrame({"tool": ["A", "A"], "work": ["W", "W"], "f": [0.1, 0.2], "P": [1.0, 2.0]})
+    >>> of = numbered_rows(PairRows(frame, np.arange(2), {}, (), Source("", "", 2, "")), {("A", "W")})
+    >>> laws = law_table([(0, {"response": "P", "form": "power", "reason": ""})])
+    >>> [concern.words[:61] for concern in concerns_of_conditions(of, laws)[0]]
+    ['Cutting speed V is not in the rows of this pair: exponents of']
+    """
+    concerns: list[list[Concern]] = [[] for _ in of.pairs]
+    responses = responses_of_power_laws(laws)
+    for held, pairs in of.patterns():
+        columns = {name for name in of.held if held.has(name)}
+        alike: dict[tuple[int, tuple[str, ...]], list[Concern]] = {}  # pairs of one source and the same laws
+        for i in pairs.tolist():
+            about, asked = of.rows.of_pair.get(of.pairs[i], of.rows), tuple(responses.get(i, ()))
+            if (id(about), asked) not in alike:
+                known = columns.union(about.constants)
+                alike[id(about), asked] = unknown_conditions(asked, known, about.notes, held.process)
+            concerns[i] = alike[id(about), asked]
+    return concerns
+
+
+def responses_of_power_laws(laws: pd.DataFrame) -> dict[int, list[str]]:
+    """Responses of the power laws of each pair that has any."""
+    power = laws[fitted(laws) & (laws["form"] == "power").to_numpy(dtype=bool)]
+    found: dict[int, list[str]] = {}
+    for pair, response in zip(power[PAIR].tolist(), power["response"].tolist(), strict=True):
+        found.setdefault(pair, []).append(response)
+    return found
+
+
+def unknown_conditions(
+    responses: Sequence[str], known: Collection[str], notes: Sequence[str], process: "Process | None"
+) -> list[Concern]:
+    """The conditions of laws of these responses that are neither known nor in notes, as a concern.
+
+    >>> [one.kind for one in unknown_conditions(["VB"], {"V", "f"}, (), None)], unknown_conditions([], {}, (), None)
+    (['condition not known'], [])
+    """
+    needed = (*ALWAYS, "t") if set(WEAR).intersection(responses) else ALWAYS if responses else ()
+    missing = missing_of(needed, lambda name: name in known or is_noted(notes, name), process)
+    return [Concern("condition not known", absent(missing, "the rows of this pair"))] if missing else []
 
 
 def _sizes(of: NumberedRows, role: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -15,7 +15,7 @@ from ...fit.defaults import SETTINGS, Asked, Held, requested_laws
 from ..law_rows import law_table, reasons, row_of, row_without
 from ..outcomes import GONE, Cell, Concern, Failure, PairOutcome, attempt
 from ..plan import BatchOptions, Block, Plan
-from .concerns import concerns_of_laws, differs, identity_of
+from .concerns import concerns_of_laws, differs, identity_of, responses_of_power_laws, unknown_conditions
 from .pair_file import PARAMETERS, law_cells, with_cells
 from .pair_laws import is_stacked, texts, unit_of
 
@@ -75,6 +75,9 @@ def streamed_outcome(block: Block, plan: Plan, options: BatchOptions) -> tuple[P
         *concerns_of_laws(table, none, 1)[0],
         *(differs(h, names) for h, names in seen.names.items() if len(names) > 1),
     ]
+    if not options.files:
+        known, responses = {*plan.reading.constants, *seen.held}, responses_of_power_laws(table).get(0, [])
+        concerns += unknown_conditions(responses, known, plan.notes, plan.reading.process)
     files: Mapping[str, bytes] = {}
     if options.files and any(law is not None for _, law in fitted):
         made = attempt(lambda: _file(block, options, [law for _, law in fitted if law is not None], groups))

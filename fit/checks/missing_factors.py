@@ -9,7 +9,7 @@ Sources: Cook & Weisberg 1982, Residuals and Influence in Regression, section 2.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from shlex import quote
 
@@ -85,9 +85,10 @@ def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
     if runs is None or not _of_conditions(law):
         return None
     needed = (*NEEDED[runs.process], *(("t",) if law.response in WEAR else ()))
-    missing = [name for name in needed if not _known(runs, name)]
+    held = lambda name: runs.has(name) or name in runs.constants or is_noted(runs.notes, name)  # noqa: E731
+    missing = missing_of(needed, held, runs.process)
     known = f"The conditions {_listed(needed)} of {runs.process or 'cutting'} are known."
-    verdict = _absent(missing) if missing else known
+    verdict = absent(missing) if missing else known
     return Check(null="the file holds the conditions of the process", concern=int(bool(missing)), verdict=verdict)
 
 
@@ -98,22 +99,21 @@ def _of_conditions(law: LawFit) -> bool:
     return law.form == "power" or bool(set(TESTED).intersection(law.factors))
 
 
-def _known(runs: Runs, name: str) -> bool:
-    """Whether a condition, or a quantity that stands for it, has a column, was given or stands in the notes."""
-    stand_ins = STAND_INS if runs.process else {**STAND_INS, "d": DRILLS}
-    return any(_stated(runs, one) for one in (name, *stand_ins.get(name, ())))
+def missing_of(needed: Sequence[str], stated: Callable[[str], bool], process: str | None) -> list[str]:
+    """Conditions that are not stated, nor a quantity that stands for them."""
+    stand_ins = STAND_INS if process else {**STAND_INS, "d": DRILLS}
+    return [name for name in needed if not any(stated(one) for one in (name, *stand_ins.get(name, ())))]
 
 
-def _stated(runs: Runs, name: str) -> bool:
-    """Whether a quantity has a column, was given, or stands in the notes with its unit (``d 2.5 mm``)."""
-    if runs.has(name) or name in runs.constants:
-        return True
+def is_noted(notes: Sequence[str], name: str) -> bool:
+    """Whether a quantity stands in notes with its unit (``d 2.5 mm``)."""
     stated = re.compile(rf"(?<![\w./]){name}[ \t=:]+\d[\d.,]*[ \t]*([^\s,;]+)")
-    units = (match[1].rstrip(".") for note in runs.notes for match in stated.finditer(note))
+    units = (match[1].rstrip(".") for note in notes for match in stated.finditer(note))
     return any(is_unit(unit) and fits(name, unit) for unit in units)
 
 
-def _absent(missing: list[str]) -> str:
+def absent(missing: Sequence[str], where: str = "this file") -> str:
+    """Sentences on conditions that are not known."""
     sentences = []
     conditions = [name for name in missing if name != "t"]
     if conditions:
@@ -121,12 +121,12 @@ def _absent(missing: list[str]) -> str:
         given = " ".join(f"--value {name}=..." for name in conditions)
         be, its, they, s = ("is", "its", "it was", "") if len(conditions) == 1 else ("are", "their", "they were", "s")
         sentences.append(
-            f"{words[0].upper()}{words[1:]} {be} not in this file: exponents of the other factors absorb {its} "
+            f"{words[0].upper()}{words[1:]} {be} not in {where}: exponents of the other factors absorb {its} "
             f"effect{s} where they varied together. Add a column, or {given} where {they} constant."
         )
     if "t" in missing:
         sentences.append(
-            "Cutting time t is not in this file: the law is of wear after unknown times in cut. Add a column t."
+            f"Cutting time t is not in {where}: the law is of wear after unknown times in cut. Add a column t."
         )
     return " ".join(sentences)
 
