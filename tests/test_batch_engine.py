@@ -20,7 +20,7 @@ from fitmodels.batch.engine import dask_cluster as by_dask
 from fitmodels.batch.engine import dask_scheduler as same_versions
 from fitmodels.batch.engine import engine, largest_memory
 from fitmodels.batch.engine.dask_scheduler import scheduler_address
-from fitmodels.batch.engine.joblib_processes import AHEAD, IDLE, processes
+from fitmodels.batch.engine.joblib_processes import AHEAD, processes
 from fitmodels.core.errors import FitmodelsError, UsageError
 from fitmodels.core.progress import Meter, progress_bar
 from fitmodels.core.threads import ONE_THREAD, cores
@@ -124,10 +124,40 @@ def test_tasks_that_wait_do_not_run_once_the_iterator_is_closed(local):
     assert time.monotonic() - begun < 3.5  # eight of a second each were handed to two workers
 
 
-def test_processes_whose_batch_was_killed_end():
-    """They wait for a task for a minute: nothing tells them that there will be none."""
+ORPHANS = """
+import os, time
+from fitmodels.batch.engine import engine, joblib_processes
+from fitmodels.batch.records import hash_of
+joblib_processes.IDLE = 0.5
+if __name__ == "__main__":
     with engine(2) as run:
-        assert run.executor._timeout == IDLE == 60.0
+        run.map(hash_of, ["/"] * 4)
+        print(*run.executor._processes, flush=True)
+        time.sleep(120)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are looked for in /proc")
+def test_processes_whose_batch_was_killed_end():
+    """They wait for a task no longer than `IDLE`, and loky 30 s more for their batch to take notice."""
+    with subprocess.Popen([sys.executable, "-c", ORPHANS], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as batch:
+        left = [int(word) for word in batch.stdout.readline().split()]
+        batch.kill()
+        batch.wait()
+        assert len(left) == 2
+        end = time.monotonic() + 90
+        while any(map(_runs, left)) and time.monotonic() < end:
+            time.sleep(0.2)
+        assert not any(map(_runs, left))
+
+
+def _runs(pid):
+    """Whether a process runs, of Linux; one that nobody waits for stays as a zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 @pytest.mark.parametrize(("jobs", "words"), [(1, "this process"), (3, "3 processes (joblib)")])

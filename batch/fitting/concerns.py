@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...datasets.plausibility.ranges import plausible, process_of
-from ...fit.checks.missing_factors import absent, is_noted, missing_of
+from ...fit.checks.missing_factors import NEEDED, absent, is_noted, missing_of
 from ...fit.defaults import WEAR
 from ..law_rows import PAIR, fitted, refusals
 from ..outcomes import NO_LAW, REFUSED, Concern
@@ -84,7 +84,7 @@ def concerns_of_values(of: NumberedRows, process: "Process | None") -> list[list
     return concerns
 
 
-ALWAYS = ("V", "f")  # conditions without which no law of cutting is one
+NAMED = ("V", "f")  # conditions of `NEEDED` that a table names; depth and width are often the same throughout a table
 
 
 def concerns_of_conditions(of: NumberedRows, laws: pd.DataFrame) -> list[list[Concern]]:
@@ -103,6 +103,8 @@ def concerns_of_conditions(of: NumberedRows, laws: pd.DataFrame) -> list[list[Co
     ['Cutting speed V is not in the rows of this pair: exponents of']
     """
     concerns: list[list[Concern]] = [[] for _ in of.pairs]
+    if all(name in of.held and of.held[name].all() for name in (*NAMED, "t")):
+        return concerns
     responses = responses_of_power_laws(laws)
     for held, pairs in of.patterns():
         columns = {name for name in of.held if held.has(name)}
@@ -132,8 +134,11 @@ def unknown_conditions(
 
     >>> [one.kind for one in unknown_conditions(["VB"], {"V", "f"}, (), None)], unknown_conditions([], {}, (), None)
     (['condition not known'], [])
+    >>> unknown_conditions(["VB"], {"V", "t"}, (), "grinding")
+    []
     """
-    needed = (*ALWAYS, "t") if set(WEAR).intersection(responses) else ALWAYS if responses else ()
+    needed = [name for name in NEEDED[process] if name in NAMED and responses]
+    needed += ["t"] * bool(set(WEAR).intersection(responses))
     missing = missing_of(needed, lambda name: name in known or is_noted(notes, name), process)
     return [Concern("condition not known", absent(missing, "the rows of this pair"))] if missing else []
 

@@ -76,8 +76,11 @@ def streamed_outcome(block: Block, plan: Plan, options: BatchOptions) -> tuple[P
         *(differs(h, names) for h, names in seen.names.items() if len(names) > 1),
     ]
     if not options.files:
-        known, responses = {*plan.reading.constants, *seen.held}, responses_of_power_laws(table).get(0, [])
-        concerns += unknown_conditions(responses, known, plan.notes, plan.reading.process)
+        known, process = (
+            {*plan.reading.constants, *seen.held},
+            plan.reading.process or process_of(seen.held, plan.notes),
+        )
+        concerns += unknown_conditions(responses_of_power_laws(table).get(0, []), known, plan.notes, process)
     files: Mapping[str, bytes] = {}
     if options.files and any(law is not None for _, law in fitted):
         made = attempt(lambda: _file(block, options, [law for _, law in fitted if law is not None], groups))

@@ -159,7 +159,7 @@ def interpret_columns(
     frame.attrs["notes"] = notes
     how = replace(reading, ranges={}, tool="-", work="-")
     runs = runs_of_sample(frame, how)
-    columns, assumed = runs.columns, (*coded, *runs.assumed, *map(str, runs.doubts))
+    columns, assumed = runs.columns, (*coded, *runs.assumed, *(f"{doubt} (by the first rows)" for doubt in runs.doubts))
     roles = {use.role for use in columns}
     if len(files) > 1 and not roles & {"tool", "work"} and reading.tool is None:
         columns += (ColumnUse(len(columns) + 1, FILE_NAME, FILE_NAME, "tool", "", False, None),)
