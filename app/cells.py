@@ -15,6 +15,7 @@ from ..datasets.options import DecimalMark, ReadOptions
 from ..datasets.reading import table_of_tests
 from ..datasets.tables import Column, Table
 from ..datasets.units import convert
+from .command_words import with_points
 from .options import pairs
 
 MOST: Final = 6  # rows of one doubt
@@ -107,7 +108,7 @@ class Cells:
         UsageError
             The new value is no number, or the one of the file.
         """
-        cell, new = self.cell(line, symbol), _number(typed)
+        cell, new = self.cell(line, symbol), _number(with_points(typed.strip(), symbol))
         if new is None:
             raise UsageError(f"{symbol} in line {line}: {typed[:40]!r} is no number; write it as 0.261.")
         if new == cell.value:
@@ -268,7 +269,7 @@ def _gives(old: float, sign: str, number: str, new: float, tolerance: float = 0.
 
 
 def _number(typed: str) -> float | None:
-    """A finite number of a field, with a point or a comma before its decimals."""
+    """A finite number, with a point or a comma before its decimals."""
     try:
         value = float(typed.strip().replace(",", "."))
     except ValueError:

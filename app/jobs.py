@@ -32,7 +32,7 @@ Runner = Callable[[Sequence[str]], int]
 
 AT_ONCE = 2
 GRACE = 5.0  # s between the request to stop and the end of the process
-SHOWN = 200_000  # characters of an output
+SHOWN = 200_000  # bytes of an output
 KEPT = 60  # ended jobs
 CANCELLED, NOT_STARTED = 130, 1  # exit codes of commands without a process: cancelled, or refused by the system
 LOST = 255  # exit code of a process whose server was ended
@@ -91,19 +91,24 @@ class Job:
         return _text(self.out)
 
     @property
+    def whole_output(self) -> str:
+        """Standard output of any length."""
+        return _text(self.out, None)
+
+    @property
     def errors(self) -> str:
         """Standard error so far."""
         return _text(self.err)
 
 
-def _text(path: Path) -> str:
+def _text(path: Path, most: int | None = SHOWN) -> str:
     try:
         with path.open("rb") as file:
-            data = file.read(SHOWN + 1)
+            data = file.read(-1 if most is None else most + 1)
     except OSError:
         return ""
-    text = data[:SHOWN].decode("utf-8", "replace")
-    return text if len(data) <= SHOWN else f"{text}\n... (more in a terminal)"
+    text = data[:most].decode("utf-8", "replace")
+    return text if most is None or len(data) <= most else f"{text}\n... (more in a terminal)"
 
 
 class Jobs:
@@ -197,7 +202,9 @@ class Jobs:
         if process is not None and process.pid is not None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(process.pid, signal.SIGINT if os.name == "posix" else signal.SIGTERM)
-            threading.Timer(GRACE, _end, [process]).start()
+            timer = threading.Timer(GRACE, _end, [process])
+            timer.daemon = True  # `close` waits for the process
+            timer.start()
 
     def close(self) -> None:
         """Cancel what runs, and remove the outputs."""

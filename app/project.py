@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..core.bounded import read_bounded, sha256_of
 from ..core.errors import DataError, UsageError
-from ..core.files import cause, make_folder, temporary_name, write_whole
+from ..core.files import make_folder, temporary_name, write_whole
 from ..core.text import json_text, printable
 
 SCHEMA: Literal["fitmodels.project/1"] = "fitmodels.project/1"
@@ -100,10 +100,7 @@ class Project:
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = Path(folder).resolve()
         self._lock = threading.RLock()
-        try:
-            make_folder(self.folder)
-        except OSError as failure:
-            raise UsageError(f"the project folder {self.folder} cannot be made: {cause(failure)}.") from None
+        make_folder(self.folder, "--folder")
         self._known = b""
         self._content = self._read()
 

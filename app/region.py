@@ -61,14 +61,14 @@ def sliders(folder: Path, params: str) -> tuple[Slider, ...]:
 
 
 def _of_response(pf: ParameterFile, law: Any) -> Slider:  # noqa: ANN401  a section of a law
-    """The slider of a limit, at that of the file or at the largest value of the tests."""
-    highest = float(np.max(_values(pf, law)))
+    """The slider of a limit, at that of the file, else at 0.8 of the largest value of the law within the tests."""
+    highest = float(np.max(_values(law)))
     set_now = _limits(pf).get(law.response)
     value = set_now if set_now is not None else 0.8 * highest
-    return _slider(law.response, f"{law.quantity} at most", law.unit, highest / 10, 1.3 * highest, value)
+    return _slider(law.response, f"{law.quantity} at most", law.unit, highest / 10, max(1.3 * highest, value), value)
 
 
-def _values(pf: ParameterFile, law: Any) -> np.ndarray:  # noqa: ANN401
+def _values(law: Any) -> np.ndarray:  # noqa: ANN401
     """Values of a law at the ends of its tested ranges."""
     ends = [[one.low, one.high] for one in law.factors]
     grid = np.meshgrid(*ends)
@@ -93,6 +93,7 @@ def _kind(symbol: str) -> str:
 
 def _slider(name: str, label: str, unit: str, low: float, high: float, value: float) -> Slider:
     step = 10.0 ** math.floor(math.log10(max((high - low) / STEPS, 1e-12)))
+    low = min(low, value)
     at = round(min(max(value, low), high) / step) * step
     low, high = math.floor(low / step) * step, math.ceil(high / step) * step
     return Slider(name, label, unit, *(f"{x:.6g}" for x in (low, high, step, at)))

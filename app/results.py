@@ -21,6 +21,7 @@ NO_READING: Final[Mapping[str, Any]] = {
     "refused": None, "columns": [], "rows": [], "lines": [], "doubts": [], "assumed": [], "warnings": [],
     "commands": [], "units": {},
 }  # fmt: skip
+NO_RESULT: Final = {True: "cancelled", False: "The reading ended without a result; run it again."}
 LEFT_OUT: Final = re.compile(r"assumed: left out as asked, --leave-out ([^:]+): (.+)", re.S)
 POLICY_OF_CARD = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]{1,2000})"')
 
@@ -28,10 +29,11 @@ POLICY_OF_CARD = re.compile(r'http-equiv="Content-Security-Policy" content="([^"
 def reading_of(job: Job) -> dict[str, Any]:
     """The JSON of a reading; of one without, its message; ``record`` says whether the file is one."""
     try:
-        found = json.loads(job.output)
+        found = json.loads(job.whole_output)
     except ValueError:
         found = None
-    reading = {**NO_READING, **(found if isinstance(found, dict) else {"refused": job.errors or "cancelled"})}
+    without = {"refused": job.errors or NO_RESULT[job.cancelled]}
+    reading = {**NO_READING, **(found if isinstance(found, dict) else without)}
     reading["record"] = RECORD in (reading["refused"] or "")
     return reading
 

@@ -1,5 +1,6 @@
 """The server of the page on the loopback."""
 
+import os
 import socket
 import threading
 import webbrowser
@@ -68,7 +69,8 @@ def listening(port: int) -> socket.socket:
     '127.0.0.1'
     """
     made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    if os.name == "posix":  # on Windows, two servers could share a port then
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         made.bind((HOST, port))
         made.listen()

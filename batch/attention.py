@@ -9,19 +9,25 @@ import pandas as pd
 
 from ..core.arrays import Array
 from ..core.verdict import DO_NOT_USE, LEVELS, RESERVATIONS
-from .outcomes import NO_LAW, NOT_CONVERGED, REFUSED, Concern, PairOutcome
+from ..datasets.plausibility.unit_shifts import DECIMAL, isolated, minorities, ratios_of
+from ..datasets.tables.numerals import is_missing
+from ..datasets.vocabulary import ROLES
+from .outcomes import DOUBT, GROUPS_DIFFER, NO_LAW, NOT_CONVERGED, REFUSED, Concern, PairOutcome
 from .plan import Pair
 
-SCATTERS = "large scatter"
+SCATTERS, NAMES = "large scatter", "doubtful name"
 UNLIKE = "unlike its family"
 SEVERITY = (  # unusable; a law that may mislead; what it lacks; notes on the pair
     NO_LAW, NOT_CONVERGED, "no parameter file", REFUSED,
     LEVELS[DO_NOT_USE], "wear falls with time", "fits badly", SCATTERS, UNLIKE, "draws too certain",
-    "condition not known",
+    "condition not known", NAMES,
     LEVELS[RESERVATIONS], "few degrees of freedom", "no errors by edge", "factor left out", "rows left out",
-    "doubt in reading", "no tool life",
-    "group differs within the pair", "no group of ISO 513",
+    DOUBT, "no tool life",
+    GROUPS_DIFFER, "group differs within the pair", "no group of ISO 513",
 )  # fmt: skip
+DEPTHS = ("d", "ae")
+SURE = 20.0  # ratios of units: smaller ones, as of lbf and N, are also those of tools and materials
+NEAR = 2.0  # in the right unit, the middle of a pair is among those of the others, or within this ratio
 TIMES = 3.0  # the median scatter of a response
 FEWEST = 5  # pairs for a usual scatter
 BY_CHANCE = 1e-4  # a scatter with few degrees of freedom may be so much larger than the median
@@ -78,19 +84,19 @@ def attention_summary(outcomes: Sequence[PairOutcome], most: int = 3) -> list[At
 def with_families(
     outcomes: Sequence[PairOutcome], results: pd.DataFrame, pooled: pd.DataFrame | None = None
 ) -> list[PairOutcome]:
-    """Outcomes with concerns from the other pairs: large scatter, and exponents unlike those of the family.
+    """Outcomes with concerns from the other pairs: names, units, large scatter, exponents unlike those of the family.
 
     Parameters
     ----------
     outcomes : sequence of PairOutcome
     results : DataFrame
-        As `table.results_frame`.
+        As `tables.results_frame`.
     pooled : DataFrame, optional
         The pairs of `comparison.compare`, with intervals at 95 %: ``tool, work, response, factor, family, estimate,
         se, df, new_low, new_high`` are looked at.
     """
     more: dict[tuple[str, str], list[Concern]] = defaultdict(list)
-    for pair, concern in _scattering(results):
+    for pair, concern in (*_doubtful_names(outcomes), *_in_other_units(results), *_scattering(results)):
         more[pair].append(concern)
     for pair, concern in _unlike(pooled) if pooled is not None and len(pooled) else ():
         more[pair].append(concern)
@@ -109,6 +115,63 @@ def _concerns(one: PairOutcome) -> tuple[Concern, ...]:
 
 def _severity(kind: str) -> int:
     return SEVERITY.index(kind) if kind in SEVERITY else len(SEVERITY)
+
+
+def _doubtful_names(outcomes: Sequence[PairOutcome]) -> Iterator[tuple[tuple[str, str], Concern]]:
+    """Pairs whose names differ in blanks and case alone, and pairs with a name that stands for a missing one."""
+    spellings: dict[tuple[str, str], list[PairOutcome]] = defaultdict(list)
+    for one in outcomes:
+        spellings[_spelling(one.tool), _spelling(one.work)].append(one)
+    for alike in spellings.values() if len(spellings) < len(outcomes) else ():
+        for one in alike if len(alike) > 1 else ():
+            other = next(Pair(each.tool, each.work) for each in alike if each is not one)
+            words = f"{str(other)!r} is another pair: the names differ in blanks or case only. If they are one pair, "
+            yield (one.tool, one.work), Concern(NAMES, f"{words}spell them alike in the source.")
+    for role in ("tool", "work"):
+        for name in filter(is_missing, dict.fromkeys(getattr(one, role) for one in outcomes)):
+            words = f"{role} {name!r} stands for a missing name: rows of several {role}s may be in this pair."
+            yield from (((one.tool, one.work), Concern(NAMES, words)) for one in outcomes if getattr(one, role) == name)
+
+
+def _spelling(name: str) -> str:
+    return "".join(name.split()).casefold()
+
+
+def _in_other_units(results: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
+    """Pairs far from all others in a quantity that a ratio of units brings among them, as of inch and mm.
+
+    Depths are not compared: those of roughing and finishing differ by as much.
+    """
+    laws = results[results["reason"] == ""]
+    for response, each in laws.groupby("response", sort=False) if "response_from" in laws else ():
+        yield from _shifted(each, str(response), "response_from", "response_to")
+    for factor in (name.removeprefix("from_") for name in map(str, laws) if name.startswith("from_")):
+        if factor not in DEPTHS:
+            of_pairs = laws[laws[f"from_{factor}"].notna()].drop_duplicates(["tool", "work"])
+            yield from _shifted(of_pairs, factor, f"from_{factor}", f"to_{factor}")
+
+
+def _shifted(laws: pd.DataFrame, symbol: str, low: str, high: str) -> Iterator[tuple[tuple[str, str], Concern]]:
+    laws = laws[laws[low] > 0]
+    if len(laws) < FEWEST:
+        return
+    x = np.log(laws[[low, high]].to_numpy(dtype=float)).mean(axis=1)
+    ratios = {ratio: units for ratio, units in ratios_of(symbol).items() if ratio >= SURE and ratio not in DECIMAL}
+    found = [(pairs, factor) for pairs, factor in minorities(x, ratios, NEAR) if isolated(x, pairs)]
+    for i in np.flatnonzero(np.any([pairs for pairs, _ in found], axis=0)) if found else ():
+        others, factor = min(
+            ((x[~pairs], factor) for pairs, factor in found if pairs[i]),
+            key=lambda one: abs(x[i] + np.log(one[1]) - np.median(one[0])),
+        )
+        ratio, row = max(factor, 1 / factor), laws.iloc[i]
+        units = next(units for known, units in ratios.items() if np.isclose(known, ratio))
+        unit = ROLES[symbol].unit if symbol in ROLES else ""
+        words = (
+            f"{symbol} {row[low]:.4g} to {row[high]:.4g} {unit}: {'multiplied' if factor > 1 else 'divided'} by "
+            f"{ratio:g} ({units}) it is among the other pairs, whose middles are {np.exp(others.min()):.3g} to "
+            f"{np.exp(others.max()):.3g} {unit}; check its unit."
+        )
+        yield (str(row["tool"]), str(row["work"])), Concern(DOUBT, words)
 
 
 def _scattering(results: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:

@@ -1,6 +1,5 @@
 """Exponents of families of pairs (all, an ISO group, a grade, a coolant) and of each pair, by partial pooling."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -15,41 +14,7 @@ from ..fit import pooled_exponents
 from ..fit.many.pooling import WHOLE, PooledExponents
 from .engine import MapOver
 from .law_rows import group_column
-
-NAMES = {
-    "P": "P steel", "M": "M stainless", "K": "K cast iron",
-    "N": "N non-ferrous", "S": "S superalloys and titanium", "H": "H hardened",
-}  # fmt: skip
-_HEADERS = frozenset(
-    {"iso513", "iso513group", "iso513groups", "groupiso513", "isogroup", "isomaterial", "isomaterialgroup"}
-)
-_GROUP = re.compile(r"(?:ISO\s*)?([PMKNSH])[\s.-]?(?:\d{1,2}(?:\.\d+)?)?", re.IGNORECASE)
-
-
-def is_iso_513(header: str) -> bool:
-    """Whether the header of a column denotes groups of ISO 513.
-
-    Examples
-    --------
-    >>> is_iso_513("ISO 513"), is_iso_513("iso group"), is_iso_513("ISO13399")
-    (True, True, False)
-    """
-    return re.sub("[^a-z0-9]", "", header.casefold()) in _HEADERS
-
-
-def iso_family(value: str) -> str:
-    """Name of the ISO 513 group of a value; other values are unchanged.
-
-    Examples
-    --------
-    >>> iso_family("P20"), iso_family("k"), iso_family("M stainless"), iso_family("steel")
-    ('P steel', 'K cast iron', 'M stainless', 'steel')
-    """
-    plain = value.strip()
-    if found := _GROUP.fullmatch(plain):
-        return NAMES[found[1].upper()]
-    return {name.casefold(): name for name in NAMES.values()}.get(plain.casefold(), plain)
-
+from .pair_table import is_iso_513, iso_family
 
 LAW = ("response", "factor", "grouping", "family")
 ENDS = ("mean", "mean_se", "mean_low", "mean_high", "tau", "tau_low", "tau_high", "new_low", "new_high")

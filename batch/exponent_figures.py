@@ -54,7 +54,7 @@ def write_figures(comparison: Comparison, folder: Path, banner: str = "", former
 
 
 def _figure(families: pd.DataFrame, pairs: pd.DataFrame, response: str, factor: str, level: float, banner: str) -> str:
-    grouping, alone = _best_grouping(families, pairs)
+    grouping, alone = _best_grouping(pairs)
     alone = alone.sort_values(["estimate", "tool", "work"])
     few = len(alone) <= MOST_PAIRS
     rows = list(_rows(families))
@@ -310,7 +310,7 @@ def pair_names(pairs: pd.DataFrame) -> list[str]:
     return [_short(f"{tool} on {work}") for tool, work in zip(pairs["tool"], pairs["work"], strict=True)]
 
 
-def _best_grouping(families: pd.DataFrame, pairs: pd.DataFrame) -> tuple[str, pd.DataFrame]:
+def _best_grouping(pairs: pd.DataFrame) -> tuple[str, pd.DataFrame]:
     """The first grouping besides all pairs that pools most of them, and its rows; else all pairs."""
     pooled = pairs["pooled"].notna().groupby(pairs["grouping"], sort=False).mean()
     good = [name for name in pooled.index if name != WHOLE and pooled[name] > 0.5]

@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 PAIR = "pair"  # number of the pair of a row
 LAW = ("response", "form", "unit", "reason")
-WHOLE = ("nobs", "n_edges", "df", "df_resid", "rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se")
+ENDS = ("from", "to")  # of each factor among the rows of the law: ``from_V``
+OF_RESPONSE = ("response_from", "response_to")
+NO_ENDS = (None, None)
+WHOLE = (
+    "nobs", "n_edges", "df", "df_resid", "rsquared", "rsquared_adj", "fvalue", "f_pvalue", "scale_se", *OF_RESPONSE,
+)  # fmt: skip
 PARTS = ("params", "bse", "row_bse", "low", "high", "tvalues", "pvalues")  # of each parameter: ``params_V``
 NOTES = ("by_edge", "dropped", "left_out", "edge_reason")
 
@@ -30,7 +35,7 @@ BEFORE, AFTER = (
     ("verdict", "simulated", *WHOLE),
     (*NOTES, "no_posterior"),
 )  # of a law: columns before and after its parameters
-PARAMETER = re.compile(f"({'|'.join(PARTS)})_(.+)", re.DOTALL)
+PARAMETER = re.compile(f"({'|'.join((*PARTS, *ENDS))})_(.+)", re.DOTALL)
 
 Column: TypeAlias = Any  # an array or series of floats or texts, or of integers or flags that may be missing
 
@@ -201,7 +206,7 @@ def table_of_many(laws: "ManyLaws", unit: str, pairs: Ints, reasons: Mapping[int
     for name in NOTES:
         values = table[name]
         columns[name] = counts(values) if name in COUNTS else flags(values) if name in FLAGS else texts(values)
-    columns |= {name: finite(table[name]) for each in laws.names for part in PARTS for name in [f"{part}_{each}"]}
+    columns |= {name: finite(table[name]) for name in _columns_of(laws.names, laws.factors)}
     return pd.DataFrame({PAIR: pairs, **columns})
 
 
@@ -221,7 +226,8 @@ def row_of(law: "LawFit", asked: Asked) -> dict[str, Cell]:
     by_edge = isinstance(law.edges, EdgeInference)
     row: dict[str, Cell] = {
         "response": law.response, "form": law.form, "unit": law.units.get(law.response, ""), "reason": "",
-        **{name: cell(getattr(law, name)) for name in WHOLE},
+        **{name: cell(getattr(law, name)) for name in WHOLE if name not in OF_RESPONSE},
+        **dict(zip(OF_RESPONSE, law.response_range or NO_ENDS, strict=True)),
         "by_edge": by_edge,
         "dropped": sum(item.count for item in law.dropped),
         "left_out": "; ".join(f"{item.factor} {item.reason}" for item in law.left_out),
@@ -229,10 +235,18 @@ def row_of(law: "LawFit", asked: Asked) -> dict[str, Cell]:
     }  # fmt: skip
     ends = law.conf_int(LEVEL)
     held = {name: getattr(law, name) for name in PARTS if name not in ends} | {name: ends[name] for name in ends}
-    names = law.names if law.form != "power" else ("c0", *asked.factors)
-    for name in names:
+    power = law.form == "power"
+    for name in ("c0", *asked.factors) if power else law.names:
         row |= {f"{part}_{name}": cell(held[part].get(name)) for part in PARTS}
+    for name in asked.factors if power else law.factors:
+        row |= {f"{end}_{name}": value for end, value in zip(ENDS, law.domain.get(name, NO_ENDS), strict=True)}
     return row
+
+
+def _columns_of(parameters: Sequence[str], factors: Sequence[str]) -> list[str]:
+    """Columns of the parameters of a law and of the ends of its factors."""
+    of_parameters = [f"{part}_{name}" for name in parameters for part in PARTS]
+    return of_parameters + [f"{end}_{name}" for name in factors for end in ENDS]
 
 
 def row_without(asked: Asked, unit: str, reason: str) -> dict[str, Cell]:
@@ -247,8 +261,7 @@ def row_without(asked: Asked, unit: str, reason: str) -> dict[str, Cell]:
         "response": asked.response, "form": asked.form, "unit": unit, "reason": reason,
         **dict.fromkeys(WHOLE), "nobs": 0, "by_edge": False, "dropped": 0, "left_out": "", "edge_reason": "",
     }  # fmt: skip
-    names = ("c0", *asked.factors) if asked.form == "power" else ()
-    return row | {f"{part}_{name}": None for name in names for part in PARTS}
+    return row | dict.fromkeys(_columns_of(("c0", *asked.factors), asked.factors) if asked.form == "power" else ())
 
 
 def refusals(table: pd.DataFrame) -> dict[int, list[str]]:

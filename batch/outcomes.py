@@ -55,7 +55,9 @@ def defect_sentence(error: Exception) -> str:
 
 Cell = str | float | int | bool | None
 
-NO_LAW, REFUSED, NOT_CONVERGED = "no law", "law refused", "not converged"  # kinds of concern used in several modules
+# Kinds of concern that are used in several modules.
+NO_LAW, REFUSED, NOT_CONVERGED, DOUBT = "no law", "law refused", "not converged", "doubt in reading"
+GROUPS_DIFFER = "group differs"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
-"""A separate table with the groups of pairs: their ISO group, grade, coolant."""
+"""Groups of pairs: ISO 513, those that a parameter file has a place for, and a separate table with them."""
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -15,13 +16,98 @@ from ..datasets.tables.dialect import is_comment, split_line, text_source
 from ..datasets.tables.numerals import Cell, is_missing
 from ..datasets.tables.workbook import is_workbook, read_sheets
 from ..datasets.vocabulary import roles_named
-from .outcomes import Concern, PairOutcome
+from .outcomes import GROUPS_DIFFER, Concern, PairOutcome
 from .source.common import some_names
 
 NAMES = ("tool", "work")
 LISTED = 12  # headers in a message
 MARKS = (";", "\t", "|", ",", " ")
 Line = tuple[int, Sequence[Cell]]
+
+
+FAMILIES = {
+    "P": "P steel", "M": "M stainless", "K": "K cast iron",
+    "N": "N non-ferrous", "S": "S superalloys and titanium", "H": "H hardened",
+}  # fmt: skip
+ABOUT = ("machine", "setup", "iso513")  # groups that the identity of a parameter file has a place for
+_ISO_HEADERS = frozenset(
+    {"iso513", "iso513group", "iso513groups", "groupiso513", "isogroup", "isomaterial", "isomaterialgroup"}
+)
+_ISO_GROUP = re.compile(r"(?:ISO\s*)?([PMKNSH])[\s.-]?(?:(\d{1,2})(?:\.\d+)?)?", re.IGNORECASE)
+
+
+def is_iso_513(header: str) -> bool:
+    """Whether the header of a column denotes groups of ISO 513.
+
+    Examples
+    --------
+    >>> is_iso_513("ISO 513"), is_iso_513("iso group"), is_iso_513("ISO13399")
+    (True, True, False)
+    """
+    return _plain(header) in _ISO_HEADERS
+
+
+def iso_group(value: str) -> str | None:
+    """The ISO 513 group of a value, with its number where it has one; None where the value is no group.
+
+    Examples
+    --------
+    >>> iso_group("iso p20"), iso_group("K-5"), iso_group("M stainless"), iso_group("P60"), iso_group("steel")
+    ('P20', 'K05', 'M', None, None)
+    """
+    plain = value.strip()
+    if found := _ISO_GROUP.fullmatch(plain):
+        letter, number = found[1].upper(), found[2]
+        return letter if number is None else f"{letter}{int(number):02d}" if 0 < int(number) <= 50 else None
+    return {name.casefold(): letter for letter, name in FAMILIES.items()}.get(plain.casefold())
+
+
+def iso_family(value: str) -> str:
+    """Name of the ISO 513 group of a value; other values are unchanged.
+
+    Examples
+    --------
+    >>> iso_family("P20"), iso_family("k"), iso_family("M stainless"), iso_family("steel")
+    ('P steel', 'K cast iron', 'M stainless', 'steel')
+    """
+    group = iso_group(value)
+    return value.strip() if group is None else FAMILIES[group[0]]
+
+
+def identity_of(groups: Mapping[str, str]) -> tuple[dict[str, str], list[Concern]]:
+    """Identity of a parameter file from the groups, and concerns on invalid groups.
+
+    Examples
+    --------
+    >>> identity_of({"ISO 513 group": "p20", "coolant": "dry"})
+    ({'iso513': 'P20'}, [])
+    """
+    found = {place: name for header, name in groups.items() if (place := _place(header)) and name}
+    given = found.pop("iso513", None)
+    if given is None:
+        return found, []
+    if group := iso_group(given):
+        return found | {"iso513": group}, []
+    words = f"{given!r} is no group of ISO 513 (P, M, K, N, S or H, or with its number as P20); the file has none."
+    return found, [Concern("no group of ISO 513", words)]
+
+
+def is_identity(header: str) -> bool:
+    """Whether a group of this header has a place in the identity of a parameter file.
+
+    >>> is_identity("ISO 513"), is_identity("coolant")
+    (True, False)
+    """
+    return _place(header) != ""
+
+
+def _place(header: str) -> str:
+    plain = "iso513" if is_iso_513(header) else _plain(header)
+    return plain if plain in ABOUT else ""
+
+
+def _plain(header: str) -> str:
+    return "".join(letter for letter in header.casefold() if letter.isalnum())
 
 
 def read_pairs(path: str | os.PathLike[str]) -> pd.DataFrame:
@@ -213,7 +299,7 @@ def _with(outcome: PairOutcome, table: Mapping[tuple[str, str], Mapping[str, str
             known = groups.get(name, "")
             if value and known and value != known:
                 words = f"{name} is {known!r} by {origin[name]} and {value!r} by the table of pairs for {_words(key)}"
-                concerns.append(Concern("group differs", f"{words}; {known!r} counts"))
+                concerns.append(Concern(GROUPS_DIFFER, f"{words}; {known!r} counts"))
             elif value and not known:
                 origin[name] = f"the table of pairs for {_words(key)}"
             groups[name] = known or value

@@ -34,12 +34,10 @@ class Pair(Displayable):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Reading(ReadOptions):
-    """How a source is read, and which of its columns group the pairs.
+    """How a source is read, as in `ReadOptions`, and which of its columns group the pairs.
 
     Attributes
     ----------
-    map, units, ranges, tool, work, decimal, delimiter, sheet
-        As in `ReadOptions`.
     groups : tuple of str
         Headers of columns that name a group of the pair: its grade, its coolant.
     """

@@ -21,7 +21,7 @@ from .law_rows import COUNTS, FLAGS, LAW, PAIR, TEXTS, Column, column
 from .outcomes import BlockOutcome, Cell, Concern, PairOutcome
 from .plan import BatchOptions, Block, Pair, Plan
 
-SCHEMA = "fitmodels.batch-block/4"
+SCHEMA = "fitmodels.batch-block/5"
 RECORDS = Path(".batch", "blocks")
 PAIRS = "pairs"
 COLUMNS = ("tool", "work", "nobs", "reason", "simulated")  # of the pairs of a record
@@ -61,12 +61,12 @@ def record(out: Path, key: str, outcome: BlockOutcome, folders: Mapping[Pair, st
     Parameters
     ----------
     out : Path
-        The output folder, which `place.prepare` made.
+        The output folder, which `output_folder.prepare` made.
     key : str
         See `key_of`.
     outcome : BlockOutcome
     folders : mapping of Pair to str
-        See `place.folder_names`; pairs without files need none.
+        See `output_folder.folder_names`; pairs without files need none.
     text : str
         The outcome `as_json`, where it is made already.
 

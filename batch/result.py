@@ -70,7 +70,7 @@ class Batch(Plottable):
         Files and folders, as paths within ``out``.
     changed : bool
         Whether any file is new.
-    site : Report or None
+    site : PublicationReport or None
         Report of the site of cards; None where none was requested.
     """
 

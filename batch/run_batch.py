@@ -14,10 +14,9 @@ from ..core.progress import Meter
 from ..pipeline.options import FitOptions
 from .engine import MapOver, Run, SerialRun, engine, largest_memory
 from .fitting.block import fit_block
-from .fitting.concerns import is_identity
 from .outcomes import BlockOutcome, PairOutcome
 from .output_folder import folder_names, prepare, sweep
-from .pair_table import read_pairs, with_groups
+from .pair_table import is_identity, read_pairs, with_groups
 from .plan import BatchOptions, Block, Pair, Plan, Reading
 from .records import as_json, key_of, record, recorded
 from .result import Batch, Effort

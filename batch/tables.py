@@ -20,6 +20,7 @@ from .engine import MapOver
 from .law_rows import (
     AFTER,
     BEFORE,
+    ENDS,
     LAW,
     PAIR,
     PARAMETER,
@@ -124,7 +125,8 @@ def _in_order(names: set[str]) -> list[str]:
     known = [name for name in BEFORE if name in names]
     ends = [name for name in AFTER if name in names]
     matches = {name: found for name in names if (found := PARAMETER.fullmatch(name)) and name not in (*BEFORE, *AFTER)}
-    parameters = sorted(matches, key=lambda name: (*_rank(matches[name][2]), PARTS.index(matches[name][1])))
+    parts = (*PARTS, *ENDS)
+    parameters = sorted(matches, key=lambda name: (*_rank(matches[name][2]), parts.index(matches[name][1])))
     rest = names - {*LAW, *known, *ends, *parameters}
     posterior = sorted((name for name in rest if name.startswith("posterior")), key=_rank_of_posterior)
     return [*known, *parameters, *posterior, *ends, *sorted(rest - {*posterior})]

@@ -20,6 +20,7 @@ from ..fit.many.pooling import WHOLE
 from .comparison import LAW, Comparison, largest_families
 from .plan import Plan
 from .result import Batch, Effort
+from .source.common import LAB
 
 if TYPE_CHECKING:
     from ..cards.publishing.pair import PublicationProblem
@@ -194,7 +195,7 @@ def _effort(e: Effort) -> Iterator[str]:
 
 
 def _rate(rate: float) -> str:
-    return grouped(round(rate)) if rate >= 100 else format_plain(rate, 2)
+    return grouped(round(rate)) if rate >= 99.5 else format_plain(rate, 2)
 
 
 def _site(made: Batch) -> Iterator[RenderableType]:
@@ -259,7 +260,7 @@ def _blocks(plan: Plan) -> str:
 
 def _kind(plan: Plan) -> str:
     if plan.kind != "files":
-        return "Parquet"
+        return "Parquet" if Path(plan.name).suffix.lower() not in LAB else "a text file, read through a Parquet copy"
     n = len({piece.path for block in plan.blocks for piece in block.pieces}) + len(plan.unreadable)
     return f"{grouped(n)} lab file{'' if n == 1 else 's'}"
 

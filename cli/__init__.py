@@ -125,7 +125,7 @@ def _misspelt(argv: Sequence[str]) -> str:
 
 def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
     """Turn every error into one sentence on standard error."""
-    from ..core.errors import FitmodelsError
+    from ..core.errors import DataError, FitmodelsError
     from .output import drop_output
 
     for stream in (sys.stdout, sys.stderr):
@@ -144,6 +144,9 @@ def _guarded(run, args) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001
         return _fail(f"{error.filename or 'the output'} cannot be read or written: {error.strerror or error}.", 2)
     except KeyboardInterrupt as stop:  # a command may state what it keeps
         return _fail(str(stop) or "interrupted; no file is incomplete.", 130)
+    except MemoryError:
+        sentence = "not enough memory for these data; leave rows out, or fit the pairs with fitmodels batch."
+        return _fail(sentence, DataError.exit_code)
     except Exception as error:
         if os.environ.get("FITMODELS_TRACEBACK"):
             raise

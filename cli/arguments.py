@@ -288,7 +288,7 @@ def _copy_standard_input(file: BinaryIO) -> None:
     except OSError as error:  # a folder, or no room for the copy
         raise DataError(f"{STANDARD_INPUT} cannot be read: {cause(error)}.") from None
     if not size:
-        raise DataError(f"{STANDARD_INPUT} is empty: the command before the pipe has printed nothing.")
+        raise DataError(f"{STANDARD_INPUT} is empty: check the command before the pipe, or the file that is read.")
 
 
 def stem(file: str) -> str:

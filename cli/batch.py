@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from ..core.errors import UsageError
@@ -74,12 +75,13 @@ def run(args: argparse.Namespace) -> int:
     if args.table_only and (args.card or args.keep_draws):
         option = "--card" if args.card else "--keep-draws"
         raise UsageError(f"--table-only: no files are written, so {option} has no effect; leave one of the two out.")
+    jobs = args.jobs or (cores() if find_spec("joblib") else 1)
     try:
         with progress_bar(0, "pairs", lines=not args.quiet) as meter:
             result = batch.run(
                 args.source, args.out, options=fit_options(args), groups=args.group or (), pairs=args.pairs,
                 files=not args.table_only, keep_draws=args.keep_draws, site=not args.no_site, card=args.card,
-                jobs=args.jobs or cores(), dask=args.dask, force=args.force, command=typed(args.words),
+                jobs=jobs, dask=args.dask, force=args.force, command=typed(args.words),
                 title=args.title, meter=meter,
             )  # fmt: skip
     except KeyboardInterrupt:
@@ -93,6 +95,8 @@ def run(args: argparse.Namespace) -> int:
         out.show(source_block(result.plan, most))
         for block in batch_blocks(result, most):
             out.show(block)
+        if jobs < cores() and not args.jobs:
+            out.show(f"Without joblib one process fits all pairs: pip install 'fitmodels[batch]' for {cores()}.")
         if args.quiet:
             out.wrote("", result.out)
     return _code(result, args)

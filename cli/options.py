@@ -104,6 +104,12 @@ def forms(words: list[str] | None) -> str | dict[str, str]:
     >>> forms(["linear"]), forms(["linear", "Ra=power"]), forms(None)
     ('linear', {'*': 'linear', 'Ra': 'power'}, '')
     """
+    for_all = [word for word in words or [] if "=" not in word]
+    if len(for_all) > 1:
+        raise UsageError(
+            f"a form for all laws is given twice, {for_all[0]} and {for_all[1]}: keep one, or name the law, as "
+            f"Ra={for_all[1]}."
+        )
     named = [word if "=" in word else f"*={word}" for word in words or []]
     found = pairs(named, "--form", "Ra=linear")
     return found["*"] if list(found) == ["*"] else found or ""

@@ -182,12 +182,10 @@ WHOLE: Final = {  # other advice in terms of Python, and the same in terms of th
     "give drive='faster' or 'slower' (--drive-pole)": "give --drive-pole faster or slower",
     "nominal and probability: a nominal": "--nominal and --probability: a nominal",
     "or identify with nk=1": "or identify with --orders NA,NB,1",
-    "; fit rec.centred().": "; subtract the means of the record.",
     "collect it with limits={'wear': 0.3, ...}": "write it into the file: fitmodels limits PARAMS AW=0.3mm, or "
     "VB=0.3mm by the name of its wear law",
     "give collect(adaptive_force=...) its estimates and settings": "fitmodels ident RUN --as force-process --params "
     "PARAMS adds one",
-    "; add it with collect(roughness=...)": "; the file of a laboratory has none",
     "use the grid (how='grid')": "give narrower limits",
     "they need the diameter, at={'D': ...} in mm": "they need the diameter, which is not in the file",
     "use scale='log'": "use --form second-order",

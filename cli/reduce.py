@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json("reduction", _facts(found, out, kept))
     else:
-        lines = _report(found, notes, remarks, kept, None if args.full else SHOWN)
+        lines = _report(found, notes, remarks, None if args.full else SHOWN)
         printer = Printer(quiet=args.quiet)
         for line in lines:
             printer.show(line)
@@ -126,7 +126,7 @@ def _options(args: argparse.Namespace) -> "ReduceOptions":
     )  # fmt: skip
 
 
-def _report(found: "Reduction", notes: list[str], remarks: list[str], kept: Path, most: int | None) -> list[str]:
+def _report(found: "Reduction", notes: list[str], remarks: list[str], most: int | None) -> list[str]:
     """What was found and what is to be judged, at most so many records and remarks."""
     records = found.records
     cuts = sum(len(record.cuts) for record in records)

@@ -214,7 +214,7 @@ def _number(name: str, text: str, unit: str, *, bare: bool = False) -> float:
     if found is None or not np.isfinite(float(found[1])) or (found[2] or "").startswith(","):
         raise UsageError(f"{name}={text}: give a number with a decimal point and its unit, as {VALUES[name][2]}.")
     if (found[2] or "").startswith("/"):
-        raise UsageError(f"{name}={text}: number and unit cannot be told apart; give it as {VALUES[name][2]}.")
+        raise UsageError(f"{name}={text}: number and unit are ambiguous; give it as {VALUES[name][2]}.")
     if not found[2]:
         if bare:
             return float(found[1])

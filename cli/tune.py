@@ -128,7 +128,7 @@ def run(args: argparse.Namespace) -> int:
         raise GateError(f"{against} Nothing was written; --force writes gains, marked as not to be used.")
     with progress_bar(lines=False) as step:
         step.say("tuning")
-        tuned = _tuned(pf, pf.dynamics, args, against or (against_scaling_by_law(pf) if derived else ""))
+        tuned = _tuned(pf.dynamics, args, against or (against_scaling_by_law(pf) if derived else ""))
     tuned = tuned if args.scaling is None else tuned.in_units(args.unit, args.scaling)
     if tuned.misses and not args.force:
         raise GateError(f"{tuned.words} {_remedy(tuned)}")
@@ -155,7 +155,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _tuned(pf: "ParameterFile", d: "DynamicsSection", args: argparse.Namespace, against: str) -> "TunedPi":
+def _tuned(d: "DynamicsSection", args: argparse.Namespace, against: str) -> "TunedPi":
     """Gains for a specification; ``against`` is why they must not be used, or empty."""
     from ..core.verdict import DO_NOT_USE, verdict_from
     from ..ident import tune_pi

@@ -250,7 +250,7 @@ def _watch(
     journal, after = None, None
     if args.journal is not None:
         folder = Path(args.journal)
-        make_folder(folder)
+        make_folder(folder, "--journal")
         stack.enter_context(locked_folder(folder, BUSY.format(folder=folder), 0.0))
         journal, after = open_journal(folder, monitor, args.source)
     source = open_source(args.source, source_options_of(args, monitor, after))

@@ -94,7 +94,7 @@ def fit_censored(Z: Array, ln_life: Array, side: Side, distribution: Distributio
     shift = float(ln_life.mean())  # the search is for ln T about its mean
     size = np.sqrt((Z**2).sum(axis=0))
     A = np.column_stack([ln_life - shift, -Z / size])
-    start = _start(A, side)
+    start = _start(A)
     x = _maximum(A, side, distribution, start)
     scale = float(1.0 / x[0])
     beta = x[1:] * scale / size
@@ -121,7 +121,7 @@ def _of_constant(Z: Array, shift: float) -> Array:
     return out
 
 
-def _start(A: Array, side: Side) -> Array:
+def _start(A: Array) -> Array:
     """Kappa and gamma of least squares of all lives, run-outs among them."""
     y, X = A[:, 0], -A[:, 1:]
     beta = np.linalg.lstsq(X, y, rcond=None)[0]

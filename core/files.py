@@ -22,7 +22,8 @@ def cause(error: OSError | ValueError) -> str:
     >>> cause(FileNotFoundError(2, "No such file or directory"))
     'no such file or directory'
     """
-    return (getattr(error, "strerror", None) or str(error)).lower()
+    system: str | None = getattr(error, "strerror", None)
+    return system.lower() if system else str(error)  # which may contain a path
 
 
 def write_whole(
@@ -205,8 +206,8 @@ def synchronised_folder(folder: Path) -> None:
             os.close(found)
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder and those above it.
+def make_folder(folder: Path, option: str = "--out") -> None:
+    """Make a folder and those above it; ``option`` is the one that gives its place.
 
     Raises
     ------
@@ -216,11 +217,11 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as failure:
-        raise UsageError(f"{folder}: cannot be made: {cause(failure)}; choose another place with --out.") from None
+        raise UsageError(f"{folder}: cannot be made: {cause(failure)}; choose another place with {option}.") from None
 
 
 @contextmanager
-def locked(path: Path, message: str, wait: float = 0.0) -> Iterator[None]:
+def locked(path: Path, message: str, wait: float = 0.0, option: str = "--out") -> Iterator[None]:
     """Hold the lock file ``path`` as its only process; the system releases it when the process ends.
 
     Another process that holds it is waited for, ``wait`` s at most.
@@ -238,7 +239,7 @@ def locked(path: Path, message: str, wait: float = 0.0) -> Iterator[None]:
     except Timeout:
         raise UsageError(message) from None
     except OSError as failure:
-        raise UsageError(f"{path}: cannot be written: {cause(failure)}; choose another place with --out.") from None
+        raise UsageError(f"{path}: cannot be written: {cause(failure)}; choose another place with {option}.") from None
     try:
         yield
     finally:
@@ -246,6 +247,7 @@ def locked(path: Path, message: str, wait: float = 0.0) -> Iterator[None]:
 
 
 POLL = 0.01  # s between attempts to take a lock
+SWAPPED = 1.0  # s after which a folder that is absent is no longer one that another process is replacing
 
 
 @contextmanager
@@ -296,16 +298,20 @@ def _held_folder(folder: Path, end: float) -> int | None:
         import fcntl
     except ImportError:
         return None
+    absent = time.monotonic() + SWAPPED
     while True:
         try:
             found = os.open(folder, os.O_RDONLY)
         except OSError as failure:
+            if isinstance(failure, FileNotFoundError) and time.monotonic() < absent:
+                time.sleep(POLL)
+                continue
             raise UsageError(f"{folder}: cannot be locked: {cause(failure)}; nothing was written.") from None
         try:
             fcntl.flock(found, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(found), folder.stat()):  # it may have been replaced by another folder
                 return found
-        except BlockingIOError:
+        except (BlockingIOError, FileNotFoundError):
             pass
         except OSError:  # network folders
             os.close(found)

@@ -2,7 +2,7 @@
 
 import math
 
-EXACT = 1e-5  # relative uncertainty below which seven digits are enough for anybody
+EXACT = 1e-5  # relative uncertainty below which seven digits show it
 
 
 def decimals(uncertainty: float, digits: int = 2) -> int:

@@ -67,7 +67,7 @@ class _Claim:
 
 
 def assign(
-    columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str], edge: str | None = None
+    columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]
 ) -> tuple[tuple[ColumnUse, ...], dict[str, Values], tuple[str, ...]]:
     """Uses of the columns, values by role in the role's unit, and what was assumed about units."""
     _known_roles((*mapping, *units))

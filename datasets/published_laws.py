@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-TAI_2023 = "Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587"
 ALASKARI_2016 = "Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006"
 
 

@@ -98,10 +98,15 @@ class FittedRows:
         """These rows only, by their positions or by a mask."""
         return replace(self, **{name: v[rows] for name in self.__slots__ if (v := getattr(self, name)) is not None})
 
-    def domain(self, factors: Sequence[str]) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each factor."""
+    def extent(self, factors: Sequence[str]) -> dict[str, Any]:
+        """The fields of `LawFit` that are the number of rows and edges, and the ranges of factors and response."""
         low, high = self.X.min(axis=0), self.X.max(axis=0)
-        return {name: (float(low[j]), float(high[j])) for j, name in enumerate(factors)}
+        return {
+            "nobs": len(self),
+            "n_edges": self.n_edges,
+            "domain": {name: (float(low[j]), float(high[j])) for j, name in enumerate(factors)},
+            "response_range": (float(self.observed.min()), float(self.observed.max())),
+        }
 
 
 class RowAccess:

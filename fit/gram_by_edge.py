@@ -192,7 +192,7 @@ def law_of_triangles(
     rows = FittedRows(X, shifts, observed, fitted, residuals, np.arange(len(y), dtype=np.intp), edge)
     domain = facts.pop("domain", None)
     law = law_of(formula, error, (theta, cov, fitted, residuals, tss), rows, **facts)
-    return law if domain is None else replace(law, domain=domain)
+    return replace(law, response_range=None, domain=domain or law.domain)
 
 
 def _check(response: str, triangles: Sequence[EdgeTriangle]) -> None:

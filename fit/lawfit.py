@@ -49,6 +49,8 @@ class LawFit(Predicts, RowAccess, LawFigures):
         Residual and total sum of squares on the scale of ``error``.
     domain : mapping
         Lowest and highest value of each factor among the rows used.
+    response_range : (float, float) or None
+        Lowest and highest response among the rows used, None where they are known by their sums alone.
     units : mapping
         Unit of the response and of each factor.
     n_edges : int or None
@@ -83,6 +85,7 @@ class LawFit(Predicts, RowAccess, LawFigures):
     tss: float
     domain: Mapping[str, tuple[float, float]]
     units: Mapping[str, str]
+    response_range: tuple[float, float] | None = None
     n_edges: int | None = None
     edges: EdgeInference | NotAvailable = NOT_ASKED
     by: By | None = None
@@ -97,9 +100,8 @@ class LawFit(Predicts, RowAccess, LawFigures):
 
     @classmethod
     def of_rows(cls, rows: FittedRows, formula: LawForm, **facts: Any) -> Self:  # noqa: ANN401
-        """A law of rows in memory; their number, edges and domain are taken from the rows."""
-        own: dict[str, Any] = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
-        return cls(formula=formula, rows=rows, **own, **facts)
+        """A law of rows in memory; their number, edges and ranges are taken from the rows."""
+        return cls(formula=formula, rows=rows, **rows.extent(formula.factors), **facts)
 
     def with_rows(self, part: NDArray[Any] | slice = slice(None), **changes: Any) -> Self:  # noqa: ANN401
         """The law on part of its rows with changed fields, those of ``rows`` among them; ``edges`` stay as they are.
@@ -113,8 +115,7 @@ class LawFit(Predicts, RowAccess, LawFigures):
         """
         own = {name: changes.pop(name) for name in FittedRows.__slots__ if name in changes}
         rows, formula = replace(self._in_memory.part(part), **own), changes.get("formula", self.formula)
-        sizes: dict[str, Any] = {"nobs": len(rows), "n_edges": rows.n_edges, "domain": rows.domain(formula.factors)}
-        return replace(self, rows=rows, **sizes, **changes)
+        return replace(self, rows=rows, **rows.extent(formula.factors), **changes)
 
     @property
     def design(self) -> Array:

@@ -142,6 +142,7 @@ def _fitted(
         formula=law, error="multiplicative", theta=fit.params, cov_theta=fit.cov_params if fit.df_resid else None,
         nobs=fit.nobs, rss=fit.rss, tss=fit.tss,
         domain={factors[j]: (float(found.low[j + 1]), float(found.high[j + 1])) for j in keep},
+        response_range=(float(found.low[0]), float(found.high[0])),
         units={name: units.get(name, _usual_unit(name)) for name in (response, *law.factors)},
         by=category, left_out=left_out, dropped=found.filter.dropped(),
         n_edges=None if by_edge is None else len(by_edge.names),

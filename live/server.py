@@ -10,10 +10,11 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlsplit
 
-from ..core.errors import UsageError
+from ..core.errors import FitmodelsError, UsageError
 from ..core.text import json_text, printable
 from .facts import Facts
 
@@ -117,6 +118,7 @@ class OpcUaServer:
         self._stop: asyncio.Event | None = None
         self._nodes: dict[str, Node] = {}
         self._busy = False
+        self._last: Future[None] | None = None
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)
         self._thread = threading.Thread(target=self._run, name="fitmodels OPC UA server", daemon=True)
         self._thread.start()
@@ -126,10 +128,19 @@ class OpcUaServer:
             raise UsageError(f"--serve {address}: the server cannot start: {self._fault}. Give another port.")
 
     def show(self, facts: Facts) -> None:
-        """Publish the description; one that comes while the last is still being written is left out."""
+        """Publish the description; one that comes while the last is still being written is left out.
+
+        Raises
+        ------
+        FitmodelsError
+            The last one could not be published.
+        """
         if not self._busy and self._thread.is_alive():
+            last = self._last
+            if last is not None and last.done() and (failure := last.exception()) is not None:
+                raise FitmodelsError(str(failure) or type(failure).__name__)
             self._busy = True
-            asyncio.run_coroutine_threadsafe(self._publish(dict(facts)), self._loop)
+            self._last = asyncio.run_coroutine_threadsafe(self._publish(dict(facts)), self._loop)
 
     def say(self, facts: Callable[[], Facts], sentences: Sequence[str], _: float | None) -> None:
         """Publish at once where something is new."""

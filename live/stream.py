@@ -1,8 +1,10 @@
 """The description of a watch as lines of JSON, for programs that read a file or a pipe."""
 
+import errno
 import os
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -64,22 +66,31 @@ class JsonLines:
 
 
 def file_writer(path: Path) -> Callable[[str], object]:
-    """A function that appends lines to a file, each by one write; the file is begun anew at `LARGEST` bytes.
+    """A function that appends lines to a file or pipe; the file is begun anew at `LARGEST` bytes.
+
+    Nothing waits for the reader of a pipe: a line that a full pipe does not take is left out.
 
     Raises
     ------
     UsageError
-        The file cannot be written.
+        The file cannot be written, or no program reads the pipe.
     """
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_CLOEXEC", 0)
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NONBLOCK", 0)
     try:
         file = os.open(path, flags, 0o644)
     except OSError as failure:
-        raise UsageError(f"--stream {path}: cannot be written: {cause(failure)}; choose another file.") from None
+        why = "no program reads this pipe" if failure.errno == errno.ENXIO else f"cannot be written: {cause(failure)}"
+        remedy = "start the reader first" if failure.errno == errno.ENXIO else "choose another file"
+        raise UsageError(f"--stream {path}: {why}; {remedy}.") from None
+    torn = b""  # rest of a line that a pipe took in part
 
     def write(line: str) -> None:
+        nonlocal torn
         if os.fstat(file).st_size > LARGEST:
             os.ftruncate(file, 0)
-        os.write(file, line.encode())
+        with suppress(BlockingIOError):
+            torn = torn[os.write(file, torn) :] if torn else b""
+            data = b"" if torn else line.encode()
+            torn = data[os.write(file, data) :] if data else torn
 
     return write

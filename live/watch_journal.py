@@ -59,7 +59,7 @@ class WatchJournal:
     fault : str
         Why the last attempt to write failed; empty where the disk takes records.
     lost : int
-        Records that found no place in memory while the disk refused them.
+        Records that found no place in memory since the disk last refused them.
 
     Examples
     --------
@@ -305,7 +305,7 @@ def leave_request(folder: Path, request: Mapping[str, Any]) -> Path:
     >>> [(each, facts["wear"]) == (path, 0.21) for each, facts in requests(folder)]
     [True]
     """
-    make_folder(folder)
+    make_folder(folder, "--journal")
     key = secrets.token_hex(8)
     path = folder / f"request-{key}.json"
     write_whole(path, json_text({**request, "request": key}))

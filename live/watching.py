@@ -262,6 +262,7 @@ class Watch:
                 self.record("alarm", time=self.monitor.time, kind_of_alarm="journal", text=text, latched=True)
             elif not journal.fault:
                 text = f"the journal is written again; {journal.lost} records were lost meanwhile."
+                journal.lost = 0
                 self.record("notice", time=self.monitor.time, text=text)
                 journal.rotate(self.monitor.as_json())
         elif journal.full:

@@ -203,9 +203,7 @@ def uncertainty_budget(
         parts.append(_Part("gauge", "B", gauge, law.unit, 1.0, (gauge / unit_scale) ** 2, "gauge", math.inf))
     inside = bool(region_contains(law, by, at)) and all(source.inside for source in taken.values())
     of = "the law" if kind == "mean" else _one_row(law)
-    return _combined(
-        law, parts, at, of, value, level, unit_scale, inside, total, tuple(_notes(law, kind, given, gauge))
-    )
+    return _combined(law, parts, at, of, value, level, unit_scale, inside, total, tuple(_notes(kind, given, gauge)))
 
 
 def _combined(
@@ -391,7 +389,7 @@ def _slopes(
     return through, each
 
 
-def _notes(law: LawFields, kind: str, given: Mapping[str, float], gauge: float) -> list[str]:
+def _notes(kind: str, given: Mapping[str, float], gauge: float) -> list[str]:
     exact = "The settings are taken as exact; give their standard uncertainties to include them."
     out = [] if given else [exact]
     if not gauge:

@@ -51,7 +51,8 @@ class ByResponse(tuple[T, ...]):
         found = next((one for one in self if one.response == key), None)
         if found is None:
             known = [one.response for one in self]
-            raise UsageError(f"there is no law of {key!r}. {did_you_mean(key, known, names='There are laws of ')}")
+            others = did_you_mean(key, known, names="There are results of ")
+            raise UsageError(f"there is no result of {key!r}. {others}")
         return found
 
     def _ipython_key_completions_(self) -> list[str]:

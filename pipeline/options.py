@@ -104,6 +104,9 @@ checks) to 1000000.
         if not (_is_whole(self.draws) and FEWEST_DRAWS <= self.draws <= MOST_DRAWS):
             few = f"{FEWEST_DRAWS} (fewer cannot pass the convergence checks)"
             raise UsageError(f"draws {self.draws}: give a whole number from {few} to {MOST_DRAWS}.")
+        for name, kind in (("seed", int), ("draws", int), ("criterion", float), ("gauge_sd", float)):
+            if (given := getattr(self, name)) is not None:  # of numpy, too, which no file takes
+                object.__setattr__(self, name, kind(given))
         if not isinstance(self.priors, str | os.PathLike | Mapping):
             raise UsageError(
                 f"priors {self.priors!r}: give 'weak', 'reference', the path of a TOML file or its content."

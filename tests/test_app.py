@@ -742,7 +742,8 @@ def test_messages_name_the_forms_and_fields_of_the_page(tmp_path):
 
 
 def test_the_sheet_that_was_read_is_named_and_another_is_chosen_by_a_menu(client):
-    openpyxl = pytest.importorskip("openpyxl")
+    import openpyxl
+
     book = openpyxl.Workbook()
     for k, title in enumerate(("Halle 1", "Halle 2")):
         sheet = book.active if k == 0 else book.create_sheet()

@@ -116,7 +116,8 @@ def same_by_command(tab, name, content, folder, monkeypatch):
 
 def workbook():
     """A workbook with a cover sheet; lengths in inches, a header in German, no column of edges."""
-    openpyxl = pytest.importorskip("openpyxl")
+    import openpyxl
+
     book = openpyxl.Workbook()
     cover = book.active
     cover.title = "Deckblatt"

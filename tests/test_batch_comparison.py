@@ -153,14 +153,14 @@ def test_the_results_table_of_a_batch_is_compared_with_its_missing_cells():
     """Outcomes -> table (None, NA, a grouping named like a column of its own) -> comparison."""
     law = {"response": "AW", "form": "power", "reason": "", "nobs": 24, "df": 5, "scale_se": 0.1, "by_edge": True,
            "params_V": 0.5, "bse_V": 0.04, "row_bse_V": 0.04}  # fmt: skip
-    figures_by_plant = [
+    outcomes = [
         *(PairOutcome(f"T{i}", "a", 24, groups={"form": "bar"}) for i in range(4)),
         PairOutcome("T9", "a", 2, reason="2 rows"),
         PairOutcome("T8", "a", 2),
     ]
     rows = [(i, {**law, "params_V": 0.5 + 0.03 * i}) for i in range(4)]
     laws = law_table([*rows, (5, {**law, "params_V": None, "bse_V": None, "df": None, "by_edge": None})])
-    made = compare(results_frame(figures_by_plant, laws, ["form"]), ["form"])
+    made = compare(results_frame(outcomes, laws, ["form"]), ["form"])
     assert made.families[["grouping", "family", "pairs"]].to_numpy().tolist() == [
         ["all pairs", "all pairs", 4],
         ["form", "bar", 4],
@@ -225,13 +225,13 @@ def test_a_table_of_pairs_that_cannot_be_is_said_in_a_sentence(tmp_path, text, s
 
 
 def test_groups_come_from_the_rows_then_the_pair_then_its_tool_then_its_work():
-    figures_by_plant = [
+    outcomes = [
         PairOutcome("A", "x", 9, groups={"iso513": "P", "coolant": ""}),
         PairOutcome("A", "y", 9), PairOutcome("B", "y", 9),
     ]  # fmt: skip
     table = pd.DataFrame({"tool": ["A", "A", ""], "work": ["", "x", "y"],
                           "iso513": ["M", "P", "K"], "coolant": ["dry", "", "flood"]})  # fmt: skip
-    one, two, three = with_groups(figures_by_plant, table)
+    one, two, three = with_groups(outcomes, table)
     assert (one.groups, two.groups, three.groups) == (
         {"iso513": "P", "coolant": "dry"}, {"iso513": "M", "coolant": "dry"}, {"iso513": "K", "coolant": "flood"},
     )  # fmt: skip
@@ -242,14 +242,14 @@ def test_groups_come_from_the_rows_then_the_pair_then_its_tool_then_its_work():
         "coolant is 'dry' by the table of pairs for A and 'flood' by the table of pairs for y; 'dry' counts",
     ]
     assert three.concerns == ()
-    assert figures_by_plant[0].groups == {"iso513": "P", "coolant": ""}
+    assert outcomes[0].groups == {"iso513": "P", "coolant": ""}
 
 
 def test_pairs_that_the_source_does_not_hold_are_named():
     table = pd.DataFrame({"tool": list("ABCDE"), "work": "x", "iso513": "P"})
-    figures_by_plant = [PairOutcome("A", "x", 9)]
-    assert with_groups(figures_by_plant, table)[0].groups == {"iso513": "P"}
-    assert unknown_pairs(figures_by_plant, table).endswith("does not hold: B on x, C on x, D on x and 1 more.")
+    outcomes = [PairOutcome("A", "x", 9)]
+    assert with_groups(outcomes, table)[0].groups == {"iso513": "P"}
+    assert unknown_pairs(outcomes, table).endswith("does not hold: B on x, C on x, D on x and 1 more.")
     with pytest.raises(UsageError, match="none of which the source holds; it holds Z on x"):
         with_groups([PairOutcome("Z", "x", 9)], table)
 

@@ -553,6 +553,13 @@ def test_a_streamed_pair_has_a_file_without_posterior(streamed):
     assert parameters.check(pf).ok
 
 
+def test_conditions_that_are_not_known_are_reported_of_a_stream_with_files_too(streamed):
+    (outcome,) = streamed(simulated("A", 1).drop(columns="V"), 100, how=FAST)[0].pairs
+    (concern,) = [concern for concern in outcome.concerns if concern.kind == "condition not known"]
+    assert concern.words.startswith("Cutting speed V is not in the rows of this pair")
+    assert row(outcome, "AW")["verdict"]
+
+
 def test_a_stream_whose_first_law_lacks_a_factor_is_fitted_without_it(streamed):
     frame = simulated("A", 1)
     (outcome,) = streamed(frame.assign(d=np.nan), 100)[0].pairs

@@ -21,7 +21,7 @@ from fitmodels.batch import output_folder as place
 from fitmodels.batch import records
 from fitmodels.batch.attention import SCATTERS, UNLIKE, attention_frame, attention_summary, with_families
 from fitmodels.batch.law_rows import LAW, law_table
-from fitmodels.batch.outcomes import NO_LAW, NOT_CONVERGED, REFUSED, BlockOutcome, Concern, PairOutcome
+from fitmodels.batch.outcomes import DOUBT, NO_LAW, NOT_CONVERGED, REFUSED, BlockOutcome, Concern, PairOutcome
 from fitmodels.batch.output_folder import claim, folder_names, prepare, put, sweep
 from fitmodels.batch.plan import BatchOptions as Options
 from fitmodels.batch.plan import Block, Pair, Piece, Plan, Reading
@@ -44,7 +44,7 @@ def outcome(*pairs, content=b"{}", **more):
 
 
 def the_same(block, other):
-    """Whether two figures_by_plant of a block are the same, but for the bytes of files, which no record holds."""
+    """Whether two outcomes of a block are the same, but for the bytes of files, which no record holds."""
     frames = block.laws, other.laws
     pd.testing.assert_frame_equal(*frames, check_exact=True)
     numbers = [frame.select_dtypes(float).to_numpy().tobytes() for frame in frames]  # -0.0 and 0.0 are equal
@@ -650,9 +650,9 @@ PAIRS_OF_ROWS = st.tuples(
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(PAIRS_OF_ROWS, max_size=4))
-def test_results_lose_no_digit(figures_by_plant):
-    laws = law_table((i, row) for i, (_, rows) in enumerate(figures_by_plant) for row in rows)
-    made = results_frame([one for one, _ in figures_by_plant], laws, ["iso 513", "=grade", "unit"])
+def test_results_lose_no_digit(outcomes):
+    laws = law_table((i, row) for i, (_, rows) in enumerate(outcomes) for row in rows)
+    made = results_frame([one for one, _ in outcomes], laws, ["iso 513", "=grade", "unit"])
     header, *rows = csv.reader(io.StringIO(csv_bytes(made).decode(), newline=""))
     assert header == ["tool", "work", "iso 513", "'=grade", "group unit", *list(made)[5:]]
     for name, cells in zip(made, zip(*rows, strict=True), strict=False):
@@ -688,8 +688,8 @@ def test_outcomes_are_the_same_in_another_process():
 
 def test_pandas_reads_the_same_numbers(tmp_path):
     numbers = np.random.default_rng(1).normal(size=200) * 10.0 ** np.arange(-100, 100)
-    figures_by_plant = [PairOutcome("a", str(i), 1) for i in range(len(numbers))]
-    made = results_frame(figures_by_plant, law_table((i, law(nobs=i, params_V=v)) for i, v in enumerate(numbers)))
+    outcomes = [PairOutcome("a", str(i), 1) for i in range(len(numbers))]
+    made = results_frame(outcomes, law_table((i, law(nobs=i, params_V=v)) for i, v in enumerate(numbers)))
     (tmp_path / "results.csv").write_bytes(csv_bytes(made))
     back = pd.read_csv(tmp_path / "results.csv", dtype={"params_V": str})  # its own parser may miss the last digit
     assert back["params_V"].map(float).tolist() == numbers.tolist()
@@ -710,24 +710,24 @@ def fitted(tool, *kinds):
     return PairOutcome(tool, "x", 9, concerns=tuple(Concern(kind, f"{kind} of {tool}") for kind in kinds))
 
 
-def results(figures_by_plant, *rows):
+def results(outcomes, *rows):
     """The table where each pair has one law."""
-    given = rows or [{} for _ in figures_by_plant]
-    return results_frame(figures_by_plant, law_table((i, law(**row)) for i, row in enumerate(given)))
+    given = rows or [{} for _ in outcomes]
+    return results_frame(outcomes, law_table((i, law(**row)) for i, row in enumerate(given)))
 
 
 def test_the_gravest_comes_first_and_unknown_kinds_last_by_their_names():
-    figures_by_plant = [
+    outcomes = [
         fitted("a", "rows left out", "zeal"), fitted("b", "zeal", "awe"), fitted("c", "zeal", UNLIKE),
         PairOutcome("d", "x", 1, reason="1 row."),
         PairOutcome("e", "x", 1, reason="2 rows.", concerns=(Concern(NO_LAW, "two"),)),
     ]  # fmt: skip
-    made = attention_summary(figures_by_plant, most=2)
+    made = attention_summary(outcomes, most=2)
     counts = [(NO_LAW, 2), (UNLIKE, 1), ("rows left out", 1), ("awe", 1), ("zeal", 3)]
     assert [(item.kind, item.pairs) for item in made] == counts
     assert (made[0].examples, made[0].words) == (("d on x", "e on x"), ("1 row.", "two"))
     assert made[-1].examples == ("a on x", "b on x")
-    frame = attention_frame(figures_by_plant)
+    frame = attention_frame(outcomes)
     assert frame.columns.tolist() == ["tool", "work", "kind", "words"]
     assert frame["kind"].tolist() == ["rows left out", "zeal", "zeal", "awe", "zeal", UNLIKE, NO_LAW, NO_LAW]
 
@@ -738,14 +738,65 @@ def test_no_concern_gives_empty_tables():
 
 
 def test_a_pair_that_scatters_is_reported_and_one_with_hardly_any_rows_is_not():
-    figures_by_plant = [fitted(name) for name in (*"abcdef", "loud", "near", "small")]
+    outcomes = [fitted(name) for name in (*"abcdef", "loud", "near", "small")]
     rows = [{"scale_se": scale, "df_resid": 100} for scale in (*[0.1] * 6, 0.31, 0.29, 0.35)]
     rows[-1]["df_resid"] = 1
-    made = with_families(figures_by_plant, results(figures_by_plant, *rows))
+    made = with_families(outcomes, results(outcomes, *rows))
     assert [(one.tool, c.kind) for one in made for c in one.concerns] == [("loud", SCATTERS)]
     assert made[6].concerns[0].words == "AW has a scatter of 3.1 times the median of the pairs (0.31 against 0.1)"
-    three = figures_by_plant[4:7]
+    three = outcomes[4:7]
     assert with_families(three, results(three, *rows[4:7])) == three  # they do not tell what is usual
+
+
+def test_names_that_may_be_of_one_pair_or_of_none_are_doubted():
+    names = [("GC435", "C45"), ("gc 435", "C45"), ("GC435", "C 60"), ("NA", "C45"), ("H13A", "C45")]
+    outcomes = [PairOutcome(tool, work, 9) for tool, work in names]
+    made = with_families(outcomes, results(outcomes))
+    advice = "is another pair: the names differ in blanks or case only. If they are one pair, spell them alike in the "
+    advice += "source."
+    assert [(one.tool, c.kind, c.words) for one in made for c in one.concerns] == [
+        ("GC435", "doubtful name", f"'gc 435 on C45' {advice}"),
+        ("gc 435", "doubtful name", f"'GC435 on C45' {advice}"),
+        ("NA", "doubtful name", "tool 'NA' stands for a missing name: rows of several tools may be in this pair."),
+    ]
+
+
+def ranges(quantity, *ends):
+    """A law of each pair, AW from .1 to .3 mm at feeds of .1 to .3 mm/rev, but for one quantity."""
+    usual = {"response_from": 0.1, "response_to": 0.3, "from_f": 0.1, "to_f": 0.3}
+    names = ("response_from", "response_to") if quantity == "AW" else (f"from_{quantity}", f"to_{quantity}")
+    return [usual | dict(zip(names, each, strict=True)) for each in ends]
+
+
+@pytest.mark.parametrize(
+    ("what", "rows", "words"),
+    [
+        ("wear in inches", ranges("AW", *[(0.1, 0.4)] * 4, (0.08, 0.3), (0.004, 0.016)),
+         "AW 0.004 to 0.016 mm: multiplied by 25.4 (inch and mm) it is among the other pairs, whose middles are 0.155 "
+         "to 0.2 mm; check its unit."),
+        ("wear in micrometres", ranges("AW", *[(0.1, 0.4)] * 5, (60, 280)), "AW 60 to 280 mm: divided by 1000 (um and "
+         "mm) it is among the other pairs, whose middles are 0.2 to 0.2 mm; check its unit."),
+        ("time in seconds", ranges("t", *[(2, 14)] * 5, (120, 840)), "t 120 to 840 min: divided by 60 (seconds and "
+         "minutes) it is among the other pairs, whose middles are 5.29 to 5.29 min; check its unit."),
+        ("feeds in inches", ranges("f", *[(0.1, 0.3)] * 5, (0.004, 0.012)), "f 0.004 to 0.012 mm/rev: multiplied by "
+         "25.4 (inch and mm) it is among the other pairs, whose middles are 0.173 to 0.173 mm/rev; check its unit."),
+        ("a depth of finishing", ranges("d", *[(2, 4)] * 5, (0.1, 0.15)), ""),
+        ("a speed of aluminium among titanium", ranges("V", *[(45, 60)] * 5, (500, 700)), ""),
+        ("wear of tests that end early", ranges("AW", *[(0.1, 0.4)] * 5, (0.012, 0.03)), ""),
+        ("a decimal mark could be the reason, or the tool", ranges("AW", *[(0.1, 0.4)] * 5, (0.01, 0.04)), ""),
+        ("feeds over a wide range",
+         ranges("f", (0.01, 0.02), (0.03, 0.06), (0.1, 0.2), (0.3, 0.6), (0.004, 0.012)), ""),
+        ("too few pairs", ranges("AW", *[(0.1, 0.4)] * 3, (0.004, 0.016)), ""),
+        ("no range is known", [{}] * 6, ""),
+        ("a factor that a law leaves out", ranges("f", *[(0.1, 0.3)] * 5, (None, None)), ""),
+    ],
+)  # fmt: skip
+def test_a_pair_in_another_unit_than_the_others_is_doubted(what, rows, words):
+    outcomes = [fitted(f"T{i}") for i in range(len(rows))]
+    made = with_families(outcomes, results(outcomes, *rows))
+    assert [(one.tool, c.kind, c.words) for one in made for c in one.concerns] == (
+        [(f"T{len(rows) - 1}", DOUBT, words)] if words else []
+    )
 
 
 def pooled(estimate, se=0.02, df=20.0, tool="a", family="P", new=(0.4, 0.6), factor="V"):
@@ -791,10 +842,10 @@ def test_what_compare_gives_is_understood():
 
     rng = np.random.default_rng(5)
     exponents = [*rng.normal(0.5, 0.03, 40), 1.2]
-    figures_by_plant = [fitted(f"T{i}") for i in range(len(exponents))]
+    outcomes = [fitted(f"T{i}") for i in range(len(exponents))]
     same = {"df": 20, "df_resid": 20, "scale_se": 0.1, "bse_V": 0.03, "n_edges": 24}
-    table = results(figures_by_plant, *({**same, "params_V": b} for b in exponents))
-    made = with_families(figures_by_plant, table, compare(table).pairs)
+    table = results(outcomes, *({**same, "params_V": b} for b in exponents))
+    made = with_families(outcomes, table, compare(table).pairs)
     assert [one.tool for one in made if one.concerns] == ["T40"]
 
 
@@ -808,7 +859,7 @@ def test_every_kind_that_fitting_tells_has_its_place():
     texts = [path.read_text("utf-8") for path in Path(directory.__path__[0]).glob("*.py")]
     reported = r"""(?<!>>> )(?:Concern\(|yield i, )(?:"([^"]+)"|([A-Z_]+)\b)"""
     named = {name: word for text in texts for name, word in re.findall(r'^([A-Z_]+) = "([^"]+)"$', text, re.MULTILINE)}
-    named |= {"NO_LAW": NO_LAW, "NOT_CONVERGED": NOT_CONVERGED, "REFUSED": REFUSED}
+    named |= {"NO_LAW": NO_LAW, "NOT_CONVERGED": NOT_CONVERGED, "REFUSED": REFUSED, "DOUBT": DOUBT}
     kinds = {kind or named[name] for text in texts for kind, name in re.findall(reported, text)}
     assert len(kinds) > 12
     assert {"fits badly", "doubt in reading"} <= kinds

@@ -112,7 +112,7 @@ WRONG = {
     "pf.laws['AW'].predict(V=100)": "needs f (feed, mm/rev); give f=...",
     "pf.laws['AW'].predict(at, level=95)": "for 95 % give 0.95",
     "pf.laws['AW'].predict(at, lvl=0.9)": "Did you mean 'level'?",
-    "analysis.laws['VC']": "there is no law of 'VC'. There are laws of AW, Fxz, P.",
+    "analysis.laws['VC']": "there is no result of 'VC'. There are results of AW, Fxz, P.",
     "fit.edge_bootstrap(law, 100).interval(95)": "for 95 % give 0.95",
     "fit.compare_laws(runs, law, forms=['powr'])": "Did you mean 'power'?",
     "fit.posterior(law, priors={'V': {'distribution': 'normal', 'mean': 0.5, 'sd': 0.2}})": "priors are by response",

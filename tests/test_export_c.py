@@ -49,12 +49,10 @@ def compiled(consumer, tmp_path):
 
 @pytest.mark.consumer
 @pytest.mark.parametrize("language", ["-std=c89", "-std=c99", "-std=c11", "-std=c++11"])
-def test_a_program_prints_every_value_back_exactly(compiled, constant_load_file, language):
+def test_a_program_prints_every_value_back_exactly(compiled, consumer, constant_load_file, language):
     pf = constant_load_file()
     values = {q.name: q.value for q in export_view(pf).quantities}
-    with_ = shutil.which("c++" if "++" in language else "cc")
-    if with_ is None:
-        pytest.skip("c++ is not installed: apt-get install g++")
+    with_ = consumer("c++" if "++" in language else "cc", "apt-get install g++")
     assert compiled(header_of(pf), list(values), language, with_) == values
 
 

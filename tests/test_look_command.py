@@ -242,7 +242,8 @@ def test_an_empty_pipe_and_a_terminal_are_one_message(here, monkeypatch):
     for command in (["-"], ["look", "-"]):
         result = run(*command, stdin=b"")
         assert (result.code, result.out) == (3, "")
-        assert result.err == "fitmodels: standard input is empty: the command before the pipe has printed nothing.\n"
+        remedy = "check the command before the pipe, or the file that is read"
+        assert result.err == f"fitmodels: standard input is empty: {remedy}.\n"
         monkeypatch.setattr(sys, "stdin", SimpleNamespace(closed=False, isatty=lambda: True))
         result = run(*command)
         assert (result.code, result.out) == (2, "")

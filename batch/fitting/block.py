@@ -11,9 +11,9 @@ import pandas as pd
 
 from ...core.threads import one_thread
 from ..law_rows import PAIR, joined_tables, law_table, reasons, renumbered
-from ..outcomes import DEFECT, GONE, NO_LAW, BlockOutcome, Cell, Concern, Failure, PairOutcome, attempt
+from ..outcomes import DEFECT, DOUBT, GONE, NO_LAW, BlockOutcome, Cell, Concern, Failure, PairOutcome, attempt
 from ..plan import BatchOptions, Block, Pair, Plan
-from .concerns import DOUBT, concerns_of_conditions, concerns_of_laws, concerns_of_values, groups_of_pairs
+from .concerns import concerns_of_conditions, concerns_of_laws, concerns_of_values, groups_of_pairs
 from .pair_file import files_of_pair, with_cells
 from .pair_laws import NumberedRows, laws_of_pairs, numbered_rows
 from .streamed_pair import no_law_asked, streamed_outcome

@@ -11,16 +11,14 @@ from ...datasets.plausibility.ranges import plausible, process_of
 from ...fit.checks.missing_factors import NEEDED, absent, is_noted, missing_of
 from ...fit.defaults import WEAR
 from ..law_rows import PAIR, fitted, refusals
-from ..outcomes import NO_LAW, REFUSED, Concern
+from ..outcomes import DOUBT, NO_LAW, REFUSED, Concern
 from .pair_laws import NumberedRows, texts
 
 if TYPE_CHECKING:
     from ...datasets.options import Process
     from ...parameters import ParameterFile
 
-ABOUT = ("machine", "setup", "iso513")  # groups that the identity of a parameter file has a place for
 SHOWN = 3
-DOUBT = "doubt in reading"
 
 
 def groups_of_pairs(of: NumberedRows, headers: Sequence[str]) -> tuple[list[dict[str, str]], list[list[Concern]]]:
@@ -151,51 +149,16 @@ def _sizes(of: NumberedRows, role: str) -> tuple[NDArray[np.float64], NDArray[np
     return low, high
 
 
-def differs(header: str, names: Sequence[str]) -> Concern:
-    """A pair whose rows name several groups.
+def differs(header: str, names: Sequence[str], more: bool = False) -> Concern:
+    """A pair whose rows name several groups, ``more`` where there may be further ones.
 
     >>> differs("grade", ["P20", "P30"]).words
     "'grade' names 2 groups in the rows of this pair (P20, P30); it counts as P20."
     """
     shown = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
-    words = f"{header!r} names {len(names)} groups in the rows of this pair ({shown}); it counts as {names[0]}."
+    number = f"{len(names)} or more" if more else str(len(names))
+    words = f"{header!r} names {number} groups in the rows of this pair ({shown}); it counts as {names[0]}."
     return Concern("group differs within the pair", words)
-
-
-def identity_of(groups: Mapping[str, str]) -> tuple[dict[str, str], list[Concern]]:
-    """Identity of a parameter file from the groups, and concerns on invalid groups.
-
-    Examples
-    --------
-    >>> identity_of({"ISO 513": "p20", "coolant": "dry"})
-    ({'iso513': 'P20'}, [])
-    """
-    import re
-
-    from ...parameters.sections.origin import ISO513
-
-    found = {plain: name for header, name in groups.items() if (plain := _plain(header)) in ABOUT and name}
-    group = found.get("iso513")
-    if group is None:
-        return found, []
-    if re.fullmatch(ISO513[1:-1], group.strip().upper()):
-        return found | {"iso513": group.strip().upper()}, []
-    found.pop("iso513")
-    words = f"{group!r} is no group of ISO 513 (P, M, K, N, S or H, or with its number as P20); the file has none."
-    return found, [Concern("no group of ISO 513", words)]
-
-
-def is_identity(header: str) -> bool:
-    """Whether a group of this header has a place in the identity of a parameter file.
-
-    >>> is_identity("ISO 513"), is_identity("coolant")
-    (True, False)
-    """
-    return _plain(header) in ABOUT
-
-
-def _plain(header: str) -> str:
-    return "".join(letter for letter in header.lower() if letter.isalnum())
 
 
 NOTED = ("edge_reason", "left_out")
@@ -248,14 +211,14 @@ def _of_laws(laws: pd.DataFrame) -> Iterator[tuple[int, str, str]]:
     for i in _where(dropped > MUCH * (nobs + dropped)):
         yield i, "rows left out", f"{dropped[i]:.0f} of {nobs[i] + dropped[i]:.0f} rows are left out."
     for i in _where(left_out != ""):
-        yield i, "factor left out", f"the law does without {left_out[i]}."
+        yield i, "factor left out", f"the law omits {left_out[i]}."
     df = _numbers(laws, "df", FEW)
     for i in _where(df < FEW):
         plural = "" if df[i] == 1 else "s"
         yield i, "few degrees of freedom", f"{df[i]:.0f} degree{plural} of freedom; measure more edges."
     t = np.where(laws["response"].isin(WEAR), _numbers(laws, "params_t", 0), 0)
     for i in _where(t < 0):
-        words = f"exponent of t {t[i]:.3g}, but no wear falls; look at the gauge and at the edges."
+        words = f"exponent of t {t[i]:.3g}, but wear does not decrease; check the gauge and the edges of the rows."
         yield i, "wear falls with time", words
     R2 = _numbers(laws, "rsquared", 1)
     for i in _where(R2 < POOR):

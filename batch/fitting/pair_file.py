@@ -9,8 +9,9 @@ import pandas as pd
 from ...pipeline.pair import PairAnalysis, fit_pair, parameter_file
 from ..law_rows import PAIR, column, fitted
 from ..outcomes import NOT_CONVERGED, Cell, Concern, Failure, attempt
+from ..pair_table import identity_of
 from ..plan import BatchOptions
-from .concerns import concerns_of_file, identity_of
+from .concerns import concerns_of_file
 from .pair_laws import infinite, without_empty_columns
 
 if TYPE_CHECKING:

@@ -14,8 +14,9 @@ from ...datasets.vocabulary import ROLES
 from ...fit.defaults import SETTINGS, Asked, Held, requested_laws
 from ..law_rows import law_table, reasons, row_of, row_without
 from ..outcomes import GONE, Cell, Concern, Failure, PairOutcome, attempt
+from ..pair_table import identity_of
 from ..plan import BatchOptions, Block, Plan
-from .concerns import concerns_of_laws, differs, identity_of, responses_of_power_laws, unknown_conditions
+from .concerns import concerns_of_file, concerns_of_laws, differs, responses_of_power_laws, unknown_conditions
 from .pair_file import PARAMETERS, law_cells, with_cells
 from .pair_laws import is_stacked, texts, unit_of
 
@@ -73,14 +74,10 @@ def streamed_outcome(block: Block, plan: Plan, options: BatchOptions) -> tuple[P
     none = reasons(table)
     concerns = [
         *concerns_of_laws(table, none, 1)[0],
-        *(differs(h, names) for h, names in seen.names.items() if len(names) > 1),
+        *(differs(h, names, len(names) == SEVERAL) for h, names in seen.names.items() if len(names) > 1),
     ]
-    if not options.files:
-        known, process = (
-            {*plan.reading.constants, *seen.held},
-            plan.reading.process or process_of(seen.held, plan.notes),
-        )
-        concerns += unknown_conditions(responses_of_power_laws(table).get(0, []), known, plan.notes, process)
+    known, process = {*plan.reading.constants, *seen.held}, plan.reading.process or process_of(seen.held, plan.notes)
+    concerns += unknown_conditions(responses_of_power_laws(table).get(0, []), known, plan.notes, process)
     files: Mapping[str, bytes] = {}
     if options.files and any(law is not None for _, law in fitted):
         made = attempt(lambda: _file(block, options, [law for _, law in fitted if law is not None], groups))
@@ -173,4 +170,4 @@ def _file(
         laws=laws, no_posterior=none, command=options.command, options=options.recorded(), seed=options.seed,
         **identity,  # type: ignore[arg-type]
     )  # fmt: skip
-    return {PARAMETERS: as_bytes(pf)}, law_cells(pf), odd
+    return {PARAMETERS: as_bytes(pf)}, law_cells(pf), [*odd, *concerns_of_file(pf)]

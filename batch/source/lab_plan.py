@@ -4,11 +4,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
 from ...core.errors import DataError, FitmodelsError, UsageError
 from ...core.rounding import count
 from ...core.suggestions import did_you_mean
-from ...datasets.vocabulary import ROLES
+from ...datasets.vocabulary import ROLES, roles_named
 from ..engine import MapOver
 from ..engine.base import no_report
 from ..outcomes import defect_sentence
@@ -27,6 +28,7 @@ class FileScan:
     headers: tuple[str, ...] = ()
     groups: frozenset[str] = frozenset()
     unused: tuple[str, ...] = ()
+    inserts: str = ""  # header of a column of tools that numbers edges
     reason: str = ""
     usage: bool = False
 
@@ -96,6 +98,7 @@ def scan_file(task: tuple[str, Reading, bool]) -> FileScan:
             named_by_file=is_named_by_file(runs, path),
             headers=tuple(use.header for use in runs.columns),
             unused=tuple(use.header for use in runs.columns if use.role is None and use.header.strip()),
+            inserts=next((u.header for u in runs.columns if u.role == "edge" and "tool" in roles_named(u.name)), ""),
             groups=frozenset(name for name in reading.groups if group_column(runs, name) is not None),
         )
     except FitmodelsError as error:
@@ -191,6 +194,12 @@ def _assumptions(
         yield (
             f"{count(len(nameless), 'file names', 'files name')} no tool; each counts as a tool named after its file: "
             f"{some_names(nameless)}. Name one tool for all with --tool."
+        )
+    for header in dict.fromkeys(one.inserts for one in found if one.inserts):
+        these = [name for name, one in zip(names, found, strict=True) if one.inserts == header]
+        yield (
+            f"{header!r} numbers cutting edges of one tool, not types of tools, in {count(len(these), 'file')}: "
+            f"{some_names(these)}. If each value is a tool of its own: --map {quote(f'tool={header}')}."
         )
     if copies:
         files = count(len(copies), "file is a byte-identical copy", "files are byte-identical copies")

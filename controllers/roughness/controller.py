@@ -279,8 +279,8 @@ def _require_spindle(pf: "ParameterFile") -> None:
 def _threshold(section: "RoughnessSection") -> float:
     if not (section.threshold > 0 and section.threshold < section.force):
         raise ParameterError(
-            f"roughness.threshold {section.threshold:g} N: a cut is told from air by a force above zero and below the "
-            f"reference of {section.force:.4g} N; give such a threshold."
+            f"roughness.threshold {section.threshold:g} N: a cut is distinguished from air by a force above zero and "
+            f"below the reference of {section.force:.4g} N; give such a threshold."
         )
     return section.threshold
 

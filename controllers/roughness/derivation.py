@@ -326,7 +326,7 @@ class _Draft:
         if not 0.01 * reference <= self.values["threshold"] < reference:
             raise UsageError(
                 f"threshold={self.values['threshold']:.4g}N is not above 1 % of the reference force and below it, "
-                f"{reference:.4g} N; only there is a cut told from noise in air and acted upon."
+                f"{reference:.4g} N; only there is a cut distinguished from noise in air and acted upon."
             )
         if self.values["threshold"] >= lowest:
             words = f"At the lower feed limit the force is {lowest:.4g} N, not above the threshold: the control takes "

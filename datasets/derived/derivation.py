@@ -27,7 +27,7 @@ def derive(draft: Draft, options: ReadOptions) -> None:
     _life_as_time(draft)
     _thrust_of_drill(draft, options)
     known = known_of(draft.data, draft.notes, options)
-    _no_constant_twice(draft, options, known)
+    _no_constant_twice(draft, options)
     compare(draft, known)
     words = {use.role: f"{use.name!r}" for use in draft.uses if use.role is not None}
     found = apply(known, words)
@@ -89,7 +89,7 @@ def _both_rise(draft: Draft, *roles: str) -> bool:
     return bool(inside.sum() >= len(inside) / 2 and all((one[inside] > 0).mean() >= MOST for one in steps))
 
 
-def _no_constant_twice(draft: Draft, options: ReadOptions, known: Known) -> None:
+def _no_constant_twice(draft: Draft, options: ReadOptions) -> None:
     for role, value in options.constants.items():
         if role in draft.data:
             header = next((use.header for use in draft.uses if use.role == role), role)

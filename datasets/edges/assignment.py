@@ -236,6 +236,8 @@ def _edges_are(draft: Draft, chosen: tuple[_Labels, ...], by_name: _Labels | Non
     if len(chosen) == 2:
         blank = (texts[0] == "") | (texts[1] == "")
         draft.data["edge"] = np.where(blank, "", texts[0] + "/" + texts[1]).astype(object)
+        places = {one.place for one in chosen}
+        draft.uses = tuple(replace(use, role="edge") if i in places else use for i, use in enumerate(draft.uses))
         draft.assumed.append(
             f"edges are the combinations of columns {chosen[0].use.header!r} and {chosen[1].use.header!r}: a value of "
             "one alone is of several edges"

@@ -82,6 +82,7 @@ def many_power_laws(
 @one_thread
 def _fill(laws: ManyLaws, rows: PairRows) -> None:
     into = laws.estimates
+    into.least[:], into.most[:] = rows.ends()
     if len(laws):
         found = screen(rows)
         for pattern, pairs in _by_pattern(found):

@@ -31,6 +31,8 @@ class Estimates:
     ----------
     theta, se, row_se : ndarray, shape (K, p)
         ln c0 and exponents, their standard errors (by edge where ``by_edge``) and those of rows.
+    least, most : ndarray, shape (K, p)
+        Ends of the factors and, last, of the response among the usable rows.
     rss, tss : ndarray, shape (K,)
     nobs, n_edges, dropped : ndarray of int, shape (K,)
         Rows used, edges among them, rows left out.
@@ -43,6 +45,8 @@ class Estimates:
     theta: Array
     se: Array
     row_se: Array
+    least: Array
+    most: Array
     rss: Array
     tss: Array
     nobs: Ints
@@ -72,7 +76,7 @@ class Estimates:
 
 def no_estimates(K: int, p: int) -> Estimates:
     """Arrays for K pairs and p parameters, not yet filled."""
-    numbers = [np.full((K, p), np.nan) for _ in range(3)] + [np.full(K, np.nan) for _ in range(2)]
+    numbers = [np.full((K, p), np.nan) for _ in range(5)] + [np.full(K, np.nan) for _ in range(2)]
     counts = [np.zeros(K, dtype=np.intp) for _ in range(3)]
     flags = [np.zeros(K, dtype=bool) for _ in range(2)]
     return Estimates(*numbers, *counts, *flags, *(np.full(K, "", dtype=object) for _ in range(3)))
@@ -197,7 +201,8 @@ class ManyLaws(Plottable):
         """One row a pair: its names, the fit as a whole, then each parameter with its error, t and p.
 
         Columns: those of the pair; ``nobs, n_edges, df, df_resid, rsquared, rsquared_adj, fvalue, f_pvalue,
-        scale_se``; ``params_V, bse_V, row_bse_V, tvalues_V, pvalues_V`` and so on; ``by_edge, dropped, left_out,
+        scale_se, response_from, response_to``; ``params_V, bse_V, row_bse_V, tvalues_V, pvalues_V`` and so on;
+        ``from_V, to_V`` and so on, the ends of each factor of the law among its rows; ``by_edge, dropped, left_out,
         edge_reason, reason``. A pair without a law keeps its row, with NaN and its reason.
         """
         found = pd.DataFrame(self.columns())
@@ -211,7 +216,7 @@ class ManyLaws(Plottable):
         parts, made = self._of_parameters(), self.estimates
         found = {f"{part}_{name}": parts[part][:, j] for j, name in enumerate(self.names) for part in parts}
         notes = {name: getattr(made, name) for name in ("by_edge", "dropped", "left_out", "edge_reason", "reason")}
-        return {**self._whole(), **found, **notes}
+        return {**self._whole(), **found, **self._domain(), **notes}
 
     def conf_int(self, level: float = 0.95) -> pd.DataFrame:
         """Intervals at ``level``: the pair's columns, then ``low_V, high_V`` and so on; NaN where there are none."""
@@ -249,8 +254,16 @@ class ManyLaws(Plottable):
             scale = np.where(free, np.sqrt(made.rss / df), np.nan)
         p = np.full(len(F), np.nan)
         p[found] = fdtrc(k[found], df[found], np.maximum(F[found], 0.0))
+        ends = [np.where(self.fitted, of[:, -1], np.nan) for of in (made.least, made.most)]
         return {"nobs": made.nobs, "n_edges": made.n_edges, "df": made.df, "df_resid": made.df_resid, "rsquared": R2,
-                "rsquared_adj": adjusted, "fvalue": F, "f_pvalue": p, "scale_se": scale}  # fmt: skip
+                "rsquared_adj": adjusted, "fvalue": F, "f_pvalue": p, "scale_se": scale,
+                "response_from": ends[0], "response_to": ends[1]}  # fmt: skip
+
+    def _domain(self) -> dict[str, Array]:
+        """Ends of the factors of each law, as ``LawFit.domain``; NaN where a law leaves one out."""
+        made, without = self.estimates, np.isnan(self.estimates.theta[:, 1:])
+        of = {"from": np.where(without, np.nan, made.least[:, :-1]), "to": np.where(without, np.nan, made.most[:, :-1])}
+        return {f"{end}_{name}": of[end][:, j] for j, name in enumerate(self.factors) for end in of}
 
     def _of_parameters(self) -> dict[str, Array]:
         """Coefficients, their errors, t and p, each of shape (K, p)."""

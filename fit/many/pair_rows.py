@@ -1,6 +1,6 @@
 """Rows of all pairs, sorted by pair and by edge, in logarithms, and the screening of the pairs for the batched fit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,6 +59,17 @@ class PairRows:
     def counts(self) -> Ints:
         """Usable rows of each pair, shape (K,)."""
         return np.diff(self.bounds)
+
+    def ends(self) -> tuple[Array, Array]:
+        """Least and greatest value of the factors and, last, of the response, shapes (K, k + 1); NaN without rows."""
+        here = np.flatnonzero(self.counts)
+        least, most = np.full((2, len(self.counts), len(self.raw)), np.nan)
+        if here.size:
+            in_order = len(self.source) == len(self.number) and bool(np.all(self.source[1:] > self.source[:-1]))
+            usable = (values if in_order else values[self.source] for values in self.raw.values())
+            of_columns = _ends(usable, self.bounds[here])
+            least[here], most[here] = of_columns[0].T, of_columns[1].T
+        return least, most
 
     @property
     def edge_bounds(self) -> Ints:
@@ -205,25 +216,38 @@ def screen(rows: PairRows) -> Screening:
         return found
     starts, counts = rows.bounds[here], rows.counts[here]
     first = _first_rows(rows, starts, counts)
-    reach, alike = np.empty((k + 1, len(here))), np.ones(rows.logs.shape[1], dtype=bool)
-    for column, most in zip(rows.logs, reach, strict=True):
-        about = np.abs(column - np.repeat(column[first], counts))
-        np.maximum.reduceat(about, starts, out=most)
-        alike &= about == 0
+    least, most = _ends(rows.logs, starts)
+    reach = np.maximum(most - rows.logs[:, first], rows.logs[:, first] - least)
     level = rows.logs[:k, first].T
     share = reach[:k].T / np.maximum(1.0, np.abs(level))
     constant = share <= CONSTANT
     hardly = ~constant & (reach[:k].T < MARGIN * HARDLY)
     close = (((share > CONSTANT / MARGIN) & (share < CONSTANT * MARGIN)) | hardly).any(axis=1)
-    copied = (np.add.reduceat(alike, starts, dtype=np.intp) > 1) & (counts >= 2 * FEWEST)
+    copied = (_copies(rows.logs, first, counts) > 1) & (counts >= 2 * FEWEST)
     p = 1 + k - constant.sum(axis=1)
     found.plain[here] = (counts > p) & (p > 1) & (reach[k] > 0) & ~close & ~copied
     if len(rows.source) < len(rows.number):
         infinite = np.logical_or.reduce([np.isinf(values) for values in rows.raw.values()])
         found.plain[rows.number[infinite]] = False
     found.constant[here], found.level[here], found.within[here] = constant, level, _within(rows, starts)
-    found.largest[here] = np.maximum.reduceat(np.abs(rows.logs[k]), starts)
+    found.largest[here] = np.maximum(np.abs(least[k]), np.abs(most[k]))
     return found
+
+
+def _ends(columns: Iterable[Array], starts: Ints) -> tuple[Array, Array]:
+    """Least and greatest value of each column in each pair, shapes (columns, pairs)."""
+    ends = [[np.minimum.reduceat(column, starts), np.maximum.reduceat(column, starts)] for column in columns]
+    least, most = np.array(ends).swapaxes(0, 1)
+    return least, most
+
+
+def _copies(logs: Array, first: Ints, counts: Ints) -> Ints:
+    """Rows of each pair that are equal to its first one, which is among them."""
+    pair = np.repeat(np.arange(len(first)), counts)
+    rows = np.flatnonzero(logs[-1] == np.repeat(logs[-1, first], counts))  # a response is rarely measured twice
+    for column in logs[:-1]:
+        rows = rows[column[rows] == column[first[pair[rows]]]]
+    return np.bincount(pair[rows], minlength=len(first))
 
 
 def _first_rows(rows: PairRows, starts: Ints, counts: Ints) -> Ints:

@@ -210,13 +210,13 @@ def open_loops(loops: Loops, theta: Array) -> Complex:
     """L of loop k at angle ``theta[k]`` = omega T in (0, pi], shape (m,)."""
     z, sine = np.exp(-1j * theta), _one_less(theta)
     plant = _horner(loops.b, z) / _horner(loops.a, z)
-    return np.asarray(plant * _around(loops, theta, z, sine) * (loops.proportional + loops.integral / sine))
+    return np.asarray(plant * _around(loops, z, sine) * (loops.proportional + loops.integral / sine))
 
 
 def parts(b: Array, a: Array, loops: Loops, theta: Array) -> tuple[Complex, Complex]:
     """X and W (nf,) of one plant, so that L = kp' X + ki T W."""
     z, sine = np.exp(-1j * theta), _one_less(theta)
-    X = _horner(b[:, None], z) / _horner(a[:, None], z) * _around(loops, theta, z, sine)
+    X = _horner(b[:, None], z) / _horner(a[:, None], z) * _around(loops, z, sine)
     return X, X / sine
 
 
@@ -263,7 +263,7 @@ def _near(roots: Complex) -> list[Array]:
     return out
 
 
-def _around(loops: Loops, theta: Array, z: Complex, sine: Complex) -> Complex:
+def _around(loops: Loops, z: Complex, sine: Complex) -> Complex:
     """Loop without plant and PI: delay, average, low-pass, and the further sum of incremental_sum."""
     kind = loops.kind
     out = z**kind.delay if kind.delay else np.ones_like(z)

@@ -24,6 +24,12 @@ LONGEST_LINE: Final = 1_000_000  # bytes without an end of line
 Items = Iterator[Sample | Notice]
 
 
+def _bytes_at(file: int, size: int, at: int) -> bytes:
+    """Bytes of an open file from a place on; Windows has no ``pread``."""
+    os.lseek(file, at, os.SEEK_SET)
+    return os.read(file, size)
+
+
 class Tail:
     r"""Complete lines of a file that grows; a line without its end is left for the next time.
 
@@ -69,7 +75,7 @@ class Tail:
             status = os.fstat(file.fileno())
             if reason := self._changed(file, status.st_size):
                 return [], self._again(reason)
-            data = os.pread(file.fileno(), CHUNK, self._offset)
+            data = _bytes_at(file.fileno(), CHUNK, self._offset)
             if data:
                 return self._taken(file, data, status.st_size)
             return [], self._successor(status)
@@ -85,8 +91,8 @@ class Tail:
         number, size = self._file.fileno(), os.fstat(self._file.fileno()).st_size
         if size > self._offset:
             start = max(self._offset, size - CHUNK)
-            self._offset = start + os.pread(number, size - start, start).rfind(b"\n") + 1
-            self._before, self._pending = os.pread(number, MARK, max(0, self._offset - MARK)), b""
+            self._offset = start + _bytes_at(number, size - start, start).rfind(b"\n") + 1
+            self._before, self._pending = _bytes_at(number, MARK, max(0, self._offset - MARK)), b""
 
     def _begin(self) -> None:
         self._offset = 0
@@ -108,8 +114,8 @@ class Tail:
         if size < self._offset:
             return f"was cut to {size} bytes"
         if size > self._offset and self._offset:
-            head = os.pread(file.fileno(), len(self._head), 0)
-            before = os.pread(file.fileno(), len(self._before), self._offset - len(self._before))
+            head = _bytes_at(file.fileno(), len(self._head), 0)
+            before = _bytes_at(file.fileno(), len(self._before), self._offset - len(self._before))
             if (head, before) != (self._head, self._before):
                 return "was rewritten"
         return ""
@@ -123,7 +129,7 @@ class Tail:
     def _taken(self, file: BinaryIO, data: bytes, size: int) -> tuple[list[bytes], str]:
         self._exhausted = False
         self._offset += len(data)
-        self._head = os.pread(file.fileno(), min(MARK, self._offset), 0)
+        self._head = _bytes_at(file.fileno(), min(MARK, self._offset), 0)
         self._before = (self._before + data)[-MARK:]
         self.caught_up = self._offset >= size
         *lines, self._pending = (self._pending + data).split(b"\n")

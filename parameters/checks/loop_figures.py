@@ -186,11 +186,11 @@ def _margins(loop: ClosedLoop) -> dict[str, float]:
     return {
         "ms": (1 / np.abs(1 + L)).max(),
         "phase_margin": float(np.degrees(lead.min(initial=np.inf))),
-        "gain_margin": _gain_margin(loop, theta, L),
+        "gain_margin": _gain_margin(loop, L),
     }
 
 
-def _gain_margin(loop: ClosedLoop, theta: Array, L: Complex) -> float:
+def _gain_margin(loop: ClosedLoop, L: Complex) -> float:
     """The factor nearest 1, as a ratio, that puts L on -1."""
     cross = np.flatnonzero((L.imag[1:] < 0) != (L.imag[:-1] < 0))
     share = L.imag[cross] / (L.imag[cross] - L.imag[cross + 1])
