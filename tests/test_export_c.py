@@ -1,6 +1,5 @@
 """The C header, compiled with every warning an error; a program that includes it prints the same doubles."""
 
-import shutil
 import struct
 import subprocess
 from dataclasses import replace
