@@ -25,7 +25,7 @@ MARKS = (";", "\t", "|", ",", " ")
 Line = tuple[int, Sequence[Cell]]
 
 
-FAMILIES = {
+ISO_FAMILIES = {
     "P": "P steel", "M": "M stainless", "K": "K cast iron",
     "N": "N non-ferrous", "S": "S superalloys and titanium", "H": "H hardened",
 }  # fmt: skip
@@ -59,7 +59,7 @@ def iso_group(value: str) -> str | None:
     if found := _ISO_GROUP.fullmatch(plain):
         letter, number = found[1].upper(), found[2]
         return letter if number is None else f"{letter}{int(number):02d}" if 0 < int(number) <= 50 else None
-    return {name.casefold(): letter for letter, name in FAMILIES.items()}.get(plain.casefold())
+    return {name.casefold(): letter for letter, name in ISO_FAMILIES.items()}.get(plain.casefold())
 
 
 def iso_family(value: str) -> str:
@@ -71,7 +71,7 @@ def iso_family(value: str) -> str:
     ('P steel', 'K cast iron', 'M stainless', 'steel')
     """
     group = iso_group(value)
-    return value.strip() if group is None else FAMILIES[group[0]]
+    return value.strip() if group is None else ISO_FAMILIES[group[0]]
 
 
 def identity_of(groups: Mapping[str, str]) -> tuple[dict[str, str], list[Concern]]:

@@ -7,11 +7,11 @@ import numpy as np
 import openpyxl
 import pandas as pd
 import pytest
-from fitmodels.batch.comparison import FAMILIES, NAMES, PAIRS, compare, is_iso_513, iso_family
+from fitmodels.batch.comparison import FAMILIES, PAIRS, compare
 from fitmodels.batch.exponent_figures import write_figures
 from fitmodels.batch.law_rows import law_table
 from fitmodels.batch.outcomes import PairOutcome
-from fitmodels.batch.pair_table import read_pairs, unknown_pairs, with_groups
+from fitmodels.batch.pair_table import ISO_FAMILIES, is_iso_513, iso_family, read_pairs, unknown_pairs, with_groups
 from fitmodels.batch.tables import results_frame
 from fitmodels.batch.terminal import comparison_block
 from fitmodels.core import journal
@@ -69,7 +69,7 @@ def test_known_means_and_spreads_come_back_by_iso_group():
     of = made.families.query("factor == 'V' and grouping == 'iso513'").set_index("family")
     assert list(of.index) == ["K cast iron", "P steel", "S superalloys and titanium"]
     for letter, mean in MEANS.items():
-        row = of.loc[NAMES[letter]]
+        row = of.loc[ISO_FAMILIES[letter]]
         assert abs(row["mean"] - mean) < 3 * row["mean_se"]
         assert row["tau_low"] < SPREAD < row["tau_high"]
         assert row["new_low"] < mean - SPREAD

@@ -113,7 +113,7 @@ def test_what_is_not_read_is_said(lab, tmp_path):
 
 
 def test_a_column_of_tools_that_numbers_edges_is_named(tmp_path):
-    """Nine inserts with two edges each may as well be nine tools: which of them is said, with the other reading."""
+    """Nine inserts with two edges each may as well be nine tools: the report names the other reading."""
     rows = [f"T{tool},{edge},C45,{V + 10 * tool},{t},{0.01 * (V + 10 * tool) ** 0.5 * t**0.3:.4f}\n"
             for tool in range(9) for edge, V in enumerate((90, 160)) for t in (2, 4, 8)]  # fmt: skip
     path = tmp_path / "inserts.csv"
@@ -124,7 +124,7 @@ def test_a_column_of_tools_that_numbers_edges_is_named(tmp_path):
         "'tool' numbers cutting edges of one tool, not types of tools, in 1 file: inserts.csv. If each value is a tool "
         "of its own: --map tool=tool.",
     )
-    assert len(opened(path, tmp_path, Reading(columns={"tool": "tool"})).pairs) == 9
+    assert len(opened(path, tmp_path, Reading(map={"tool": "tool"})).pairs) == 9
     uses = {use.header: use.role for use in datasets.read_runs(path).columns}
     assert uses["tool"] == uses["edge"] == "edge"
 
