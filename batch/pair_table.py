@@ -10,6 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..core.errors import DataError, UsageError
+from ..core.rounding import label_of
 from ..core.text import shortened
 from ..datasets.tables.decode import encoding_of, load_bytes, text_lines
 from ..datasets.tables.dialect import is_comment, split_line, text_source
@@ -316,5 +317,5 @@ def _some(keys: Iterable[tuple[str, str]]) -> str:
 
 def _text(cell: Cell) -> str:
     if isinstance(cell, float):
-        return str(int(cell)) if cell.is_integer() else repr(cell)
+        return label_of(cell)
     return "" if is_missing(cell) else cell.strip()

@@ -1,5 +1,6 @@
 """Rows of the pairs of a block in standard units, ready to be fitted."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -43,6 +44,15 @@ class PairSource:
             runs.process, runs.constants,
         )  # fmt: skip
 
+    def remarks(self, shared: bool) -> tuple[bool, tuple[str, ...]]:
+        """Whether notes mark the rows as simulated; doubts and warnings from reading the file.
+
+        Those of a file that is ``shared`` by several pairs may be about any of them, which is stated.
+        """
+        words = (*map(str, self.doubts), *self.warnings)
+        of = f"{self.source.name}, a file of several pairs: " if shared else ""
+        return bool(disclaimers(self.notes)), tuple(f"{of}{each}" for each in words)
+
 
 @dataclass(frozen=True, slots=True)
 class PairRows:
@@ -84,14 +94,13 @@ class PairRows:
     of_pair: Mapping[Pair, PairSource] = field(default_factory=dict)
 
     def remarks(self, pairs: Sequence[Pair]) -> list[tuple[bool, tuple[str, ...]]]:
-        """Whether notes mark the rows of each pair as simulated; doubts about its values, and warnings from reading."""
+        """Whether notes mark the rows of each pair as simulated; doubts and warnings from reading."""
         shared = bool(disclaimers(self.notes)), self.warnings
         if not self.of_pair:
             return [shared] * len(pairs)
-        return [
-            shared if about is None else (bool(disclaimers(about.notes)), (*map(str, about.doubts), *about.warnings))
-            for about in map(self.of_pair.get, pairs)
-        ]
+        held = Counter(about.source for about in self.of_pair.values())
+        found = map(self.of_pair.get, pairs)
+        return [shared if about is None else about.remarks(held[about.source] > 1) for about in found]
 
     def runs(self) -> Iterator[tuple[Pair, Runs]]:
         """The runs of each pair, in the order in which the rows name them."""

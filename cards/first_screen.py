@@ -14,6 +14,7 @@ from rich.cells import cell_len
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from ..core.rounding import count
 from ..core.verdict import DO_NOT_USE, MARKS, RESERVATIONS, USABLE
 from ..datasets import Runs
 from ..fit.defaults import Refused
@@ -32,7 +33,6 @@ from .reading_terminal import (
     assumed_units,
     command_lines,
     constant_conditions,
-    count_rows,
     edges_words,
     first_doubt_lines,
     first_line,
@@ -91,7 +91,7 @@ class FirstScreen:
         ``remedy`` is that command as words of a shell.
         """
         what = pair_name(runs) if self.pairs == 1 else f"{self.pairs} pairs of tool and work"
-        read = lives_words(runs) or f"{count_rows(len(runs))}{edges_words(runs)}"
+        read = lives_words(runs) or f"{count(len(runs), 'row')}{edges_words(runs)}"
         lines = wrapped(f"{runs.source.name}: {read}; {what}", self.width, BOLD, most=3)
         lines += wrapped(f"! {unused}", self.width, YELLOW, most=2) if (unused := unused_edges(runs)) else []
         if self.pairs > 1 and (rows := unused_rows(runs)):
@@ -247,7 +247,7 @@ def _law_head(law: LawSection, verdict: VerdictPart, screen: FirstScreen) -> Tex
         *(f"{'; ' if i == 0 else ', '}{why}" for i, why in enumerate(short_reasons(law, verdict))),
         f"; {spread}" if spread else "",
         what,
-        f"; {count_rows(law.n)}{edges}",
+        f"; {count(law.n, 'row')}{edges}",
     ):
         if cell_len(line.plain) + cell_len(part) <= screen.width:
             line.append(part, "not bold default")

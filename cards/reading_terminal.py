@@ -14,7 +14,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from ..core.rounding import format_plain
+from ..core.rounding import count, format_plain
 from ..datasets import Runs
 from ..datasets.columns import ColumnUse, recognised
 from ..datasets.doubts import Doubt
@@ -46,7 +46,7 @@ def reading_notes(runs: Runs, command: Command) -> RenderableType:
     table.add_column(style="dim", no_wrap=True)
     table.add_column()
     s = runs.source
-    table.add_row("file", Text(f"{s.name}: {s.dialect}; {count_rows(s.rows)}"))
+    table.add_row("file", Text(f"{s.name}: {s.dialect}; {count(s.rows, 'row')}"))
     if runs.doubts:
         table.add_row(Text("doubts", style="bold red"), doubt_lines(runs.doubts, command))
     table.add_row("tool, work", Text(f"{runs.tool}, {runs.work}"))
@@ -120,7 +120,7 @@ def edges_words(runs: Runs) -> str:
     """`` of 24 edges``; that none is named only where no column of the file numbers them."""
     edges = sum(len(set(one.labels("edge")) - {""}) for one in runs.pairs()) if runs.has("edge") else 0
     if edges:
-        return f" of {edges} edge{'s' if edges != 1 else ''}"
+        return f" of {count(edges, 'edge')}"
     return "" if unused_edges(runs) else ", no edges named"
 
 
@@ -138,7 +138,7 @@ def unused_rows(runs: Runs) -> str:
         values = runs.values(name)
         empty, zero = int(np.isnan(values).sum()) - len(_marks(runs, name)), int((values <= 0).sum())
         why = ", ".join(f"{name} {words} {n}" for words, n in (("empty", empty), ("0", zero)) if n > 0)
-        found += [f"{count_rows(empty + zero)} not used: {why}"] if why else []
+        found += [f"{count(empty + zero, 'row')} not used: {why}"] if why else []
     return "; ".join(found)
 
 
@@ -172,9 +172,10 @@ def first_doubt_lines(doubts: Sequence[Doubt], width: int, remedy: Sequence[str]
     if not doubts:
         return []
     first = sorted(doubts, key=lambda doubt: not doubt.unsettled)[0]
-    count = f"{len(doubts)} doubt{'s' if len(doubts) > 1 else ''} about the data"
     more = " (all with --full)" if len(doubts) > 1 else ""
-    lines = wrapped(f"! {count}{more}: {first.sentence}", width, "bold red", most=2)
+    lines = wrapped(
+        f"! {count(len(doubts), 'doubt')} about the data{more}: {first.sentence}", width, "bold red", most=2
+    )
     return [*lines, *command_lines(remedy, width)]
 
 
@@ -182,7 +183,7 @@ def doubts_reminder(runs: Runs) -> str:
     """One line on the doubts, for the end of the output; empty where there are none."""
     n, names = len(runs.doubts), dict.fromkeys(name for doubt in runs.doubts for name in doubt.columns)
     of = f" ({', '.join(names)})" if names else ""
-    return f"{n} doubt{'s' if n > 1 else ''} about the data{of}: see the beginning of this output." if n else ""
+    return f"{count(n, 'doubt')} about the data{of}: see the beginning of this output." if n else ""
 
 
 def pairs_block(pairs: Sequence[Runs], laws: Callable[[Runs], str]) -> RenderableType:
@@ -239,7 +240,7 @@ def raw_columns(table: "FileTable") -> RenderableType:
         texts = (f"{value:.6g}" if isinstance(value, float) else str(value)[:20] for value in cells)
         values = ", ".join("-" if text in ("nan", "") else text for text in texts)
         grid.add_row(f"col{column.number}", Text(column.name), Text(unit), name, Text(values))
-    head = Text(f"Columns as found: {table.dialect.describe()}; {count_rows(table.n_rows)}", style="bold")
+    head = Text(f"Columns as found: {table.dialect.describe()}; {count(table.n_rows, 'row')}", style="bold")
     return Group(head, Padding(grid, (0, 0, 1, 2)))
 
 
@@ -348,11 +349,6 @@ def fitted(sections: Sequence[Section], height: int, width: int) -> list[Text]:
             out.append(Text())
         out += section.forms[k]
     return out
-
-
-def count_rows(n: int) -> str:
-    """``1 row``, ``12 rows``."""
-    return f"{n} row{'s' if n != 1 else ''}"
 
 
 def _span(values: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> str:

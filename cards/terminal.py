@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.display import TextTable, display_of
+from ..core.rounding import count
 from ..core.verdict import MARKS, RESERVATIONS, USABLE, Verdict
 from ..datasets import Runs
 from ..fit import LawFit
@@ -30,7 +31,7 @@ from .content.posterior import EXPLANATIONS
 from .content.tables import check_table, coefficient_table, holds_words
 from .content.tool_life import tool_life_part
 from .content.verdicts import sorted_by_level, verdicts_of
-from .reading_terminal import Command, count_rows, lines_of
+from .reading_terminal import Command, lines_of
 
 if TYPE_CHECKING:
     from ..datasets import Record
@@ -60,7 +61,7 @@ def pair_head(runs: Runs) -> RenderableType:
     """Title of a pair, with its rows."""
     title = Text(f"{runs.tool} on {runs.work}", style="bold underline")
     simulated = ", not measured: " + runs.disclaimers[0] if runs.simulated else ""
-    title.append(f"   {count_rows(len(runs))}{simulated}", "not bold")
+    title.append(f"   {count(len(runs), 'row')}{simulated}", "not bold")
     return Padding(title, (0, 0, 1, 0))
 
 

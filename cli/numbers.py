@@ -128,10 +128,16 @@ def criterion(text: str) -> float:
     >>> criterion("0.3"), criterion("VB=0.2mm"), criterion("200um")
     (0.3, 0.2, 0.2)
     """
+    from ..datasets.plausibility.ranges import MOST_WEAR
+
     try:
-        return float(_in_unit(text.rpartition("=")[2], "mm"))
+        value = float(_in_unit(text.rpartition("=")[2], "mm"))
     except ValueError:
         raise ArgumentTypeError(f"{text}: give the wear in mm, for instance 0.2, or with its unit: 200um") from None
+    if value > MOST_WEAR:
+        words = f"{text}: {value:g} mm of wear is more than the {MOST_WEAR:g} mm that an edge can have"
+        raise ArgumentTypeError(f"{words}; give mm, for instance 0.3, or the unit: 300um")
+    return value
 
 
 def _in_unit(text: str, unit: str) -> str:

@@ -143,7 +143,8 @@ def write_table(frame: "pd.DataFrame", args: argparse.Namespace, notes: list[str
     """Write a table with its notes to standard output, or to the file of --out and then print the notes."""
     from ..datasets import write_csv
 
-    place = target(args.out, args.force)
+    inputs = [name for option in ("file", "plan") if (name := getattr(args, option, None)) is not None]
+    place = target(args.out, args.force, *inputs)
     if args.out is not None or not args.json:
         write_csv(frame, place, notes, force=args.force)
     if args.json:
@@ -157,16 +158,21 @@ def write_table(frame: "pd.DataFrame", args: argparse.Namespace, notes: list[str
         out.wrote(f"Written: {args.out}", args.out)
 
 
-def target(out: str | None, force: bool) -> Path | TextIO:
-    """Standard output, or a file that may be written."""
+def target(out: str | None, force: bool, *inputs: str) -> Path | TextIO:
+    """Standard output, or a text file that may be written and is none of the inputs."""
     from ..core.errors import UsageError
+    from ..core.files import refuse_input
     from ..core.journal import recover
+    from ..datasets.tables.workbook import SUFFIXES
 
     if out is None:
         return sys.stdout
     path = Path(out)
     if path.is_dir() or not path.parent.is_dir():
         raise UsageError(f"{out}: give the name of a file in a folder that exists.")
+    if path.suffix.lower() in SUFFIXES:
+        raise UsageError(f"--out {out}: the table is text, not a workbook; give a name that ends in .csv.")
+    refuse_input(path, *inputs)
     recover(path)
     if path.exists() and not force:
         raise UsageError(f"{out} exists; replace it with --force, or choose another name.")

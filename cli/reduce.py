@@ -1,7 +1,6 @@
 """``fitmodels reduce``: records of forces, power or current -> a table of tests, a row a cut."""
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,12 +89,10 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.signals.rows import reduced_rows
 
     how = _options(args)
-    out = target(args.out, args.force)
+    out = target(args.out, args.force, args.plan)
     if not isinstance(out, Path):
         raise UsageError("--out: give the name of a file.")
     folder, kept = Path(args.folder), out.with_name(f"{out.stem}-records")
-    if os.path.realpath(out) == os.path.realpath(args.plan):
-        raise UsageError("--out is the plan itself: choose another name.")
     try:
         with progress_bar(unit="records", lines=len(record_files(folder)) > SHOWN and not args.quiet) as meter:
             found = reduce_folder(folder, Path(args.plan), how, kept, besides=(out,), meter=meter)

@@ -11,6 +11,7 @@ import numpy as np
 from ..core.errors import DataError, UsageError
 from ..core.version import __version__
 from .arguments import Parser, parameter_file, seed
+from .numbers import criterion
 from .output import output_options
 from .plan import write_table
 
@@ -40,7 +41,9 @@ def parser() -> Parser:
     )
     p.add_argument("--interval", type=float, default=2.0, metavar="MIN", help="length of a sub-test (default: 2)")
     p.add_argument("--t-max", type=float, default=20.0, metavar="MIN", help="longest time on an edge (default: 20)")
-    p.add_argument("--criterion", type=float, default=0.3, metavar="MM", help="wear that ends an edge (default: 0.3)")
+    p.add_argument(
+        "--criterion", type=criterion, default=0.3, metavar="MM", help="wear that ends an edge (default: 0.3)"
+    )
     icc = "intraclass correlation: share of the variance between edges (default: as in the file, 0.5 where it has none)"
     p.add_argument("--icc", type=float, metavar="SHARE", help=icc)
     p.add_argument("--by", metavar="LEVEL", help="level of the laws that have levels (default: the reference)")

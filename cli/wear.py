@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.files import STANDARD_INPUT, write_whole
+from ..core.rounding import count
 from ..core.version import __version__
 from .arguments import MARK, ONE_TABLE, Parser, opened, stem, typed
 from .corrections import corrected
@@ -221,8 +222,8 @@ class _First(_Full):
         more = max(0, self.screen.used - self.screen.height)
         if self.number > 1 and written:
             rest = f"... and {more} more pairs. " if more else ""
-            count = f"{written} folder{'s' if written > 1 else ''}"
-            words = f"{rest}Written: {count} in {_root(self.args)}/ (card.html in each; tables: --full)"
+            folders = count(written, "folder")
+            words = f"{rest}Written: {folders} in {_root(self.args)}/ (card.html in each; tables: --full)"
             self.out.show(rendered(wrapped(words, self.out.width)))
 
 

@@ -1,6 +1,7 @@
 """Numbers as text, rounded by their uncertainty."""
 
 import math
+from numbers import Integral, Real
 
 EXACT = 1e-5  # relative uncertainty below which seven digits show it
 
@@ -71,6 +72,18 @@ def p_value(p: float) -> str:
     ('0.041', '<0.001')
     """
     return "" if not math.isfinite(p) else "<0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def label_of(value: object) -> str:
+    """A value as the text of a label: a whole number without a decimal point, others with all their digits.
+
+    >>> label_of(1.0), label_of(2.5), label_of(12345678901234567), label_of("01")
+    ('1', '2.5', '12345678901234567', '01')
+    """
+    if not isinstance(value, Real) or isinstance(value, Integral):
+        return str(value)
+    number = float(value)
+    return str(int(number)) if number.is_integer() else repr(number)
 
 
 def count(n: int, what: str, several: str = "") -> str:

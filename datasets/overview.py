@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.figure_style import BLUE, GREY, ORANGE, SERIES, SMALL, THICK, THIN
 from ..core.plotting import NotebookFigure, dress
-from ..core.rounding import with_unit
+from ..core.rounding import count, with_unit
 from .figures import RESPONSES
 from .runs import Array, Runs
 from .vocabulary import ROLES
@@ -77,7 +77,7 @@ def overview_figure(runs: Runs) -> Figure:
 def _title(runs: Runs) -> str:
     edges = f", {len(set(runs.labels('edge')) - {''})} edges" if runs.has("edge") else ", no edges"
     n = len(runs.doubts)
-    doubts = f", {n} doubt{'s' if n > 1 else ''} (orange)" if n else ""
+    doubts = f", {count(n, 'doubt')} (orange)" if n else ""
     note = ", simulated" if runs.simulated else ""
     return f"{runs.source.name}: {runs.tool} on {runs.work}, {len(runs)} rows{edges}{note}{doubts}"
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.display import Display, Displayable, Plottable, TextTable
 from ..core.errors import DataError, ReadingWarning, UsageError
-from ..core.rounding import format_plain
+from ..core.rounding import format_plain, label_of
 from .columns import ColumnUse
 from .derived.rules import Derived
 from .doubts import Doubt
@@ -154,7 +154,7 @@ class Runs(Plottable):
         series = self.data[self._known(name)]
         if not pd.api.types.is_numeric_dtype(series):
             return series.to_numpy(dtype=object)
-        return np.array(["" if np.isnan(v) else f"{v:.15g}" for v in series.to_numpy(dtype=float)], dtype=object)
+        return np.array(["" if v != v else label_of(v) for v in series.tolist()], dtype=object)
 
     def pairs(self) -> Iterator["Runs"]:
         """The runs of each tool/work pair, in the order in which the file names them."""

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.errors import DataError, UsageError
+from ..core.rounding import label_of
 from .rows import Dropped
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ class LabelNumbers:
         """Number of each label, shape (m,); whole numbers read ``1``, not ``1.0``, and missing ones are empty."""
         numeric = isinstance(labels.dtype, np.dtype) and labels.dtype.kind in "iuf"
         code, unique = pd.factorize(labels.to_numpy(), size_hint=FEW) if numeric else pd.factorize(labels)
-        texts = [_text(label) for label in unique]
+        texts = [label_of(label) for label in unique]
         if (code < 0).any():
             texts.append("")  # missing is -1, and so the last
         return np.array([self.numbers.setdefault(text, len(self.numbers)) for text in texts], dtype=np.intp).take(code)
@@ -139,12 +140,6 @@ def _numbers(name: str, column: "pd.Series[str]") -> Array:
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
         raise UsageError(f"column {name!r} holds text; a law needs numbers.")
     return column.to_numpy(dtype=float, na_value=np.nan)
-
-
-def _text(label: object) -> str:
-    if isinstance(label, int | float | np.integer | np.floating) and not isinstance(label, bool):
-        return f"{float(label):.15g}"
-    return str(label)
 
 
 def _joined(parts: list[RowBlock]) -> RowBlock:

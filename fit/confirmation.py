@@ -20,6 +20,7 @@ from ..core.arrays import Array
 from ..core.calls import check_share
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError, UsageError
+from ..core.rounding import count
 from ..datasets.runs import Readable, Runs, as_runs
 from .available import NotAvailable
 from .edges import EdgeInference
@@ -149,7 +150,7 @@ class Confirmation(Plottable):
         first = self.not_compared[0]
         n = len(self.not_compared)
         return (
-            f"; {n} row{'s' if n > 1 else ''} outside the region of the design {'are' if n > 1 else 'is'} not compared "
+            f"; {count(n, 'row')} outside the region of the design {'are' if n > 1 else 'is'} not compared "
             f"(line{'s' if n > 1 else ''} {lines}; line {first.line} is {first.reason.split('; ')[0]})"
         )
 

@@ -23,6 +23,7 @@ from .lawfit import LawFit
 Array = NDArray[np.float64]
 
 STEP = 1e-6  # of a parameter in units of its standard error, for the gradient of a decision
+FAR = 2.0  # times the tested range: further away no law is to be extrapolated
 COSTS = ("Cm", "Ct", "tc")
 
 
@@ -268,12 +269,14 @@ def _of_range(value: float, law: LawFit) -> list[str]:
 
 def _outside(law: LawFit, at: Mapping[str, float]) -> list[str]:
     """Conditions outside the range of the tests."""
-    return [
-        f"{name} {at[name]:.3g} lies outside the tested range ({low:g} to {high:g} {law.units.get(name, '')}".rstrip()
-        + "): test there first."
-        for name, (low, high) in law.domain.items()
-        if name in at and not low * (1 - 1e-9) <= at[name] <= high * (1 + 1e-9)
-    ]
+    out = []
+    for name, (low, high) in law.domain.items():
+        if name in at and not low * (1 - 1e-9) <= at[name] <= high * (1 + 1e-9):
+            tested = f"{low:g} to {high:g} {law.units.get(name, '')}".rstrip()
+            near = low / FAR <= at[name] <= high * FAR
+            remedy = "test there first" if near else "the law does not hold so far from the tests; check the decision"
+            out.append(f"{name} {at[name]:.3g} lies outside the tested range ({tested}): {remedy}.")
+    return out
 
 
 def _power_without_levels(law: LawFit) -> None:

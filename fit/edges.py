@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
+from ..core.rounding import count
 from .available import NotAvailable
 from .least_squares import products_by, sums_by
 
@@ -208,7 +209,7 @@ def too_few_edges(nobs: int, G: int, between: int) -> str:
         return f"each of the {G} rows is a separate edge: rows are independent"
     if between + 1 > G:
         return (
-            f"{G} edge{'s' if G > 1 else ''} for {between} parameter{'s' if between > 1 else ''} estimated between "
+            f"{count(G, 'edge')} for {count(between, 'parameter')} estimated between "
             f"edges: cut at least {between + 1 - G} more, at other conditions"
         )
     return ""

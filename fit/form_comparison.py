@@ -10,7 +10,7 @@ import pandas as pd
 from ..core.arrays import Array
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
-from ..core.rounding import format_plain
+from ..core.rounding import count, format_plain
 from ..core.verdict import Verdict
 from .available import NotAvailable, computed
 from .checks.check import SIGNIFICANT, format_p
@@ -169,7 +169,7 @@ class FormComparison(Plottable):
             return (
                 f"{self.response}: {preferred.name} is preferred:{reason} {left} {self.error_text(preferred)}, against "
                 f"{self.error_text(default)} of {default.name} ({format_p(min(1.0, others * preferred.pvalue))}, "
-                f"corrected for {others} form{'s' if others > 1 else ''})."
+                f"corrected for {count(others, 'form')})."
             )
         best = next(form for form in self.forms if form is not default)
         chance = " by more than chance" if best is self.best else ""

@@ -38,6 +38,7 @@ from ..core.intervals import (
     value_and_ends,
 )
 from ..core.predictions import GivenFactor, Prediction, within_tests
+from ..core.rounding import label_of
 from .available import NotAvailable
 from .edges import EdgeInference
 from .fitted_rows import FittedRows
@@ -211,7 +212,7 @@ def _edge_numbers(law: Fitted) -> NDArray[np.intp]:
 def _known(law: Fitted, edges: EdgeInference, table: pd.DataFrame) -> NDArray[np.intp]:
     """Number of each point's edge among those of the fit."""
     number = {name: g for g, name in enumerate(edges.edges)}
-    asked = [f"{v:.15g}" if isinstance(v, float) else str(v) for v in table["edge"]]
+    asked = [label_of(v) for v in table["edge"]]
     strange = next((name for name in asked if name not in number), None)
     if strange is not None:
         some = ", ".join(edges.edges[:6]) + (", ..." if edges.n_edges > 6 else "")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..core.formula import FORMS, Term, second_order_terms
-from ..core.rounding import count
+from ..core.rounding import count, label_of
 from ..datasets import Runs
 from ..datasets.vocabulary import ROLES
 from .laws import LARGEST_LOG, LawForm
@@ -388,7 +388,7 @@ def as_table(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.Data
 
 def level_names(column: "pd.Series[str]", known: Sequence[str], name: str) -> NDArray[np.object_]:
     """Levels of a category as text; FitError where one is not among the fitted."""
-    level = [f"{v:.15g}" if isinstance(v, float) else str(v) for v in column]
+    level = [label_of(v) for v in column]
     strange = sorted(set(level) - set(known))
     if strange:
         raise FitError(f"{name} {strange[0]!r} is not among the fitted: {', '.join(known)}.")

@@ -11,6 +11,7 @@ from typing import Any
 
 from ..core.display import Displayable
 from ..core.errors import ParameterError
+from ..core.rounding import count
 from .conflicts import (
     FOLLOWING,
     WHOLE,
@@ -96,7 +97,7 @@ def merge(
 
 
 def _refusal(inputs: Sequence[MergeInput], conflicts: Sequence[str]) -> str:
-    number = f"{len(conflicts)} conflict{'s' if len(conflicts) > 1 else ''}"
+    number = count(len(conflicts), "conflict")
     files = " and ".join(each.name for each in inputs)
     return (
         f"{files} contradict each other, so nothing was written; {number}: {' '.join(conflicts)} Decide each with "

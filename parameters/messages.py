@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..core.rounding import count
 from ..core.text import shortened
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def difference(one: object, two: object, a: str, b: str) -> str:
     differ = list(_fields(one, two, names))
     shown = [(key, *_values(x, y)) for key, x, y in differ[:SHOWN]]
     more = len(differ) - SHOWN
-    further = f" ({more} more field{'s' if more > 1 else ''} differ{'' if more > 1 else 's'})" if more > 0 else ""
+    further = f" ({count(more, 'more field')} differ{'' if more > 1 else 's'})" if more > 0 else ""
     held = (", ".join(f"{key} {values[side]}" for key, *values in shown) for side in (0, 1))
     return f"{next(held)} in {a}; {next(held)} in {b}{further}"
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from ..core.calls import checked
 from ..core.display import Display, Displayable, TextTable
 from ..core.errors import FitError, UsageError
+from ..core.rounding import count
 from ..core.suggestions import did_you_mean
 from .options import NAMED_PRIORS, FitOptions, fit_options
 from .pair import USER_ERRORS, PairAnalysis, Step, fit_laws, no_step, parameter_file, with_posteriors
@@ -174,8 +175,8 @@ class Analysis(Displayable):
     def _display(self) -> Display:
         rows = tuple((pair.name, *row) for pair in self.pairs for row in pair.law_rows())
         n = len(self.pairs)
-        laws = f"{len(rows)} law{'' if len(rows) == 1 else 's'}"
-        head = f"{self.runs.source.name}: {laws} of {n} pair{'' if n == 1 else 's'}, {len(self.runs)} rows"
+        laws = count(len(rows), "law")
+        head = f"{self.runs.source.name}: {laws} of {count(n, 'pair')}, {len(self.runs)} rows"
         head += "; simulated, not measured" if self.runs.simulated else ""
         table = TextTable(("pair", "law", "verdict", "form", "rows", "R2", "equation"), rows) if rows else None
         doubts = [f"Doubt: {doubt.in_python}" for doubt in self.runs.doubts]

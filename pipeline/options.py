@@ -12,6 +12,7 @@ from ..core.bounded import sha256_of
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
 from ..datasets.options import ReadOptions, check_choice
+from ..datasets.plausibility.ranges import MOST_WEAR
 
 Error: TypeAlias = Literal["multiplicative", "additive"]
 
@@ -97,6 +98,9 @@ checks) to 1000000.
             raise UsageError(f"by {self.by!r}: give a text, or leave it out.")
         if self.criterion is not None and not (_is_number(self.criterion) and 0 < self.criterion < inf):
             raise UsageError(f"criterion {self.criterion}: a wear criterion is above zero, for instance 0.3.")
+        if self.criterion is not None and self.criterion > MOST_WEAR:
+            most = f"more than the {MOST_WEAR:g} mm of wear that an edge can have"
+            raise UsageError(f"criterion {self.criterion:g} mm: {most}; give mm, for instance 0.3.")
         if self.gauge_sd is not None and not (_is_number(self.gauge_sd) and 0 <= self.gauge_sd < inf):
             raise UsageError(f"gauge_sd {self.gauge_sd}: a standard deviation is not below zero, for instance 0.01.")
         if not (_is_whole(self.seed) and 0 <= self.seed < 2**32):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from .. import fit
 from ..core.display import Display, Displayable, TextTable
 from ..core.errors import DataError, FitError, UsageError
-from ..core.rounding import format_plain
+from ..core.rounding import count, format_plain
 from ..core.suggestions import did_you_mean
 from ..core.verdict import LEVELS, MARKS, USABLE
 from ..datasets import Runs
@@ -201,7 +201,7 @@ class PairAnalysis(Displayable):
 
     def _display(self) -> Display:
         laws = self.law_rows()
-        head = f"{self.name}: {len(laws)} law{'' if len(laws) == 1 else 's'} of {len(self.runs)} rows"
+        head = f"{self.name}: {count(len(laws), 'law')} of {len(self.runs)} rows"
         table = TextTable(("law", "verdict", "form", "rows", "R2", "equation"), tuple(laws)) if laws else None
         refused = (f"{item.response} is not fitted: {item.reason}" for item in self.refused)
         return Display(head, table=table, sentences=(*refused, *filter(None, (self.failed, self.no_life))))

@@ -112,6 +112,9 @@ def test_doubts_of_a_laboratory_file_are_concerns_and_in_its_parameter_file(fitt
     assert "AW is doubted: --unit AW=um" in [c.words for c in outcome.concerns if c.kind == "doubt in reading"]
     pf = parameters.ParameterFile.model_validate_json(outcome.files["params.json"])
     assert [one.sentence for one in pf.reading.doubts] == ["AW is doubted"]
+    two = replace(rows, of_pair={**of_pair, Pair("H13A", "C45"): next(iter(of_pair.values()))})
+    ((_, words),) = two.remarks([Pair(runs.tool, runs.work)])
+    assert words[0] == "data.csv, a file of several pairs: AW is doubted: --unit AW=um"
     (streamed,) = fitted(replace(rows, of_pair={}), how=FAST).pairs
     assert parameters.ParameterFile.model_validate_json(streamed.files["params.json"]).reading is None
 

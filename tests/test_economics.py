@@ -166,6 +166,14 @@ def test_the_paper_of_2017_at_a_constant_pair():
     assert full.beyond == ("life 18 min (longest test 15 min)",)
 
 
+def test_a_depth_outside_the_tests_is_named_as_a_speed_would_be():
+    costs = CostsSection(currency="USD", machine=30.0, edge=3.0, change=2.0)
+    low, high = next((one.low, one.high) for one in published("AC-2017").laws["AW"].factors if one.symbol == "d")
+    deep = economic_settings(published("AC-2017"), costs, d=1.2 * high).least_cost
+    assert f"d {1.2 * high:.4g} mm (tested {low:g} to {high:g})" in deep.beyond
+    assert not any(words.startswith("d ") for words in economic_settings(published("AC-2017"), costs).least_cost.beyond)
+
+
 def test_energy_is_that_of_the_mean_power_over_the_life():
     costs = CostsSection(currency="EUR", machine=30.0, edge=3.0, change=2.0, energy=0.3, efficiency=0.8)
     found = economic_settings(published("AC-2017"), costs, times="full").least_cost

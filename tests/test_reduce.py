@@ -13,6 +13,7 @@ from fitmodels.cli import main
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.datasets.signals.cuts import find_cuts
+from fitmodels.datasets.signals.faults import _piled_up
 from fitmodels.datasets.signals.options import ReduceOptions
 from fitmodels.datasets.signals.recording import Recording, read_recordings
 
@@ -217,6 +218,10 @@ def _lose(values, part, to=np.nan):
 
 FAULTS = {
     "saturated": (lambda t, F: np.minimum(F, 520.0), "is saturated"),
+    "peaks of teeth saturated": (
+        lambda t, F: np.minimum(F * (1 + 0.5 * np.sin(2 * np.pi * 231.7 * t)), 600.0),
+        "is saturated: ",
+    ),
     "wholly saturated": (lambda t, F: np.minimum(F, 300.0), "saturated"),
     "signal lost": (lambda t, F: _lose(F, (t > 5) & (t < 7), 431.7), "signal lost?"),
     "gap": (lambda t, F: _lose(F, (t > 5) & (t < 6)), "without a value"),
@@ -243,6 +248,16 @@ def test_a_fault_is_remarked(lab, name):
     ]
     assert words in doubt.sentence
     assert doubt.columns == ("Fc",)
+
+
+def test_teeth_in_equal_steps_of_a_converter_are_not_saturated():
+    """The outermost step of a sine holds 2.4 times the samples of the next, of which runs are short at this rate."""
+    t = np.arange(0, 10, 0.001)
+    teeth = 1700 * (1 + 0.5 * np.sin(2 * np.pi * 231.7 * t))
+    for step in (0.488, 5.0, 40.0):
+        coarse = np.round(teeth / step) * step
+        assert _piled_up(coarse, coarse.max()) == _piled_up(coarse, coarse.min()) == 0
+    assert _piled_up(np.minimum(teeth, 2000.0), 2000.0) == np.count_nonzero(teeth >= 2000)
 
 
 def test_a_sound_record_gets_no_remark(lab):
@@ -355,6 +370,30 @@ def test_by_time_of_day(lab):
         rows = "".join(f"{a},{b + 100 * (minute > 0) * (b > 200):.3f}\n" for a, b in zip(clock, load, strict=True))
         (lab.folder / name).write_text("Uhrzeit,Fc [N]\n" + rows)
     assert lab.run().data["record"].tolist() == ["y.csv", "x.csv"]
+
+
+def clocked(lab, name, begin, load):
+    """A record with a time of day; ``begin`` in s since midnight."""
+    t, force, *_ = simulated.cut_signal([load], 50, np.random.default_rng(1), seconds=5.0)
+    clock = [f"{int(s // 3600) % 24:02d}:{int(s // 60) % 60:02d}:{s % 60:06.3f}" for s in begin + t]
+    rows = "".join(f"{a},{b:.3f}\n" for a, b in zip(clock, force, strict=True))
+    (lab.folder / name).write_text("Uhrzeit,Fc [N]\n" + rows)
+
+
+def test_by_time_of_day_over_midnight(lab):
+    lab.rows(2, start=["01.03.2026 23:58:30", "02.03.2026 00:00:30"])
+    clocked(lab, "x.csv", 30.0, 500.0)
+    clocked(lab, "y.csv", 86310.0, 400.0)
+    assert lab.run().data["record"].tolist() == ["y.csv", "x.csv"]
+
+
+@pytest.mark.parametrize(("begins", "doubted"), [((86310, 86370, 30), False), ((30, 86370, 86310), True)])
+def test_records_that_were_not_recorded_in_the_order_of_their_names_are_doubted(lab, begins, doubted):
+    lab.rows(3)
+    for name, begin, load in zip("abc", begins, (300.0, 400.0, 500.0), strict=True):
+        clocked(lab, f"{name}.csv", begin, load)
+    lab.run()
+    assert ("not recorded in the order of their names" in lab.out.read_text()) == doubted
 
 
 def test_time_in_cut_is_summed_by_edge_where_the_plan_has_none(lab):

@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.arrays import Array, Ints, numbers_of_runs
+from ...core.rounding import label_of
 from ...datasets import Runs
 from ...datasets.options import Process
 from ...datasets.plausibility.ranges import process_of
@@ -141,7 +142,7 @@ def texts(column: "pd.Series[str]") -> NDArray[np.object_]:
     (['1', ''], ['a', ''])
     """
     code, unique = pd.factorize(column)
-    return np.array([*map(_text, unique), ""], dtype=object)[code]
+    return np.array([*map(label_of, unique), ""], dtype=object)[code]
 
 
 def _numbered(frame: pd.DataFrame) -> tuple[Ints, tuple[Pair, ...]]:
@@ -159,17 +160,12 @@ def _codes(column: "pd.Series[str]") -> tuple[Ints, "pd.Index[str]"]:
     return pd.factorize(column, use_na_sentinel=False)
 
 
-def _text(value: object) -> str:
-    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    return f"{float(value):.15g}" if number else str(value)  # type: ignore[arg-type]
-
-
 def _there(column: "pd.Series[str]") -> Flags:
     """Where a column holds something, shape (n,): a number, or a text that is not empty."""
     if _is_numeric(column):
         return column.notna().to_numpy(dtype=bool)
     code, unique = pd.factorize(column)
-    return np.array([*(_text(value) != "" for value in unique), False], dtype=bool)[code]
+    return np.array([*(label_of(value) != "" for value in unique), False], dtype=bool)[code]
 
 
 def _is_numeric(column: "pd.Series[Any]") -> bool:

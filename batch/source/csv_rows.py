@@ -11,7 +11,7 @@ from pyarrow import csv
 
 from ...core.bounded import open_regular
 from ...core.errors import DataError
-from ...core.rounding import count
+from ...core.rounding import count, label_of
 from ...datasets.tables.dialect import is_comment, split_line
 from ...datasets.tables.layout import footer_label
 from ...datasets.tables.numerals import MISSING_AS_WRITTEN, Decimal, is_missing, is_number, parse_number
@@ -71,9 +71,7 @@ class Cells:
         if is_missing(text):
             return None
         value = parse_number(text, self.decimal) if as_numbers else None
-        if value is None:
-            return text.strip()
-        return str(int(value)) if value.is_integer() else repr(value)
+        return text.strip() if value is None else label_of(value)
 
     def _at_once(self, cells: Any) -> Any:  # noqa: ANN401
         """All cells as plain finite numbers, or None."""

@@ -211,7 +211,7 @@ def _assumptions(
         )
     unused = Counter(name for one in found for name in dict.fromkeys(one.unused) if name not in reading.groups)
     if unused:
-        columns = [f"{name!r} ({n} file{'' if n == 1 else 's'})" for name, n in unused.most_common()]
+        columns = [f"{name!r} ({count(n, 'file')})" for name, n in unused.most_common()]
         yield f"Columns that no law uses: {some_names(columns)}; assign them with --map."
     for name in reading.groups:
         if lacking := [

@@ -9,6 +9,7 @@ import pandas as pd
 
 from ...core.arrays import Array, Ints, numbers_of_runs
 from ...core.errors import UsageError
+from ...core.rounding import label_of
 
 try:
     import pyarrow as pa  # type: ignore[import-untyped]
@@ -124,7 +125,7 @@ def text_of(value: object) -> str:
         return str(value)
     if number != number:
         return ""
-    return str(int(number)) if number.is_integer() else repr(number)
+    return label_of(number)
 
 
 def numbered(tool: Labels, work: Labels, number: Callable[[tuple[str, str]], int]) -> Ints:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import ParameterError
+from ...core.rounding import count
 from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
 from .design import at_words, middle, reference
@@ -27,7 +28,7 @@ def summary(pf: ParameterFile) -> str:
     what = join_words(_holds(pf)) or "no law, no dynamics and no settings yet"
     first = f"{simulated}{what}, for {title(pf)}{_from(pf)}."
     n = len(pf.reading.doubts) if pf.reading is not None else 0
-    doubted = [f"The reading of its data raised {n} doubt{'s' if n > 1 else ''}."] if n else []
+    doubted = [f"The reading of its data raised {count(n, 'doubt')}."] if n else []
     return " ".join([first[:1].upper() + first[1:], *_said(pf), *doubted])
 
 

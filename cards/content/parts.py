@@ -7,6 +7,7 @@ from textwrap import shorten
 from pydantic import BaseModel, ConfigDict, Field
 
 from ...core.display import HasRepr
+from ...core.rounding import count
 from ...core.verdict import DO_NOT_USE, MARKS, RESERVATIONS, USABLE, Mark
 
 CHECKED = {"passed": USABLE, "warning": RESERVATIONS, "failed": DO_NOT_USE}  # verdict of a check -> level of its mark
@@ -139,7 +140,7 @@ class VerdictPart(Part):
         if not self.reasons:
             return ""
         more = len(self.reasons) - 1
-        rest = [f"{more} more reason{'s' if more > 1 else ''} below."] if more else []
+        rest = [f"{count(more, 'more reason')} below."] if more else []
         return " ".join([shorten(self.reasons[0], BRIEF, placeholder=" ..."), *rest])
 
 

@@ -307,16 +307,18 @@ def _saving(
 
 
 def _beyond(problem: PartProblem, pair: Mapping[str, float], life: float) -> tuple[str, ...]:
-    """What of a pair lies outside the tests of the law of the life."""
+    """What of a pair and of the depth lies outside the tests of the law of the life, or of another with the factor."""
     out = []
     law, longest = problem.source.law, problem.source.longest
-    units = {"V": "m/min", "f": "mm/rev"}
-    for factor in law.factors:
-        if factor.symbol in pair:
-            k = ratio(factor.unit, units[factor.symbol])
-            low, high, value = factor.low * k, factor.high * k, pair[factor.symbol]
+    units, values = {"V": "m/min", "f": "mm/rev", "d": "mm"}, {**pair, "d": problem.setting.d}
+    laws = (law, *problem.pf.laws.values())
+    for symbol, value in values.items():
+        factor = next((one for each in laws for one in each.factors if one.symbol == symbol), None)
+        if factor is not None:
+            k = ratio(factor.unit, units[symbol])
+            low, high = factor.low * k, factor.high * k
             if not low * (1 - SAME) <= value <= high * (1 + SAME):
-                out.append(f"{factor.symbol} {value:.4g} {units[factor.symbol]} (tested {low:g} to {high:g})")
+                out.append(f"{symbol} {value:.4g} {units[symbol]} (tested {low:g} to {high:g})")
     if longest is not None and life > longest * (1 + SAME):
         out.append(f"life {life:.3g} min (longest test {longest:g} min)")
     return tuple(out)

@@ -40,7 +40,8 @@ _FORCE = {
     "grinding": _row(1, 2000, 0.05, 20000, 0, 1e6),
 }
 _DIAMETER = {"any": _row(1, 1000, 0.05, 5000, 0, 30000)}
-_WEAR = {"any": _row(0.02, 0.6, 0.01, 1, 0, 5), "grinding": _row(0.001, 0.6, 0.0002, 1, 0, 5)}
+MOST_WEAR = 5.0  # mm
+_WEAR = {"any": _row(0.02, 0.6, 0.01, 1, 0, MOST_WEAR), "grinding": _row(0.001, 0.6, 0.0002, 1, 0, MOST_WEAR)}
 _TIME = {"any": _row(0.2, 120, 0.02, 600, 0, 1e5)}
 FORCES = ("Fx", "Fy", "Fz", "Fxz", "Fc", "Ff", "Fp", "F")
 

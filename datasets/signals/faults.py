@@ -13,6 +13,8 @@ from .statistics import ChannelFigures
 
 CLIPPED = 0.002  # share of the samples of a window at the largest value of the record
 RUN = 4  # samples in a row at the extreme
+FEWEST_PEAKS, PILED_UP = 20, 8  # samples at the extreme, and how often those of the next level, where runs are shorter
+FAR = 0.5  # of the largest size in the record
 CONSTANT = 0.002  # share of the window in which the signal does not change
 LEVELS = 16  # a signal of no more distinct values is coarse, not clipped
 GAPS = 0.001  # share of the window without a value
@@ -81,6 +83,8 @@ def _stuck(name: str, known: Array, values: Array, step: float, unit: str) -> li
     out = []
     for extreme, word in ((np.nanmax(values), "largest"), (np.nanmin(values), "smallest")):
         held = int(lengths[(levels == extreme) & (lengths >= RUN)].sum())
+        if abs(extreme) > FAR * np.nanmax(np.abs(values)):  # near zero, teeth are out of the work
+            held = max(held, _piled_up(known, extreme))
         if held > CLIPPED * len(known):
             out.append(
                 f"{name} is saturated: {100 * held / len(known):.2g} % of the samples are at its {word} value "
@@ -93,6 +97,18 @@ def _stuck(name: str, known: Array, values: Array, step: float, unit: str) -> li
             f"{name} is constant at {levels[longest]:.4g} {unit} for {step * lengths[longest]:.2g} s: signal lost?"
         )
     return out
+
+
+def _piled_up(known: Array, extreme: float) -> int:
+    """Samples at the extreme, where they are many times those of the next level, as peaks of teeth that are cut off.
+
+    Of a sine in equal steps the outermost one holds 2.4 times the samples of the next.
+    """
+    held, others = int(np.count_nonzero(known == extreme)), known[known != extreme]
+    if held < FEWEST_PEAKS or not others.size:
+        return 0
+    next_level = others.max() if extreme > others[0] else others.min()
+    return held if held > PILED_UP * np.count_nonzero(others == next_level) else 0
 
 
 def _zero(name: str, figures: ChannelFigures, unit: str) -> list[str]:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from ...core.errors import DataError, UsageError
 from ...core.rounding import count
 from ...core.suggestions import closest
 from ..headers import parse_header
-from ..records.columns import clock_seconds, heads
+from ..records.columns import DAY, clock_seconds, heads
 from ..tables import Column, Table, read_table
 from ..units import canonical, convert, is_unit, same_dimension
 from ..vocabulary import ROLES
@@ -226,6 +227,33 @@ def start_times(plan: Plan) -> Array | None:
     if column is None or column.is_numeric:
         return None
     return clock_seconds([str(text) for text in column.values])
+
+
+def on_days_of(starts: Array, clock: float) -> float:
+    """A time of day of a record, s, on that day of the plan on which a row starts nearest to it.
+
+    >>> on_days_of(np.array([86310.0, 86430.0]), 32.0), on_days_of(np.array([3600.0]), 3632.0)
+    (86432.0, 3632.0)
+    """
+    days = clock + DAY * np.arange(int(np.nanmax(starts) // DAY) + 2)
+    return float(days[np.nanargmin(np.nanmin(np.abs(days[:, None] - starts), axis=1))])
+
+
+def clock_doubt(clocks: Sequence[float | None]) -> str:
+    """A doubt where records that are joined in the order of their names were not recorded in it; else empty.
+
+    >>> clock_doubt([10.0, 86390.0, 86300.0])[:50], clock_doubt([86300.0, 86390.0, 10.0]), clock_doubt([5.0, None])
+    ('the records were not recorded in the order of thei', '', '')
+    """
+    known = [clock for clock in clocks if clock is not None]
+    falls = sum(later < earlier for earlier, later in pairwise(known))
+    midnight = falls == 1 and known[-1] < known[0]
+    if falls == 0 or midnight or len(known) < len(clocks):
+        return ""
+    return (
+        "the records were not recorded in the order of their names, in which they are joined to the rows: name the "
+        "record of each row in a column 'record', or give the plan a column 'start'"
+    )
 
 
 def rows_by_time(starts: Array, begins: Sequence[tuple[str, float]], lines: Sequence[int]) -> list[int]:

@@ -18,7 +18,7 @@ from ...core.version import __version__
 from ..vocabulary import ROLES
 from .cuts import CutsFound, find_cuts
 from .faults import air_faults, cut_faults
-from .joining import Assignment, Plan, assignment, count_mismatch, read_plan, rows_by_time, start_times
+from .joining import Assignment, Plan, assignment, count_mismatch, on_days_of, read_plan, rows_by_time, start_times
 from .options import ReduceOptions
 from .recording import Recording, read_recordings, record_files
 from .statistics import ChannelFigures, channel_figures, peak_window
@@ -207,7 +207,7 @@ def _speeds(plan: Plan, joined: Assignment, path: Path, before: int) -> tuple[Sp
         def by_clock(k: int, clock: float | None) -> float | None:
             if clock is None or starts is None:
                 return None
-            return _known(float(n[int(np.nanargmin(np.abs(starts - clock)))]))
+            return _known(float(n[int(np.nanargmin(np.abs(starts - on_days_of(starts, clock))))]))
 
         return by_clock, hashlib.sha256(n.tobytes() + starts.tobytes()).hexdigest() if starts is not None else ""
     return lambda k, clock: _known(float(own[k])) if k < len(own) else None, str(own[:1000].tolist())
@@ -238,7 +238,7 @@ def _rows(plan: Plan, joined: Assignment, records: Sequence[ReducedRecord]) -> t
     untimed = next((record.name for record, cut in cuts if cut.clock is None), None)
     if untimed is not None or starts is None:
         raise DataError(f"{untimed} has no time of day: give --join order, or name the records in a column 'record'.")
-    begins = [(record.name, float(cut.clock or 0.0)) for record, cut in cuts]
+    begins = [(record.name, on_days_of(starts, float(cut.clock or 0.0))) for record, cut in cuts]
     return tuple(rows_by_time(starts, begins, plan.table.lines.tolist()))
 
 

@@ -15,7 +15,7 @@ from ..design import round_significant
 from ..records.columns import heads
 from ..tables import Column
 from ..vocabulary import ROLES
-from .joining import duration_remarks, load_doubts
+from .joining import clock_doubt, duration_remarks, load_doubts
 from .options import DRIVEN, LOADS, ReduceOptions
 from .reduction import ReducedCut, ReducedRecord, Reduction
 
@@ -43,6 +43,8 @@ def reduced_rows(reduction: Reduction, how: ReduceOptions, folder: Path) -> tupl
         remarks[row] = "; ".join(filter(None, (remarks[row], text)))
     means = [(name, figures[f"{name} [{ROLES[name].unit}]"].to_numpy()) for name in channels]
     signs += load_doubts(reduction.plan, means)
+    if reduction.how == "order" and (doubt := clock_doubt([cut.clock for _, cut in _cuts(reduction)])):
+        signs.append(doubt)
     frame = pd.concat([frame, *_time(reduction), figures], axis=1)
     if doubted := sum(bool(text) for text in remarks):
         frame["remarks"] = remarks

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import DataError
+from ...core.rounding import label_of
 from ..doubts import Doubt
 from .body import Body, Findings
 from .invisible import visible
@@ -61,7 +62,7 @@ class Column:
         """
         if not self.is_numeric:
             return self.values.copy()
-        texts = ["" if v != v else str(int(v)) if v.is_integer() else repr(v) for v in self.values.tolist()]
+        texts = ["" if v != v else label_of(v) for v in self.values.tolist()]
         for row, mark in self.marks:
             texts[row] = mark.text
         return np.array(texts, dtype=object)
@@ -248,5 +249,5 @@ def _is_error(text: str) -> bool:
 
 def _text(cell: Cell) -> str:
     if isinstance(cell, float):
-        return str(int(cell)) if cell.is_integer() else repr(cell)
+        return label_of(cell)
     return visible(cell.strip()) if is_word(cell) or not is_missing(cell) else ""

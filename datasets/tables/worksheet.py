@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from ...core.errors import DataError
+from ...core.rounding import label_of
 from .numerals import Cell, is_number
 
 FORMATS = {
@@ -123,7 +124,7 @@ def protected(name: str) -> DataError:
 
 
 def _line(row: Row) -> str:
-    filled = [str(int(cell)) if isinstance(cell, float) and cell.is_integer() else str(cell) for cell in row]
+    filled = [label_of(cell) for cell in row]
     filled = [text.strip() for text in filled if text.strip()]
     pair = len(filled) == 2 or (len(filled) == 3 and is_number(filled[1]) and not is_number(filled[2]))
     if pair and not filled[0].endswith((":", "=")):

@@ -22,6 +22,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import FitError
+from ...core.rounding import count
 from ...datasets.runs import Readable, as_runs
 from ..available import NotAvailable, computed
 from ..composite_law import without_fixed
@@ -245,7 +246,7 @@ def _zero_words(law: LawFit, models: tuple[CompetingModel, ...], rows: FormRows 
     if isinstance(rows, NotAvailable):
         return f" No form has the rows at {wear} = 0: {rows.reason}."
     n = int(rows.zero.sum())
-    first = f" {n} row{'s' if n > 1 else ''} at {wear} = 0, where a power of {wear} is zero,"
+    first = f" {count(n, 'row')} at {wear} = 0, where a power of {wear} is zero,"
     held = [(model.zero_wear.error, model.name) for model in models if model.zero_wear is not None]
     if not held:
         return f"{first} {'are' if n > 1 else 'is'} in none of these forms."

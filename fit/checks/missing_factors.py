@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
-from ...core.rounding import format_plain
+from ...core.rounding import format_plain, label_of
 from ...datasets import Runs
 from ...datasets.units import is_unit
 from ...datasets.vocabulary import ROLES, fits
@@ -203,8 +203,7 @@ def _blocks(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
 
 def _as_labels(values: NDArray[np.generic]) -> NDArray[np.object_]:
     """Levels as text, whole numbers without a decimal point."""
-    texts = (f"{x:.15g}" if isinstance(x, float) else str(x) for x in values.tolist())
-    return np.array(list(texts), dtype=object)
+    return np.array([label_of(x) for x in values.tolist()], dtype=object)
 
 
 def _are_blocks(x: NDArray[np.object_], unit: Codes) -> bool:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...core.arrays import Array
-from ...core.rounding import format_decimal
+from ...core.rounding import count, format_decimal
 from ...datasets import Runs
 from ...datasets.doubts import Doubt
 from ...datasets.edges.columns import meant_by
@@ -83,7 +83,7 @@ def _hardly_determined(law: LawFit) -> str:
     if left >= FEWEST_LEFT:
         return ""
     return (
-        f"Only {left} degree{'s' if left > 1 else ''} of freedom {'are' if left > 1 else 'is'} left ({law.nobs} rows, "
+        f"Only {count(left, 'degree')} of freedom {'are' if left > 1 else 'is'} left ({law.nobs} rows, "
         f"{len(law.theta)} parameters), so that the error of the law is hardly known: measure at least "
         f"{FEWEST_LEFT - left} more. "
     )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...core.arrays import numbers_of_runs
 from ...core.errors import UsageError
+from ...core.rounding import label_of
 from ...datasets.runs import UNNAMED
 from ..edges import SAME
 from ..rows import CONSTANT, FEWEST, HARDLY
@@ -170,10 +171,7 @@ def _edges(column: "pd.Series[str]") -> "pd.Categorical[str]":
 
 
 def _text(level: object) -> str:
-    if pd.isna(level):  # type: ignore[call-overload]
-        return ""
-    number = isinstance(level, int | float | np.integer | np.floating) and not isinstance(level, bool)
-    return f"{float(level):.15g}" if number else str(level)  # type: ignore[arg-type]
+    return "" if pd.isna(level) else label_of(level)  # type: ignore[call-overload]
 
 
 def _changes(key: Ints) -> Ints:

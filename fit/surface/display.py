@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from ...core.display import Display, TextTable, display_of, joined_facts
-from ...core.rounding import format_plain, with_error
+from ...core.rounding import count, format_plain, with_error
 from ..available import NotAvailable
 from ..checks.check import SIGNIFICANT, format_p
 from ..checks.exponent_ranges import usual_exponents
@@ -39,7 +39,7 @@ def of_surface(surface: ResponseSurface) -> Display:
         verdict_of(surface), *reservations(surface), *_selection_words(chosen),
         _canonical_words(canonical),
         *(f"Left out: {item.factor}, {item.reason}." for item in law.left_out),
-        *(f"{item.count} row{'s' if item.count > 1 else ''} left out: {item.reason}." for item in law.dropped),
+        *(f"{count(item.count, 'row')} left out: {item.reason}." for item in law.dropped),
         *law.notes,
     ]  # fmt: skip
     return Display(head, tuple(_facts(surface)), _table(surface) if shown else None, tuple(sentences))
@@ -228,9 +228,7 @@ def _lack_words(surface: ResponseSurface) -> list[str]:
 def _selection_words(found: TermSelection | None) -> list[str]:
     if found is None:
         return []
-    near = (
-        f"; {found.close} other set{'s' if found.close != 1 else ''} of terms within 2 of it" if found.weights else ""
-    )
+    near = f"; {count(found.close, 'other set')} of terms within 2 of it" if found.weights else ""
     full = format_plain(found.aicc_full, 5) if np.isfinite(found.aicc_full) else "none, as they leave too few tests"
     return [
         f"AICc {format_plain(found.aicc, 5)}, of all terms {full}{near}. AICc keeps terms "

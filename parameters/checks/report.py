@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ...core.display import Displayable
 from ...core.errors import GateError
+from ...core.rounding import count
 from ...core.text import shortened
 from ...core.verdict import DO_NOT_USE, LEVELS, USABLE
 from ..sections.base import VerdictSection
@@ -131,7 +132,7 @@ def verdict_words(where: str, verdict: VerdictSection, shown: int = SHOWN) -> st
     'laws.AW: usable with reservations. No edges.'
     """
     more = len(verdict.reasons) - shown
-    further = [f"And {more} more reason{'s' if more > 1 else ''}: see the card."] if more > 0 else []
+    further = [f"And {count(more, 'more reason')}: see the card."] if more > 0 else []
     return " ".join([f"{where}: {verdict.level}.", *verdict.reasons[:shown], *further])
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...core.rounding import count
 from ..sections.law import LawSection
 
 if TYPE_CHECKING:
@@ -45,8 +46,8 @@ def column_words(runs: "Runs", use: "ColumnUse", labels: Labels | None = None) -
     if role.kind == "label" or role.symbol not in runs.data:
         names = (labels or _different(runs))(role.symbol) if runs.has(role.symbol) else []
         shown = ", ".join(names[:NAMED]) + (", ..." if len(names) > NAMED else "")
-        count = f"{len(names)} value{'' if len(names) == 1 else 's'}"
-        return role.symbol, role.quantity, f"{head}: {count} ({shown})"
+        values = count(len(names), "value")
+        return role.symbol, role.quantity, f"{head}: {values} ({shown})"
     unit = f", converted from {use.unit}" if use.converted else ""
     return role.symbol, role.quantity, f"{head}: {_range(runs, role.symbol, unit)}"
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.rounding import label_of
 from ..sections.base import Section
 from ..sections.law import LawSection
 from ..sections.origin import FEW
@@ -283,7 +284,7 @@ def label_column(runs: "Runs", name: str) -> LabelColumn:
     column = column if column.dtype.kind == "f" else column.astype(object, copy=False)
     starts = _starts(column)
     codes, found = pd.factorize(column[starts])
-    names = [f"{v:.15g}" for v in found] if column.dtype.kind == "f" else list(map(str, found))
+    names = [label_of(v) for v in found]
     if "" in names:  # an empty cell is no name
         empty = names.index("")
         names.pop(empty)

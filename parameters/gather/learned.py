@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from ...core.arrays import Array
 from ...core.display import Display, Plottable, TextTable
 from ...core.errors import ParameterError
+from ...core.rounding import count
 from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ..messages import schema_message
 from ..sections.base import VerdictSection
@@ -153,7 +154,7 @@ def learned_law(
     names = dict.fromkeys(kept, f"result of version {version - 1}, of rows that this version has as sums only")
     verdict = _verdict(checks, names, law, more)
     edges = [edge_sums(one) for one in (*triangles_of(section), *more)]
-    added = f"version {version} adds {len(more)} edge{'s' if len(more) > 1 else ''} as sums"
+    added = f"version {version} adds {count(len(more), 'edge')} as sums"
     data |= {
         "edges": {**data["edges"], "smearing_within": None},
         "sums": {**section.sums.model_dump(), "edges": edges} if section.sums else None,
