@@ -5,8 +5,9 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import UsageError
+from ..core.errors import GateError, UsageError
 from ..core.journal import recover
+from ..core.verdict import DO_NOT_USE
 from .arguments import Parser, parameter_file
 from .numbers import measured, values
 from .options import further
@@ -14,6 +15,7 @@ from .output import output_options, print_json, print_lines
 
 if TYPE_CHECKING:
     from ..controllers.economics.optimum import EconomicSettings, PricedSetting
+    from ..parameters import ParameterFile
 
 
 def parser() -> Parser:
@@ -26,7 +28,7 @@ def parser() -> Parser:
         "change an edge. The file needs costs (`fitmodels costs`) and a tool life.",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json")
-    p.add_argument("--depth", metavar="2.5mm", help="depth of cut (default: 2.5 mm, or the middle of the tests)")
+    p.add_argument("--depth", metavar="2.5mm", help="depth of cut (default: 2.5 mm, else that of the tests)")
     p.add_argument("--by", metavar="LEVEL", help="level of the category that shifts the laws (default: none)")
     p.add_argument(
         "--at",
@@ -45,6 +47,9 @@ def parser() -> Parser:
     )  # fmt: skip
     p.add_argument("--figure", metavar="FILE", help="write cost over speed as .png, .svg or .pdf (default: none)")
     p.add_argument("--force", action="store_true", help="replace an existing figure")
+    p.add_argument(
+        "--accept-verdict", action="store_true", help="calculate from laws that must not be used for control, too"
+    )
     output_options(p, "print the result as JSON (fitmodels.optimum/1)")
     return p
 
@@ -70,7 +75,10 @@ def run(args: argparse.Namespace) -> int:
         pf, pf.costs, d=depth, by=args.by, at=further(args.at, pf), today=_today(values(args.today, "--today")),
         draws=draws, level=args.level, times=args.factors,
     )  # fmt: skip
-    verdicts = cautions(pf, *{found.source.law.response, *(limit.symbol for limit in found.limits)} & set(pf.laws))
+    used = {found.source.law.response, *(limit.symbol for limit in found.limits)} & set(pf.laws)
+    if not args.accept_verdict:
+        _require_usable(pf, sorted(used), args.file)
+    verdicts = cautions(pf, *used)
     if target is not None:
         _draw(found, target, force=args.force)
     if args.json:
@@ -80,6 +88,18 @@ def run(args: argparse.Namespace) -> int:
     written = [f"Written: {target}"] if target is not None else []
     print_lines([*verdicts, *_lines(found), *simulated, *written], quiet=args.quiet)
     return 0
+
+
+def _require_usable(pf: "ParameterFile", laws: list[str], file: str) -> None:
+    """Refuse laws whose verdict is against their use."""
+    for name in laws:
+        verdict = pf.laws[name].verdict
+        if verdict is not None and verdict.concern == DO_NOT_USE:
+            why = verdict.reasons[0] if verdict.reasons else ""
+            raise GateError(
+                f"{file}: the law of {name} must not be used for control, so no setting is calculated from it. {why} "
+                "Correct the cause and fit again, or calculate all the same with --accept-verdict."
+            )
 
 
 def _lines(found: "EconomicSettings") -> list[str]:

@@ -16,6 +16,7 @@ from fitmodels.controllers.region.log_planes import LogPlane
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
+from fitmodels.parameters.sections.base import VerdictSection
 from fitmodels.parameters.sections.costs import CostsSection, PartCut
 from pydantic import ValidationError
 from scipy.optimize import minimize
@@ -284,6 +285,39 @@ def test_costs_are_written_and_the_optimum_is_printed(file, capsys):
     assert main(["optimum", file, "--depth", "2", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["least_cost"]["cost"] == pytest.approx(0.4442883, abs=6e-8)
+
+
+def test_no_optimum_is_calculated_from_a_law_that_must_not_be_used(file, capsys):
+    assert main(["costs", file, *EUROS]) == 0
+    pf = parameters.read(file)
+    barred = VerdictSection(level="do not use for control", reasons=("The mean T predicts about as well.",))
+    laws = {**pf.laws, "T": pf.laws["T"].model_copy(update={"verdict": barred})}
+    parameters.write(sealed(pf, laws=laws), file, force=True)
+    capsys.readouterr()
+    assert main(["optimum", file, "--depth", "2"]) == 5
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "the law of T must not be used for control, so no setting is calculated from it. The mean T" in said.err
+    assert main(["optimum", file, "--depth", "2", "--accept-verdict"]) == 0
+    assert "Verdict on the law of T: do not use for control." in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_depth_of_all_tests_is_that_of_the_optimum(tmp_path, monkeypatch, capsys):
+    """Tests at one depth have laws without d: 2.5 mm, the depth of the papers, would be another cut."""
+    monkeypatch.chdir(tmp_path)
+    rng, rows = np.random.default_rng(1), ["edge,vc [m/min],f [mm/rev],ap [mm],t [min],VB [mm]"]
+    for edge, (V, f) in enumerate((V, f) for V in (100, 150, 220) for f in (0.1, 0.2, 0.3)):
+        wear = ((t, 0.006 * V**0.5 * f**0.2 * t**0.3 * np.exp(rng.normal(0, 0.04))) for t in (2, 5, 9, 14))
+        rows += [f"{edge},{V},{f},2,{t},{VB:.4f}" for t, VB in wear]
+    Path("tests.csv").write_text("\n".join(rows))
+    assert main(["tests.csv", "--quiet", "--draws", "1000"]) == 0
+    (path,) = Path("tests-fit").glob("*/params.json")
+    assert main(["costs", str(path), *EUROS]) == 0
+    capsys.readouterr()
+    assert main(["optimum", str(path)]) == 0
+    assert "cost of a part at d 2 mm" in capsys.readouterr().out
+    assert main(["optimum", str(path), "--depth", "3"]) == 0
+    assert "d 3 mm (tested 2 alone)" in " ".join(capsys.readouterr().out.split())
 
 
 def test_units_of_costs_are_converted(file):

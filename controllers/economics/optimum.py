@@ -9,6 +9,7 @@ import numpy as np
 from ...core.arrays import Array, is_positive
 from ...core.display import Plottable
 from ...core.errors import DataError, UsageError
+from ..recursion.from_file import tested_depths
 from ..recursion.laws import Times
 from ..region.curved import Limit, curved_conflict
 from ..region.half_planes import SAME, HalfPlane, conflict_sentence
@@ -307,18 +308,21 @@ def _saving(
 
 
 def _beyond(problem: PartProblem, pair: Mapping[str, float], life: float) -> tuple[str, ...]:
-    """What of a pair and of the depth lies outside the tests of the law of the life, or of another with the factor."""
+    """What of a pair and of the depth lies outside the tests of the law of the life, and of the depths of the file."""
     out = []
     law, longest = problem.source.law, problem.source.longest
     units, values = {"V": "m/min", "f": "mm/rev", "d": "mm"}, {**pair, "d": problem.setting.d}
-    laws = (law, *problem.pf.laws.values())
-    for symbol, value in values.items():
-        factor = next((one for each in laws for one in each.factors if one.symbol == symbol), None)
-        if factor is not None:
-            k = ratio(factor.unit, units[symbol])
-            low, high = factor.low * k, factor.high * k
-            if not low * (1 - SAME) <= value <= high * (1 + SAME):
-                out.append(f"{symbol} {value:.4g} {units[symbol]} (tested {low:g} to {high:g})")
+    tested = {
+        factor.symbol: (factor.low * ratio(factor.unit, units[factor.symbol]),
+                        factor.high * ratio(factor.unit, units[factor.symbol]))
+        for factor in law.factors if factor.symbol in pair
+    }  # fmt: skip
+    if (depths := tested_depths(problem.pf)) is not None:
+        tested["d"] = depths
+    for symbol, (low, high) in tested.items():
+        if not low * (1 - SAME) <= values[symbol] <= high * (1 + SAME):
+            ends = f"{low:g} to {high:g}" if low < high else f"{low:g} alone"
+            out.append(f"{symbol} {values[symbol]:.4g} {units[symbol]} (tested {ends})")
     if longest is not None and life > longest * (1 + SAME):
         out.append(f"life {life:.3g} min (longest test {longest:g} min)")
     return tuple(out)

@@ -105,13 +105,21 @@ def need_level(pf: "ParameterFile", by: str | None) -> None:
 
 def depth(pf: "ParameterFile") -> float:
     """Default depth of cut, mm: the papers' 2.5, or the geometric mean of the tested range where that excludes it."""
-    factors = [f for law in pf.laws.values() for f in law.factors if f.symbol == "d" and f.low > 0]
-    tested = [(f.low * ratio(f.unit, "mm"), f.high * ratio(f.unit, "mm")) for f in factors if _alike(f.unit, "mm")]
-    if not tested:
-        return DEPTH
-    lows, highs = zip(*tested, strict=True)
-    low, high = max(lows), min(highs)
+    low, high = tested_depths(pf) or (DEPTH, DEPTH)
     return DEPTH if low * (1 - NEAR) <= DEPTH <= high * (1 + NEAR) or low > high else round(math.sqrt(low * high), 3)
+
+
+def tested_depths(pf: "ParameterFile") -> tuple[float, float] | None:
+    """Ends of the depths that all laws with a depth were tested at, mm; of laws without one those of the tests."""
+    found = _depths([one for law in pf.laws.values() for one in law.factors]) or _depths(
+        pf.design.factors if pf.design is not None else ()
+    )
+    return (max(low for low, _ in found), min(high for _, high in found)) if found else None
+
+
+def _depths(factors: "Iterable[Factor]") -> list[tuple[float, float]]:
+    named = (f for f in factors if f.symbol == "d" and f.low > 0 and _alike(f.unit, "mm"))
+    return [(f.low * ratio(f.unit, "mm"), f.high * ratio(f.unit, "mm")) for f in named]
 
 
 def _limits(pf: "ParameterFile") -> "tuple[LimitsSection, Bound]":

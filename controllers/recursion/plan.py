@@ -14,7 +14,7 @@ from ...core.display import Displayable
 from ...core.errors import UsageError
 from ..economics.part_cost import cost_of_edge
 from .distribution import LifeDraws, life_draws, responses
-from .from_file import depth, life_laws, need_level, outside_tests
+from .from_file import DEPTH, depth, life_laws, need_level, outside_tests, tested_depths
 from .interval_optimum import FEED_STEP, SPEED_STEP, Grid, grid_of, not_convex
 from .laws import LifeLaws, Rules, Times, WearRule
 from .life import MOST, Life, whole_life
@@ -370,8 +370,9 @@ def _reason(laws: LifeLaws, stops: tuple[str, ...]) -> str:
 
 def _assumed(pf: "ParameterFile", laws: LifeLaws, rules: Rules, options: PlanOptions) -> tuple[str, ...]:
     """Assumptions on what neither the file nor the options give; whole intervals of a time that is none of them."""
-    tested = any(factor.symbol == "d" for law in pf.laws.values() for factor in law.factors)
-    why = "the papers'" if depth(pf) == 2.5 else "the middle of the tested depths" if tested else "no law has a depth"
+    low, high = tested_depths(pf) or (0.0, 0.0)
+    why = "the middle of the tested depths" if low < high else "that of all tests" if low else "no law has a depth"
+    why = "the papers'" if depth(pf) == DEPTH and low < high else why
     parts = [] if options.depth is not None else [f"Depth of cut {laws.d:g} mm ({why})"]
     parts += [] if options.interval is not None else [f"intervals of {rules.interval:g} min"]
     parts += [] if options.grid is not None else [f"steps of {SPEED_STEP:g} m/min and {FEED_STEP:g} mm/rev"]
