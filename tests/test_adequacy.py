@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,6 +10,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
+from fitmodels.fit.checks.autocorrelation import drift
 from fitmodels.fit.checks.strata import MOST_ROWS, split
 from fitmodels.fit.checks.usefulness import number_of_edges
 from hypothesis import example, given, settings
@@ -244,3 +246,50 @@ def test_rows_of_numbered_tools_are_no_runs_of_their_own():
     assert found.concern == 1
     assert "Column Tool_ID has 6 values in 24 rows" in found.verdict
     assert "--edge Tool_ID" in found.verdict
+
+
+def forces(change, order, numbered=False):
+    """Forces of a factorial plan, cut in an order, with a drift in ln Fc over all tests."""
+    rng = np.random.default_rng(4)
+    plan = np.array([(V, f, d) for V in (100, 150, 220) for f in (0.1, 0.2, 0.4) for d in (1, 2, 3)], dtype=float)
+    plan = plan[rng.permutation(len(plan))] if order == "random" else plan
+    Fc = 1800 * plan[:, 1] ** 0.75 * plan[:, 2] * np.exp(rng.normal(0, 0.03, len(plan)))
+    Fc *= np.exp(change * np.linspace(0, 1, len(plan)))
+    table = pd.DataFrame({"V": plan[:, 0], "f": plan[:, 1], "d": plan[:, 2], "Fc": Fc})
+    if numbered:
+        table = table.assign(run=np.arange(1, len(plan) + 1)).sample(frac=1, random_state=1)
+    return datasets.runs_from_frame(table)
+
+
+@pytest.mark.parametrize("numbered", [False, True])
+def test_a_drift_over_the_tests_is_found_by_the_order_of_rows_or_run_numbers(numbered):
+    runs = forces(0.36, "random", numbered)
+    found = fit.judge(fit.power_law(runs, "Fc", ["V", "f", "d"]), runs=runs)
+    check = found.checks["order of tests"]
+    assert check.concern == 1
+    by = "the column of run numbers" if numbered else "the order of the rows"
+    assert check.verdict.startswith(f"Drift over the tests by {by}: Fc changes by +4")
+    assert found.verdict.words == "usable with reservations"
+
+
+def test_no_drift_is_found_without_one_or_where_the_factors_follow_the_order():
+    runs = forces(0.0, "random")
+    check = fit.judge(fit.power_law(runs, "Fc", ["V", "f", "d"]), runs=runs).checks["order of tests"]
+    assert check.concern == 0
+    assert check.verdict.startswith("No drift over the tests by the order of the rows")
+    runs = forces(0.36, "sorted")
+    check = fit.judge(fit.power_law(runs, "Fc", ["V", "f", "d"]), runs=runs).checks["order of tests"]
+    assert check.reason == (
+        "the tests stand in the file in the order of a factor: a drift cannot be separated from its effect"
+    )
+
+
+def test_a_sound_plan_is_rarely_accused_of_a_drift():
+    """At .05 each, before the tests of the law are counted together: 5 of 100, here at most 10."""
+    rng, accused = np.random.default_rng(11), 0
+    for _ in range(100):
+        runs = forces(0.0, "random")
+        noise = np.exp(rng.normal(0, 0.1, len(runs)))
+        runs = replace(runs, data=runs.data.assign(Fc=runs.data["Fc"] * noise))
+        accused += drift(fit.power_law(runs, "Fc", ["V", "f", "d"]), runs, 0.0).pvalue < 0.05
+    assert 0 < accused <= 10

@@ -1,20 +1,30 @@
-"""Autocorrelation of residuals within edges: the pooled lag-1 correlation against its exact moments.
+"""Order of the tests: autocorrelation of residuals within edges, and drift of their levels from test to test.
+
+The pooled lag-1 correlation is compared with its exact moments; the drift is tested as an added variable.
 
 Source: Durbin & Watson 1950, Biometrika 37, 409 (exact moments of a ratio of quadratic forms in residuals).
 """
 
 from dataclasses import dataclass
+from math import exp
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
+from ...datasets import Runs
 from ..available import NotAvailable
 from ..edges import changes_within
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, STRONG, Check, concern_of, format_p
+from .missing_factors import added_between
 from .residual_tests import HELD
-from .strata import Strata, no_scatter
+from .strata import Strata, levels_of_edges, no_scatter, units_of
+
+FREE = 8  # degrees of freedom that a test of drift needs
+SPREAD = 0.5  # of the order that the factors must leave free, as a share of its range
+SMALL = 0.05  # drift in ln response over all tests below which it is not reported
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -82,6 +92,74 @@ def serial_correlation(law: LawFit, strata: Strata | NotAvailable) -> SerialCorr
         n_edges=int((rows > 1).sum()),
         order="t" if by_time else "line of the file",
     )
+
+
+def drift(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | None:
+    """Test whether the levels of edges, or independent rows, drift from test to test; None of few tests.
+
+    The trend is tested beside the law and the squares of its columns. The order is that of a column of run numbers,
+    else that of the rows. Where the factors follow it, a drift cannot be separated from their effect.
+
+    Parameters
+    ----------
+    law : LawFit
+    runs : Runs or None
+        With the column of the run numbers.
+    icc : float
+        Share of the residual variance that lies between edges.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> drift(fit.power_law(runs, "AW", ["V", "f", "d", "t"]), runs, 0.5).concern
+    0
+    """
+    if reason := no_scatter(law):
+        return NotAvailable(reason)
+    numbers = _run_numbers(law, runs)
+    unit = units_of(law)[1]
+    at = law.lines.astype(float) if numbers is None else numbers
+    place = np.argsort(np.argsort(np.bincount(unit, at) / np.bincount(unit), kind="stable"), kind="stable")
+    x = (place / max(len(place) - 1, 1))[unit]
+    moving = changes_within(law.gradient, unit)
+    levels, others, _, size = levels_of_edges(law.gradient, law.residuals, x[:, None], unit, moving)
+    squares = [np.square(column - column.mean()) for column in others.T if np.ptp(column) > 0]
+    if len(levels) - others.shape[1] - len(squares) - 1 < FREE:
+        return None
+    beside = np.column_stack([np.ones(len(levels)), others, *squares])
+    order = place / max(len(place) - 1, 1)
+    left = order - beside @ np.linalg.lstsq(beside, order, rcond=1e-9)[0]
+    found = added_between(levels, beside, order, 1 / (icc + (1 - icc) / size))
+    if found is None or np.ptp(left) < SPREAD:
+        what = "were cut" if numbers is not None else "stand in the file"
+        return NotAvailable(f"the tests {what} in the order of a factor: a drift cannot be separated from its effect")
+    b, t, df, p = found
+    size_of = f"by {100 * (exp(b) - 1):+.2g} %" if law.formula.logarithmic else f"by {b:+.3g} {law.units[law.response]}"
+    result = f"{law.response} changes {size_of.rstrip()} from the first test to the last beside the law ({format_p(p)})"
+    small = law.formula.logarithmic and abs(b) < SMALL
+    by = "the column of run numbers" if numbers is not None else "the order of the rows"
+    return Check(
+        null="the residuals do not drift over the order of the tests",
+        statistic=t,
+        symbol="t",
+        df=df,
+        pvalue=p,
+        concern=0 if small else concern_of(p),
+        verdict=f"Drift over the tests by {by}: {result}, as when the machine warms up, a sensor drifts or a batch "
+        "changes; repeat the first test, and note the order in a column 'run'.",
+        kept=f"No drift over the tests by {by} that this test shows ({format_p(p)}).",
+    )
+
+
+def _run_numbers(law: LawFit, runs: Runs | None) -> Array | None:
+    """Numbers of the runs at the rows of the law, None where a row has none."""
+    if runs is None or not runs.has("run"):
+        return None
+    numbers = pd.to_numeric(pd.Series(runs.labels("run"), dtype=object), errors="coerce")
+    of_line = dict(zip(runs.lines.tolist(), numbers.tolist(), strict=True))
+    found = np.array([of_line.get(line, np.nan) for line in law.lines.tolist()])
+    return found if len(of_line) == len(runs) and np.isfinite(found).all() and np.ptp(found) > 0 else None
 
 
 def _kept(found: float, expected: float, p: float) -> str:

@@ -45,6 +45,7 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "signal to noise": "Signal to noise (adequate precision)",
     "scale of the response": "Box-Cox transformation",
     "order within edges": "Autocorrelation within edges (lag 1)",
+    "order of tests": "Drift over the order of the tests",
     "even scatter": "Homoscedasticity, rows (Breusch-Pagan)",
     "even scatter of edges": "Homoscedasticity, edges (Breusch-Pagan)",
     "normality": "Normality, rows (Anderson-Darling)",

@@ -22,7 +22,7 @@ from ..available import NotAvailable, computed
 from ..composite_law import without_fixed
 from ..lawfit import LawFit
 from .agreement import compare_estimates, fixed_exponents
-from .autocorrelation import serial_correlation
+from .autocorrelation import drift, serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
 from .competing_models import compare_forms
 from .deletion_diagnostics import Deletion, DeterminesAlone, deletion, influence, precision, press, sole_unit
@@ -334,8 +334,7 @@ def _order(given: CheckInput) -> Found:
 
 
 def _agreement(given: CheckInput) -> Found | None:
-    found = compare_estimates(given.law)
-    return found if isinstance(found, Check) else None  # one estimate of each exponent has nothing to agree with
+    return found if isinstance(found := compare_estimates(given.law), Check) else None  # one estimate agrees with none
 
 
 def _gauge(given: CheckInput) -> Found | None:
@@ -372,6 +371,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "signal to noise": lambda given: precision(given.law, given.strata),
     "scale of the response": lambda given: box_cox(given.law, given.strata),
     "order within edges": _order,
+    "order of tests": lambda given: drift(given.law, given.runs, given.icc),
     "even scatter": _of_residuals(lambda given, rows: spread(given.law, rows), 0),
     "even scatter of edges": _of_residuals(lambda given, edges: spread(given.law, edges), 1),
     "normality": _of_residuals(lambda _, rows: normality(rows), 0),
