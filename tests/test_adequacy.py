@@ -293,3 +293,16 @@ def test_a_sound_plan_is_rarely_accused_of_a_drift():
         runs = replace(runs, data=runs.data.assign(Fc=runs.data["Fc"] * noise))
         accused += drift(fit.power_law(runs, "Fc", ["V", "f", "d"]), runs, 0.0).pvalue < 0.05
     assert 0 < accused <= 10
+
+
+def test_readings_in_large_steps_are_named_and_no_exact_law_of_them_is_used():
+    """Ra read to 1 um at three feeds: a second-order form meets every row, with intervals of no width."""
+    V, f = (x.ravel() for x in np.meshgrid([100.0, 150, 220], [0.1, 0.2, 0.35]))
+    rows = pd.DataFrame({"V": V, "f": f, "Ra": np.where(f < 0.3, 1.0, 3.0)})
+    runs = datasets.runs_from_frame(rows)
+    law = fit.fit_law(runs, "Ra ~ V, f", form="second-order")
+    check = fit.judge(law, runs=runs).checks["predictive use"]
+    assert check.concern == 2
+    assert check.verdict.startswith("Ra has only 2 different values (1, 3 um) in 9 rows, in steps of 2e+02 % of")
+    rough = datasets.runs_from_frame(rows.assign(Ra=1.0 + 10 * f + 0.1 * np.random.default_rng(2).normal(size=len(f))))
+    assert "different values" not in str(fit.judge(fit.power_law(rough, "Ra", ["V", "f"])).checks["predictive use"])

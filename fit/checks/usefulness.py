@@ -41,8 +41,9 @@ def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailabl
     source, values = _measured(law, runs)
     if source and np.ptp(values) == 0:
         return _of_a_constant(law, source, float(values[0]))
+    steps = _steps(law)
     if reason := no_scatter(law):
-        return NotAvailable(reason)
+        return steps or NotAvailable(reason)
     r2 = law.rsquared
     if source:
         of_source = 1 - law.rss / float(np.sum((np.log(values) - np.log(values).mean()) ** 2))
@@ -53,7 +54,7 @@ def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailabl
     end = ends[concern]
     if r2 < LOW_R2:
         end = f". The mean {source or law.response} predicts {'about' if r2 < LEAST_R2 else 'nearly'} as well."
-    few = _hardly_determined(law)
+    few = _hardly_determined(law) + (f"{steps.verdict} " if steps else "")
     of = f" of {source}, from which {law.response} is computed" if source else ""
     explained = f"R2 {r2:.3g}: the law explains {100 * r2:.3g} % of the variance{of}; 95 % of results lie {within}"
     return Check(
@@ -62,6 +63,26 @@ def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailabl
         symbol="R2",
         concern=max(concern, int(bool(few))),
         verdict=few + explained + end,
+    )
+
+
+def _steps(law: LawFit) -> Check | None:
+    """The finding that a response was read in steps that are large beside it; None where it was not."""
+    values = np.unique(law.observed) if law.rows is not None else np.empty(0)
+    if not 1 < len(values) <= MOST_STEPS or law.nobs < FEWEST_READINGS * len(values):
+        return None
+    step, middle = float(np.diff(values).min()), float(np.median(law.observed))
+    if step < COARSE * middle or np.abs((places := (values - values[0]) / step) - np.round(places)).max() > ROUNDED:
+        return None
+    unit = law.units.get(law.response, "")
+    listed = f"{', '.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
+    return Check(
+        null="the response is read in steps that are small beside it",
+        concern=1 + int(law.exact),
+        verdict=(
+            f"{law.response} has only {len(values)} different values ({listed}) in {law.nobs} rows, in steps of "
+            f"{100 * step / middle:.2g} % of the median: read it finer; errors and intervals do not contain the step."
+        ),
     )
 
 
@@ -135,6 +156,8 @@ def _scatter(law: LawFit) -> tuple[float, str]:
     )
 
 
+MOST_STEPS, FEWEST_READINGS = 5, 3  # different values of a coarse response, and rows for each
+COARSE, ROUNDED = 0.1, 1e-6  # step as a share of the median; distance of a value from a step, in steps
 CLOCKS = ("t", "lf", "lc")
 SET = ("condition", "other")  # kinds of quantities that are set, not measured
 # Least share of different settings among rows that are runs of their own; wear repeats a setting along its edge.
