@@ -405,3 +405,18 @@ def test_a_life_at_a_criterion_that_no_test_reached_is_not_inside(tmp_path):
         found = life.predict(V=400, f=0.3, d=2.0)
         assert found.value < found.longest
         assert ("EXTRAPOLATED: no test reached the criterion" in found.words) is not reached
+
+
+def test_lives_that_ended_long_before_the_wear_of_the_others_are_named():
+    V = np.repeat([100.0, 140, 180, 220], 4)
+    T = 4e5 * V**-2 * np.exp(np.random.default_rng(6).normal(0, 0.05, len(V)))
+    VB, broken = np.full(len(V), 0.3), [2, 9]
+    T[broken], VB[broken] = T[broken] / 3, 0.12
+    runs = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": 0.2, "T": T, "VB": VB}))
+    law = fit.life_law(runs, ["V"])
+    check = fit.judge(law, runs=runs).checks["longest lives"]
+    assert check.concern == 1
+    assert check.verdict.startswith("2 lives ended at VB 0.12 mm, most others at 0.3 (line ")
+    assert "--leave-out 'lines " in check.verdict
+    whole = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": 0.2, "T": T, "VB": np.linspace(0.27, 0.33, len(V))}))
+    assert fit.judge(fit.life_law(whole, ["V"]), runs=whole).checks["longest lives"].concern == 0

@@ -388,7 +388,7 @@ OF_EVERY_LAW = ("exponents", "possible values", "missing conditions", "collinear
 CHECKS_OF_LIVES: Mapping[str, OneCheck] = {
     "number of edges": lambda given: edges_of_lives(given.law),
     "run-outs": lambda given: run_outs(given.law),
-    "longest lives": lambda given: longest_lives(given.law),
+    "longest lives": lambda given: longest_lives(given.law, given.runs),
     "extrapolated lives": lambda given: extrapolated_lives(given.law),
     "distribution of lives": lambda given: distribution_of_lives(given.law),
     "single lives": lambda given: single_lives(given.law),

@@ -22,9 +22,12 @@ from ...core.censored import (
     standard_quantile,
 )
 from ...core.errors import FitError
+from ...core.rounding import count
+from ...datasets import Runs
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check
+from .missing_factors import WEAR
 
 MOST_CENSORED, FEW_DF = 0.5, 3
 SEVERAL = 3  # run-outs beyond all lives that ended: one or two may be the corner of a plan
@@ -35,6 +38,8 @@ MOST_LEFT_OUT = 200  # lives that are left out one by one
 WIDE = 10.0  # factor within which 95 % of lives lie, beyond which the law says little
 BY_SCATTER, MOST_BEYOND = 2.0, 1.5  # SD of ln life, and ratio, by which a life may be longer than the longest test
 SETTINGS = 3  # that are named
+FEWEST_ENDS, MOST_ENDS, ABOUT = 5, 0.7, 0.15  # readings; share of the lives that end about the median of the wear
+EARLY = 0.7  # of the wear at which most lives end
 OUTLYING = 0.02  # level of the largest of all lives together
 
 
@@ -92,10 +97,15 @@ def edges_of_lives(law: LawFit) -> Check:
     return Check(null="Each life is of an edge of its own.", concern=concern, verdict=verdict)
 
 
-def longest_lives(law: LawFit) -> Check | None:
-    """Check that the longest lives are no run-outs written as lives: equal ones where the law expects others."""
+def longest_lives(law: LawFit, runs: Runs | None = None) -> Check | None:
+    """Check that no life ended otherwise than by wear: long before the wear of the others, or as a run-out.
+
+    Run-outs that are written as lives are equal where the law expects others.
+    """
     if law.rows is None:
         return None
+    if runs is not None and (words := _ended_early(law, runs)):
+        return Check(null="All lives end by wear.", concern=1, verdict=words)
     ended = _side(law) == ENDED
     longest = float(law.observed.max())
     equal = ended & (law.observed >= longest * (1 - 1e-9))
@@ -111,6 +121,28 @@ def longest_lives(law: LawFit) -> Check | None:
     )
     return Check(null="The longest lives differ.", statistic=float(n), symbol="equal lives", concern=int(suspicious),
                  verdict=verdict)  # fmt: skip
+
+
+def _ended_early(law: LawFit, runs: Runs) -> str:
+    """The sentence on lives that ended at a fraction of the wear at which most others did; empty without any."""
+    name = next((name for name in WEAR if runs.has(name)), None)
+    place = {line: i for i, line in enumerate(runs.lines.tolist())}
+    if name is None or len(place) < len(runs) or not place.keys() >= set(law.lines.tolist()):
+        return ""
+    wear = runs.values(name)[[place[line] for line in law.lines.tolist()]]
+    usual = float(np.median(wear[wear > 0])) if (wear > 0).sum() >= FEWEST_ENDS else 0.0
+    near, early = np.abs(wear / (usual or 1.0) - 1) <= ABOUT, (wear > 0) & (wear < EARLY * usual)
+    early &= _side(law) == ENDED
+    if not usual or near.mean() < MOST_ENDS or not early.any():
+        return ""
+    n, unit = int(early.sum()), runs.units.get(name, "")
+    ends = f"{wear[early].min():.3g}" + (f" to {wear[early].max():.3g}" if np.ptp(wear[early]) > 0 else "")
+    lines = ", ".join(map(str, law.lines[early][:6])) + (", ..." if n > 6 else "")
+    return (
+        f"{count(n, 'life', 'lives')} ended at {name} {ends} {unit}, most others at {usual:.3g} (line {lines}): not "
+        "ended by wear, as after chipping or a stop. Mark them as run-outs (60+, or a column run-out), or leave them "
+        f"out with --leave-out 'lines {','.join(map(str, law.lines[early]))}'."
+    )
 
 
 def extrapolated_lives(law: LawFit) -> Check:
