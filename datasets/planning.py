@@ -133,13 +133,14 @@ def plan_tests(
         plan = _factorial(varied, 4 if centre is None else centre, half, repeats, blocks, seed)
     else:
         plan = _array(varied, design, centre or 0, half, repeats, blocks, seed)
-    notes = plan.attrs["notes"]
-    plan = plan.assign(**{name: value for name, value in fixed.items() if name not in plan})
+    notes, plan = plan.attrs["notes"], plan.assign(**{name: x for name, x in fixed.items() if name not in plan})
     if process is not None or fixed:
         plan = plan.assign(**_machine_settings(plan, process))
     if duration is not None and len(duration) == 1:
         plan["t"] = float(duration[0])
-    notes = (*notes, *_effort(plan, process))
+    loads = (ROLES[name] for name in varied if name in ROLES and ROLES[name].kind in ("load", "surface"))
+    measured = (f"{role.symbol} is the {role.quantity}, which tests measure and do not set." for role in loads)
+    notes = (*notes, *_effort(plan, process), *measured)
     plan = _with_readings(plan, readings).assign(**dict.fromkeys(measure, np.nan))
     plan.attrs = {"notes": notes, "units": _units(plan)}
     return plan
@@ -157,7 +158,7 @@ def _factorial(
     kind = np.repeat(["factorial", "centre"], [len(corners) * repeats, middle])
     points = DesignPoints(coded, kind, np.concatenate([np.repeat(number, repeats), of_centre]), confounded)
     notes = [f"Half of the {2 ** len(ends)} points: {names[-1]} = {'·'.join(names[:-1])}."] if half else []
-    notes += [*alias_sentences(corners, names), *block_sentences(points, names), *_pure_error(repeats, middle)]
+    notes += [*alias_sentences(corners, names), *block_sentences(points, names), *_pure_error(coded)]
     if middle:
         notes.append("The centre edges show whether there is curvature, but not of which factor.")
     return planned_edges(points, ends, span=1.0, seed=seed, digits=DIGITS, notes=notes)
@@ -184,7 +185,7 @@ def _array(
     order = np.array([int(label[1:]) - 1 for label in plan["edge"]], dtype=np.intp)
     for j, (name, levels) in enumerate(given.items()):
         plan = _with_levels(plan, name, levels, chosen[:, j], order)
-    plan.attrs["notes"] = (*notes, *_pure_error(repeats, middle))
+    plan.attrs["notes"] = (*notes, *_pure_error(points.coded))
     return plan
 
 
@@ -267,10 +268,9 @@ def _two_ends(name: str, levels: Levels) -> tuple[float, float]:
     return low, high
 
 
-def _pure_error(repeats: int, centre: int) -> tuple[str, ...]:
-    if repeats > 1 or centre > 1:
-        return ()
-    return ("No setting is cut twice: lack of fit cannot be tested. Repeat the design, or its centre.",)
+def _pure_error(coded: Floats) -> tuple[str, ...]:
+    once = len(np.unique(coded, axis=0)) == len(coded)
+    return ("No setting is cut twice: lack of fit cannot be tested. Repeat the design, or its centre.",) * once
 
 
 def _check(

@@ -330,7 +330,7 @@ def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str
         "repeats": f"{added} repeat settings already cut, since no setting was cut twice and pure error is unknown",
         "c-optimal": f"{added}, chosen for the interval of the decision",
     }.get(criterion, f"{added}, D-optimal over the {len(cut.X)} cut so far")
-    estimated = ", ".join(cut.names) or "the constant"
+    estimated = " and ".join(["the constant", ", ".join(cut.names)] if cut.names else ["the constant"])
     return (
         f"{law.response}: {why}; the determinant of the information on {estimated} grows {gain:.3g} times, which "
         f"leaves {100 * gain**-0.5:.0f} % of the volume of the joint confidence region."

@@ -209,3 +209,16 @@ def test_a_process_without_ranges_names_its_factors(process):
 def test_what_cannot_be_planned_is_said(arguments, words):
     with pytest.raises(UsageError, match=words):
         plan_tests(**arguments)
+
+
+def test_settings_that_an_array_repeats_are_a_pure_error():
+    """L8 with two factors holds each of its four settings twice."""
+    repeated = datasets.plan_tests({"V": (150, 300), "f": (0.1, 0.3)}, design="L8")
+    assert not any("No setting is cut twice" in note for note in repeated.attrs["notes"])
+    once = datasets.plan_tests({"V": (150, 300), "f": (0.1, 0.3)}, design="L4")
+    assert any("No setting is cut twice" in note for note in once.attrs["notes"])
+
+
+def test_a_factor_that_tests_measure_is_named():
+    plan = datasets.plan_tests({"V": (150, 300), "F": (0.1, 0.3)}, design="L4")
+    assert any(note.startswith("F is the ") and "do not set" in note for note in plan.attrs["notes"])
