@@ -376,3 +376,14 @@ def test_a_long_table_says_what_is_not_checked():
     frame = pd.DataFrame({"edge": np.arange(n) // 5, "V": 100.0, "t": np.arange(n) % 5 + 1.0, "VB": 0.1})
     said = [text for text in datasets.runs_from_frame(frame).assumed if "not checked" in text]
     assert any("more than 100000 rows: cells, times and settings within edges" in text for text in said)
+
+
+def test_equal_readings_of_one_cut_are_no_copies():
+    """Three readings of each cut to 1 N: by their scatter of 1 to 3 N some are equal; a reading alone is a copy."""
+    cuts = [(100, 0.1, (320, 321, 320)), (100, 0.3, (1460, 1458, 1461)), (200, 0.1, (640, 641, 641)),
+            (200, 0.3, (725, 724, 726)), (150, 0.2, (830, 832, 831)), (150, 0.3, (1105, 1106, 1105))]  # fmt: skip
+    rows = [(i, V, f, Fc) for i, (V, f, forces) in enumerate(cuts, 1) for Fc in forces]
+    head = ["Test", "vc [m/min]", "f [mm/rev]", "Fc [N]"]
+    assert "repeat" not in doubted(read(pd.DataFrame(rows, columns=head)))
+    copied = pd.DataFrame([*rows, (7, 120, 0.2, 800), (7, 120, 0.2, 800)], columns=head)
+    assert "repeats an earlier row" in doubted(read(copied))

@@ -31,6 +31,7 @@ LEVELS_APART = 4.0  # robust standard deviations between the levels of two edges
 HALFWAY = 0.5  # of the way between two levels
 MOST_VOTES = 0.75  # share of the edges that decides
 MOST_KNOWN = 0.9  # share of known values from which a column is looked at for a shift
+FEW_STEPS = 5.5  # of a reading, between readings of one cut
 ANOTHER_ORDER = "is of another order than in the other edges"
 MEASURED = ("wear", "load", "surface")
 
@@ -113,7 +114,24 @@ def _copies(draft: Draft, numbers: dict[str, Array]) -> Flags:
         if chance and b > a + 1:
             continue
         copy[b] = all(cells[a] == cells[b] or (cells[a] != cells[a] and cells[b] != cells[b]) for cells in texts)
-    return copy
+    return copy if "t" in numbers or not copy.any() else copy & ~_read_again(draft, numbers)
+
+
+def _read_again(draft: Draft, numbers: dict[str, Array]) -> Flags:
+    """Rows of an edge and setting whose readings differ, by a few steps of the readings at most: equal ones occur."""
+    settings = [values for role, values in numbers.items() if ROLES[role].kind not in MEASURED]
+    keys = np.column_stack([draft.codes("edge")[0] if "edge" in draft.data else np.zeros(len(draft.lines)), *settings])
+    group = np.unique(np.nan_to_num(keys, nan=-1.0), axis=0, return_inverse=True)[1].ravel()
+    again = np.ones(len(group), dtype=bool)
+    read = {use.role for use in draft.uses}  # not what is computed from them
+    for values in (values for role, values in numbers.items() if ROLES[role].kind in MEASURED and role in read):
+        levels = np.unique(values[np.isfinite(values)])
+        low, high = (np.full(group.max() + 1, end) for end in (np.inf, -np.inf))
+        np.minimum.at(low, group, values)
+        np.maximum.at(high, group, values)
+        spread = (high - low)[group]
+        again &= (spread > 0) & (spread <= FEW_STEPS * (np.diff(levels).min() if len(levels) > 1 else 0.0))
+    return again
 
 
 def _of_copies(draft: Draft, copies: Flags) -> Iterator[Doubt]:
