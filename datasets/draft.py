@@ -137,7 +137,7 @@ def line_spans(lines: Sequence[int]) -> list[str]:
 def correction(draft: Draft, rows: NDArray[np.intp], symbol: str, factor: float) -> str:
     """The option that multiplies a quantity of some rows, empty where they have no short name."""
     target = target_of(draft, rows)
-    sign, size = ("*", factor) if factor >= 1 else ("/", 1 / factor)
+    sign, size = ("*", factor) if abs(factor) >= 1 else ("/", 1 / factor)
     return f'{CORRECTS} "{target}:{symbol}{sign}{size:.10g}"' if target else ""
 
 

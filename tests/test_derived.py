@@ -471,3 +471,16 @@ def test_the_law_of_a_computed_power_is_that_of_the_force_and_is_named_so():
     assert not any("computed" in note for note in force.notes)
     measured = read(V=V, f=f, P=rng.uniform(1, 2, 9))
     assert not any("computed" in note for law in fit.default_laws(measured)[0] for note in law.notes)
+
+
+def test_a_force_that_is_negative_in_some_rows_alone_has_a_reversed_sign(tmp_path):
+    rows = [(V, f, d, 2000 * f**0.75 * d * (-1 if V == 220 else 1)) for V in (100, 160, 220) for f in (0.1, 0.2, 0.35)
+            for d in (1, 2)]  # fmt: skip
+    path = tmp_path / "signs.csv"
+    path.write_text("vc [m/min],f [mm/rev],ap [mm],Fc [N]\n" + "".join(f"{V},{f},{d},{F:.1f}\n" for V, f, d, F in rows))
+    (doubt,) = datasets.read_runs(path).doubts
+    assert doubt.sentence.endswith("Fc is negative there: a reversed sign")
+    assert doubt.remedy == '--correct "lines 14-19:Fc*-1"'
+    turned = datasets.read_runs(path, correct=("lines 14-19:Fc*-1",))
+    assert not turned.doubts
+    assert (turned.values("Fc") > 0).all()

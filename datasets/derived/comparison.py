@@ -11,7 +11,7 @@ from ...core.errors import DataError
 from ...core.rounding import format_plain
 from ..columns import NONE
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import Draft, correction
 from ..plausibility.ranges import candidate_units, plausible
 from ..vocabulary import ROLES
 from .rules import RULES, Derived, Known, Rule
@@ -83,13 +83,17 @@ def judge(draft: Draft, known: Known, found: Iterable[Derived]) -> None:
             raise DataError(f"{head}, which cannot be {usual}: {causes} is in another unit or wrong; {remedy}.")
         columns = (rule.role, *(role for role in rule.inputs if role in known.data))
         there = "" if whole else " there"
-        draft.doubts.append(
-            Doubt(
-                columns,
-                f"{head} {usual}: {causes} is in another unit or wrong{there}{others and '; usual with ' + others}",
-                cure,
-            )
-        )
+        why = f"{causes} is in another unit or wrong{there}{others and '; usual with ' + others}"
+        if (role := _negative(known, rule, off)) and not whole:
+            why, cure = f"{_header(draft, role)} is negative there: a reversed sign", correction(draft, at, role, -1.0)
+        draft.doubts.append(Doubt(columns, f"{head} {usual}: {why}", cure))
+
+
+def _negative(known: Known, rule: Rule, off: NDArray[np.bool_]) -> str:
+    """The only input that is negative in just these rows, empty where there is none."""
+    values = {role: np.asarray(known.value(role)) for role in rule.inputs if role in known.data}
+    found = [role for role, x in values.items() if np.ndim(x) and np.array_equal(x < 0, off)]
+    return found[0] if len(found) == 1 else ""
 
 
 def _units_in_range(draft: Draft, known: Known, rule: Rule, usual: tuple[float, float]) -> list[tuple[str, str]]:
