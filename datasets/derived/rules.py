@@ -59,7 +59,7 @@ class Rule:
 
 FEED = (0.99, 1.01)
 RATE = (0.85, 1.1)  # (1 - d/D) of it where V is that of the uncut diameter
-POWER = (0.5, 5.0)  # at the drive up to twice the power of the cut
+POWER = (0.7, 5.0)  # at the drive up to twice the power of the cut
 RULES = (
     Rule("V", "pi Dc n/1000", ("Dc", "n"), lambda D, n: pi * D * n / 1000),
     Rule("V", "pi D n/1000", ("D", "n"), lambda D, n: pi * D * n / 1000),
