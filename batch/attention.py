@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ..core.arrays import Array
 from ..core.verdict import DO_NOT_USE, LEVELS, RESERVATIONS
@@ -96,7 +97,7 @@ def with_families(
         se, df, new_low, new_high`` are looked at.
     """
     more: dict[tuple[str, str], list[Concern]] = defaultdict(list)
-    for pair, concern in (*_doubtful_names(outcomes), *_in_other_units(results), *_scattering(results)):
+    for pair, concern in (*_alike(outcomes), *_unnamed(outcomes), *_in_other_units(results), *_scattering(results)):
         more[pair].append(concern)
     for pair, concern in _unlike(pooled) if pooled is not None and len(pooled) else ():
         more[pair].append(concern)
@@ -117,20 +118,25 @@ def _severity(kind: str) -> int:
     return SEVERITY.index(kind) if kind in SEVERITY else len(SEVERITY)
 
 
-def _doubtful_names(outcomes: Sequence[PairOutcome]) -> Iterator[tuple[tuple[str, str], Concern]]:
-    """Pairs whose names differ in blanks and case alone, and pairs with a name that stands for a missing one."""
+def _alike(outcomes: Sequence[PairOutcome]) -> Iterator[tuple[tuple[str, str], Concern]]:
+    """Pairs whose names differ in blanks and case alone."""
     spellings: dict[tuple[str, str], list[PairOutcome]] = defaultdict(list)
     for one in outcomes:
         spellings[_spelling(one.tool), _spelling(one.work)].append(one)
-    for alike in spellings.values() if len(spellings) < len(outcomes) else ():
-        for one in alike if len(alike) > 1 else ():
-            other = next(Pair(each.tool, each.work) for each in alike if each is not one)
-            words = f"{str(other)!r} is another pair: the names differ in blanks or case only. If they are one pair, "
-            yield (one.tool, one.work), Concern(NAMES, f"{words}spell them alike in the source.")
+    alike = [(one, group) for group in spellings.values() if len(group) > 1 for one in group]
+    for one, group in alike:
+        other = next(Pair(each.tool, each.work) for each in group if each is not one)
+        words = f"{str(other)!r} is another pair: the names differ in blanks or case only. If they are one pair, "
+        yield (one.tool, one.work), Concern(NAMES, f"{words}spell them alike in the source.")
+
+
+def _unnamed(outcomes: Sequence[PairOutcome]) -> Iterator[tuple[tuple[str, str], Concern]]:
+    """Pairs with a name that stands for a missing one."""
     for role in ("tool", "work"):
-        for name in filter(is_missing, dict.fromkeys(getattr(one, role) for one in outcomes)):
-            words = f"{role} {name!r} stands for a missing name: rows of several {role}s may be in this pair."
-            yield from (((one.tool, one.work), Concern(NAMES, words)) for one in outcomes if getattr(one, role) == name)
+        missing = set(filter(is_missing, {getattr(one, role) for one in outcomes}))
+        for one in (one for one in outcomes if getattr(one, role) in missing):
+            words = f"stands for a missing name: rows of several {role}s may be in this pair."
+            yield (one.tool, one.work), Concern(NAMES, f"{role} {getattr(one, role)!r} {words}")
 
 
 def _spelling(name: str) -> str:
@@ -158,20 +164,23 @@ def _shifted(laws: pd.DataFrame, symbol: str, low: str, high: str) -> Iterator[t
     x = np.log(laws[[low, high]].to_numpy(dtype=float)).mean(axis=1)
     ratios = {ratio: units for ratio, units in ratios_of(symbol).items() if ratio >= SURE and ratio not in DECIMAL}
     found = [(pairs, factor) for pairs, factor in minorities(x, ratios, NEAR) if isolated(x, pairs)]
-    for i in np.flatnonzero(np.any([pairs for pairs, _ in found], axis=0)) if found else ():
-        others, factor = min(
-            ((x[~pairs], factor) for pairs, factor in found if pairs[i]),
-            key=lambda one: abs(x[i] + np.log(one[1]) - np.median(one[0])),
-        )
+    unit = ROLES[symbol].unit if symbol in ROLES else ""
+    for i in np.flatnonzero(np.any([pairs for pairs, _ in found], axis=0)).tolist() if found else ():
+        others, factor = _nearest(x, i, found)
         ratio, row = max(factor, 1 / factor), laws.iloc[i]
         units = next(units for known, units in ratios.items() if np.isclose(known, ratio))
-        unit = ROLES[symbol].unit if symbol in ROLES else ""
         words = (
             f"{symbol} {row[low]:.4g} to {row[high]:.4g} {unit}: {'multiplied' if factor > 1 else 'divided'} by "
             f"{ratio:g} ({units}) it is among the other pairs, whose middles are {np.exp(others.min()):.3g} to "
             f"{np.exp(others.max()):.3g} {unit}; check its unit."
         )
         yield (str(row["tool"]), str(row["work"])), Concern(DOUBT, words)
+
+
+def _nearest(x: Array, i: int, found: Sequence[tuple[NDArray[np.bool_], float]]) -> tuple[Array, float]:
+    """The other pairs of the minority of pair i that its factor brings nearest to their median, and the factor."""
+    with_pair = ((x[~pairs], factor) for pairs, factor in found if pairs[i])
+    return min(with_pair, key=lambda one: abs(x[i] + np.log(one[1]) - np.median(one[0])))
 
 
 def _scattering(results: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:

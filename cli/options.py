@@ -104,15 +104,18 @@ def forms(words: list[str] | None) -> str | dict[str, str]:
     >>> forms(["linear"]), forms(["linear", "Ra=power"]), forms(None)
     ('linear', {'*': 'linear', 'Ra': 'power'}, '')
     """
-    for_all = [word for word in words or [] if "=" not in word]
-    if len(for_all) > 1:
-        raise UsageError(
-            f"a form for all laws is given twice, {for_all[0]} and {for_all[1]}: keep one, or name the law, as "
-            f"Ra={for_all[1]}."
-        )
-    named = [word if "=" in word else f"*={word}" for word in words or []]
+    words = words or []
+    _one_for_all([word for word in words if "=" not in word])
+    named = [word if "=" in word else f"*={word}" for word in words]
     found = pairs(named, "--form", "Ra=linear")
     return found["*"] if list(found) == ["*"] else found or ""
+
+
+def _one_for_all(words: list[str]) -> None:
+    if len(words) > 1:
+        first, second = words[:2]
+        remedy = f"keep one, or name the law, as Ra={second}"
+        raise UsageError(f"a form for all laws is given twice, {first} and {second}: {remedy}.")
 
 
 def read_keywords(args: argparse.Namespace) -> dict[str, Any]:

@@ -292,21 +292,26 @@ def locked_folder(folder: Path, message: str, wait: float = 10.0) -> Iterator[No
         os.close(held)
 
 
+def _opened(folder: Path) -> int:
+    """Descriptor of a folder; one that is absent may be just being replaced by another process."""
+    absent = time.monotonic() + SWAPPED
+    while True:
+        try:
+            return os.open(folder, os.O_RDONLY)
+        except OSError as failure:
+            if not isinstance(failure, FileNotFoundError) or time.monotonic() > absent:
+                raise UsageError(f"{folder}: cannot be locked: {cause(failure)}; nothing was written.") from None
+            time.sleep(POLL)
+
+
 def _held_folder(folder: Path, end: float) -> int | None:
     """Open descriptor that holds the lock of a folder; None where there is no such lock."""
     try:
         import fcntl
     except ImportError:
         return None
-    absent = time.monotonic() + SWAPPED
     while True:
-        try:
-            found = os.open(folder, os.O_RDONLY)
-        except OSError as failure:
-            if isinstance(failure, FileNotFoundError) and time.monotonic() < absent:
-                time.sleep(POLL)
-                continue
-            raise UsageError(f"{folder}: cannot be locked: {cause(failure)}; nothing was written.") from None
+        found = _opened(folder)
         try:
             fcntl.flock(found, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(found), folder.stat()):  # it may have been replaced by another folder

@@ -286,7 +286,7 @@ def test_all_tables_keep_estimate_error_t_p_and_interval(shown, width):
     assert heading.startswith("estimate SE t p 95 % interval")
     row = next(line for line in out.split("\n") if re.match(r"  V +0\.533", line))
     assert row.split()[:8] == ["V", "0.533", "0.057", "9.387", "<0.001", "0.416", "…", "0.651"]
-    assert len(re.findall(r"✓ passed", out)) == 27 + 26 + 26
+    assert len(re.findall(r"✓ passed", out)) == 28 + 27 + 27
 
 
 @pytest.mark.parametrize("width", WIDTHS)

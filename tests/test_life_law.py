@@ -416,7 +416,7 @@ def test_lives_that_ended_long_before_the_wear_of_the_others_are_named():
     law = fit.life_law(runs, ["V"])
     check = fit.judge(law, runs=runs).checks["longest lives"]
     assert check.concern == 1
-    assert check.verdict.startswith("2 lives ended at VB 0.12 mm, most others at 0.3 (line ")
+    assert check.verdict.startswith("2 lives ended at VB 0.12 mm, most others at 0.3: not ended by wear")
     assert "--leave-out 'lines " in check.verdict
     whole = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": 0.2, "T": T, "VB": np.linspace(0.27, 0.33, len(V))}))
     assert fit.judge(fit.life_law(whole, ["V"]), runs=whole).checks["longest lives"].concern == 0

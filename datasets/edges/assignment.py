@@ -234,17 +234,15 @@ def _edges_are(draft: Draft, chosen: tuple[_Labels, ...], by_name: _Labels | Non
     for one in chosen:
         _give(draft, one, "edge" if len(chosen) == 1 else None)
     if len(chosen) == 2:
-        blank = (texts[0] == "") | (texts[1] == "")
+        blank, places = (texts[0] == "") | (texts[1] == ""), [one.place for one in chosen]
         draft.data["edge"] = np.where(blank, "", texts[0] + "/" + texts[1]).astype(object)
-        places = {one.place for one in chosen}
         draft.uses = tuple(replace(use, role="edge") if i in places else use for i, use in enumerate(draft.uses))
         draft.assumed.append(
             f"edges are the combinations of columns {chosen[0].use.header!r} and {chosen[1].use.header!r}: a value of "
             "one alone is of several edges"
         )
         return
-    one = chosen[0]
-    why = "with rising time in each" if "t" in draft.data else "that number inserts"
+    one, why = chosen[0], "with rising time in each" if "t" in draft.data else "that number inserts"
     other = f", not tool types; --map tool={_typed(one)} reads it as tool types" if one.kind == "tool" else ""
     draft.assumed.append(f"{one.title} has {len(set(texts[0]) - {''})} values {why}: cutting edges{other}")
 

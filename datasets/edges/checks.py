@@ -10,7 +10,7 @@ from ..doubts import Doubt
 from ..draft import Draft
 from ..plausibility.stray_values import section_of
 from ..vocabulary import ROLES
-from .columns import Array, Flags, differs
+from .columns import Array, Codes, Flags, differs
 from .merged_cells import lines_text
 from .rows import FEW, EdgeRows, by_edge, listed, median
 from .times import doubts_of_time
@@ -119,19 +119,22 @@ def _copies(draft: Draft, numbers: dict[str, Array]) -> Flags:
 
 def _read_again(draft: Draft, numbers: dict[str, Array]) -> Flags:
     """Rows of an edge and setting whose readings differ, by a few steps of the readings at most: equal ones occur."""
+    measured = {use.role for use in draft.uses if use.role and ROLES[use.role].kind in MEASURED}
     settings = [values for role, values in numbers.items() if ROLES[role].kind not in MEASURED]
     keys = np.column_stack([draft.codes("edge")[0] if "edge" in draft.data else np.zeros(len(draft.lines)), *settings])
     group = np.unique(np.nan_to_num(keys, nan=-1.0), axis=0, return_inverse=True)[1].ravel()
-    again = np.ones(len(group), dtype=bool)
-    read = {use.role for use in draft.uses}  # not what is computed from them
-    for values in (values for role, values in numbers.items() if ROLES[role].kind in MEASURED and role in read):
-        levels = np.unique(values[np.isfinite(values)])
-        low, high = (np.full(group.max() + 1, end) for end in (np.inf, -np.inf))
-        np.minimum.at(low, group, values)
-        np.maximum.at(high, group, values)
-        spread = (high - low)[group]
-        again &= (spread > 0) & (spread <= FEW_STEPS * (np.diff(levels).min() if len(levels) > 1 else 0.0))
-    return again
+    near = [_a_few_steps_apart(values, group) for role, values in numbers.items() if role in measured]
+    return np.asarray(np.logical_and.reduce([np.ones(len(group), dtype=bool), *near]))
+
+
+def _a_few_steps_apart(values: Array, group: Codes) -> Flags:
+    """Whether the values of the group of each row differ, by a few of the smallest steps between values at most."""
+    steps = np.diff(np.unique(values[np.isfinite(values)]))
+    low, high = (np.full(group.max() + 1, end) for end in (np.inf, -np.inf))
+    np.minimum.at(low, group, values)
+    np.maximum.at(high, group, values)
+    spread = (high - low)[group]
+    return np.asarray((spread > 0) & (spread <= FEW_STEPS * steps.min(initial=np.inf)))
 
 
 def _of_copies(draft: Draft, copies: Flags) -> Iterator[Doubt]:

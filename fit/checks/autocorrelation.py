@@ -117,28 +117,28 @@ def drift(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | 
     """
     if reason := no_scatter(law):
         return NotAvailable(reason)
-    numbers = _run_numbers(law, runs)
-    unit = units_of(law)[1]
+    numbers, unit = _run_numbers(law, runs), units_of(law)[1]
     at = law.lines.astype(float) if numbers is None else numbers
     place = np.argsort(np.argsort(np.bincount(unit, at) / np.bincount(unit), kind="stable"), kind="stable")
-    x = (place / max(len(place) - 1, 1))[unit]
-    moving = changes_within(law.gradient, unit)
-    levels, others, _, size = levels_of_edges(law.gradient, law.residuals, x[:, None], unit, moving)
-    squares = [np.square(column - column.mean()) for column in others.T if np.ptp(column) > 0]
-    if len(levels) - others.shape[1] - len(squares) - 1 < FREE:
-        return None
-    beside = np.column_stack([np.ones(len(levels)), others, *squares])
     order = place / max(len(place) - 1, 1)
+    moving = changes_within(law.gradient, unit)
+    levels, others, _, size = levels_of_edges(law.gradient, law.residuals, order[unit][:, None], unit, moving)
+    squares = [np.square(column - column.mean()) for column in others.T if np.ptp(column) > 0]
+    beside = np.column_stack([np.ones(len(levels)), others, *squares])
+    if len(levels) - beside.shape[1] < FREE:
+        return None
     left = order - beside @ np.linalg.lstsq(beside, order, rcond=1e-9)[0]
     found = added_between(levels, beside, order, 1 / (icc + (1 - icc) / size))
     if found is None or np.ptp(left) < SPREAD:
         what = "were cut" if numbers is not None else "stand in the file"
         return NotAvailable(f"the tests {what} in the order of a factor: a drift cannot be separated from its effect")
+    return _drift(law, found, "the column of run numbers" if numbers is not None else "the order of the rows")
+
+
+def _drift(law: LawFit, found: tuple[float, float, int, float], by: str) -> Check:
     b, t, df, p = found
-    size_of = f"by {100 * (exp(b) - 1):+.2g} %" if law.formula.logarithmic else f"by {b:+.3g} {law.units[law.response]}"
-    result = f"{law.response} changes {size_of.rstrip()} from the first test to the last beside the law ({format_p(p)})"
+    change = f"{100 * (exp(b) - 1):+.2g} %" if law.formula.logarithmic else f"{b:+.3g} {law.units[law.response]}"
     small = law.formula.logarithmic and abs(b) < SMALL
-    by = "the column of run numbers" if numbers is not None else "the order of the rows"
     return Check(
         null="the residuals do not drift over the order of the tests",
         statistic=t,
@@ -146,8 +146,9 @@ def drift(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | 
         df=df,
         pvalue=p,
         concern=0 if small else concern_of(p),
-        verdict=f"Drift over the tests by {by}: {result}, as when the machine warms up, a sensor drifts or a batch "
-        "changes; repeat the first test, and note the order in a column 'run'.",
+        verdict=f"Drift over the tests by {by}: {law.response} changes by {change.rstrip()} from the first test to the "
+        f"last beside the law ({format_p(p)}), as when the machine warms up, a sensor drifts or a batch changes; "
+        "repeat the first test, and note the order in a column 'run'.",
         kept=f"No drift over the tests by {by} that this test shows ({format_p(p)}).",
     )
 

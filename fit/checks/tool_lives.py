@@ -126,23 +126,28 @@ def longest_lives(law: LawFit, runs: Runs | None = None) -> Check | None:
 def _ended_early(law: LawFit, runs: Runs) -> str:
     """The sentence on lives that ended at a fraction of the wear at which most others did; empty without any."""
     name = next((name for name in WEAR if runs.has(name)), None)
-    place = {line: i for i, line in enumerate(runs.lines.tolist())}
-    if name is None or len(place) < len(runs) or not place.keys() >= set(law.lines.tolist()):
+    wear = None if name is None else _at_rows(law, runs, name)
+    if name is None or wear is None or (wear > 0).sum() < FEWEST_ENDS:
         return ""
-    wear = runs.values(name)[[place[line] for line in law.lines.tolist()]]
-    usual = float(np.median(wear[wear > 0])) if (wear > 0).sum() >= FEWEST_ENDS else 0.0
-    near, early = np.abs(wear / (usual or 1.0) - 1) <= ABOUT, (wear > 0) & (wear < EARLY * usual)
-    early &= _side(law) == ENDED
-    if not usual or near.mean() < MOST_ENDS or not early.any():
+    usual = float(np.median(wear[wear > 0]))
+    early = (wear > 0) & (wear < EARLY * usual) & (_side(law) == ENDED)
+    if (np.abs(wear / usual - 1) <= ABOUT).mean() < MOST_ENDS or not early.any():
         return ""
-    n, unit = int(early.sum()), runs.units.get(name, "")
-    ends = f"{wear[early].min():.3g}" + (f" to {wear[early].max():.3g}" if np.ptp(wear[early]) > 0 else "")
-    lines = ", ".join(map(str, law.lines[early][:6])) + (", ..." if n > 6 else "")
+    low, high = f"{wear[early].min():.3g}", f"{wear[early].max():.3g}"
+    lines = ",".join(map(str, law.lines[early]))
     return (
-        f"{count(n, 'life', 'lives')} ended at {name} {ends} {unit}, most others at {usual:.3g} (line {lines}): not "
-        "ended by wear, as after chipping or a stop. Mark them as run-outs (60+, or a column run-out), or leave them "
-        f"out with --leave-out 'lines {','.join(map(str, law.lines[early]))}'."
+        f"{count(int(early.sum()), 'life', 'lives')} ended at {name} {low if low == high else f'{low} to {high}'} "
+        f"{runs.units.get(name, '')}, most others at {usual:.3g}: not ended by wear, as after chipping or a stop. Mark "
+        f"them as run-outs (60+, or a column run-out), or leave them out with --leave-out 'lines {lines}'."
     )
+
+
+def _at_rows(law: LawFit, runs: Runs, name: str) -> Array | None:
+    """Values of a column at the rows of a law; None where lines of the runs are not those of the law."""
+    place = {line: i for i, line in enumerate(runs.lines.tolist())}
+    if len(place) < len(runs) or not place.keys() >= set(law.lines.tolist()):
+        return None
+    return runs.values(name)[[place[line] for line in law.lines.tolist()]]
 
 
 def extrapolated_lives(law: LawFit) -> Check:
