@@ -362,14 +362,18 @@ def _gone(item: Dropped) -> str:
 
 
 def check_constant(law: LawForm, theta: Array, Z: Array) -> None:
-    """Refuse a constant that overflows: some factor hardly changes, and its exponent diverges."""
+    """Refuse a constant that overflows: a factor hardly changes, or changes with others, and its exponent diverges."""
     if not law.logarithmic or abs(theta[0]) < LARGEST_LOG:
         return
     runaway = 1 + int(np.argmax(np.abs(theta[1:] * Z[0, 1:])))
     name = law.factors[min(runaway, len(law.factors)) - 1]
+    others = [other for other in law.factors if other != name]
+    together = bool(others) and float(np.ptp(Z[:, runaway])) > HARDLY
+    why = f"varies with {' and '.join(others)}" if together else "hardly changes"
+    remedy = f"Vary {name} independently of them" if together else f"Vary {name}"
     raise FitError(
         f"{law.response}: its constant comes out as exp({theta[0]:.4g}), which overflows, since {name} "
-        f"hardly changes in these rows and its coefficient comes out as {theta[runaway]:.3g}. Vary {name}, "
+        f"{why} in these rows and its coefficient comes out as {theta[runaway]:.3g}. {remedy}, "
         f"or leave it out (--map {name}=none)."
     )
 

@@ -4,6 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels.cli import main
+from fitmodels.core.errors import FitError
+from fitmodels.fit.laws import LawForm
+from fitmodels.fit.rows import check_constant
 
 
 def table_of(V, f, t, edge, noise=0.08, level=0.08, seed=1):
@@ -78,3 +81,13 @@ def test_every_law_gets_at_most_six_verdicts_worst_first(tmp_path, monkeypatch):
             concern = {check.verdict: check.concern for check in law.checks.values() if check.verdict}
             reported = [concern[verdict] for verdict in law.verdicts if concern.get(verdict)]
             assert reported == sorted(reported, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("V", "words"),
+    [((150.0, 200, 300), "since V varies with f in these rows"), ((200.0, 200.1, 200), "since V hardly changes in")],
+)
+def test_a_constant_that_overflows_names_what_its_factor_lacks(V, words):
+    Z = np.column_stack([np.ones(3), np.log(V), np.log([0.1, 0.2, 0.3])])
+    with pytest.raises(FitError, match=words):
+        check_constant(LawForm("power", "Fc", ("V", "f")), np.array([900.0, -170.0, 1.0]), Z)

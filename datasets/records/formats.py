@@ -255,7 +255,8 @@ def _mat(path: Path, data: bytes, sheet: str | None) -> Found:
     columns = {k: v.T if 1 == v.shape[0] < v.shape[1] else v for k, v in numbers.items() if v.size > 1}
     columns = {k: v for k, v in columns.items() if v.shape[1] <= WIDEST}
     if not columns:
-        raise DataError(f"{path.name} holds no column of numbers, only {', '.join(arrays) or 'nothing'}: save u and y.")
+        names = ", ".join(arrays) or "nothing"
+        raise DataError(f"{path.name} holds no column of numbers, only {names}: save each signal as a vector.")
     rows = max(len(v) for v in columns.values())
     kept = {k: v for k, v in columns.items() if len(v) == rows}
     series = [
