@@ -122,6 +122,7 @@ def run(args: argparse.Namespace) -> int:
     """Derive, print and write the settings, and return the exit code."""
     from .. import parameters
     from ..controllers.adaptive_force.derivation import design
+    from ..controllers.adaptive_force.settings import limit_words
     from ..parameters.checks.report import cautions
     from ..parameters.file import sealed
 
@@ -145,7 +146,7 @@ def run(args: argparse.Namespace) -> int:
     for line in (*verdicts, _plant(changed, section)):
         out.show(line)
     out.show(_values(section))
-    for line in (*_at_points(section, found), *_margins(section, found)):
+    for line in (*_at_points(section, found), *_margins(section, found), *limit_words(changed)):
         out.show(line)
     out.wrote(f"Written: adaptive_force in {args.file}", args.file)
     return 0

@@ -117,7 +117,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Derive and write the settings, and return the exit code."""
     from .. import parameters
-    from ..controllers.roughness.controller import ConstantRoughness
+    from ..controllers.roughness.controller import ConstantRoughness, not_applied
     from ..controllers.roughness.derivation import derived_settings
     from ..controllers.roughness.plant import measured_from
     from ..controllers.roughness.reference import roughness_law
@@ -143,8 +143,9 @@ def run(args: argparse.Namespace) -> int:
         print_json("roughness", {**_facts(found, args), "verdicts": verdicts})
         return 0
     out = Printer(quiet=args.quiet)
-    feeds = f"The control commands {effective.low:.4g} to {effective.high:.4g} mm/rev, all limits of the file together."
-    for words in (*verdicts, *_sentences(found), feeds):
+    feeds = f"The control commands {effective.low:.4g} to {effective.high:.4g} mm/rev, all limits of feed together."
+    unused = not_applied(changed)
+    for words in (*verdicts, *_sentences(found), feeds, *([unused] if unused else [])):
         out.show(words)
     out.wrote(f"Written: roughness in {args.file}{now_simulated(pf, changed)}", args.file)
     return 0

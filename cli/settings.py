@@ -120,6 +120,7 @@ def run(args: argparse.Namespace) -> int:
     from .. import parameters
     from ..parameters.checks.report import cautions, worn_past_window
     from ..parameters.file import sealed
+    from ..parameters.setting_words import limits_not_applied
 
     pf = parameter_file(args.file, writes=True)
     if pf.load_line is not None and not args.force:
@@ -140,7 +141,8 @@ def run(args: argparse.Namespace) -> int:
         loop = _of_loop(line, set(_kept(pf)) - set(given), assumed, lacking)
         worn = past_words if past is not None and past <= FEW_PAST else f"! {past_words}"
         out = Printer(quiet=args.quiet)
-        for words in (*verdicts, *_sentences(line), worn, *loop):
+        unused = limits_not_applied(pf.limits, line)
+        for words in (*verdicts, *_sentences(line), worn, *loop, *([unused] if unused else [])):
             out.show(words)
         out.wrote(f"Written: load_line in {args.file}", args.file)
     return 0

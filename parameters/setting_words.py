@@ -11,7 +11,7 @@ from ..core.verdict import DO_NOT_USE
 from ..datasets.units import convert, is_unit, same_dimension
 from .messages import short
 from .sections.law import LawSection
-from .sections.load_line import FeedLimit, LoadLineSection
+from .sections.load_line import FeedLimit, LimitsSection, LoadLineSection, not_applied_words
 
 FAR_WEAR: Final = 2.0  # times the largest wear tested: a wear in another unit
 FAR_LOAD: Final = 5.0  # times the largest load tested, or its inverse: a load in another unit
@@ -81,6 +81,15 @@ def above_upper_limit(line: LoadLineSection, law: LawSection | None, programmed:
         f"The programmed feed {programmed:.6g} {feed} is above the upper feed limit {upper:.6g} {feed}: a program "
         f"without adaptive feed would cut at it.{origin} Program F{math.floor(upper)} at most{choice}."
     )
+
+
+def limits_not_applied(limits: LimitsSection | None, line: LoadLineSection) -> str:
+    """Sentence on the limits of a file that constant load does not apply; empty where it applies all.
+
+    A feed per revolution and a spindle speed are among them: the settings hold no spindle speed.
+    """
+    applied = () if limits is None else ("feed_rate", "wear", *limits.names_of(line.load))
+    return not_applied_words(limits, "The control of constant load", *applied)
 
 
 def narrowed_words(line: LoadLineSection, low: float, load: tuple[float, float, float]) -> str:

@@ -119,7 +119,7 @@ def random_file(rng, scatter=0.05):
     truth = ratios * np.exp(scatter * rng.standard_normal(3))
     held = {**section_of(ratios).model_dump(), **found.settings}
     pf = published("LYAP")
-    return sealed(pf, adaptive_force=held, pi=None), truth, found
+    return sealed(pf, adaptive_force=held, pi=None, limits=None), truth, found
 
 
 def check_runs(seeds, scatter=0.05):

@@ -346,3 +346,31 @@ def test_values_with_settings_that_no_control_can_have_are_not_written(script, k
         with pytest.raises(GateError, match=r"lost sensor|holds a control loop"):
             write(pf, kind, tmp_path / "out")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_limit_of_the_load_is_kept_by_reference_and_overload(constant_load_file):
+    """A limit of 0.2 A was written and ignored: the control held 0.22 A, a worn tool 0.26."""
+    limit = {"unit": "A"}
+    refused = sealed(constant_load_file(limits={"responses": {"I": {"high": 0.2, **limit}}}))
+    assert [f.words for f in parameters.check(refused).failed] == [
+        "load_line: the reference 0.22 A is outside the limit of I in the file, 0 to 0.2 A."
+    ]
+    with pytest.raises(GateError, match=r"the reference 0.22 A is outside the limit of I"):
+        rendered(refused, "c")
+    with pytest.raises(GateError, match=r"limits I to 0.225 A, not above 1.05 times the reference"):
+        rendered(sealed(constant_load_file(limits={"responses": {"I": {"high": 0.225, **limit}}})), "c")
+    narrowed = sealed(constant_load_file(limits={"responses": {"I": {"high": 250.0, "unit": "mA"}}}))
+    found = loop_settings(narrowed)
+    assert found.loop.overload_at == pytest.approx(0.25)
+    assert "overload above 0.25 A, the limit of I in the file" in found.assumed
+
+
+def test_limits_that_constant_load_does_not_apply_are_named(constant_load_file):
+    ranges = {
+        "feed": {"low": 0.01, "high": 0.02, "unit": "mm/rev"},
+        "feed_rate": {"low": 1.0, "high": 2e3, "unit": "mm/min"},
+    }
+    (found,) = (f for f in check_control(sealed(constant_load_file(limits=ranges))).findings if "not apply" in f.words)
+    assert found.passed is None
+    assert "does not apply limits.feed:" in found.words
+    assert not any("not apply" in f.words for f in check_control(sealed(constant_load_file())).findings)

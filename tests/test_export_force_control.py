@@ -234,7 +234,7 @@ def test_a_roughness_section_in_a_wrong_unit_or_without_a_bound_is_refused(field
     ],
 )
 def test_an_adaptive_force_section_in_a_wrong_unit_or_without_a_bound_is_refused(fields, words):
-    file = changed(of_paper("adaptive-force"), **fields)
+    file = sealed(changed(of_paper("adaptive-force"), **fields), limits=None)
     assert any(words in finding.words for finding in check_adaptive_force(file) if finding.passed is False)
     with pytest.raises(GateError, match="not exported"):
         rendered(file, "c", system="adaptive-force", accept_verdict=True)
@@ -323,3 +323,36 @@ def test_the_python_names_still_make_the_controllers():
     assert control.control.loop == gated(of_paper("adaptive-force")).loop
     pf = of_paper("roughness")
     assert ConstantRoughness.from_parameters(pf).loop == gated(pf).loop
+
+
+def limited(**limits):
+    return sealed(of_paper("adaptive-force"), limits=limits)
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({"feed_rate": {"low": 10.0, "high": 300.0, "unit": "mm/min"}}, "set points need 200 to 375.1 mm/min"),
+        ({"feed": {"low": 0.001, "high": 0.005, "unit": "mm/rev"}}, "an empty range"),
+        (
+            {"spindle_speed": {"low": 100.0, "high": 200.0, "unit": "1/min"}},
+            "100 to 200 1/min, but adaptive_force is of",
+        ),
+        ({"spindle_speed": {"low": 70.0, "high": 100.0, "unit": "rev/s"}}, "4200 to 6000 1/min"),
+    ],
+)
+def test_limits_of_feed_and_spindle_speed_that_exclude_the_control_are_refused(limits, words):
+    """They were not read: limits of 10 to 300 mm/min, and the export commanded up to 500."""
+    file = limited(**limits)
+    assert any(words in f.words for f in check_adaptive_force(file) if f.passed is False)
+    with pytest.raises(GateError, match="not exported"):
+        gated_adaptive_force(file, accept_verdict=True)
+    with pytest.raises(GateError):
+        AdaptiveForceControl.from_parameters(file, 1.0)
+
+
+def test_limits_of_feed_narrow_the_command_of_adaptive_force():
+    file = limited(feed={"low": 0.05, "high": 0.14, "unit": "mm/rev"})  # 150 to 420 mm/min at 3000 1/min
+    loop = gated_adaptive_force(file, accept_verdict=True).loop
+    assert (loop.feed_low, loop.feed_high) == pytest.approx((150.0, 420.0))
+    assert not [f for f in check_adaptive_force(file) if f.passed is False]

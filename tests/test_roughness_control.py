@@ -113,6 +113,42 @@ def test_a_spindle_speed_beyond_the_limits_of_the_file_is_refused(pf):
     assert ConstantRoughness.from_parameters(with_limits(pf, spindle_speed={**spindle, "high": 610.0}))
 
 
+PER_MINUTE = {"low": 61.0, "high": 122.0, "unit": "mm/min"}  # 0.1 to 0.2 mm/rev at 610 1/min
+
+
+def test_a_limit_of_feed_rate_holds_at_the_spindle_speed(pf):
+    """It was ignored: the file allowed 10 to 90 mm/min, the export went to 170.8 and all checks passed."""
+    limited = with_limits(changed(pf, spindle_speed=610.0), feed_rate=PER_MINUTE)
+    control = ConstantRoughness.from_parameters(limited)
+    assert (control.low, control.high) == pytest.approx((0.1, 0.2))
+    assert not [f for f in check_roughness(limited) if f.passed is False and f.name == "limits"]
+    narrow = with_limits(changed(pf, spindle_speed=610.0), feed_rate={**PER_MINUTE, "high": 90.0})
+    assert any("outside the limits 0.1 to 0.1475" in f.words for f in check_roughness(narrow) if f.passed is False)
+    with pytest.raises(ParameterError, match=r"feed_rate cannot be compared .* without the spindle speed"):
+        ConstantRoughness.from_parameters(with_limits(changed(pf, spindle_speed=None), feed_rate=PER_MINUTE))
+
+
+def test_a_required_roughness_beyond_the_limit_of_the_file_is_refused(pf):
+    """The file limited Ra to 0.8 um, the control held 1.6 um."""
+    Ra, limit = pf.roughness.roughness, {"unit": "um"}
+    with pytest.raises(ParameterError, match=r"limits\.responses\.Ra: at most 0\.5 um, but a roughness of"):
+        ConstantRoughness.from_parameters(with_limits(pf, responses={"Ra": {"high": 0.5, **limit}}))
+    assert ConstantRoughness.from_parameters(with_limits(pf, responses={"Ra": {"high": Ra, **limit}}))
+    inside = with_limits(pf, responses={"Ra": {"high": Ra, **limit}})
+    with pytest.raises(ParameterError, match="but a roughness of 3 um is required"):
+        ConstantRoughness.from_parameters(inside, schedule=[(1.0, 3.0)])
+
+
+def test_limits_that_the_control_does_not_apply_are_named(pf):
+    limited = with_limits(
+        pf, power={"value": 7.0, "unit": "kW", "of": "P"}, speed={"low": 1, "high": 9, "unit": "m/min"}
+    )
+    (found,) = (f for f in check_roughness(limited) if f.name == "limits" and "does not apply" in f.words)
+    assert found.passed is None
+    assert "limits.power, limits.speed" in found.words
+    assert not [f for f in check_roughness(pf) if "does not apply" in f.words]
+
+
 def test_table_1_has_eight_rows_and_no_ninth():
     assert [row.number for row in table1()] == list(range(1, 9))
     with pytest.raises(UsageError, match="1, 2, 3, 4, 5, 6, 7, 8"):

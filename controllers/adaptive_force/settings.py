@@ -10,6 +10,8 @@ from ...core.display import Displayable
 from ...core.errors import GateError
 from ...datasets.units import convert, is_unit, same_dimension
 from ...parameters.exports.loop import BACK_OFF, OVERLOAD_SHARE, RECOVER, STUCK_AFTER, LoadLoop, monitoring
+from ...parameters.messages import in_unit
+from ...parameters.sections.load_line import not_applied_words
 from .signals import ReferenceModel
 
 if TYPE_CHECKING:
@@ -24,6 +26,9 @@ NEEDED = (
 ENGAGE: Final = 0.125  # of the force at the lower feed limit by the estimates, and at most of the set point: a cut
 HYSTERESIS: Final = 0.2  # of the threshold, whole width
 OVERLOAD: Final = 2.0  # times the set point that a tool withstands, where nothing is known of it
+DAMPING: Final = (0.1, 10.0)  # of the reference model
+LONGEST_REFERENCE: Final = 1e4  # s
+NEAR: Final = 1e-9  # of a limit: rounding
 LONGEST_AVERAGE: Final = 100_000  # steps of a revolution
 DRIFT, HIGHEST = 0.1, 10.0  # of the smallest and times the largest set point: forces beyond are no readings
 
@@ -82,6 +87,7 @@ def settings_for(pf: "ParameterFile", depth: float) -> ForceSettings:
     section = _section(pf)
     held = {name: getattr(section, name) for name in ForceSettings.__dataclass_fields__ if hasattr(section, name)}
     held["force_most"] = _force_limit(pf)
+    held["low"], held["high"] = command_limits(pf)
     samples = round((section.average_time or 0.0) / held["sample_time"])
     return ForceSettings(
         **{**held, **_force_range(section), "depth": depth}, samples=samples, set_point=_set_point(section, depth),
@@ -94,12 +100,17 @@ def lacking(pf: "ParameterFile") -> str:
     section = pf.adaptive_force
     if section is None:
         return "the file has no adaptive_force section: give collect(adaptive_force=...) its estimates and settings."
-    missing = [name for name in NEEDED if getattr(section, name) in (None, "")]
-    if not section.set_points:
-        missing.append("set_points")
-    if missing:
+    if missing := _missing(section):
         return f"adaptive_force: {', '.join(missing)} not stated; derive them: fitmodels adaptive-force."
     low, high, step, average = (getattr(section, n) for n in ("low", "high", "sample_time", "average_time"))
+    damping, time = section.reference_damping or 0.0, section.reference_time or 0.0
+    if not DAMPING[0] <= damping <= DAMPING[1]:
+        return f"adaptive_force: reference_damping {damping:g}: give {DAMPING[0]:g} to {DAMPING[1]:g}, usually 1."
+    if not step <= time <= LONGEST_REFERENCE:
+        return (
+            f"adaptive_force: reference_time {time:g} s: give at least the step of {step:g} s and at most "
+            f"{LONGEST_REFERENCE:g} s."
+        )
     if not 0 < low < high:
         return f"adaptive_force: the command's limits are {low:g} to {high:g} {section.unit_u}; 0 < low < high."
     if abs(average / step - round(average / step)) > 1e-6 or average < step:
@@ -116,7 +127,90 @@ def lacking(pf: "ParameterFile") -> str:
     return beyond_limit(pf)
 
 
+def _missing(section: "AdaptiveForceSection") -> list[str]:
+    missing = [name for name in NEEDED if getattr(section, name) in (None, "")]
+    return missing if section.set_points else [*missing, "set_points"]
+
+
+def incomplete(pf: "ParameterFile") -> bool:
+    """Whether the section lacks a setting of the controller, its estimates, or the depth that they come from."""
+    section = pf.adaptive_force
+    return section is None or section.depth is None or bool(_missing(section))
+
+
 def beyond_limit(pf: "ParameterFile") -> str:
+    """Reason why the section contradicts the limits of the file, with the remedy; empty where it does not."""
+    return "" if pf.limits is None else _force_beyond(pf) or _spindle_beyond(pf) or _feed_beyond(pf)
+
+
+def not_applied(pf: "ParameterFile") -> str:
+    """Sentence on the limits of the file that adaptive force control does not apply; empty where it applies all."""
+    used = ["force", "spindle_speed"]
+    if pf.limits is not None and pf.limits.feed_range(_section(pf).unit_u, turning(pf)) is not None:
+        used += ["feed", "feed_rate"]
+    return not_applied_words(pf.limits, "Adaptive force control", *used)
+
+
+def command_limits(pf: "ParameterFile") -> tuple[float, float]:
+    """Limits of the command: those of the section and the feeds that the limits of the file allow, whichever is less.
+
+    A command in another unit than that of a feed is limited by the section alone; `not_applied` names that.
+    """
+    section = _section(pf)
+    of_file = None if pf.limits is None else pf.limits.feed_range(section.unit_u, turning(pf))
+    low, high = of_file or (0.0, math.inf)
+    return max(section.low or 0.0, low), min(section.high or math.inf, high)
+
+
+def limit_words(pf: "ParameterFile") -> tuple[str, ...]:
+    """Sentences on the limits of the file: that they narrow the command, and those that are not applied."""
+    section, (low, high), unused = _section(pf), command_limits(pf), not_applied(pf)
+    words = f"The control commands {low:.4g} to {high:.4g} {section.unit_u}, all limits of feed together."
+    narrowed = (low, high) != (section.low, section.high)
+    return (*([words] if narrowed else []), *([unused] if unused else []))
+
+
+def turning(pf: "ParameterFile") -> float | None:
+    """Spindle speed of the section, 1/min: as stated, or that of the revolution that is averaged over."""
+    section = _section(pf)
+    return section.spindle_speed or (60 / section.average_time if section.average_time else None)
+
+
+def _spindle_beyond(pf: "ParameterFile") -> str:
+    """Reason why the spindle speed lies outside the limits of the file; empty where it does not."""
+    n, limit = turning(pf), None if pf.limits is None else pf.limits.spindle_speed
+    if n is None or limit is None:
+        return ""
+    ends = [in_unit(end, limit.unit, "1/min") for end in (limit.low, limit.high)]
+    if ends[0] is None or ends[1] is None or ends[0] * (1 - NEAR) <= n <= ends[1] * (1 + NEAR):
+        return ""
+    return (
+        f"limits.spindle_speed: {ends[0]:g} to {ends[1]:g} 1/min, but adaptive_force is of a cut at {n:g} 1/min; "
+        "record a cut within the limit, or change the limit."
+    )
+
+
+def _feed_beyond(pf: "ParameterFile") -> str:
+    """Reason why the limits of feed of the file leave no range, or not the feeds that the set points need."""
+    section, unit = _section(pf), _section(pf).unit_u
+    (low, high), own = command_limits(pf), (section.low, section.high)
+    if None in own or (low, high) == own:
+        return ""
+    words = f"the limits of feed of the file leave {low:.4g} to {high:.4g} {unit} of the command"
+    if not low < high:
+        return (
+            f"{words}, an empty range; change limits.feed or limits.feed_rate, or the limits of the command (--feed)."
+        )
+    feeds = [point.force * section.beta * (section.depth or math.nan) / point.depth for point in section.set_points]
+    if all(low < feed < high for feed in feeds) or not section.beta > 0 or section.depth is None:
+        return ""
+    return (
+        f"{words}, and by the estimates the set points need {min(feeds):.4g} to {max(feeds):.4g} {unit}; change the "
+        "set points, or limits.feed and limits.feed_rate."
+    )
+
+
+def _force_beyond(pf: "ParameterFile") -> str:
     """Reason why a set point is not below the limit of force of the file, with the remedy; empty where all are."""
     section, bound = _section(pf), None if pf.limits is None else pf.limits.force
     unit = section.unit_force
@@ -179,6 +273,10 @@ def assumed_settings(pf: "ParameterFile", settings: ForceSettings) -> tuple[str,
         assumed.append(f"force_high {loop.load_high:.4g} {loop.unit_load}, {HIGHEST:g} times the largest set point")
     unknown = f"1.05 times {OVERLOAD:g} times the set point: the file holds no force that the tool withstands"
     limited = loop.worn_load < OVERLOAD * settings.set_point
+    if (section.low, section.high) != (settings.low, settings.high):
+        narrowed = f"feed {settings.low:.4g} to {settings.high:.4g} {loop.unit_feed}"
+        own = f"{section.low or 0.0:.4g} to {section.high or 0.0:.4g}"
+        assumed.append(f"{narrowed}, within the limits of feed of the file; adaptive_force has {own}")
     why = "the limit of force in the file" if limited else unknown
     return (
         *assumed,

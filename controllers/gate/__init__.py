@@ -25,6 +25,7 @@ from ...parameters.exports.names import plain_lines
 from ...parameters.exports.view import ExportView, export_view
 from ...parameters.gather.control import model_of
 from ...parameters.sections.base import Covariance, ModelCovariance
+from ...parameters.setting_words import limits_not_applied
 from .settings import Line, check_line, check_order, dynamics_slope, in_units_of_the_loop, line_of_file
 from .simulation import LONGEST, Bench, FileKey, Tool, check_losses, drive_of, faults_of, simulate_fault, simulate_tool
 
@@ -144,6 +145,8 @@ def _simulated(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
     if not tools[0][1].wrong:
         yield from _draw_findings(pf, loop, cut, settling)
         yield from _fault_findings(loop, tools[0][1].middle)
+    if words := limits_not_applied(pf.limits, line):
+        yield FileFinding("limits", None, words)
     yield FileFinding("limits", None, NOT_SIMULATED)
 
 

@@ -16,7 +16,7 @@ from ...core.errors import FitmodelsError, GateError, ParameterError, UsageError
 from ...parameters.checks.report import FileFinding, require_verdicts
 from ...parameters.exports.names import plain_lines
 from ...parameters.exports.view import export_view
-from ..roughness.controller import ConstantRoughness, assumed_settings
+from ..roughness.controller import ConstantRoughness, assumed_settings, not_applied
 from ..roughness.plant import TurningForce, loop_theory
 from ..roughness.reference import settings_of
 from . import _MADE_BY_THE_GATE, GatedControl
@@ -191,6 +191,8 @@ def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
     if control.high > USUAL * control.programmed * (1 + 1e-9):
         times = control.high / control.programmed
         words = f"The upper feed limit is {times:.3g} times the programmed feed: no run is known to have cut at it."
+        yield FileFinding("limits", None, words)
+    if words := not_applied(pf):
         yield FileFinding("limits", None, words)
     needed = control.reference / gain
     if not control.low < needed < control.high:

@@ -8,6 +8,7 @@ The supervision is that of constant load (`fitmodels.controllers.constant_load_m
 carry: states, faults, overload, worn tool. Its override is the command over the upper limit of the feed.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -19,8 +20,10 @@ from ...core.display import Displayable
 from ...core.errors import ParameterError, UsageError
 from ...datasets.units import convert
 from ...parameters.exports.loop import BACK_OFF, OVERLOAD_SHARE, RECOVER, STUCK_AFTER, LoadLoop, monitoring
+from ...parameters.messages import in_unit
+from ...parameters.sections.load_line import not_applied_words
 from ..constant_load_milling.controller import ConstantLoad
-from .reference import reference_force, settings_of
+from .reference import law_of, reference_force, settings_of
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -148,6 +151,7 @@ class ConstantRoughness(Displayable):
             raise UsageError(f"the schedule {list(schedule)}: give increasing times above 0.")
         references = ((0.0, reference_force(pf)), *((time, reference_force(pf, Ra)) for time, Ra in schedule))
         _require_spindle(pf)
+        _require_allowed(pf, section.roughness, *(Ra for _, Ra in schedule))
         return cls(
             references=references,
             programmed=programmed,
@@ -252,10 +256,14 @@ def assumed_settings(pf: "ParameterFile") -> tuple[str, ...]:
 
 def _force_limit(pf: "ParameterFile", largest: float) -> float | None:
     """The limit of the controlled force, N, above the largest reference; None without one."""
-    bound, symbol = None if pf.limits is None else pf.limits.force, pf.laws[settings_of(pf).law].factors[0].symbol
-    if bound is None or bound.of not in (None, symbol):
+    limits, symbol = pf.limits, pf.laws[settings_of(pf).law].factors[0].symbol
+    if limits is None:
         return None
-    most = float(convert(np.array([bound.value]), bound.unit, "N")[0])
+    _, most = limits.response_range(symbol, "N")
+    if limits.force is not None and limits.force.of is None:
+        most = min(most, float(convert(np.array([limits.force.value]), limits.force.unit, "N")[0]))
+    if not math.isfinite(most):
+        return None
     if most <= largest:
         raise ParameterError(
             f"limits.force: {symbol} at most {most:.4g} N, but the reference force is {largest:.4g} N; require a finer "
@@ -288,8 +296,9 @@ def _threshold(section: "RoughnessSection") -> float:
 def feed_limits(pf: "ParameterFile") -> tuple[float, float]:
     """Lowest and highest feed that the controller commands, mm/rev.
 
-    High: the override's, the machine's, and the chip-thickness limit, whichever is least; the chip is taken as thick as
-    the feed, as at a cutting-edge angle of 90 degrees, and at any other it is thinner. Low: the override's and the
+    High: the override's, the machine's (feed, and feed rate at the spindle speed), and the chip-thickness limit,
+    whichever is least; the chip is taken as thick as the feed, as at a cutting-edge angle of 90 degrees, and at any
+    other it is thinner. Low: the override's and the
     machine's, or a tenth of the programmed feed where both are 0, as in the paper.
 
     Raises
@@ -302,16 +311,51 @@ def feed_limits(pf: "ParameterFile") -> tuple[float, float]:
     lows, highs = [section.override_low * programmed], [section.override_high * programmed]
     if section.chip_thickness is not None:
         highs.append(section.chip_thickness)
-    machine = None if pf.limits is None else pf.limits.feed
-    if machine is not None:
-        if machine.unit != section.unit_feed:
-            raise ParameterError(f"limits.feed is in {machine.unit[:20]}; write it in {section.unit_feed}.")
-        lows.append(machine.low)
-        highs.append(machine.high)
-    low, high = max(lows) or FLOOR * programmed, min(highs)
+    machine_low, machine_high = _machine_feeds(pf)
+    low, high = max(*lows, machine_low) or FLOOR * programmed, min(*highs, machine_high)
     if not low < high:
         raise ParameterError(f"Feeds from {low:g} to {high:g} mm/rev are an empty range; widen the limits of feed.")
     return low, high
+
+
+def _machine_feeds(pf: "ParameterFile") -> tuple[float, float]:
+    """Feeds that the limits of feed and feed rate of the file allow, mm/rev."""
+    section, limits = settings_of(pf), pf.limits
+    if limits is None:
+        return 0.0, math.inf
+    if limits.feed is not None and in_unit(1.0, limits.feed.unit, section.unit_feed) is None:
+        raise ParameterError(f"limits.feed is in {limits.feed.unit[:20]}; write it in {section.unit_feed}.")
+    found = limits.feed_range(section.unit_feed, section.spindle_speed)
+    if found is None:
+        raise ParameterError(
+            f"limits.feed_rate cannot be compared with feeds in {section.unit_feed} without the spindle speed; give it "
+            "with `fitmodels roughness ... n=610rpm --force`."
+        )
+    return found
+
+
+def _require_allowed(pf: "ParameterFile", *required: float) -> None:
+    """Refuse a required roughness, um, outside the limits of the file."""
+    law = settings_of(pf).law
+    low, high = (0.0, math.inf) if pf.limits is None else pf.limits.response_range(law, "um")
+    for Ra in required:
+        if not low * (1 - NEAR) <= Ra <= high * (1 + NEAR):
+            most = f"at most {high:g}" if Ra > high else f"at least {low:g}"
+            raise ParameterError(
+                f"limits.responses.{law[:40]}: {most} um, but a roughness of {Ra:g} um is required; require one within "
+                "the limit, or change the limit."
+            )
+
+
+def not_applied(pf: "ParameterFile") -> str:
+    """Sentence on the limits of the file that the roughness control does not apply; empty where it applies all."""
+    law = law_of(pf)
+    force, limits = law.factors[0].symbol, pf.limits
+    if limits is None:
+        return ""
+    used = ["feed", "feed_rate", "spindle_speed", *limits.names_of(law.response), *limits.names_of(force)]
+    used += ["force"] if limits.force is not None and limits.force.of is None else []
+    return not_applied_words(limits, "The roughness control", *used)
 
 
 def _wait(section: "RoughnessSection") -> float:

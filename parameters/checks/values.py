@@ -247,7 +247,9 @@ def check_settings(pf: ParameterFile) -> Iterator[FileFinding]:
             "feed limits", "load_line", [*_feed(line), *_feed_of_machine(pf, line), *_feed_of_tests(pf, line)]
         )
         yield from _findings("window", "load_line", [*_window(line), *_criterion(pf, line)])
-        yield from _findings("reference", "load_line", [*_reference(line), *_source(pf, line)])
+        yield from _findings(
+            "reference", "load_line", [*_reference(line), *_limit_of_load(pf, line), *_source(pf, line)]
+        )
         if line.engagement is not None:
             yield from _findings("engagement", "load_line.engagement", list(_engagement(line.engagement, line)))
     if (rough := pf.roughness) is not None and pf.laws:
@@ -327,6 +329,13 @@ def _reference(line: LoadLineSection) -> Iterator[str]:
     if abs(line.reference - line.safety_factor * line.worn) > step / 2 + 1e-9 * line.worn:
         product = line.safety_factor * line.worn
         yield f"the reference {line.reference:g} is not {line.safety_factor:g} x {line.worn:g} = {product:g} {unit}"
+
+
+def _limit_of_load(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
+    low, high = (0.0, np.inf) if pf.limits is None else pf.limits.response_range(line.load, line.unit_load)
+    if not low <= line.reference <= high:
+        limit = f"the limit of {shortened(line.load)} in the file, {low:g} to {high:g} {line.unit_load}"
+        yield f"the reference {line.reference:g} {line.unit_load} is outside {limit}"
 
 
 def _source(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:

@@ -20,7 +20,7 @@ from ..file import ParameterFile
 from ..sections.dynamics import PiSection
 from ..sections.load_line import Engagement, LoadLineSection
 from ..setting_words import NARROWED, window_assumed
-from .names import plain_unit
+from .names import plain, plain_unit
 
 ARM_AFTER, LOST_AFTER, STUCK_AFTER, HEARTBEAT, OVERLOAD_AFTER = 0.5, 0.05, 1.0, 0.2, 0.5  # s
 DWELL = 4.0  # s: the settling time allowed for the published loop, so that a transient does not count as a worn tool
@@ -166,7 +166,8 @@ def _loop(pf: ParameterFile, pi: PiSection, line: LoadLineSection, assumed: list
     given = line.engagement or Engagement()
     programmed = given.feed_programmed or line.upper.value
     per_u = _feed_per_unit(pi, line, programmed)
-    kp, ki = (gain * per_u / _load_per_unit(pi, line) for gain in _gains(pi, form))
+    per_y = _factor(pi.unit_y, line.unit_load, "a PI that measures", "a reference load", "give both in one unit")
+    kp, ki = (gain * per_u / per_y for gain in _gains(pi, form))
     low, high = _feeds(pf, pi, line, programmed, per_u, assumed)
     rate = None if pi.rate is None else pi.rate * per_u / programmed
     span = (high - low) / programmed
@@ -191,7 +192,7 @@ def _loop(pf: ParameterFile, pi: PiSection, line: LoadLineSection, assumed: list
         recover=own("recover", rate or span / RECOVER, "per s"),
         load_low=own("load_low", *_least_load(pf, line, given)),
         load_high=own("load_high", HIGHEST * reference, load),
-        worn_load=line.worn,
+        worn_load=_withstood(pf, line, assumed),
         arm_after=own("arm_after", ARM_AFTER, "s"),
         lost_after=own("lost_after", LOST_AFTER, "s"),
         stuck_after=own("stuck_after", STUCK_AFTER, "s"),
@@ -249,10 +250,6 @@ def _feed_per_unit(pi: PiSection, line: LoadLineSection, programmed: float) -> f
     return _factor(pi.unit_u, line.unit_feed, "a PI that commands", "feed limits", remedy)
 
 
-def _load_per_unit(pi: PiSection, line: LoadLineSection) -> float:
-    return _factor(pi.unit_y, line.unit_load, "a PI that measures", "a reference load", "give both in one unit")
-
-
 def _factor(unit: str, to: str, does: str, what: str, remedy: str) -> float:
     if unit == to:
         return 1.0
@@ -284,6 +281,21 @@ def _feeds(
         assumed.append(f"feed_low {LEAST_FEED * programmed:.6g}, above zero; the file has {low:.6g}")
         low = LEAST_FEED * programmed
     return low, high
+
+
+def _withstood(pf: ParameterFile, line: LoadLineSection, assumed: list[str]) -> float:
+    """Load that a worn tool withstands; less where the file limits the load: an overload is 1.05 times it."""
+    most = math.inf if pf.limits is None else pf.limits.response_range(line.load, line.unit_load)[1]
+    within, unit = most / OVERLOAD_SHARE, plain_unit(line.unit_load)
+    if not within < line.worn:
+        return line.worn
+    if not line.reference < within:
+        raise _Lacking(
+            f"limits {plain(line.load)} to {most:g} {unit}, not above {OVERLOAD_SHARE:g} times the reference of "
+            f"{line.reference:g} {unit}, where an overload lies; lower the reference (--worn), or change the limit."
+        )
+    assumed.append(f"overload above {most:.6g} {unit}, the limit of {plain(line.load)} in the file")
+    return within
 
 
 def _threshold(pf: ParameterFile, line: LoadLineSection, low: float) -> tuple[float, str]:

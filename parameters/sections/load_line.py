@@ -3,11 +3,12 @@
 Source: Tai, Tsai & Li 2023, IEEE Access, doi 10.1109/ACCESS.2023.3330587, section II.E and eq. 15.
 """
 
+import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from ..messages import short
+from ..messages import in_unit, short
 from .base import NotNegative, Number, Positive, Section, Share, Text
 
 
@@ -272,3 +273,103 @@ class LimitsSection(Section):
     def on_responses(self) -> bool:
         """Whether a response is limited, and not only settings of the machine."""
         return bool(self.power or self.force or self.wear or self.responses)
+
+    def response_range(self, symbol: str, unit: str) -> tuple[float, float]:
+        """Lowest and highest value allowed of a response, in a unit of its kind; 0 and infinity where none is stated.
+
+        Examples
+        --------
+        >>> LimitsSection(responses={"I": {"high": 250.0, "unit": "mA"}}).response_range("I", "A")
+        (0.0, 0.25)
+        """
+        stated = self.responses.get(symbol)
+        ends: list[tuple[float | None, float | None, str]] = [
+            (None, bound.value, bound.unit) for bound in self._bounds() if bound.of == symbol
+        ]
+        ends += [] if stated is None else [(stated.low, stated.high, stated.unit)]
+        lows = [in_unit(low, of, unit) for low, _, of in ends if low is not None]
+        highs = [in_unit(high, of, unit) for _, high, of in ends if high is not None]
+        return (
+            max((low for low in lows if low is not None), default=0.0),
+            min((high for high in highs if high is not None), default=math.inf),
+        )
+
+    def feed_range(self, unit: str, spindle_speed: float | None) -> tuple[float, float] | None:
+        """Lowest and highest feed by ``feed`` and ``feed_rate`` together, in a unit of either.
+
+        Parameters
+        ----------
+        unit : str
+        spindle_speed : float or None
+            1/min, by which a feed per revolution and a feed rate convert into each other.
+
+        Returns
+        -------
+        tuple of float or None
+            0 and infinity where neither is stated; None where one does not convert.
+
+        Examples
+        --------
+        >>> limits = LimitsSection(feed_rate={"low": 10.0, "high": 90.0, "unit": "mm/min"})
+        >>> limits.feed_range("mm/rev", 900.0), limits.feed_range("mm/rev", None)
+        ((0.0111111111111, 0.1), None)
+        """
+        low, high = 0.0, math.inf
+        for limit in (self.feed, self.feed_rate):
+            if limit is None:
+                continue
+            ends = [feed_in(value, limit.unit, unit, spindle_speed) for value in (limit.low, limit.high)]
+            if ends[0] is None or ends[1] is None:
+                return None
+            low, high = max(low, ends[0]), min(high, ends[1])
+        return low, high
+
+    def not_applied(self, *applied: str) -> tuple[str, ...]:
+        """Names of the limits stated besides those applied, as ``limits.power`` and ``limits.responses.Ra``.
+
+        Examples
+        --------
+        >>> limits = LimitsSection(power={"value": 7.0, "unit": "kW"}, responses={"Ra": {"high": 3.2, "unit": "um"}})
+        >>> limits.not_applied("responses.Ra")
+        ('limits.power',)
+        """
+        names = ("power", "force", "wear", "feed", "feed_rate", "speed", "spindle_speed")
+        stated = [name for name in names if getattr(self, name) is not None]
+        stated += [f"responses.{symbol}" for symbol in self.responses]
+        return tuple(f"limits.{name}" for name in stated if name not in applied)
+
+    def names_of(self, symbol: str) -> tuple[str, ...]:
+        """Names of the limits of a response, as `not_applied` takes them."""
+        stated = (("power", self.power), ("force", self.force), ("wear", self.wear))
+        named = (name for name, bound in stated if bound is not None and bound.of == symbol)
+        return (*named, f"responses.{symbol}")
+
+    def _bounds(self) -> list[Bound]:
+        return [bound for bound in (self.power, self.force, self.wear) if bound is not None]
+
+
+def feed_in(value: float, unit: str, to: str, spindle_speed: float | None) -> float | None:
+    """A feed per revolution or a feed rate in a unit of either; None where it does not convert.
+
+    >>> feed_in(90.0, "mm/min", "mm/rev", 900.0)
+    0.1
+    """
+    if (direct := in_unit(value, unit, to)) is not None or not spindle_speed:
+        return direct
+    for start, end, times in (("mm/rev", "mm/min", spindle_speed), ("mm/min", "mm/rev", 1 / spindle_speed)):
+        if (own := in_unit(value, unit, start)) is not None:
+            return in_unit(float(f"{own * times:.12g}"), end, to)
+    return None
+
+
+def not_applied_words(limits: "LimitsSection | None", control: str, *applied: str) -> str:
+    """Sentence on the limits that a control does not apply; empty where it applies all.
+
+    >>> not_applied_words(LimitsSection(power={"value": 7.0, "unit": "kW"}), "The roughness control")
+    'The roughness control does not apply limits.power: keep to it by the choice of its feeds and of the cut.'
+    """
+    names = () if limits is None else limits.not_applied(*applied)
+    if not names:
+        return ""
+    them = "it" if len(names) == 1 else "them"
+    return f"{control} does not apply {', '.join(names)}: keep to {them} by the choice of its feeds and of the cut."
