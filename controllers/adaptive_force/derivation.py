@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 
 ESTIMATES: Final = ("m", "alpha", "beta")
 GIVEN, AS_BEFORE = "given", "as in the file"  # sources
+ALLOWED: Final = "allowed beyond the tests"  # in a source, with what was allowed
 STEP: Final = 0.001  # s: period of the servo thread of usual controls
 ALMOST, UNEVEN = 0.02, 0.1  # of a revolution: averages that miss a whole one by more are not assumed, and refused
 READINGS: Final = (-0.1, 4.0)  # times the largest set point: valid readings, where the sensor's range is not given
@@ -208,7 +209,7 @@ def _timing(section: "AdaptiveForceSection", choices: ForceChoices) -> tuple[Tim
             f"step of at most that, near a whole part of it, as {turn / np.ceil(turn / min(step, turn)):.4g}."
         )
     words = f"one revolution at {speed:g} 1/min" + ("" if abs(turns - 1) < 1e-9 else f" in whole steps: {turns:.4g}")
-    given = f"given; allowed beyond the tests: the estimates are of {run:g} 1/min" if other else GIVEN
+    given = f"given; {ALLOWED}: the estimates are of {run:g} 1/min" if other else GIVEN
     sources = {
         "spindle_speed": given if choices.spindle_speed else section.sources.get("spindle_speed", AS_BEFORE),
         "average_time": words,
@@ -240,16 +241,16 @@ def _limits(
             f"the command up to {high:g} {unit} is more than the {choices.largest_feed:.4g} {unit} of any tool: "
             "check the value and the unit of --feed."
         )
-    far = list(_far_beyond(section, points, high))
+    far = list(far_beyond(section, points, high))
     if far and not choices.beyond_tested:
         raise UsageError(
             f"{'; '.join(far)}: more than {BEYOND:g} times as much. Test there, or allow it with --beyond-tested."
         )
-    source += f"; allowed beyond the tests: {'; '.join(far)}" if far else ""
+    source += f"; {ALLOWED}: {'; '.join(far)}" if far else ""
     return limits, dict.fromkeys(("low", "high"), source)
 
 
-def _far_beyond(section: "AdaptiveForceSection", points: list[tuple[float, float]], high: float) -> "Iterator[str]":
+def far_beyond(section: "AdaptiveForceSection", points: list[tuple[float, float]], high: float) -> "Iterator[str]":
     """Commands and forces beyond `BEYOND` times the record, or without one beyond the feed for the set points."""
     tested, unit, F = section.tested, section.unit_u, max(force for _, force in points)
     if tested is None:

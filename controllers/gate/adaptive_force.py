@@ -7,19 +7,38 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from ...core.errors import FitmodelsError, GateError
+from ...datasets.plausibility.ranges import plausible
 from ...datasets.units import canonical
 from ...parameters.checks.report import FileFinding, require_verdicts
+from ...parameters.exports.names import plain_unit
+from ...parameters.messages import in_unit
 from ...parameters.sections.base import ModelCovariance
+from ...parameters.sections.load_line import feed_in
 from ..adaptive_force.controller import AdaptiveForceControl
+from ..adaptive_force.derivation import ALLOWED, UNEVEN, far_beyond
 from ..adaptive_force.design import ForceGains, settling_time
 from ..adaptive_force.plant import DriveAndCut
-from ..adaptive_force.settings import assumed_settings, beyond_limit, force_loop, lacking, machine, settings_for
+from ..adaptive_force.settings import (
+    OVERLOAD,
+    assumed_settings,
+    beyond_limit,
+    command_limits,
+    force_loop,
+    incomplete,
+    lacking,
+    machine,
+    not_applied,
+    settings_for,
+    turning,
+)
 from . import GatedControl
 from .roughness import ForceBench, fault_findings, gated, wrong_at_rest
+from .settings import HIGHEST
 from .simulation import FileKey
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
+    from ...parameters.sections.force_control import AdaptiveForceSection
 
 SEED: Final = 20
 DRAWS, SPREAD = 6, 0.3  # of the plant; relative change of k, where the file has a covariance of the estimates besides
@@ -52,38 +71,86 @@ def _findings(same: FileKey) -> tuple[FileFinding, ...]:
     try:
         if why := beyond_limit(pf):
             return (_failed("limits", why),)
-        if why := lacking(pf):
-            raise GateError(why)
-        machine(pf)
         found = list(_order(pf))
+        if not any(finding.passed is False for finding in found):
+            if why := lacking(pf):
+                raise GateError(why)
+            machine(pf)
+            found += _simulated(pf)
     except FitmodelsError as error:
-        return (FileFinding("control", None, f"The adaptive force control was not simulated: {error}"),)
-    if not any(finding.passed is False for finding in found):
-        found += _simulated(pf)
+        words = f"The adaptive force control was not simulated: {error}"
+        return (FileFinding("control", None if incomplete(pf) else False, words),)
+    except (ArithmeticError, ValueError) as error:
+        words = f"its numbers are too large or too small to simulate ({error}); check times, gains and estimates."
+        return (_failed("control", words),)
     return tuple(found)
 
 
 def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
-    """Findings on the feed limits against the estimates."""
+    """Findings on estimates, units and limits against each other."""
     section = pf.adaptive_force
-    if section is None or section.depth is None:
+    if section is None:
         return
-    low, high, beta = section.low or 0.0, section.high or 0.0, section.beta
-    if not beta > 0:
-        yield _failed("units", f"beta is {beta:.4g}: the force falls when the feed rises; check the sensor's sign.")
+    if not section.beta > 0:
+        words = f"beta is {section.beta:.4g}: the force falls when the feed rises; check the sensor's sign."
+        yield _failed("units", words)
         return
-    feeds = [point.force * beta * section.depth / point.depth for point in section.set_points]
-    words = f"by the estimates the set points need feeds of {min(feeds):.4g} to {max(feeds):.4g} {section.unit_u}"
+    if incomplete(pf):
+        return
+    if words := not_applied(pf):
+        yield FileFinding("limits", None, words)
+    yield from _units(section)
+    yield from _turns(section)
+    yield from _feeds(pf, section)
+    forces = [point.force for point in section.set_points]
+    readings, most = (section.force_low or 0.0, section.force_high or 0.0), HIGHEST * OVERLOAD * max(forces)
+    if max(map(abs, readings)) > most:
+        span = f"valid readings from {readings[0]:.4g} to {readings[1]:.4g} {section.unit_force}"
+        times = f"{HIGHEST * OVERLOAD:g} times the largest set point"
+        yield _failed("readings", f"{span} go beyond {most:.4g}, {times}, so that none is invalid; narrow them.")
+
+
+def _units(section: "AdaptiveForceSection") -> Iterator[FileFinding]:
+    """Units of the section against those of the record that its estimates come from, and the size of the force."""
+    own, of_record = (section.unit_u, section.unit_force), section.tested_units
+    if of_record is not None and [*map(canonical, own)] != [*map(canonical, of_record)]:
+        words = f"the section is in {plain_unit(own[0])} and {plain_unit(own[1])}, its record in"
+        yield _failed("units", f"{words} {plain_unit(of_record[0])} and {plain_unit(of_record[1])}; restore the file.")
+    largest, usual = max(point.force for point in section.set_points), plausible("F", "milling")
+    newton = in_unit(largest, section.unit_force, "N")
+    if usual is not None and newton is not None and newton > usual.unusual[1]:
+        words = f"a set point of {largest:.4g} {section.unit_force} is above the {usual.unusual[1]:g} N of milling"
+        yield _failed("units", f"{words}: check the unit of the force.")
+
+
+def _turns(section: "AdaptiveForceSection") -> Iterator[FileFinding]:
+    """The time that the force is averaged over against the spindle speed."""
+    speed, average = section.spindle_speed, section.average_time
+    if speed is not None and average is not None and abs(average * speed / 60 - 1) > UNEVEN:
+        turns = f"is {average * speed / 60:.3g} revolutions at {speed:g} 1/min"
+        yield _failed("times", f"average_time {average:g} s {turns}; it is that of one: check both.")
+
+
+def _feeds(pf: "ParameterFile", section: "AdaptiveForceSection") -> Iterator[FileFinding]:
+    """Limits of the command against the estimates, the tests and the spindle speed."""
+    (low, high), unit = command_limits(pf), section.unit_u
+    scale = section.beta * (section.depth or 0.0)
+    feeds = [point.force * scale / point.depth for point in section.set_points]
+    words = f"by the estimates the set points need feeds of {min(feeds):.4g} to {max(feeds):.4g} {unit}"
     if not (low < min(feeds) and max(feeds) < high):
         limits = f"the limits are {low:.4g} to {high:.4g}"
         yield _failed("limits", f"{words}, {limits}: check the units of feed and force, or widen the limits.")
     if high > BEYOND * max(feeds):
         beyond = f"the upper limit {high:.4g} is more than {BEYOND:g} times as much"
         yield _failed("limits", f"{words}, {beyond}; lower it: no run is known to have cut at it.")
-    speed = section.spindle_speed
-    if speed is not None and canonical(section.unit_u) == "mm/min" and high > PER_TURN * speed:
-        turn = f"{high / speed:.3g} mm per revolution at {speed:g} 1/min"
-        yield _failed("limits", f"the upper limit {high:.4g} mm/min is {turn}, more than {PER_TURN:g}; lower it.")
+    points = [(point.depth, point.force) for point in section.set_points]
+    if section.tested is not None and ALLOWED not in section.sources.get("high", ""):
+        for far in far_beyond(section, points, high):
+            yield _failed("limits", f"{far}; lower it, or allow it with `fitmodels adaptive-force --beyond-tested`.")
+    turn, speed = feed_in(high, unit, "mm/rev", turning(pf)), turning(pf) or 0.0
+    if turn is not None and turn > PER_TURN:
+        of = f"is {turn:.3g} mm per revolution at {speed:g} 1/min"
+        yield _failed("limits", f"the upper limit {high:.4g} {unit} {of}, more than {PER_TURN:g}; lower it.")
 
 
 def _failed(name: str, words: str) -> FileFinding:

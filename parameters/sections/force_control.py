@@ -28,7 +28,7 @@ from .base import (
 COEFFICIENTS: Final = ("M", "Fv", "Fc", "offset")
 ROUNDING = 0.01  # relative, of a reference force entered by hand with its regression
 TESTED: Final = "tested"  # entry of ``sources`` with the ranges of the record that estimates come from
-RANGES = re.compile(r"command (\S+) to (\S+)(?: [^,]*)?, force (\S+) to (\S+)")
+RANGES = re.compile(r"command (\S+) to (\S+)(?: ([^,]*))?, force (\S+) to (\S+)(?: ([^:]*))?")
 
 
 class ForceRegression(Section):
@@ -173,7 +173,7 @@ class RecordRanges(NamedTuple):
         """The ranges of such a sentence; None where it is another one."""
         found = RANGES.match(words)
         try:
-            a, b, c, d = map(float, found.groups() if found else ())
+            a, b, c, d = map(float, found.group(1, 2, 4, 5) if found else ())
         except ValueError:
             return None
         return cls((a, b), (c, d))
@@ -257,6 +257,12 @@ class AdaptiveForceSection(Section):
     def tested(self) -> RecordRanges | None:
         """Ranges of the record that the estimates come from; None where they are not known."""
         return RecordRanges.parsed(self.sources.get(TESTED, ""))
+
+    @property
+    def tested_units(self) -> tuple[str, str] | None:
+        """Units of command and force of these ranges; None where the ranges are not known."""
+        found = RANGES.match(self.sources.get(TESTED, ""))
+        return (found[3] or "", found[6] or "") if found else None
 
 
 class DriveSection(Section):
