@@ -100,12 +100,22 @@ def _limit(symbol: str, text: str, pf: "ParameterFile") -> tuple[str, dict[str, 
     unit = _unit(symbol, found[3], usual)
     if symbol in RANGES:
         return kind, {"low": ends[0], "high": ends[1], "unit": unit}
-    if symbol not in pf.laws:
+    if symbol not in pf.laws and not _of_section(symbol, kind, pf):
         laws = ", ".join(pf.laws) or "nothing"
         raise UsageError(f"limit {symbol}: the file has laws of {laws}, so the limit would have no effect.")
     return kind, _response_limit(symbol, ends, unit) if kind == "responses" else {
         "value": ends[0], "unit": unit, "of": symbol,
     }  # fmt: skip
+
+
+def _of_section(symbol: str, kind: str, pf: "ParameterFile") -> bool:
+    """Whether a section uses a limit of a quantity without a law: force of a control, or wear at tool change."""
+    rough, line = pf.roughness, pf.load_line
+    if kind == "force":
+        law = None if rough is None else pf.laws.get(rough.law)
+        return pf.adaptive_force is not None or (law is not None and law.factors[0].symbol == symbol)
+    law = None if line is None else pf.laws.get(line.law)
+    return kind == "wear" and law is not None and law.factors[-1].symbol == symbol
 
 
 def _response_limit(symbol: str, ends: tuple[float, ...], unit: str) -> dict[str, Any]:

@@ -119,3 +119,17 @@ def test_limits_of_a_later_version_are_kept_and_not_named(file, capsys):
     assert main(["limits", file, "P=7kW"]) == 0
     assert "torque" not in capsys.readouterr().out.lower()
     assert parameters.read(file).limits.torque == 3
+
+
+@pytest.mark.parametrize("paper", ["LYAP", "SURF"])
+def test_a_limit_of_force_is_taken_where_a_control_uses_it(paper, tmp_path, capsys):
+    """It was refused: "the limit would have no effect", although the section makes it the overload."""
+    path = str(tmp_path / "params.json")
+    pf = sealed(published(paper), limits=None)
+    laws = {name: law for name, law in pf.model_dump()["laws"].items() if name != "F"}
+    parameters.write(sealed(pf, laws=laws), path)
+    assert main(["limits", path, "F=900N"]) == 0
+    limit = parameters.read(path).limits.force
+    assert (limit.value, limit.unit, limit.of) == (900.0, "N", "F")
+    assert main(["limits", path, "P=7kW"]) == 2
+    assert "so the limit would have no effect" in capsys.readouterr().err
