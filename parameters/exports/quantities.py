@@ -84,7 +84,7 @@ _UNIT_OF = {
     **dict.fromkeys(("Fc", "offset"), "unit_force"),
     "cutoff": "Hz",
     **dict.fromkeys(("simulated_fit", "held_out_fit"), "%"),
-    "depth": "unit_depth",
+    **dict.fromkeys(("depth", "nose_radius"), "unit_depth"),
 }
 
 
