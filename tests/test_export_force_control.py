@@ -24,6 +24,7 @@ from fitmodels.controllers.roughness.controller import ConstantRoughness
 from fitmodels.controllers.roughness.plant import TurningForce
 from fitmodels.controllers.roughness.simulations import turn
 from fitmodels.core.errors import GateError
+from fitmodels.parameters.exports.quantities import file_quantities
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 
@@ -356,3 +357,61 @@ def test_limits_of_feed_narrow_the_command_of_adaptive_force():
     loop = gated_adaptive_force(file, accept_verdict=True).loop
     assert (loop.feed_low, loop.feed_high) == pytest.approx((150.0, 420.0))
     assert not [f for f in check_adaptive_force(file) if f.passed is False]
+
+
+@pytest.mark.parametrize("kind", ["ini", "h", "ngc", "ssv", "mat"])
+@pytest.mark.parametrize(("name", "fields"), [("roughness", {"feed": 5.08}), ("adaptive-force", {"beta": -1.25})])
+def test_values_of_a_force_control_that_fails_its_gate_are_not_exported(kind, name, fields):
+    """They were written without a word, where those of constant load were refused."""
+    file = changed(of_paper(name), **fields)
+    with pytest.raises(GateError, match="not exported: "):
+        rendered(file, kind, accept_verdict=True)
+    assert rendered(of_paper(name), kind, accept_verdict=True)
+
+
+def test_the_nose_radius_is_exported_in_its_unit():
+    file = changed(of_paper("roughness"), nose_radius=0.8)
+    (found,) = (q for q in file_quantities(file, None) if q.name == "roughness_nose_radius")
+    assert (found.value, found.unit) == (0.8, "mm")
+
+
+TESTED = {"tested": "command 150 to 550 mm/min, force 32 to 400 N: smallest and largest values of run.csv"}
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"beta": -1.25}, "the force falls when the feed rises; check the sensor's sign"),
+        ({"beta": -1.25, "low": 0.0}, "the force falls when the feed rises; check the sensor's sign"),
+        ({"low": 0.0}, "0 < low < high"),
+        ({"alpha": 0.0125}, "complex or unstable poles"),
+        ({"unit_u": "mm/s", "sources": TESTED}, "is in mm/s and N, its record in mm/min and N"),
+        ({"unit_force": "kN", "sources": TESTED}, "is in mm/min and kN, its record in mm/min and N"),
+        ({"unit_u": "mm/s"}, "12 mm per revolution at 3000 1/min"),
+        ({"unit_force": "kN"}, "320 kN is above the 20000 N of milling"),
+        ({"spindle_speed": 3e5}, "average_time 0.02 s is 100 revolutions at 300000 1/min"),
+        ({"high": 900.0, "sources": TESTED}, "the command up to 900 mm/min, tested up to 550 mm/min"),
+        ({"force_high": 1e300}, "so that none is invalid"),
+        ({"force_low": -1e5}, "so that none is invalid"),
+        ({"reference_damping": 1e300}, r"reference_damping 1e+300: give 0.1 to 10"),
+        ({"reference_time": 1e300}, "at most 10000 s"),
+        ({"m": 1e-300}, "unstable poles|too large or too small"),
+    ],
+)
+def test_an_adaptive_force_section_that_contradicts_itself_fails_the_check(fields, words):
+    """A reversed sensor was a note, the others passed or ended in an internal error."""
+    found = check_adaptive_force(sealed(changed(of_paper("adaptive-force"), **fields), limits=None))
+    failed = " ".join(f.words for f in found if f.passed is False)
+    assert any(each in failed for each in words.split("|")), failed
+
+
+def test_an_upper_limit_beyond_the_tests_that_was_allowed_passes():
+    sources = {**TESTED, "high": "given; allowed beyond the tests: the command up to 900 mm/min"}
+    file = sealed(changed(of_paper("adaptive-force"), high=900.0, sources=sources), limits=None)
+    assert not [f.words for f in check_adaptive_force(file) if f.passed is False]
+
+
+def test_limits_that_adaptive_force_does_not_apply_are_named():
+    file = sealed(of_paper("adaptive-force"), limits={"power": {"value": 7.0, "unit": "kW"}})
+    (found,) = (f for f in check_adaptive_force(file) if "does not apply limits.power" in f.words)
+    assert found.passed is None

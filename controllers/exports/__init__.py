@@ -13,7 +13,7 @@ A running control, and the values of a file that has one, are written only after
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +26,7 @@ from ...parameters.exports import VALUES, ExportFormat, write_export
 from ...parameters.exports.view import export_view
 from ..adaptive_force.settings import lacking as adaptive_force_lacks
 from ..gate import GatedControl, check_control, gated_control, require_control
-from ..gate.adaptive_force import check_adaptive_force, gated_adaptive_force
+from ..gate.adaptive_force import check_adaptive_force, gated_adaptive_force, require_force_controls
 from ..gate.roughness import check_roughness, gated_roughness, roughness_lacks
 from ..recursion.from_file import shortfall
 from .c_source import NOT_IN_C, c_file
@@ -60,6 +60,7 @@ from .turning_program import NOT_IN_CSV, NOT_IN_NC, TurningExport, csv_table, nc
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
+    from ...parameters.checks.report import FileFinding
 
 SIMULATED: Final = ("simulation", "draws", "fault")  # findings that state how the control was tried
 
@@ -131,12 +132,11 @@ def _load_control(pf: "ParameterFile", job: ExportJob) -> GatedControl:
 
 def _load_notes(pf: "ParameterFile", control: GatedControl) -> tuple[str, ...]:
     held = require_verdicts(pf, accepted=True, loop_only=True)
-    return (*held, *_findings(pf), *(f"assumed: {words}" for words in control.view.assumed))
+    return (*held, *_tried(check_control(pf).findings), *(f"assumed: {words}" for words in control.view.assumed))
 
 
-def _findings(pf: "ParameterFile") -> tuple[str, ...]:
-    """Lines on how the control of the file was tried."""
-    found = check_control(pf).findings
+def _tried(found: "Iterable[FileFinding]") -> tuple[str, ...]:
+    """Lines on how the controls of the file were tried."""
     return (
         *(f"VERDICT ACCEPTED - {f.words}" for f in found if f.passed is False),
         *(f"{f.name}: {f.words}" for f in found if f.passed and f.name in SIMULATED),
@@ -321,7 +321,7 @@ def exported(pf: "ParameterFile", kind: str, *, system: str | None = None, job: 
     require_control(pf, accept_verdict=job.accept_verdict)
     notes = (
         *require_verdicts(pf, accepted=True),
-        *_findings(pf),
+        *_tried((*check_control(pf).findings, *require_force_controls(pf))),
         *(f"assumed: {words}" for words in view.assumed),
     )
     return Exported(of.render(view), (*notes, *not_carried))

@@ -32,7 +32,7 @@ from ..adaptive_force.settings import (
     turning,
 )
 from . import GatedControl
-from .roughness import ForceBench, fault_findings, gated, wrong_at_rest
+from .roughness import ForceBench, check_roughness, fault_findings, gated, require_passed, wrong_at_rest
 from .settings import HIGHEST
 from .simulation import FileKey
 
@@ -246,6 +246,25 @@ def _draws(pf: "ParameterFile") -> Iterator[FileFinding]:
     else:
         result = "all are held, or have less force at the upper feed limit."
         yield FileFinding("draws", True, f"{what[:1].upper()}{what[1:]}, {result}")
+
+
+def require_force_controls(pf: "ParameterFile") -> tuple[FileFinding, ...]:
+    """Findings on constant roughness and adaptive force of a file whose values are exported.
+
+    Raises
+    ------
+    GateError
+        One of them fails.
+
+    Examples
+    --------
+    >>> from fitmodels import parameters
+    >>> require_force_controls(parameters.collect(tool="GC435", work="709M40", laws=[]))
+    ()
+    """
+    found = (*check_roughness(pf), *check_adaptive_force(pf))
+    require_passed(found)
+    return found
 
 
 def gated_adaptive_force(

@@ -368,16 +368,20 @@ def gated(
     assumed: tuple[str, ...],
 ) -> GatedControl:  # fmt: skip
     """The control of a force loop whose findings do not fail."""
-    refused = [finding for finding in found if finding.passed is False]
-    if refused or not found:
-        first = refused[0].words if refused else "the control was not simulated."
-        more = f" {len(refused) - 1} more: see `fitmodels check`." if len(refused) > 1 else ""
-        raise GateError(f"not exported: {first}{more}")
+    require_passed(found)
     if not any(finding.name == "simulation" and finding.passed for finding in found):
-        raise GateError(f"not exported: {found[0].words}")
+        raise GateError(f"not exported: {found[0].words if found else 'the control was not simulated.'}")
     view = export_view(pf, accept_verdict=True, loop_only=True)
     doubts = tuple(words for words in view.assumed if words.startswith("the data are right"))
     open_ = tuple(finding.words for finding in found if finding.passed is None)
     lines = tuple(line for words in (*verdicts, *open_) for line in plain_lines(words))
     view = replace(view, loop=loop, gains=None, plant=None, verdicts=lines, assumed=(*doubts, *assumed))
     return GatedControl(view, loop, _key=_MADE_BY_THE_GATE)
+
+
+def require_passed(found: tuple[FileFinding, ...]) -> None:
+    """Raise GateError where a finding fails, with the first of them."""
+    refused = [finding for finding in found if finding.passed is False]
+    if refused:
+        more = f" {len(refused) - 1} more: see `fitmodels check`." if len(refused) > 1 else ""
+        raise GateError(f"not exported: {refused[0].words}{more}")
