@@ -70,6 +70,8 @@ def advise(
     minutes: float,
     risk: float = 0.05,
     costs: "CostsSection | None" = None,
+    *,
+    lost: bool = False,
 ) -> tuple[Advice, ...]:
     """Advice for the work ahead.
 
@@ -85,6 +87,8 @@ def advise(
         Highest probability of being past the criterion at its end.
     costs : CostsSection, optional
         With them, speed and feed of least cost.
+    lost : bool
+        Whether a load is lost: no speed or feed above the present one is advised.
 
     Returns
     -------
@@ -101,7 +105,7 @@ def advise(
     if not 0 < risk < 1:
         raise UsageError(f"risk {risk:g}: give a probability between 0 and 1, such as 0.05.")
     given = estimate.complete(conditions)
-    if estimate.distrusted:  # unknown means slower
+    if estimate.distrusted or lost:  # unknown means slower
         ends = {name: (low, min(high, given[name])) for name, (low, high) in bounds.ranges.items() if name in given}
         bounds = replace(bounds, ranges={name: of for name, of in ends.items() if of[0] < of[1]}, reference={})
     return tuple(_advised(estimate, bounds, given, minutes, risk, costs))

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, STARTING
 from ..datasets.signals.options import DRIVEN, ReduceOptions
 from .blocks import BLOCK, BRIDGED, FIRST_CUT, SPEEDS, Air, Block, Blocks, EarlyFeed, Gap, IdleLevel, speed_ratio
-from .samples import CutEnd, Notice, Sample, Window
+from .samples import CutEnd, LostLoads, Notice, Sample, Window
 from .windows import AGAINST, FALLEN, INTERRUPTED, QUIETER, RESTING, STUCK, SeenLoads, Windows
 
 SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle
@@ -72,10 +72,10 @@ class Cuts:
         self._air = Air()
         self.idle = self._air.idle
         self._blocks, self._windows = Blocks(constants), Windows(self.idle, whole, seconds)
-        self._rest, self._believed = rest, True
+        self.lost = LostLoads(self._windows, self._high)
+        self._rest, self._believed, self._mute = rest, True, 0.0  # s without a load
         self._speeds: Mapping[str, float] = {}
         self._short: list[float] = []  # s, beginnings of excursions too short for a cut
-        self._mute = 0.0  # s without a load
         self._reached: dict[str, float] = {}  # level above idle of the last cuts
         self._seen, self._early, self._last = SeenLoads(), EarlyFeed(), 0.0
         self._forget()
@@ -133,7 +133,7 @@ class Cuts:
     def as_json(self) -> dict[str, Any]:
         """Idle levels and noise, with which `resume` follows a cut after a restart."""
         idle = {name: asdict(level) for name, level in self.idle.items()}
-        own = {"believed": self._believed, "speeds": dict(self._speeds)}
+        own = {"believed": self._believed, "speeds": dict(self._speeds), "lost": self.lost.as_json()}
         return {**own, "idle": idle, "windows": self._windows.as_json()}
 
     def resume(self, data: Mapping[str, Any]) -> None:
@@ -142,6 +142,7 @@ class Cuts:
         self.idle.clear()
         self.idle.update({name: IdleLevel(**level) for name, level in data["idle"].items()})
         self._windows.resume(data["windows"])
+        self.lost.resume(data.get("lost", {}))
 
     def close(self) -> list[Found]:
         """What is left at the end of a source: a cut that has not ended is lost; the loads, where there was no cut."""
@@ -174,7 +175,9 @@ class Cuts:
         self._last = block.end
         if not self.number:
             self._seen.add(block)
-        self._mute = 0.0 if block.loads else self._mute + block.seconds
+        block, found = self.lost.judge(block, contact=self._cut and self._lead != "")
+        yield from found
+        self._mute = 0.0 if block.loads else self._mute + block.seconds + SILENT * bool(found)
         if not block.loads and self._unseen(block):
             yield from self._unheard(block)
             return
@@ -295,9 +298,8 @@ class Cuts:
         idle, reach = self.idle[name], self._windows.reach.get(name)
         usual = THRESHOLD * median(reach) if reach else FIRST_CUT * abs(idle.level)
         now = self._ahead[-1].end if self._ahead else idle.time
-        sd = sqrt(idle.noise**2 + idle.reading + idle.variance_at(now))
-        noise = min(NOISE * sd, self._reached.get(name, inf) / 2)
-        return max(noise, usual, COARSE * abs(idle.level), 1e-12)
+        noise = NOISE * sqrt(idle.noise**2 + idle.reading + idle.variance_at(now))
+        return max(min(noise, self._reached.get(name, inf) / 2), usual, COARSE * abs(idle.level), 1e-12)
 
     @staticmethod
     def _left(level: float, high: float) -> float:
@@ -324,8 +326,8 @@ class Cuts:
 
     def _may_start(self, block: Block) -> bool:
         """Whether a load that leaves a level near zero may be that of a spindle that starts."""
-        running = any(block.conditions.get(name, 0.0) > 0 for name in SPEEDS)
-        return not self._windows.proved and (self._rest == "off" or (self._rest is None and not running))
+        stands = not any(block.conditions.get(name, 0.0) > 0 for name in SPEEDS)
+        return not self._windows.proved and (self._rest == "off" or (self._rest is None and stands))
 
     def _begin(self, span: list[Block]) -> Iterator[Found]:
         self._cut, self._below = True, []
@@ -368,13 +370,9 @@ class Cuts:
         if self._windows.proved and (passed > STARTING or (passed > SHORTEST and max(near) < self._high(name))):
             self._started = []
             self._air.begin(block.end)
-        elif not self._windows.proved and passed > STARTING:
-            self._assume_idle(name)
-
-    def _assume_idle(self, name: str) -> None:
-        """Take the lowest second after a start as idle."""
-        started, self._started = [b for b in self._started if name in b.loads], []
-        self._air.assume_lowest(started, name, round(STARTING))
+        elif not self._windows.proved and passed > STARTING:  # the lowest second after a start is idle
+            started, self._started = [b for b in self._started if name in b.loads], []
+            self._air.assume_lowest(started, name, round(STARTING))
 
     def _in_cut(self, block: Block) -> Iterator[Found]:
         if self._lead not in block.loads:
@@ -387,7 +385,9 @@ class Cuts:
         if away < self._left(self._level, self._high(self._lead)):
             self._below.append(block)
             if sum(b.seconds for b in self._below) >= MERGED:
-                yield from self._end()
+                fallen = list(self.lost.fallen(self._lead, self._below)) if self._sign > 0 else []
+                yield from fallen
+                yield from self._end(lost=bool(fallen))
             return
         below, self._below = self._below, []
         for earlier in (*below, block):

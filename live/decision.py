@@ -14,6 +14,11 @@ from .edge_estimate import EdgeEstimate
 if TYPE_CHECKING:
     from ..parameters.sections.costs import CostsSection
 
+LOST = (
+    "Not known whether to go on, because a load is lost: by the contact that was counted, {}; the limit is {:g}. Gauge "
+    "the edge, and acknowledge the alarm once the load is read again."
+)
+
 
 @dataclass(frozen=True, slots=True)
 class Advice:
@@ -21,7 +26,7 @@ class Advice:
 
     Attributes
     ----------
-    kind : {"change", "go on", "feed", "speed", "load", "cost"}
+    kind : {"change", "go on", "not known", "feed", "speed", "load", "cost"}
     text : str
         One sentence with its numbers.
     probability : float
@@ -30,7 +35,7 @@ class Advice:
         V in m/min and f in mm/rev that are advised.
     """
 
-    kind: Literal["change", "go on", "feed", "speed", "load", "cost"]
+    kind: Literal["change", "go on", "not known", "feed", "speed", "load", "cost"]
     text: str
     probability: float
     settings: Mapping[str, float] = field(default_factory=dict)
@@ -42,6 +47,8 @@ def change_now(
     next_cut_minutes: float = 0.0,
     conditions: Mapping[str, float] | None = None,
     costs: "CostsSection | None" = None,
+    *,
+    lost: bool = False,
 ) -> Advice:
     """Whether to change the edge before the next cut: at a stated risk, or at least cost where costs are given.
 
@@ -57,6 +64,8 @@ def change_now(
     costs : CostsSection, optional
         With a cost of failure: the edge is changed when the expected cost of failing in the next cut exceeds the mean
         cost of an edge over that time (age replacement).
+    lost : bool
+        Whether a load is lost, so that the contact may not all be counted: then it is not advised to go on.
 
     Raises
     ------
@@ -72,11 +81,12 @@ def change_now(
     words = f"probability {probability_words(after)} that the wear is past {goal} {when}"
     if estimate.distrusted:
         words += f" (without {', '.join(estimate.distrusted)}, which is far from its law)"
-    if costs is not None and (by_cost := _by_cost(estimate, next_cut_minutes, conditions, costs, words)) is not None:
-        return by_cost
-    if after > risk:
-        return Advice("change", f"Change the edge: {words}; the limit is {risk:g}.", after)
-    return Advice("go on", f"Go on: {words}; the limit is {risk:g}.", after)
+    found = _by_cost(estimate, next_cut_minutes, conditions, costs, words) if costs is not None else None
+    if found is None and after > risk:
+        found = Advice("change", f"Change the edge: {words}; the limit is {risk:g}.", after)
+    if lost and (found is None or found.kind != "change"):
+        return Advice("not known", LOST.format(words, risk), after)
+    return found or Advice("go on", f"Go on: {words}; the limit is {risk:g}.", after)
 
 
 def probability_words(value: float) -> str:

@@ -130,7 +130,8 @@ def advice_of(monitor: "Monitor", bounds: "Bounds | None") -> list[Facts]:
     if unknown or bounds is None or not minutes or not monitor.conditions:
         return []
     try:
-        found = advise(monitor.estimate, bounds, monitor.conditions, minutes, asked.risk, asked.costs)
+        lost = monitor.load_lost
+        found = advise(monitor.estimate, bounds, monitor.conditions, minutes, asked.risk, asked.costs, lost=lost)
     except FitmodelsError:
         return []
     return [

@@ -171,13 +171,10 @@ class Monitor:
             self.lost = {"since": float(record["time"]), "cut": self.cut_minutes, "conditions": dict(self.conditions)}
             self.note(self.time, "the signal was lost in mid-cut: the cut may go on unseen.")
             return
-        self._finish_cut()
-        self._decide()
-
-    def _finish_cut(self) -> None:
         if self.cut_minutes > 0:
             self.cuts = [*self.cuts[1 - CUTS :], self.cut_minutes]
         self.cut_minutes = 0.0
+        self._decide()
 
     def _contact(self, record: Record) -> None:
         self.open = {"minutes": float(record["minutes"]), "conditions": dict(record["conditions"])}
@@ -256,15 +253,18 @@ class Monitor:
 
     def _alarm(self, record: Record) -> None:
         alarm = {"time": record.get("time"), "kind": record["kind_of_alarm"], "text": record["text"], "latched": True}
-        same = [one for one in self.alarms if one["kind"] == alarm["kind"]]
-        if same and same[-1]["text"] == alarm["text"]:
+        if [one["text"] for one in self.alarms if one["kind"] == alarm["kind"]][-1:] == [alarm["text"]]:
             return
         self.alarms = [*self.alarms[1 - ALARMS :], alarm]
         self._said.append(f"ALARM {alarm['text']}")
+        if alarm["kind"] == "load" and self.conditions:
+            self._decide()
 
     def _acknowledge(self, _: Record) -> None:
         self.alarms = []
         self.note(self.time, "alarms acknowledged.")
+        if self.decisions and self.decisions[-1]["kind"] == "not known":
+            self._decide()
 
     def _notice(self, record: Record) -> None:
         self.note(self.time, str(record["text"]))
@@ -282,6 +282,11 @@ class Monitor:
         others = [one for one in self.notes if one["text"] != text]
         self.notes = [*others[1 - SHOWN :], {"time": time, "text": text}]
         self._said.append(text)
+
+    @property
+    def load_lost(self) -> bool:
+        """Whether the alarm is active that a load is lost."""
+        return any(alarm["kind"] == "load" for alarm in self.alarms)
 
     @property
     def next_cut(self) -> float | None:
@@ -313,7 +318,8 @@ class Monitor:
         from .decision import change_now
 
         asked = self.settings
-        found = change_now(self.estimate, asked.risk, self.next_cut or 0.0, self.conditions, asked.costs)
+        ahead, lost = self.next_cut or 0.0, self.load_lost
+        found = change_now(self.estimate, asked.risk, ahead, self.conditions, asked.costs, lost=lost)
         last = self.decisions[-1] if self.decisions else None
         text = f"{found.text} Loads are not used: by time alone." if self.distrusted else found.text
         decision = {"time": self.time, "kind": found.kind, "text": text, "probability": found.probability}
@@ -327,13 +333,8 @@ class Monitor:
         past = float(self.estimate.probability_past())
         if past > PAST:
             criterion = f"{self.laws.wear.symbol} {format_plain(self.estimate.criterion)} {self.laws.wear.unit}"
-            self._alarm(
-                {
-                    "time": self.time,
-                    "kind_of_alarm": "worn",
-                    "text": f"the wear is more likely past {criterion} than not.",
-                }
-            )
+            text = f"the wear is more likely past {criterion} than not."
+            self._alarm({"time": self.time, "kind_of_alarm": "worn", "text": text})
 
     # the state as JSON -----------------------------------------------------------------------------------------------
 

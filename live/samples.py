@@ -1,11 +1,35 @@
-"""Readings of a running machine, notices of their source, and the steady parts of cuts that are found in them."""
+"""Readings of a running machine, notices of their source, steady parts of cuts found in them, loads that are lost."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from statistics import median
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from .blocks import Block
+    from .windows import Windows
 
 State = Literal["unknown", "off", "idle", "feed"]
-Kind = Literal["connected", "lost", "gap", "bad", "clock", "replaced", "idle", "end", "refused"]
+Kind = Literal["connected", "lost", "gap", "bad", "clock", "replaced", "idle", "end", "refused", "load"]
+
+BELOW_FOR = 5.0  # s of feed with a load below idle, after which it is lost
+FED_FOR = 20.0  # s of feed without contact, at least, after which the loads are lost
+FED_TIMES = 3.0  # times the longest feed without contact so far
+FED_CUTS = 3  # cuts that were seen before, at least
+
+LOW = (
+    "{0} reads {1:.4g} while the machine feeds, and idle was {2:.4g}: the load is lost. Feed counts as cutting without "
+    "it. Check its sensor and channel, and gauge the edge."
+)
+AIR = (
+    "no contact was seen in {:.3g} min of feed, which was {:.3g} min at most so far ({}): the load is lost or the edge "
+    "broke. This feed and what follows count as cutting until contact is seen. Look at the edge, and gauge it."
+)
+FELL = (
+    "{0} fell from the cut to {1:.4g} at once, below idle ({2:.4g}), and the machine does not say whether it feeds: "
+    "the load is lost, and what is cut from here on may not be counted. Check its sensor and channel, map the state of "
+    "the machine, and gauge the edge."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +76,8 @@ class Notice:
         s by the clock of this program.
     kind : str
         ``"connected"``, ``"lost"``, ``"gap"`` (samples are missing), ``"bad"`` (quality), ``"clock"`` (times jumped),
-        ``"replaced"`` (another file under the same name), ``"idle"``, ``"refused"`` (what cannot be used) or ``"end"``.
+        ``"replaced"`` (another file under the same name), ``"idle"``, ``"refused"`` (what cannot be used), ``"load"``
+        (a load is lost while the machine cuts) or ``"end"``.
     text : str
         What happened, in one sentence with its values.
     """
@@ -129,3 +154,108 @@ class CutEnd:
     cut: int = 0
     lost: bool = False
     unseen: bool = False
+
+
+class LostLoads:
+    """Loads that are lost: they read air or less where the machine cuts, so neither contact nor air follows from them.
+
+    Parameters
+    ----------
+    windows : Windows
+        Of the same stream, with the idle levels.
+    threshold : callable
+        Distance of a load from idle at which a cut begins.
+
+    Attributes
+    ----------
+    floors : dict of str to float
+        By load that is lost: the level from which it counts as read again.
+    unread : set of str
+        Loads of the last block that are not used.
+    """
+
+    def __init__(self, windows: "Windows", threshold: Callable[[str], float]) -> None:
+        self.floors: dict[str, float] = {}
+        self.unread: set[str] = set()
+        self._windows, self._threshold = windows, threshold
+        self._below: dict[str, float] = {}  # s of feed
+        self._fed, self._longest = 0.0, 0.0  # s of feed without contact: since the last cut, and at most before
+
+    def as_json(self) -> dict[str, Any]:
+        """What `resume` takes over."""
+        return {"floors": dict(self.floors), "longest": self._longest}
+
+    def resume(self, data: Mapping[str, Any]) -> None:
+        """Take over what `as_json` gave."""
+        self.floors, self._longest = dict(data.get("floors", {})), float(data.get("longest", 0.0))
+
+    def judge(self, block: "Block", *, contact: bool) -> "tuple[Block, list[Window | CutEnd | Notice]]":
+        """The block without lost loads, and what was found lost with it.
+
+        Parameters
+        ----------
+        block : Block
+        contact : bool
+            Whether a load shows a cut.
+        """
+        for name in [name for name, floor in self.floors.items() if block.loads.get(name, floor) > floor]:
+            del self.floors[name]
+        low: set[str] = set()
+        found: list[Window | CutEnd | Notice] = []
+        if block.phase == "feed" and self._windows.proved:
+            low = {name for name in block.loads if self._is_below(name, block.loads[name])}
+            found += [*self._feed_below(block, low - self.floors.keys()), *self._feed_in_air(block, contact=contact)]
+        elif block.phase != "feed":
+            self._below.clear()
+        self.unread = {name for name in block.loads if name in low or name in self.floors}
+        if not self.unread:
+            return block, found
+        loads = {name: level for name, level in block.loads.items() if name not in self.unread}
+        values = {name: read for name, read in block.values.items() if name not in self.unread}
+        return replace(block, loads=loads, values=values), found
+
+    def fallen(self, name: str, blocks: "Sequence[Block]") -> list[Notice]:
+        """A cut ended with these blocks, in which the load went below idle at once and the machine says nothing."""
+        levels = [b.loads[name] for b in blocks if name in b.loads]
+        said = any(b.phase != "unknown" for b in blocks)
+        if said or not self._windows.proved or not all(self._is_below(name, level) for level in levels):
+            return []
+        return [self._lose(name, blocks[-1].end, FELL, median(levels))]
+
+    def _lose(self, name: str, time: float, text: str, level: float) -> Notice:
+        """Take a load for lost until it is back at idle."""
+        idle = self._windows.idle[name].level
+        self.floors[name] = idle - self._threshold(name)
+        self.unread.add(name)
+        return Notice(time, "load", text.format(name, level, idle))
+
+    def _is_below(self, name: str, level: float) -> bool:
+        """Whether a load that showed cuts is below its idle level by as much as the beginning of a cut is above."""
+        idle = self._windows.idle.get(name)
+        known = idle is not None and idle.known and bool(self._windows.reach.get(name))
+        return known and level < self._windows.idle[name].level - self._threshold(name)
+
+    def _feed_below(self, block: "Block", low: set[str]) -> list[Notice]:
+        self._below = {name: self._below.get(name, 0.0) + block.seconds for name in low}
+        lost = [name for name in sorted(low) if self._below[name] > BELOW_FOR]
+        return [self._lose(name, block.end, LOW, block.loads[name]) for name in lost]
+
+    def _feed_in_air(self, block: "Block", *, contact: bool) -> list[Window | CutEnd | Notice]:
+        """Feed without contact for much longer than before: it counts, and loads are lost until they show contact."""
+        read = block.loads.keys() & self._windows.reach.keys()
+        if contact:
+            self._longest, self._fed = max(self._longest, self._fed), 0.0
+        elif read and not read & (self.floors.keys() | self._below.keys()):
+            self._fed += block.seconds
+        if self._windows.number < FED_CUTS or self._fed <= max(FED_FOR, FED_TIMES * self._longest):
+            return []
+        minutes, self._fed = self._fed / 60, 0.0
+        for name in read:
+            self.floors[name] = self._windows.idle[name].level + self._threshold(name)
+        levels = ", ".join(f"{name} {block.loads[name]:.4g}" for name in sorted(read))
+        number, start = self._windows.number, block.end - 60 * minutes
+        return [
+            Window(start, block.end, minutes, dict(block.conditions), {}, number),
+            CutEnd(block.end, 0.0, number, unseen=True),
+            Notice(block.end, "load", AIR.format(minutes, self._longest / 60, levels)),
+        ]

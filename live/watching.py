@@ -29,6 +29,11 @@ ASKED_EACH: Final = 1.0  # s between two looks for requests and for the paramete
 REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {
     "gauge": ("wear", "sd_ln"), "used": ("minutes",), "tool": (), "edge": (), "acknowledge": (),
 }  # fmt: skip
+UNREAD: Final = 5.0  # s without a load in mid-cut, after which it is an alarm
+NOT_COUNTED: Final = (
+    "unless the machine says that it feeds, what is cut is not counted until a load is read again, and then up to the "
+    "longest cut so far. Check sensor and channel, and gauge the edge."
+)
 OPTIONAL: Final = ("request", "tool", "certain", "conditions")  # fields that a request may have besides
 OUTLETS: Final = {"JsonLines": "--stream", "Page": "--page", "OpcUaServer": "--serve"}
 SAID: Final = ("connected", "lost", "gap", "bad", "clock", "replaced", "refused")  # notices that are kept
@@ -144,10 +149,14 @@ class Watch:
         self._heard = time.monotonic()
         if self._is_other_tool(sample):
             return
-        usable = bool(sample.loads) and not sample.bad
+        usable = bool(sample.loads.keys() - self.cuts.lost.unread) and not sample.bad
         if self.monitor.lost is not None and usable:
             minutes, text = self.monitor.gap_minutes(sample.time)
             self.record("gap", time=sample.time, minutes=minutes, text=text)
+        elif self.monitor.lost is not None and sample.time > self.monitor.lost["since"] + UNREAD:
+            text = f"no load was read for {UNREAD:g} s in mid-cut: {NOT_COUNTED}"
+            if not self.monitor.load_lost:
+                self._say_notice(Notice(sample.time, "load", text))
         self.now.time, self.now.loads = sample.time, sample.loads
         if usable:
             self.now.source = {**self.now.source, "state": "connected", "text": ""}
@@ -176,10 +185,11 @@ class Watch:
 
     def _say_notice(self, notice: Notice) -> None:
         stamp = self.now.time
-        prefix = "" if notice.kind == "refused" else f"{notice.kind}: "
+        prefix = "" if notice.kind in ("refused", "load") else f"{notice.kind}: "
         text = f"{prefix}{notice.text}" if notice.text else notice.kind
-        if notice.kind in ("refused", "lost") and self.now.state in ("entry", "cutting"):
+        if notice.kind == "load" or (notice.kind in ("refused", "lost") and self.now.state in ("entry", "cutting")):
             self.record("alarm", time=stamp, kind_of_alarm=notice.kind, text=text, latched=True)
+            self.now.advice = advice_of(self.monitor, self.bounds)
         else:
             self.record("notice", time=stamp, text=text)
 

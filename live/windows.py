@@ -384,7 +384,7 @@ class Windows:
         """A notice of what cannot be used, the first time."""
         if key not in self._said:
             self._said.add(key)
-            yield Notice(time, "refused", text)
+            yield Notice(time, "load" if key.startswith("stuck") else "refused", text)
 
 
 def _conditions(blocks: Sequence[Block]) -> dict[str, float]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from fitmodels.core.errors import FitmodelsError, UsageError
 from fitmodels.live import watch_journal
+from fitmodels.live.advice import Bounds
 from fitmodels.live.cuts import Cuts
 from fitmodels.live.monitor import Monitor
 from fitmodels.live.samples import Notice
@@ -295,3 +296,60 @@ def test_a_journal_that_was_changed_by_hand_is_refused_with_the_number_of_the_re
 )
 def test_a_request_that_is_not_known_is_a_notice(asked):
     assert request_record(asked, 1.0)["kind"] == "notice"
+
+
+def dying(become, state=True, cuts=6):
+    """Samples whose power becomes ``become(power, k)`` in the middle of the third cut of a minute."""
+    for k, sample in enumerate(samples(cuts=cuts, state=state)):
+        dead = sample.time >= 2 * 68 + 40
+        power = become(sample.loads["P"], k)
+        yield replace(sample, loads={} if power is None else {"P": power}) if dead else sample
+
+
+@pytest.mark.parametrize(
+    "become", [lambda _, k: 0.0, lambda _, k: 0.01 * (-1) ** k, lambda _, k: 0.8 + 0.008 * (-1) ** (k // 7)]
+)
+def test_feed_counts_as_cutting_when_the_load_reads_air_or_less(become):
+    """Power that dies to zero, to noise around it, or freezes at its idle level."""
+    whole, watch = watched(samples(cuts=6)), watched(dying(become))
+    assert watch.monitor.edge.minutes == pytest.approx(whole.monitor.edge.minutes, abs=0.1)
+    assert [alarm["kind"] for alarm in watch.monitor.alarms if alarm["kind"] != "lost"] == ["load"]
+    assert watch.monitor.decisions[-1]["kind"] != "go on"
+    assert not any(alarm["kind"] == "load" for alarm in whole.monitor.alarms)
+    assert whole.monitor.decisions[-1]["kind"] == "go on"
+
+
+def test_a_load_that_falls_below_idle_at_once_is_lost_where_the_machine_says_nothing():
+    watch = watched(dying(lambda _, k: 0.0, state=False))
+    (alarm,) = (alarm for alarm in watch.monitor.alarms if alarm["kind"] == "load")
+    assert "P fell from the cut to 0 at once, below idle (0.799" in alarm["text"]
+    assert watch.monitor.lost is not None
+    assert watch.monitor.decisions[-1]["kind"] == "not known"
+    watch = watched(dying(lambda _, k: None, state=False))
+    assert "no load was read for 5 s in mid-cut" in watch.monitor.alarms[-1]["text"]
+    assert watch.monitor.decisions[-1]["kind"] == "not known"
+
+
+def test_no_more_feed_is_advised_while_a_load_is_lost():
+    bounds = Bounds({"V": (50.0, 250.0), "f": (0.05, 0.6)})
+    feeds = {}
+    for lost in (False, True):
+        of = monitor()
+        watch = Watch(of, Cuts(), "run.csv")
+        watch.bounds = bounds
+        watch.run(dying(lambda _, k: 0.0) if lost else samples(cuts=6))
+        feeds[lost] = [one["settings"][name] / CONDITIONS[name] for one in watch.now.advice for name in one["settings"]]
+    assert max(feeds[False]) > 1.2
+    assert max(feeds[True], default=0.0) <= 1.0 + 1e-9
+
+
+def test_a_lost_load_that_reads_contact_again_is_used_again():
+    def back(power, k):
+        return 0.0 if k < 2 * 680 + 500 else power
+
+    watch = watched(dying(back))
+    assert watch.monitor.edge.minutes == pytest.approx(6.0, abs=0.1)
+    assert watch.cuts.lost.floors == {}
+    assert watch.monitor.measured["P"] > 0
+    watch.record("acknowledge", time=watch.monitor.time)
+    assert watch.monitor.decisions[-1]["kind"] == "go on"
