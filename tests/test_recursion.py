@@ -180,6 +180,31 @@ def test_a_gauge_that_reads_ten_times_the_wear_stops_the_cut(laws):
     assert (trace.command[:-1] > 0).all()
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+def test_a_gauge_that_reads_low_gives_no_more_than_the_plan(laws, life, share):
+    controller = TurningRecursion(laws, PUBLISHED, grid_of(laws))
+    edge, noise, command, news = WearingEdge(laws, PUBLISHED), np.random.default_rng(1), (0.0, 0.0), []
+    found = []
+    while "worn out" not in controller.news:
+        command = controller.step(share * edge.wear, 60.0)
+        news += controller.news
+        found.append(command)
+        edge.step(command, 60.0, noise)
+    assert found[:-1] == pairs(life)
+    assert edge.wear <= 0.3
+    assert ("wear unknown" in news) == (share < 0.6)
+
+
+def test_a_wear_that_falls_from_interval_to_interval_is_reported_and_not_used(laws, life):
+    controller = TurningRecursion(laws, PUBLISHED, grid_of(laws))
+    commands, news = [controller.step(0.0, 60.0)], []
+    for k in range(1, len(life.time)):
+        commands.append(controller.step(0.15 * 0.6**k, 60.0))
+        news += controller.news
+    assert commands == pairs(life)
+    assert news[:1] == ["wear unknown"]
+
+
 def test_a_worn_edge_stays_out_of_the_cut(laws):
     controller = TurningRecursion(laws, PUBLISHED, grid_of(laws))
     assert controller.step(0.31, 60.0) == (0.0, 0.0)

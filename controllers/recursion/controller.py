@@ -20,7 +20,7 @@ from .laws import LifeLaws, Rules, Times, WearRule, response_at_end, wear_after
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
 
-LEAST_SHARE = 0.5  # wear does not decrease: a reading below this share of the last wear is invalid
+LEAST_SHARE = 0.6  # a reading below this share of the wear that the laws predict is invalid
 
 
 @dataclass(slots=True, repr=False)
@@ -28,9 +28,10 @@ class TurningRecursion(Displayable):
     """The controller of AC-2017; its command is (V, f) of the next interval, m/min and mm/rev.
 
     The measurement is the wear at the end of an interval. Before the first the tool is out of the cut, (0, 0), and
-    when no pair is within the limits it is again: ``worn out``, change the edge. An invalid wear reading (not a number,
-    below half of the last one, unchanged after a cut) is replaced by the prediction of the laws, as the paper always
-    does.
+    when no pair is within the limits it is again: ``worn out``, change the edge. The wear is the larger of the reading
+    and the prediction of the laws from the last one: a gauge that reads low makes the controller no faster than its
+    plan. An invalid reading (not a number, below .6 of the prediction, unchanged after a cut) is replaced by the
+    prediction, as the paper always does, and reported.
 
     Attributes
     ----------
@@ -141,9 +142,9 @@ class TurningRecursion(Displayable):
     def _take(self, measurement: float) -> tuple[str, ...]:
         """Take the measurement, or the prediction of the laws where it is invalid."""
         expected = self._expected()
-        self._sensing.low = LEAST_SHARE * self.wear - 1e-9
+        self._sensing.low = LEAST_SHARE * expected - 1e-9
         known = self._sensing.valid(measurement, expected)
-        self.wear = max(measurement, 0.0) if known else expected
+        self.wear = max(measurement, expected) if known else expected
         was, self._known = self._known, known
         return () if was == known else ("wear known" if known else "wear unknown",)
 
