@@ -247,7 +247,8 @@ def test_the_same_seed_gives_the_same_run(pf):
 
 
 @pytest.mark.parametrize(("make", "dt"), [(AdaptiveForceControl, 0.0015), (AdaptiveForceControl, 0.002),
-                                          (FixedForcePi, 0.001)])  # fmt: skip
+                                          (AdaptiveForceControl, math.nan), (AdaptiveForceControl, math.inf),
+                                          (FixedForcePi, 0.001), (FixedForcePi, math.nan)])  # fmt: skip
 def test_a_step_that_the_controller_was_not_made_for_is_refused(pf, make, dt):
     with pytest.raises(UsageError, match="a step of"):
         make.from_parameters(pf, 2.0).step(0.0, dt)

@@ -319,9 +319,10 @@ def test_switched_off_it_does_nothing(loaded):
     assert set(run(c, [0.3] * 300)) == {1.0}
 
 
-def test_another_period_is_refused(loaded):
+@pytest.mark.parametrize("dt", [0.001, 0.0, float("nan"), float("inf")])
+def test_another_period_is_refused(loaded, dt):
     with pytest.raises(UsageError, match=r"made for 0\.02 s"):
-        controllers.ConstantLoad(loaded).step(0.2, 0.001)
+        controllers.ConstantLoad(loaded).step(0.2, dt)
 
 
 @pytest.mark.parametrize("average_of", ["measurement", "command"])

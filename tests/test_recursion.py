@@ -466,6 +466,8 @@ def test_limits_in_other_units_are_the_same_limits(laws):
         (lambda pf: Rules(interval=0.0), "above zero"),
         (lambda pf: grid_of(life_laws(pf), feed_step=1e-9), "use larger steps"),
         (lambda pf: TurningRecursion.from_parameters(pf).step(0.1, 30.0), "intervals of 1 min"),
+        (lambda pf: TurningRecursion.from_parameters(pf).step(0.1, float("nan")), "intervals of 1 min"),
+        (lambda pf: TurningRecursion.from_parameters(pf).step(0.1, float("inf")), "intervals of 1 min"),
         (lambda pf: TurningRecursion.from_parameters(pf, how="best").step(0.0, 60.0), "'grid' or 'exact'"),
         (lambda pf: fixed_life(life_laws(pf), 0.0, 0.1), "give both above zero"),
         (lambda pf: WearingEdge(life_laws(pf)).step((1.0,), 60.0, np.random.default_rng(1)), "two, V and f"),

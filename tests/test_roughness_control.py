@@ -479,9 +479,10 @@ def test_whatever_it_reads_the_feed_is_inside_its_limits_and_above_zero(forces, 
         assert LOW <= controller.step(force, DT) <= HIGH
 
 
-def test_another_period_than_the_files_is_refused(pf):
+@pytest.mark.parametrize("dt", [0.02, float("nan"), float("inf")])
+def test_another_period_than_the_files_is_refused(pf, dt):
     with pytest.raises(UsageError, match=r"every 0\.01 s; replay it at that"):
-        ConstantRoughness.from_parameters(pf).step(500.0, 0.02)
+        ConstantRoughness.from_parameters(pf).step(500.0, dt)
 
 
 # --- faults -------------------------------------------------------------------------------------------

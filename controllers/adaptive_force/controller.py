@@ -168,7 +168,7 @@ class AdaptiveForceControl(Displayable):
             ``dt`` is not the file's ``sample_time``.
         """
         own = self.settings.sample_time
-        if abs(dt - own) > 1e-6 * dt:
+        if not abs(dt - own) <= 1e-6 * own:  # true for NaN too
             raise UsageError(f"a step of {dt:g} s: the law takes steps of {own:g} s; replay it at that.")
         self.command = min(self.control.step(measurement, own) * self.settings.high, self.settings.high)
         high = self.closed and self.average > (NORMAL if self._high else HIGH) * self.set_point

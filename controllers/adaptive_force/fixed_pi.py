@@ -102,7 +102,7 @@ class FixedForcePi(Displayable):
             ``dt`` is not the period that the gains were tuned for.
         """
         tuned = self.pi.gains.sample_time
-        if abs(dt - tuned) > 1e-9 * dt:
+        if not abs(dt - tuned) <= 1e-9 * tuned:  # true for NaN too
             raise UsageError(f"a step of {dt:g} s: the gains were tuned for {tuned:g} s; replay them at that.")
         measurement = float(measurement)
         before = self._sensing.state, self.limited

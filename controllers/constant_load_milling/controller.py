@@ -185,7 +185,7 @@ class ConstantLoad(Displayable):
             ``dt`` is not the period that the gains and the filter were made for.
         """
         loop, load = self.loop, float(measurement)  # NumPy bools do not support subtraction
-        if dt != loop.sample_time and abs(dt - loop.sample_time) > PERIOD * loop.sample_time:
+        if dt != loop.sample_time and not abs(dt - loop.sample_time) <= PERIOD * loop.sample_time:  # true for NaN too
             raise UsageError(f"a step of {dt:g} s: the loop was made for {loop.sample_time:g} s; replay it at that.")
         self.news = ()
         equal = self._read(load)

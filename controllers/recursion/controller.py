@@ -122,7 +122,8 @@ class TurningRecursion(Displayable):
         UsageError
             ``dt``, s, is not the interval of the rules.
         """
-        if abs(dt - 60.0 * self.rules.interval) > 1e-9 * dt:
+        own = 60.0 * self.rules.interval
+        if not abs(dt - own) <= 1e-9 * own:  # true for NaN too
             raise UsageError(
                 f"a step of {dt:g} s: the recursion was made for intervals of {self.rules.interval:g} min."
             )

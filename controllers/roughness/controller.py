@@ -217,7 +217,7 @@ class ConstantRoughness(Displayable):
         UsageError
             ``dt`` is not the period of the file.
         """
-        if abs(dt - self.sample_time) > 1e-9 * dt:
+        if not abs(dt - self.sample_time) <= 1e-9 * self.sample_time:  # true for NaN too
             own = f"the file samples the force every {self.sample_time:g} s"
             raise UsageError(f"a step of {dt:g} s: {own}; replay it at that.")
         before, now = self.reference, self._samples * dt + 1e-9
