@@ -319,6 +319,15 @@ def test_switched_off_it_does_nothing(loaded):
     assert set(run(c, [0.3] * 300)) == {1.0}
 
 
+def test_a_restart_in_the_cut_gives_the_programmed_feed_until_it_is_armed(loaded):
+    """As docs/explanation/controller.md states it."""
+    controller = controllers.ConstantLoad(loaded)
+    armed = loaded.samples(loaded.arm_after)
+    commands = run(controller, [0.27] * (armed + 400))
+    assert commands[armed - 2] == pytest.approx(loaded.high)
+    assert min(commands[armed:]) == pytest.approx(loaded.low)
+
+
 @pytest.mark.parametrize("dt", [0.001, 0.0, float("nan"), float("inf")])
 def test_another_period_is_refused(loaded, dt):
     with pytest.raises(UsageError, match=r"made for 0\.02 s"):
