@@ -1,10 +1,14 @@
 """``fitmodels confirm``: new runs compared with the prediction intervals of the laws of earlier ones."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from .arguments import Parser
 from .options import form_option, forms, law_option, read, reading_options
 from .output import complain, output_options, print_json, print_lines
+
+if TYPE_CHECKING:
+    from ..datasets import Runs
 
 
 def parser() -> Parser:
@@ -12,7 +16,8 @@ def parser() -> Parser:
     p = Parser(
         "fitmodels confirm",
         "fitmodels confirm new.csv --data data.csv",
-        "Fit the laws of DATA, and test whether the runs of NEW are inside their prediction intervals.",
+        "Fit the laws of DATA, and test whether the runs of NEW are inside their prediction intervals. Runs of\n"
+        "several tools or work materials are compared with the laws of the same ones. Exit code 5: a law does not hold.",
         main="--level --quiet --json --law --form --map --unit",
     )
     p.add_argument("file", metavar="NEW", help="table of new runs")
@@ -30,29 +35,89 @@ def parser() -> Parser:
 
 def run(args: argparse.Namespace) -> int:
     """Print a verdict for each law, and return the exit code."""
+    from ..core.errors import UsageError
+
+    if not 0 < args.level < 1:
+        raise UsageError(f"--level {args.level:g}: give a number between 0 and 1, for instance 0.95.")
+    named = argparse.Namespace(**{**vars(args), "tool": None, "work": None})  # these options name the new runs
+    old, new = read(args.data, named), read(args.file, args)
+    known = tuple(old.pairs())
+    parts = [(part, _same_pair(part, known, args)) for part in new.pairs()]
+    verdicts: dict[str, str] = {}
+    untested: dict[str, str] = {}
+    holds = True
+    for part, law_of in parts:
+        if len(parts) + len(known) > 2 and not (args.json or args.quiet):
+            print_lines([f"{_name(part)}: {len(part)} new rows, laws of {_name(law_of)} ({len(law_of)} rows)."])
+        judged, left, held = _verdicts(part, law_of, args)
+        holds = holds and held
+        prefix = f"{_name(part)}, " if len(parts) > 1 else ""
+        verdicts |= {f"{prefix}{name}": text for name, text in judged.items()}
+        untested |= {f"{prefix}{name}": text for name, text in left.items()}
+        if not args.json:
+            print_lines(judged.values(), quiet=args.quiet)
+            print_lines((f"{name} is not tested: {why}" for name, why in left.items()), quiet=args.quiet)
+    if args.json:
+        print_json("confirm", {"level": args.level, "verdicts": verdicts, "not_tested": untested})
+    if not verdicts and args.quiet:
+        complain("; ".join(f"{name} is not tested: {why}" for name, why in untested.items()))
+    return 4 if not verdicts else 0 if holds else 5
+
+
+def _verdicts(new: "Runs", old: "Runs", args: argparse.Namespace) -> tuple[dict[str, str], dict[str, str], bool]:
+    """Verdicts by response, reasons why others are not tested, and whether no law was found not to hold."""
     from .. import fit
     from ..core.errors import FitError, UsageError
     from ..pipeline import FitOptions
 
-    if not 0 < args.level < 1:
-        raise UsageError(f"--level {args.level:g}: give a number between 0 and 1, for instance 0.95.")
-    old, new = read(args.data, args), read(args.file, args)
     asked = FitOptions(laws=tuple(args.laws or ()), form=forms(args.form))
     laws, refused = fit.default_laws(old, laws=asked.laws, forms=asked.forms)
     if not laws:
         raise FitError("; ".join(item.reason for item in refused) or f"{args.data} contains no law to confirm.")
     verdicts: dict[str, str] = {}
-    untested = {item.response: item.reason for item in refused}
+    untested, holds = {item.response: item.reason for item in refused}, True
     for law in laws:
         try:
-            verdicts[law.response] = fit.confirm(law, new, args.level).verdict
+            found = fit.confirm(law, new, args.level)
         except (FitError, UsageError) as reason:
             untested[law.response] = str(reason)
-    if args.json:
-        print_json("confirm", {"level": args.level, "verdicts": verdicts, "not_tested": untested})
-    else:
-        print_lines(verdicts.values(), quiet=args.quiet)
-        print_lines((f"{name} is not tested: {why}" for name, why in untested.items()), quiet=args.quiet)
-    if not verdicts and args.quiet:
-        complain("; ".join(f"{name} is not tested: {why}" for name, why in untested.items()))
-    return 0 if verdicts else 4
+        else:
+            verdicts[law.response] = found.verdict
+            holds = holds and found.holds is not False
+    return verdicts, untested, holds
+
+
+def _name(runs: "Runs") -> str:
+    return f"{runs.tool} on {runs.work}"
+
+
+def _same_pair(new: "Runs", known: "tuple[Runs, ...]", args: argparse.Namespace) -> "Runs":
+    """The earlier runs of the tool and work material of new ones; a name that is not stated agrees with any.
+
+    Raises
+    ------
+    UsageError
+        The earlier runs are of several pairs, and none or more than one of them agrees.
+    """
+    from ..core.errors import UsageError
+    from ..datasets.vocabulary import UNNAMED
+
+    def agree(old: "Runs") -> bool:
+        names = ((getattr(new, role), getattr(old, role), unnamed) for role, unnamed in UNNAMED.items())
+        return all(a == b or unnamed in (a, b) for a, b, unnamed in names)
+
+    found = [old for old in known if agree(old)]
+    exact = [old for old in found if (old.tool, old.work) == (new.tool, new.work)]
+    if len(exact) == 1 or len(found) == 1:
+        return (exact or found)[0]
+    if len(known) == 1:
+        complain(
+            f"{args.file} is of {_name(new)}, and the laws are of {_name(known[0])} ({args.data}): the result tells "
+            "whether the laws of the one hold for the other."
+        )
+        return known[0]
+    names = ", ".join(map(_name, known))
+    raise UsageError(
+        f"{args.file} is of {_name(new)}, and {args.data} has tests of {names}: each pair has laws of its own. Name "
+        "tool and work material of the new runs, in columns or with --tool and --work."
+    )

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
 from fitmodels.fit.confirmation import confirm, quadratic
@@ -159,3 +160,26 @@ def test_other_refusals():
     two = fit.power_law(datasets.runs_from_frame(pd.DataFrame({"t": [2.0, 4.0], "AW": [0.1, 0.2]})), "AW", ["t"])
     with pytest.raises(errors.FitError, match="2 observations fix 2 parameters"):
         confirm(two, new())
+
+
+def test_the_command_takes_the_law_of_the_same_tool(tmp_path, capsys):
+    """Two tools in one table, the second wears 2.2 times as much; new runs wear like the first."""
+    a, b, late = frame(PLAN, 1), frame(PLAN, 2), frame(SOME, 3)
+    b = b.assign(AW=2.2 * b["AW"], edge="B" + b["edge"])
+    both, one, none = tmp_path / "both.csv", tmp_path / "one.csv", tmp_path / "none.csv"
+    a = a.assign(tool="A", work="C45")
+    pd.concat([a, b.assign(tool="B", work="C45")]).to_csv(both, index=False)
+    a.to_csv(one, index=False)
+    late.to_csv(none, index=False)
+    for tool, code, words in (("A", 0, "the law holds"), ("B", 5, "does not hold for edges")):
+        own = tmp_path / f"{tool}.csv"
+        late.assign(tool=tool, work="C45").to_csv(own, index=False)
+        for given in ([str(own)], [str(none), "--tool", tool, "--work", "C45"]):
+            assert main(["confirm", *given, "--data", str(both)]) == code
+            out = " ".join(capsys.readouterr().out.split())
+            assert out.startswith(f"{tool} on C45: 24 new rows, laws of {tool} on C45 (144 rows).")
+            assert words in out
+    assert main(["confirm", str(none), "--data", str(both)]) == 2
+    assert "has tests of A on C45, B on C45: each pair has laws of its own" in capsys.readouterr().err
+    assert main(["confirm", str(tmp_path / "B.csv"), "--data", str(one)]) == 0
+    assert "is of B on C45, and the laws are of A on C45" in " ".join(capsys.readouterr().err.split())
