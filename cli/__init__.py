@@ -1,7 +1,7 @@
 """The command ``fitmodels``: parses arguments, calls the packages, prints, and ends with an exit code.
 
-0 done, 2 usage, 3 the data cannot be read or used, 4 a model cannot be fitted, 5 a quality check failed or a law does not
-hold.
+0 done, 2 usage, 3 the data cannot be read or used, 4 a model cannot be fitted, 5 a quality check failed or a law does
+not hold.
 """
 
 import gc

@@ -17,7 +17,8 @@ def parser() -> Parser:
         "fitmodels confirm",
         "fitmodels confirm new.csv --data data.csv",
         "Fit the laws of DATA, and test whether the runs of NEW are inside their prediction intervals. Runs of\n"
-        "several tools or work materials are compared with the laws of the same ones. Exit code 5: a law does not hold.",
+        "several tools or work materials are compared with the laws of the same ones. Exit code 5: a law does not\n"
+        "hold.",
         main="--level --quiet --json --law --form --map --unit",
     )
     p.add_argument("file", metavar="NEW", help="table of new runs")

@@ -15,11 +15,13 @@ from .plan import write_table
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..datasets import Runs
     from ..fit import LawFit
     from ..fit.decisions import Decision
 
 TIMES_LONGER = 3.0  # longest of further tests over the longest so far, unless given
 CRITERION = 0.3  # mm, ISO 3685
+SET = 4  # digits of a setting of the machine
 DELTA = (
     "These intervals are by the delta method, in which tests add up; those of the first screen and of predict are by "
     "the theorem of Fieller and reach higher where the exponent of time is uncertain: decide by those."
@@ -70,7 +72,8 @@ def run(args: argparse.Namespace) -> int:
     from ..fit.optimal_tests import narrowing
 
     _check(args)
-    law = _law(args)
+    runs = read(args.file, args)
+    law = _law(runs, args)
     decision, why = _decision(law, args)
     extrapolated = decision is not None and args.decision in (None, "life") and "times the longest" in decision.beyond
     longest = _longest(law, args, extrapolated)
@@ -91,20 +94,52 @@ def run(args: argparse.Namespace) -> int:
         notes += narrowing(law, decision, plan.attrs["readings"], within).words
         notes += [DELTA] if decision.name.startswith("tool life to") else []
     notes += [f"No interval of a decision: {why}"] if why else []
-    if "t" in plan:
+    units, readings = dict(plan.attrs["units"]), plan.attrs["readings"]
+    if "t" in law.factors:
+        plan["t"], units["t"] = [test["t"][-1] for test in readings], law.units.get("t", "")
         notes.append(f"{plan['t'].sum():.4g} min in cut; stop an edge that reaches the wear criterion before its time.")
+        if len(readings[0]["t"]) > 1:
+            notes.append(f"{len(readings[0]['t'])} readings of each edge, as so far, at equal steps of its time t.")
     notes.append(f"for the law of {law.response}; cut in the order of run")
-    plan.attrs = {"units": plan.attrs["units"]}
-    write_table(plan, args, notes)
+    plan.attrs = {"units": {name: unit for name, unit in units.items() if unit}}
+    write_table(_for_machine(plan, runs), args, notes)
     return 0
 
 
-def _law(args: argparse.Namespace) -> "LawFit":
+def _for_machine(plan: "pd.DataFrame", runs: "Runs") -> "pd.DataFrame":
+    """The plan with what was the same in all tests and, of a cutter, with feed per tooth, spindle speed, feed rate."""
+    from ..datasets.design import round_significant
+    from ..datasets.planning import PROCESSES, machine_settings
+    from ..datasets.vocabulary import ROLES
+
+    units = dict(plan.attrs["units"])
+    known_process = PROCESSES.get(runs.process or "")
+    constants = known_process.constants if known_process else ("Dc", "D", "z", "d", "ae")
+    if runs.process == "turning" or not ({"Dc", "D"} & (runs.constants.keys() | set(runs.data))):
+        return plan
+    if any(units.get(name) != ROLES[name].unit for name in ("V", "n", "f", "fz", "fm") if name in plan):
+        return plan
+    for name in constants:
+        value = runs.constants.get(name)
+        known = np.unique(runs.values(name)) if value is None and runs.has(name) else np.array([value], dtype=float)
+        if name not in plan and len(known) == 1 and np.isfinite(known[0]) and name not in ("V", "n", "fz", "fm"):
+            plan[name], units[name] = known[0], runs.units.get(name, "") or ROLES[name].unit
+    if {"f", "z"} <= set(plan):
+        feed = round_significant(plan["f"].to_numpy(dtype=float) / plan["z"].to_numpy(dtype=float), SET)
+        plan.insert(list(plan).index("f"), "fz", feed)
+        plan = plan.drop(columns="f")
+    plan = plan.assign(**machine_settings(plan, runs.process))
+    units |= {name: ROLES[name].unit for name in ("n", "fz", "fm") if name in plan}
+    plan.attrs = {"units": {name: unit for name, unit in units.items() if unit not in ("", "1")}}
+    return plan
+
+
+def _law(runs: "Runs", args: argparse.Namespace) -> "LawFit":
     """The law asked for by its response, its text or a limit of it; the first unless asked."""
     from ..core.errors import FitError, UsageError
     from ..fit import default_laws
 
-    laws, refused = default_laws(read(args.file, args), laws=[args.law] if "~" in (args.law or "") else [])
+    laws, refused = default_laws(runs, laws=[args.law] if "~" in (args.law or "") else [])
     name = (args.law or "").partition("~")[0].strip() or _limited(args.decision)[0]
     chosen = [law for law in laws if name in ("", law.response)]
     if chosen:

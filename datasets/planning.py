@@ -135,7 +135,7 @@ def plan_tests(
         plan = _array(varied, design, centre or 0, half, repeats, blocks, seed)
     notes, plan = plan.attrs["notes"], plan.assign(**{name: x for name, x in fixed.items() if name not in plan})
     if process is not None or fixed:
-        plan = plan.assign(**_machine_settings(plan, process))
+        plan = plan.assign(**machine_settings(plan, process))
     if duration is not None and len(duration) == 1:
         plan["t"] = float(duration[0])
     loads = (ROLES[name] for name in varied if name in ROLES and ROLES[name].kind in ("load", "surface"))
@@ -320,7 +320,7 @@ def _check_process(ranges: Mapping[str, Levels], process: str, constants: Mappin
         )
 
 
-def _machine_settings(plan: pd.DataFrame, process: str | None) -> dict[str, Floats]:
+def machine_settings(plan: pd.DataFrame, process: str | None) -> dict[str, Floats]:
     """Spindle speed and feed rate, where they follow from speed, diameter, feed and teeth; 4 digits."""
     has = {name: plan[name].to_numpy(dtype=float) for name in ("V", "n", "f", "fz", "fm", "z") if name in plan}
     diameter = next((plan[name].to_numpy(dtype=float) for name in ("Dc", "D") if name in plan), None)

@@ -1,11 +1,13 @@
 """Which tests to add: D-optimal against brute force, and the repeats that pure error lacks."""
 
+import json
 from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
 from fitmodels.fit.next_tests import next_runs
@@ -160,3 +162,37 @@ def test_settings_where_every_test_ran_out_are_not_proposed_again():
     longer = next_runs(law, 4, longest=300.0)
     assert longer["V"].min() == 80
     assert "Not proposed" not in longer.attrs["words"]
+
+
+def test_the_command_gives_settings_of_a_milling_machine_and_minutes(tmp_path, capsys):
+    """A plan of ``fitmodels plan --process milling`` filled in; both kinds of plan read back to the same V and f."""
+    plan = datasets.plan_tests(
+        {"V": (80.0, 200.0), "fz": (0.05, 0.2)}, process="milling", constants={"Dc": 20.0, "z": 4.0}, duration=(5, 20),
+        readings=3, seed=1,
+    )  # fmt: skip
+    rng = np.random.default_rng(1)
+    level = dict.fromkeys(plan["edge"])
+    level = {edge: rng.normal(0, 0.06) for edge in level}
+    shift = plan["edge"].map(level) + rng.normal(0, 0.04, len(plan))
+    units = plan.attrs["units"]
+    plan["VB"] = 7.6e-3 * plan["V"] ** 0.577 * plan["fz"] ** 0.168 * plan["t"] ** 0.3 * np.exp(shift)
+    named = {name: f"{name} [{unit}]" for name, unit in {**units, "VB": "mm"}.items() if name in plan}
+    tests, out = tmp_path / "tests.csv", tmp_path / "next.csv"
+    plan.rename(columns=named).to_csv(tests, index=False)
+    for options in ([], ["--decision", "VB=0.2"]):
+        assert main(["next", str(tests), "--out", str(out), "--force", *options]) == 0
+        rows = pd.read_csv(out, comment="#")
+        assert {"fz [mm/tooth]", "n [1/min]", "fm [mm/min]", "Dc [mm]", "z", "t [min]"} <= set(rows)
+        assert "f [mm/rev]" not in rows
+        assert rows["fz [mm/tooth]"].astype(str).str.len().max() <= 7
+        np.testing.assert_allclose(rows["n [1/min]"], 1000 * rows["V [m/min]"] / (np.pi * 20), rtol=1e-3)
+        assert (datasets.read_runs(out).values("z") == 4).all()
+    assert "3 readings of each edge, as so far" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_command_gives_minutes_of_tests_for_the_law_as_a_whole(tmp_path, capsys):
+    assert main(["next", str(datasets.bundled("gc435_709m40")), "--law", "AW", "--criterion", "0.15", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert "D-optimal" in found["notes"][0]
+    assert [row["t"] for row in found["rows"]] == [20.0] * 4  # the longest so far
+    assert found["units"]["t"] == "min"
