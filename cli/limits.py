@@ -40,6 +40,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Write and print the limits, and return the exit code."""
     from .. import parameters
+    from ..parameters.checks.record import check_limits
     from ..parameters.checks.report import cautions, worn_past_window
     from ..parameters.file import sealed
 
@@ -57,11 +58,14 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.file} has a limit of {', '.join(twice)}; replace it with --force.")
     asked["responses"] = {**stated, **others}
     changed = sealed(pf, limits={**held, **asked}, provenance=traced(pf, args.words))
+    found = tuple(check_limits(changed))
+    if impossible := " ".join(finding.words for finding in found if finding.passed is False):
+        raise UsageError(f"{impossible} Nothing was written.")
     parameters.write(changed, args.file, replaces=pf)
     section = changed.limits
     assert section is not None  # noqa: S101  just written
     bounded = [*(limit["of"] for limit in asked.values() if limit.get("of")), *others]
-    verdicts = cautions(pf, *bounded) if bounded else []
+    verdicts = [*(f"! {finding.words}" for finding in found), *(cautions(pf, *bounded) if bounded else [])]
     past, words = worn_past_window(changed)
     if args.json:
         facts = {"file": Path(args.file).name, "limits": section.model_dump(), "worn_past_window": past}

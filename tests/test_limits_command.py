@@ -133,3 +133,63 @@ def test_a_limit_of_force_is_taken_where_a_control_uses_it(paper, tmp_path, caps
     assert (limit.value, limit.unit, limit.of) == (900.0, "N", "F")
     assert main(["limits", path, "P=7kW"]) == 2
     assert "so the limit would have no effect" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("word", "words"),
+    [
+        ("AW=30mm", "limits.wear: AW up to 30 mm is impossible, beyond 5 mm"),
+        ("P=7000kW", "limits.power: P up to 7000 kW is impossible, beyond 2000 kW"),
+        ("P=1e300kW", "impossible, beyond 2000 kW"),
+        ("V=50:20000m/min", "limits.speed: V up to 20000 m/min is impossible, beyond 12000 m/min"),
+    ],
+)
+def test_an_impossible_limit_is_refused_and_fails_the_check(file, word, words, capsys):
+    """30 mm of wear, typed for 0.30, went through to a running control."""
+    assert main(["limits", file, word]) == 2
+    assert words in capsys.readouterr().err
+    pf = parameters.read(file)
+    assert pf.limits is None
+    kind = {"A": "wear", "P": "power", "V": "speed"}[word[0]]
+    stated = {"wear": {"value": 30.0, "unit": "mm", "of": "AW"}, "power": {"value": 7e3, "unit": "kW", "of": "P"},
+              "speed": {"low": 50.0, "high": 2e4, "unit": "m/min"}}  # fmt: skip
+    failed = parameters.check(sealed(pf, limits={kind: stated[kind]})).failed
+    assert any("is impossible" in finding.words for finding in failed)
+
+
+@pytest.mark.parametrize(
+    ("word", "words"),
+    [
+        ("P=700kW", "limits.power: P up to 700 kW is unusual, beyond 100 kW: check its unit."),
+        ("AW=3mm", "limits.wear: AW up to 3 mm is unusual, beyond 1 mm: check its unit."),
+        ("P=7kW", ""),
+        ("AW=0.3mm", ""),
+        ("V=50:200m/min", ""),
+        ("n=50:2500rev/min", ""),
+    ],
+)
+def test_an_unusual_limit_is_doubted_and_an_ordinary_one_is_not(file, word, words, capsys):
+    assert main(["limits", file, word]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert (f"! {words}" in said) if words else ("!" not in said)
+    doubts = [f.words for f in parameters.check(parameters.read(file)).findings if f.name == "doubt"]
+    assert (words in doubts) if words else not doubts
+
+
+def test_a_wear_limit_other_than_the_criterion_of_the_tool_life_is_doubted(file):
+    """`merge` calls the two a conflict; in one file nothing was said."""
+    life = {
+        "wear": "AW", "criterion": 0.3, "unit_of_wear": "mm", "unit": "min", "coefficients": {"c0": 1e6, "V": -2.4},
+        "t_observed": 20.0, "wear_observed": 0.1, "typical": 16.0, "typical_at": {"V": 100.0},
+    }  # fmt: skip
+    limit = {"unit": "mm", "of": "AW"}
+    pf = parameters.read(file)
+    pf = sealed(pf, tool_life=life, laws={"AW": pf.laws["AW"].model_dump()})
+
+    def doubts(value):
+        found = parameters.check(sealed(pf, limits={"wear": {"value": value, **limit}})).findings
+        return " ".join(f.words for f in found if f.name == "doubt")
+
+    assert doubts(0.3) == ""
+    assert "limits.wear is 0.2 mm, and the tool life of the file is at 0.3" in doubts(0.2)
+    assert "5 times the largest tested, 0.1 mm" in doubts(0.5)

@@ -2,7 +2,7 @@
 
 report   findings; verdicts of laws, dynamics and force process, and the refusal to export what must not be used
 values   units, covariances, posterior, dynamics and settings; gains, loop_figures: the gains on the dynamics
-record   the record of the dynamics against the load tests: range, slope, scaling
+record   the record of the dynamics against the load tests: range, slope, scaling; the limits against the tests
 """
 
 import os
@@ -15,7 +15,7 @@ from ..data_sources import corrections
 from ..draws import read_draws
 from ..file import seal_fault
 from .gains import check_gains
-from .record import record_notes
+from .record import check_limits, record_notes
 from .report import CheckReport, FileFinding, check_verdicts
 from .values import check_estimates, check_settings, check_texts, check_units
 
@@ -29,7 +29,8 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     Checksum; simulated data; equations and their mark against the text; verdicts of laws, dynamics and force process;
     doubts about the data; units known and of the right dimension; covariances; convergence of the posterior; dynamics
     stable, with a gain of known sign; gains stable on them and within their specification, recomputed from the file;
-    feed limits in order and above zero; windows and settings in order; the file of draws.
+    feed limits in order and above zero; windows and settings in order; limits possible and near the tests; the file of
+    draws.
 
     Parameters
     ----------
@@ -61,6 +62,7 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
         *(FileFinding("record", None, words) for words in record_notes(pf)),
         *check_gains(pf),
         *check_settings(pf),
+        *check_limits(pf),
     ]
     return CheckReport(tuple(found))
 

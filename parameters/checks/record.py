@@ -1,13 +1,23 @@
-"""The record of the dynamics against the load tests: ranges of load, static gain and slope, scaling of the command."""
+"""What the tests of a file say of its other parts.
+
+The record of the dynamics against the load tests: ranges of load, static gain and slope, scaling of the command. Limits
+of machine, tool and work: possible, usual, and near the tests.
+"""
 
 import math
+from collections.abc import Iterator, Mapping
 from typing import Final
 
+from ...core.text import shortened
 from ...core.verdict import DO_NOT_USE
+from ...datasets.plausibility.ranges import plausible, process_of, widest
+from ...datasets.vocabulary import ROLES
 from ..file import ParameterFile
 from ..messages import in_unit, short
 from ..sections.law import LawSection
+from ..sections.load_line import Bound, LimitsSection, Range
 from ..setting_words import loads_tested
+from .report import FileFinding
 
 AGREE: Final = 1.25  # static gain and slope of a load law are from two experiments
 REFUSED: Final = 2.0  # a ratio of the two beyond this, or its inverse, is a wrong scaling or unit
@@ -140,3 +150,57 @@ def _barred(pf: ParameterFile) -> str:
 def _is_barred(law: LawSection) -> bool:
     """Whether a law must not be used."""
     return law.verdict is not None and law.verdict.concern == DO_NOT_USE
+
+
+LIMITED: Final[Mapping[str, str]] = {
+    "power": "P", "force": "F", "wear": "VB", "feed": "f", "feed_rate": "fm", "speed": "V", "spindle_speed": "n",
+}  # fmt: skip
+FAR_WEAR, FAR = 3.0, 10.0  # times the largest wear, or value of a factor, that was tested: a limit beyond is doubted
+
+
+def check_limits(pf: ParameterFile) -> Iterator[FileFinding]:
+    """Findings on limits that are impossible, unusual or far beyond the tests, and on two wear criteria."""
+    factors = {factor.symbol for law in pf.laws.values() for factor in law.factors}
+    process = process_of(factors, (pf.identity.tool, pf.identity.work, pf.identity.machine or ""))
+    for where, symbol, value, unit in _upper_ends(pf.limits):
+        ranges = widest(symbol) if (symbol, process) == ("f", None) else plausible(symbol, process)
+        high = None if symbol not in ROLES else in_unit(value, unit, ROLES[symbol].unit)
+        if ranges is None or high is None:
+            continue
+        own, words = ROLES[symbol].unit, f"limits.{where}: {shortened(symbol)} up to {value:g} {unit}"
+        tested, far = _largest_tested(pf, symbol, own), FAR_WEAR if ROLES[symbol].kind == "wear" else FAR
+        if high > ranges.hard[1]:
+            yield FileFinding("limits", False, f"{words} is impossible, beyond {ranges.hard[1]:g} {own}; correct it.")
+        elif high > ranges.unusual[1]:
+            yield FileFinding("doubt", None, f"{words} is unusual, beyond {ranges.unusual[1]:g} {own}: check its unit.")
+        elif tested and high > far * tested:
+            beyond = f"{high / tested:.3g} times the largest tested, {tested:g} {own}: check its unit."
+            yield FileFinding("doubt", None, f"{words} is {beyond}")
+    life, worn = pf.tool_life, None if pf.limits is None else pf.limits.wear
+    limit = None if life is None or worn is None else in_unit(worn.value, worn.unit, life.unit_of_wear)
+    if life is None or worn is None or limit is None or worn.of not in (None, life.wear) or limit == life.criterion:
+        return
+    both = f"limits.wear is {limit:g} {life.unit_of_wear}, and the tool life of the file is at {life.criterion:g}"
+    words = f"{both}: controls end an edge at the first; fit again with --criterion, or change the limit."
+    yield FileFinding("doubt", None, words)
+
+
+def _upper_ends(limits: LimitsSection | None) -> Iterator[tuple[str, str, float, str]]:
+    """Name, symbol, largest value and unit of each limit that has an upper end."""
+    for name, usual in LIMITED.items():
+        limit = getattr(limits, name, None)
+        if isinstance(limit, Bound):
+            yield name, limit.of or usual, limit.value, limit.unit
+        elif isinstance(limit, Range):
+            yield name, usual, limit.high, limit.unit
+    for symbol, ends in () if limits is None else limits.responses.items():
+        if ends.high is not None:
+            yield f"responses.{shortened(symbol)}", symbol, ends.high, ends.unit
+
+
+def _largest_tested(pf: ParameterFile, symbol: str, unit: str) -> float | None:
+    """Largest value of a factor, or largest wear, of the tests behind the laws of a file; None where not known."""
+    ends = [(f.high, f.unit) for law in pf.laws.values() for f in law.factors if f.symbol == symbol]
+    if pf.tool_life is not None and pf.tool_life.wear == symbol and pf.tool_life.wear_observed:
+        ends.append((pf.tool_life.wear_observed, pf.tool_life.unit_of_wear))
+    return max((value for end, of in ends if (value := in_unit(end, of, unit)) is not None), default=None)
