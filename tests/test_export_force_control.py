@@ -3,6 +3,7 @@
 Plain tests evaluate the text of the exports, the consumer tests compile it (cc, FMPy, halcompile).
 """
 
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -22,11 +23,13 @@ from fitmodels.controllers.gate.roughness import check_roughness, gated_roughnes
 from fitmodels.controllers.loop import replay
 from fitmodels.controllers.roughness.controller import ConstantRoughness
 from fitmodels.controllers.roughness.plant import TurningForce
+from fitmodels.controllers.roughness.plausible import contradictions
 from fitmodels.controllers.roughness.simulations import turn
 from fitmodels.core.errors import GateError
 from fitmodels.parameters.exports.quantities import file_quantities
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
+from fitmodels.parameters.published.roughness import surf
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -415,3 +418,48 @@ def test_limits_that_adaptive_force_does_not_apply_are_named():
     file = sealed(of_paper("adaptive-force"), limits={"power": {"value": 7.0, "unit": "kW"}})
     (found,) = (f for f in check_adaptive_force(file) if "does not apply limits.power" in f.words)
     assert found.passed is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"roughness": 0.16}, "gives a roughness of 1.6 um, and 0.16 um is required"),
+        ({"force": 695.0}, "gives a roughness of 2.551 um, and 1.6 um is required"),
+        ({"threshold": 0.11}, "below 1 % of the reference"),
+        ({"force_high": 1e300}, "so that none is invalid"),
+        ({"force_low": -1e5}, "so that none is invalid"),
+        ({"servo_time": 1e300}, "time constant of the servo, 1e+300 s, is not 0.001 to 10 s"),
+        ({"process_time": 1e300}, "time constant of the process, 1e+300 s, is not 0.001 to 10 s"),
+        ({"spindle_speed": 610e3}, "1.83e+05 mm/min at 6.1e+05 1/min, beyond the 20000 mm/min of turning"),
+        (
+            {"sources": {"process_time": "one revolution at 610 1/min, assumed"}, "process_time": 0.2},
+            "which takes 0.098",
+        ),
+    ],
+)
+def test_a_roughness_section_that_contradicts_its_law_or_itself_fails_the_check(fields, words):
+    """All passed, or ended in an internal error (times of 1e300 s)."""
+    good = of_paper("roughness")
+    force = math.log(1.6 / good.laws["Ra"].coefficients["a"]) / good.laws["Ra"].coefficients["b"]
+    file = changed(good, **{"roughness": 1.6, "force": force, **fields})
+    assert not [f.words for f in check_roughness(changed(good, roughness=1.6, force=force)) if f.passed is False]
+    failed = " ".join(f.words for f in check_roughness(file) if f.passed is False)
+    assert words in failed, failed
+    with pytest.raises(GateError, match="not exported"):
+        rendered(file, "ini", accept_verdict=True)
+
+
+def test_a_reference_far_above_the_tests_of_the_law_needs_a_reason():
+    good = of_paper("roughness")
+    laws = good.model_dump()["laws"]
+    laws["Ra"]["factors"] = [{**laws["Ra"]["factors"][0], "low": 5.0, "high": 9.0}]
+    failed = " ".join(f.words for f in check_roughness(sealed(good, laws=laws)) if f.passed is False)
+    assert "times the largest of the tests of Ra, 9 N" in failed
+    notes = ["EXTRAPOLATED: The reference force lies above the tests of Ra. Accepted: trial cut."]
+    assert not [f for f in check_roughness(sealed(changed(good, notes=notes), laws=laws)) if f.passed is False]
+
+
+@pytest.mark.parametrize("number", range(1, 9))
+@pytest.mark.parametrize("force_from", ["inverse", "regression"])
+def test_every_published_cut_of_constant_roughness_agrees_with_its_law(number, force_from):
+    assert not list(contradictions(surf(number, force_from=force_from)))

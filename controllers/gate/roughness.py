@@ -18,6 +18,7 @@ from ...parameters.exports.names import plain_lines
 from ...parameters.exports.view import export_view
 from ..roughness.controller import ConstantRoughness, assumed_settings, not_applied
 from ..roughness.plant import TurningForce, loop_theory
+from ..roughness.plausible import AGREE, contradictions
 from ..roughness.reference import settings_of
 from . import _MADE_BY_THE_GATE, GatedControl
 from .settings import TIMES, WIDEST
@@ -168,14 +169,23 @@ def _findings(same: FileKey) -> tuple[FileFinding, ...]:
         incomplete = any(getattr(pf.roughness, name) is None for name in _NEEDED)
         words = f"The roughness control was not simulated: {error}"
         return (FileFinding("control", None if incomplete else False, words),)
-    findings = list(_order(pf))
-    if not any(finding.passed is False for finding in findings):
-        findings += _simulated(pf)
+    try:
+        findings = list(_order(pf))
+        if not any(finding.passed is False for finding in findings):
+            findings += _simulated(pf)
+    except (ArithmeticError, ValueError) as error:
+        words = f"its numbers are too large or too small to simulate ({error}); check times, forces and feeds."
+        return (_failed("control", words),)
     return tuple(findings)
 
 
 def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
     """Findings on limits, units and times against each other."""
+    wrong = [_failed(name, words) for name, words in contradictions(pf)]
+    if wrong:
+        yield from wrong
+        return
+    yield FileFinding("roughness", True, AGREE)
     section, control = settings_of(pf), ConstantRoughness.from_parameters(pf)
     gain, tc, ts = section.force_per_feed or 0.0, section.process_time or 0.0, section.servo_time or 0.0
     bound, why = (

@@ -1,19 +1,32 @@
 """Values of control at constant roughness that no cut has, or that contradict the laws of the file."""
 
+import math
 from typing import TYPE_CHECKING, Final
 
 from ...core.errors import UsageError
-from .reference import force_at
+from ...datasets.plausibility.ranges import plausible
+from ...parameters.sections.force_control import ROUNDING
+from .plant import Cut
+from .reference import force_at, force_law_of, law_of, settings_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
-    from ...parameters import LawSection
-    from .plant import Cut
+    from ...parameters import LawSection, ParameterFile
+    from ...parameters.sections.force_control import RoughnessSection
 
 KC_POSSIBLE: Final = (100.0, 30000.0)  # N/mm2, of turning
 TIMES_POSSIBLE: Final = (1e-3, 10.0)  # s, of servo and process
 HIGHEST_READING: Final = 20.0  # times the reference force: a valid reading beyond, of either sign, is refused
+AGREE: Final = (
+    "Roughness control: reference force, threshold, readings, times, spindle speed and kc a agree with each other and "
+    "with the laws of the file."
+)
+ACCEPTED: Final = "Accepted: "  # in a note: what the tests do not cover was accepted for a reason
+LEAST_THRESHOLD: Final = 0.01  # of the reference
+OTHER_ROUGHNESS: Final = 1.5  # times the required one: of a force by regression, which is not the inverse of the law
+FAR_FORCE: Final = 1.5  # times the largest force of the tests
+MOST_EXPONENT: Final = 700.0  # exp of more is no number
 OTHER_GAIN: Final = 3.0  # times the kc a of the force law, or a share of it: a given kc a beyond needs a reason
 
 
@@ -80,3 +93,88 @@ def gain_off_law(cut: "Cut", law: "LawSection | None", gain: float, feed: float)
         f"kc a {gain:.4g} N per mm/rev and the {own:.4g} N per mm/rev of the force law {law.equation} differ by more "
         f"than {OTHER_GAIN:g} times."
     )
+
+
+def contradictions(pf: "ParameterFile") -> "Iterator[tuple[str, str]]":
+    """Values of a complete roughness section that contradict its laws or each other: a name, and a sentence."""
+    section, law = settings_of(pf), law_of(pf)
+    accepted = any(ACCEPTED in note for note in section.notes)
+    yield from _off_law(section, law, accepted=accepted)
+    yield from _off_spindle(section)
+    reference = section.force
+    if section.threshold < LEAST_THRESHOLD * reference:
+        yield (
+            "threshold",
+            (
+                f"The threshold {section.threshold:.4g} N is below {100 * LEAST_THRESHOLD:g} % of the reference, "
+                f"{reference:.4g} N, where noise in air is taken for a cut; raise it."
+            ),
+        )
+    low, high, most = section.force_low or 0.0, section.force_high or 0.0, HIGHEST_READING * reference
+    if max(-low, high) > most:
+        yield (
+            "readings",
+            (
+                f"Valid readings from {low:.4g} to {high:.4g} N go beyond {most:.4g} N, {HIGHEST_READING:g} times the "
+                "reference, so that none is invalid; narrow them (valid=-50:3000N)."
+            ),
+        )
+    try:
+        check_plausible(times={"servo": section.servo_time or 0.0, "process": section.process_time or 0.0})
+    except UsageError as error:
+        yield "times", f"{str(error)[:1].upper()}{str(error)[1:]}"
+    force_law, gain = force_law_of(pf, law.factors[0].symbol), section.force_per_feed or 0.0
+    given = Cut(section.roughness, section.spindle_speed or 1.0, depth=section.depth, force_per_feed=gain)
+    words = gain_off_law(given, force_law, gain, section.feed or 0.0)
+    if words and not accepted:
+        yield "units", f"{words[:1].upper()}{words[1:]} Derive the settings again with `fitmodels roughness`."
+
+
+def _off_law(section: "RoughnessSection", law: "LawSection", *, accepted: bool) -> "Iterator[tuple[str, str]]":
+    """The reference force against the law of roughness, and against its tests."""
+    force, c, factor = section.force, law.coefficients, law.factors[0]
+    by_law = c["a"] * math.exp(min(c["b"] * force, MOST_EXPONENT))
+    times = max(by_law / section.roughness, section.roughness / by_law)
+    implied = math.log(section.roughness / c["a"]) / c["b"]
+    inverse = section.force_from == "inverse"
+    if abs(implied - force) > ROUNDING * force if inverse else times > OTHER_ROUGHNESS:
+        yield (
+            "reference",
+            (
+                f"By {law.equation} the reference force {force:.4g} N gives a roughness of {by_law:.4g} um, and "
+                f"{section.roughness:.4g} um is required; derive it again with `fitmodels roughness`."
+            ),
+        )
+    if force > FAR_FORCE * factor.high and not accepted:
+        yield (
+            "reference",
+            (
+                f"The reference force {force:.4g} N is {force / factor.high:.3g} times the largest of the tests of "
+                f"{law.response[:40]}, {factor.high:.4g} N; require a finer surface, or test there."
+            ),
+        )
+
+
+def _off_spindle(section: "RoughnessSection") -> "Iterator[tuple[str, str]]":
+    """The spindle speed against the time of a revolution, and the feed rate that it gives."""
+    n, ranges = section.spindle_speed, plausible("fm", "turning")
+    if n is None or ranges is None:
+        return
+    turn, process = 60 / n, section.process_time or 0.0
+    if section.sources.get("process_time", "").startswith("one revolution") and abs(process / turn - 1) > ROUNDING:
+        yield (
+            "times",
+            (
+                f"The time constant of the process, {process:.4g} s, is stated to be one revolution, which takes "
+                f"{turn:.4g} s at {n:.4g} 1/min; derive the settings again with `fitmodels roughness`."
+            ),
+        )
+    rate = section.override_high * (section.feed or 0.0) * n
+    if rate > ranges.unusual[1]:
+        yield (
+            "limits",
+            (
+                f"The upper feed limit is {rate:.3g} mm/min at {n:.4g} 1/min, beyond the {ranges.unusual[1]:g} mm/min "
+                "of turning; check the spindle speed."
+            ),
+        )

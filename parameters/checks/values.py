@@ -253,8 +253,8 @@ def check_settings(pf: ParameterFile) -> Iterator[FileFinding]:
         if line.engagement is not None:
             yield from _findings("engagement", "load_line.engagement", list(_engagement(line.engagement, line)))
     if (rough := pf.roughness) is not None and pf.laws:
-        lacking = [] if rough.law in pf.laws else [f"the law of {rough.law[:40]!r} is not in the file"]
-        yield from _findings("roughness", "roughness", lacking)
+        held, words = rough.law in pf.laws, f"roughness: its law, of {shortened(rough.law)}, is"
+        yield FileFinding("roughness", held, f"{words} {'' if held else 'not '}in the file.")
     if (force := pf.adaptive_force) is not None:
         yield from _findings("set points", "adaptive_force", list(_set_points(force)))
 
