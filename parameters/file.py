@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from ..core.bounded import LIMITS, parse_json, read_bounded
 from ..core.display import Plottable
-from ..core.errors import ParameterError
+from ..core.errors import GateError, ParameterError
 from ..core.files import cause, write_whole
 from ..core.journal import only_writer, recover, write_together
 from ..core.suggestions import near_path
@@ -317,6 +317,26 @@ def seal_fault(pf: ParameterFile) -> str:
     if found == pf.content_sha256:
         return ""
     return f"its content was changed after it was written (SHA-256 {found[:12]}..., not {pf.content_sha256[:12]}...)"
+
+
+def require_unchanged(pf: ParameterFile) -> None:
+    """Raise where the content of a file is not that of its checksum; a file without one is of this program's memory.
+
+    Raises
+    ------
+    GateError
+        The content was changed after it was written.
+
+    Examples
+    --------
+    >>> pf = sealed(ParameterFile(identity={"tool": "GC435", "work": "709M40", "simulated": False},
+    ...                           provenance={"fitmodels": "0.1.0"}))
+    >>> require_unchanged(pf)
+    """
+    if pf.content_sha256 is not None and (fault := seal_fault(pf)):
+        raise GateError(
+            f"the file fails the check: {fault}: restore the file, or make the change with fitmodels, which writes it."
+        )
 
 
 def require_seal(pf: ParameterFile, name: str) -> None:

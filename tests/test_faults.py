@@ -10,6 +10,7 @@ from fitmodels.controllers.adaptive_force.plant import DriveAndCut
 from fitmodels.controllers.loop import FAULTS, FaultyPlant, saturated
 from fitmodels.controllers.roughness.plant import TurningForce
 from fitmodels.controllers.sensor_check import CREEP, SensorCheck
+from fitmodels.core.errors import GateError
 from fitmodels.parameters.published import published
 from hypothesis import given
 from hypothesis import strategies as st
@@ -153,3 +154,26 @@ def test_what_is_believed_is_a_number_inside_the_range(readings, command):
     for reading in readings:
         if sensing.valid(reading, command):
             assert -1.0 < reading < 10.0
+
+
+@pytest.mark.parametrize(
+    ("paper", "section", "edit", "make"),
+    [
+        ("SURF", "roughness", {"force": 1200.0}, controllers.ConstantRoughness.from_parameters),
+        (
+            "LYAP",
+            "adaptive_force",
+            {"high": 650.0},
+            lambda pf: controllers.AdaptiveForceControl.from_parameters(pf, 1.0),
+        ),
+        ("AC-2017", "limits", {"wear": None}, controllers.TurningRecursion.from_parameters),
+        ("CLM-2023", "load_line", {"worn": 0.3}, controllers.ConstantLoad.from_parameters),
+    ],
+)
+def test_no_controller_is_made_from_a_file_that_was_edited_without_a_new_checksum(paper, section, edit, make):
+    """Roughness and recursion took it: they did not look at the checksum."""
+    pf = published(paper)
+    assert make(pf)
+    edited = getattr(pf, section).model_copy(update=edit)
+    with pytest.raises(GateError, match="content was changed after it was written"):
+        make(pf.model_copy(update={section: edited}))

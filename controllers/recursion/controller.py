@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
+from ...parameters.file import require_unchanged
 from ..sensor_check import SensorCheck
 from .from_file import life_laws
 from .interval_optimum import Grid, SearchMethod, choose, grid_of
@@ -105,7 +106,10 @@ class TurningRecursion(Displayable):
         ------
         UsageError
             The file lacks a law or limit of the recursion, or an option is invalid.
+        GateError
+            The content of the file was changed after it was written.
         """
+        require_unchanged(pf)
         laws = life_laws(pf, d=d, by=by, at=at)
         return cls(laws, Rules(times or laws.times, wear, interval), grid_of(laws), how)
 

@@ -20,6 +20,7 @@ from ...core.display import Displayable
 from ...core.errors import ParameterError, UsageError
 from ...datasets.units import convert
 from ...parameters.exports.loop import BACK_OFF, OVERLOAD_SHARE, RECOVER, STUCK_AFTER, LoadLoop, monitoring
+from ...parameters.file import require_unchanged
 from ...parameters.messages import in_unit
 from ...parameters.sections.load_line import not_applied_words
 from ..constant_load_milling.controller import ConstantLoad
@@ -142,7 +143,10 @@ class ConstantRoughness(Displayable):
             The file lacks a setting, or its limits exclude every feed, the spindle speed or the reference force.
         UsageError
             The schedule is not in order, or a roughness has no force.
+        GateError
+            The content of the file was changed after it was written.
         """
+        require_unchanged(pf)
         section = settings_of(pf)
         programmed, sample_time, servo_time = (_needed(section, name) for name in ("feed", "sample_time", "servo_time"))
         low, high = feed_limits(pf)
