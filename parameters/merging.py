@@ -205,7 +205,7 @@ def _provenance(inputs: Sequence[MergeInput], chosen: Mapping[str, int]) -> dict
 def _remarks(choice: SectionChoice, chosen: Mapping[str, int]) -> list[str]:
     """Remarks for a reader of the result: marks of simulation, machines, units and seeds that differ."""
     inputs = choice.inputs
-    remarks = [*_simulated(inputs), *_other_units(inputs)]
+    remarks = [*_unnamed(inputs), *_simulated(inputs), *_other_units(inputs)]
     unnamed = ", ".join(each.name for each in inputs if each.pf.identity.machine is None)
     if "identity.machine" in chosen and unnamed:
         remarks.append(f"identity.machine: that of {choice.name(chosen['identity.machine'])}; {unnamed} names none.")
@@ -213,6 +213,22 @@ def _remarks(choice: SectionChoice, chosen: Mapping[str, int]) -> list[str]:
     if len(seeds) > 1:
         remarks.append(f"posterior: draws of the seeds {', '.join(map(str, seeds))}; the file names the first used.")
     return remarks
+
+
+def _unnamed(inputs: Sequence[MergeInput]) -> Iterator[str]:
+    """That several files do not name tool or work material, which are therefore not known to be the same."""
+    from ..datasets.vocabulary import UNNAMED
+
+    what = [
+        words
+        for (role, none), words in zip(UNNAMED.items(), ("tool", "work material"), strict=True)
+        if all(getattr(each.pf.identity, role) == none for each in inputs)
+    ]
+    if what:
+        yield (
+            f"No file names its {' and '.join(what)}: nothing shows that {' and '.join(each.name for each in inputs)} "
+            "are of the same. Fit the tests again with --tool and --work, or be sure of it."
+        )
 
 
 def _simulated(inputs: Sequence[MergeInput]) -> Iterator[str]:

@@ -98,6 +98,17 @@ def test_all_conflicts_are_named_at_once_and_decided_one_by_one_or_together():
     assert any(note.startswith("pi is taken from b.json: kp 160 in a.json") for note in merged.notes)
 
 
+def test_files_that_name_no_tool_are_joined_with_a_warning():
+    pf = published("CLM-2023")
+    unnamed = {**pf.identity.model_dump(), "tool": "unnamed-tool", "work": "unnamed-work"}
+    one = sealed(pf, identity=unnamed, laws={"I": pf.laws["I"]}, tool_life=None)
+    two = sealed(pf, identity=unnamed, laws={"VB": pf.laws["VB"]}, dynamics=None, pi=None, load_line=None)
+    merged = merge([MergeInput("load.json", one), MergeInput("wear.json", two)])
+    (said,) = (note for note in merged.notes if "names its tool and work material" in note)
+    assert "nothing shows that load.json and wear.json are of the same" in said
+    assert not any("No file names" in note for note in merge([MergeInput("a", pf), MergeInput("b", pf)]).notes)
+
+
 def test_a_section_that_the_file_lacks_cannot_be_taken():
     with pytest.raises(UsageError, match=r"--take costs: b.json has no such section"):
         joined(LOAD, WEAR, take={"costs": 1})
