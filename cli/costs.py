@@ -56,6 +56,7 @@ def run(args: argparse.Namespace) -> int:
     held = {} if pf.costs is None else {k: v for k, v in pf.costs.model_dump().items() if v is not None}
     new, currencies = _numbers(given)
     new["currency"] = _currency(currencies, given.get("currency"), held.get("currency"))
+    _require_partners(held, new)
     twice = [name for name in new if name in held and held[name] != new[name]]
     if twice and not args.force:
         raise UsageError(f"{args.file} has costs of {', '.join(twice)}; replace them with --force.")
@@ -75,6 +76,20 @@ def _kept(held: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
     """Former costs; the price of an edge and that of an insert replace each other."""
     dropped = {"edge"} if "insert" in new else {"insert", "edges"} if "edge" in new else set()
     return {name: value for name, value in held.items() if name not in dropped}
+
+
+def _require_partners(held: dict[str, Any], new: dict[str, Any]) -> None:
+    """Refuse a price or a size that says nothing without a second one, and name that."""
+    of_part = new.get("cut", {})
+    needs = [
+        ("insert", "edges", new, {**held, **new}, "the number of its edges", "edges=4"),
+        ("edges", "insert", new, {**held, **new}, "the price of the insert", "insert=16"),
+        ("length", "diameter", of_part, of_part, "the diameter of the part", "diameter=100mm"),
+        ("diameter", "length", of_part, of_part, "the length of the part", "length=500mm"),
+    ]
+    for name, partner, given, known, what, example in needs:
+        if name in given and partner not in known:
+            raise UsageError(f"cost {name}={given[name]:g}: {what} is missing; add {example}.")
 
 
 def _section(data: dict[str, Any]) -> "CostsSection":

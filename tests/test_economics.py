@@ -355,6 +355,8 @@ def test_units_of_costs_are_converted(file):
         (EUROS[:5], "currency is missing"),
         (["edge=3", "currency=EUR"], "machine and change missing"),
         ([*EUROS, "insert=9", "edges=3"], "not both"),
+        ([*EUROS, "insert=9"], "cost insert=9: the number of its edges is missing; add edges=4"),
+        ([*EUROS[:4], EUROS[5]], "cost length=120: the diameter of the part is missing; add diameter=100mm"),
         ([*EUROS, "energy=0.3"], "energy=0.3/kWh"),
     ],
 )
