@@ -70,6 +70,8 @@ def typed_conditions(pf: "ParameterFile", words: Sequence[str]) -> tuple[dict[st
     given: dict[str, Value] = {}
     remarks: list[str] = []
     for name, value in _numbers(words).items():
+        if name in pf.laws and name not in factors:
+            raise UsageError(f"{value.text}: {name} is what its law gives, not a condition. {criterion_of(pf, name)}")
         role = _role(name, value, factors, columns.values()) if name not in factors else name
         if role in given:
             raise UsageError(f"{value.text}: {role} is given twice, also as {given[role].text}.")
@@ -143,6 +145,17 @@ def _column(line: str) -> Column | None:
     constant = low if low == high else None
     unit, written = found["unit"].strip(), found["written"] or ""
     return Column(found["role"], found["quantity"], found["header"], unit, written, constant)
+
+
+def criterion_of(pf: "ParameterFile", name: str) -> str:
+    """What to do where a response is given as a condition: of the wear of a tool life, its criterion."""
+    life = pf.tool_life
+    if life is None or life.wear != name:
+        return "Leave it out."
+    return (
+        f"The tool life is that to {name} {life.criterion:g} {life.unit_of_wear}; for another criterion fit the tests "
+        "again with --criterion."
+    )
 
 
 def _role(name: str, value: Value, factors: Mapping[str, object], columns: Iterable[Column]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import FitmodelsError, ParameterError, UsageError
 from .arguments import Parser, parameter_file
-from .conditions import VALUE, Value, in_unit, known_level, meant, typed_conditions
+from .conditions import VALUE, Value, criterion_of, in_unit, known_level, meant, typed_conditions
 from .numbers import pairs
 from .output import output_options, print_json, print_lines
 
@@ -92,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
     names = [*([] if args.law is None else [args.law]), *responses]
     given, remarks = typed_conditions(pf, [word for word in args.at if word not in responses])
     laws, life = _chosen(pf, names, given)
+    _no_criterion(pf, laws if life and names else None, given)
     known_level(pf, args.by)
     asked = IntervalOptions(args.interval, args.level, "new", args.coverage)
     predictions: list[Prediction] = []
@@ -127,6 +128,13 @@ def run(args: argparse.Namespace) -> int:
     doubts = [] if pf.reading is None else [f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts]
     print_lines(verdicts + lines + simulated + doubts, quiet=args.quiet)
     return 0
+
+
+def _no_criterion(pf: "ParameterFile", laws: "Sequence[LawSection] | None", given: Mapping[str, Value]) -> None:
+    """Refuse the wear of a tool life that was asked for as a condition, unless a law next to it depends on it."""
+    wear = "" if pf.tool_life is None else pf.tool_life.wear
+    if laws is not None and wear in given and not any(f.symbol == wear for law in laws for f in law.factors):
+        raise UsageError(f"{given[wear].text}: {wear} is no condition of the tool life. {criterion_of(pf, wear)}")
 
 
 def _life_caution(life: "ToolLifeSection") -> str:

@@ -1,6 +1,7 @@
 """The parameter file: its class, and reading and writing it; an incomplete file is never left behind."""
 
 import os
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -26,6 +27,8 @@ from .sections.law_parts import ToolLifeSection
 from .sections.load_line import LimitsSection, LoadLineSection
 from .sections.origin import DesignSection, IdentitySection, ProvenanceSection, ReadingSection
 from .sections.posterior import PosteriorSection
+
+TABLES = (".csv", ".tsv", ".txt", ".dat", ".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")  # ends of names of tables of tests
 
 
 class ParameterFile(Plottable, Section):
@@ -381,6 +384,11 @@ def _bytes(path: Path) -> bytes:
 
 
 def _parse(content: bytes, name: str) -> ParameterFile:
+    if name.lower().endswith(TABLES) and not content.lstrip().startswith(b"{"):
+        raise ParameterError(
+            f"{name}: is a table, not a parameter file: fit it first (fitmodels {shlex.quote(name)}), and give the "
+            "params.json that this writes."
+        )
     data = migrated(parse_json(content, name, error=ParameterError, remedy=REMEDY), name)
     try:
         return ParameterFile.model_validate(data)

@@ -674,7 +674,7 @@ def test_simulate_follows_a_plan(fitted, tmp_path):
     ("arguments", "code", "word"),
     [
         (["nowhere.json"], 3, "the file does not exist"),
-        ([GC435], 3, "is not JSON"),
+        ([GC435], 3, "is a table, not a parameter file: fit it first"),
         (["PARAMS", "--icc", "2"], 2, "--icc 2"),
         (["PARAMS", "--interval", "0"], 2, "interval 0 min"),
         (["PARAMS", "--interval", "1e-9"], 2, "longer interval"),

@@ -185,6 +185,7 @@ def test_a_level_shifts_the_law(by_material):
         (["--law", "P", "V=120", "f=0.2", "d=2"], 2, ["needs AW (average wear, mm), or t for its own law"]),
         ([], 2, ["needs V (cutting speed, m/min), f (feed, mm/rev), d", "add for instance V=100 f=0.19 d=2.1 t=6.3"]),
         ([*AT, "vcc=3"], 2, ["vcc=3: no law of the file has a factor vcc; they have V, f, d, t, AW (did you mean V?)"]),
+        (["V=120", "f=0.2", "d=2", "P=3"], 2, ["P=3: P is what its law gives, not a condition. Leave it out."]),
         ([*AT, "vc=3"], 2, ["vc=3: V is given twice, also as V=120"]),
         ([*AT, "Ra=3"], 2, ["Ra=3: no law of the file has a factor Ra"]),
         ([*AT, "n=500", "D=200"], 2, ["V=120 contradicts V = pi D n/1000 = 314.2"]),
@@ -264,6 +265,8 @@ def test_a_file_that_cannot_be_read(tmp_path):
     refused(run(tmp_path / "no.json", *AT), 3, "the file does not exist")
     (tmp_path / "bad.json").write_text("{")
     refused(run(tmp_path / "bad.json", *AT), 3, "bad.json")
+    (tmp_path / "tests.csv").write_text("V,t,VB\n100,5,0.1\n")
+    refused(run(tmp_path / "tests.csv", *AT), 3, "is a table, not a parameter file: fit it first")
 
 
 def test_a_file_without_a_law_or_without_its_interval(tmp_path):
@@ -297,3 +300,4 @@ def test_the_life_of_a_wear_law_comes_with_the_verdicts_on_the_law_and_on_the_li
     assert out.startswith("Verdict on the law of AW: usable with reservations. Doubt. Verdict on the tool life to AW")
     assert "No test reached the criterion" in out
     assert "EXTRAPOLATED" in out
+    refused(run(path, "T", "V=180", "f=0.3", "d=2", "AW=0.2"), 2, "AW=0.2: AW is what its law gives", "--criterion")
