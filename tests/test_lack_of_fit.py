@@ -165,7 +165,7 @@ def test_repeats_that_are_none_are_found():
     another = np.r_[np.zeros(8), np.tile([0.35, -0.35], 8)]
     found = form_of(with_response(law, law.design @ THETA + (another + 0.05 * rng.normal(size=24))[at]))
     assert (found.concern, found.statistic < 0.1) == (1, True)
-    assert "a factor that is not in the file" in found.verdict
+    assert "a factor that is not in the law" in found.verdict
 
 
 def largest_square(x, y):

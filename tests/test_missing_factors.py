@@ -86,6 +86,17 @@ def test_blocks_that_shift_the_law_name_the_option_that_fits_them(levels):
     assert unused_columns(law, runs, 0.3) is None
 
 
+@pytest.mark.parametrize(
+    ("name", "levels"), [("Remark", ("C45", "1.4301", "16MnCr5")), ("coolant", ("dry", "oil", "mist"))]
+)
+def test_a_column_of_words_that_shifts_the_law_is_named(name, levels):
+    found = of_columns(in_blocks(1, 0.2, levels).rename(columns={"day": name}))
+    assert found.concern == 1
+    assert f"--by {name}, or name the work by it with --map work={name} " in found.verdict
+    some = in_blocks(1, 0.2, ("", *levels[1:])).rename(columns={"day": name})
+    assert of_columns(some) is None
+
+
 def test_blocks_without_effect_are_seldom_reported():
     p = np.array([of_columns(in_blocks(seed, 0.0)).pvalue for seed in range(40)])
     assert (p < 0.05).sum() <= 6

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import datasets
+from fitmodels import datasets, fit
 
 LEVELS = {"V": (80, 120, 180), "f": (0.1, 0.2, 0.4), "d": (1, 1.5, 2.5)}
 ENDS = {"V": (60, 200), "f": (0.08, 0.5), "d": (0.8, 3)}
@@ -94,3 +94,23 @@ def test_a_diameter_instead_of_a_depth_is_seen_by_the_force():
 
 def test_a_force_without_a_value_is_left_alone():
     assert not by_response(wear(5, grid=True).assign(Fc=float("nan")))
+
+
+def two_steels(factor=1.4):
+    """Forces at 18 settings, each of two steels whose forces differ by a factor that a remark explains."""
+    rng = np.random.default_rng(1)
+    V, f, d, steel = np.array(np.meshgrid((100, 150, 200), (0.1, 0.2, 0.3), (1, 2), (0, 1), indexing="ij")).reshape(
+        4, -1
+    )
+    Fc = 1800 * f**0.75 * d * factor**steel * np.exp(rng.normal(0, 0.02, len(V)))
+    words = np.where(steel > 0, "1.4301", "C45")
+    return pd.DataFrame({"V": V, "f": f, "d": d, "Fc [N]": Fc, "Remark": words})
+
+
+def test_a_computed_power_is_in_no_unit_of_its_own():
+    runs = datasets.runs_from_frame(two_steels())
+    law = fit.power_law(runs, "P", ["V", "f", "d"])
+    assert fit.judge(law).suspects[0].correction.endswith("1.34102")  # as of a measured power
+    judged = fit.judge(law, runs=runs)
+    assert judged.suspects == ()
+    assert judged.verdict.reasons[0].startswith("Column 'Remark' shifts the law; fit it with --by Remark")

@@ -1,6 +1,6 @@
 """The result of one check of a law, and the list of several: null hypothesis, statistic, p, level and verdict."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -88,6 +88,7 @@ SYMBOLS: Mapping[str, str] = MappingProxyType({  # of statistics, as tables show
     "z of lag-1 correlation": "z",
 })  # fmt: skip
 UNTESTABLE = "not testable"
+LISTED = 6  # names in a sentence
 BY_EDGE = ("order within edges", "even scatter of edges", "normality of edges")  # not applicable to independent rows
 
 
@@ -142,6 +143,24 @@ def _ranges(lines: tuple[int, ...]) -> str:
         else:
             groups.append([line])
     return ",".join(f"{g[0]}-{g[-1]}" if len(g) > 2 else ",".join(map(str, g)) for g in groups)
+
+
+def lines_of(lines: Sequence[int]) -> str:
+    """``line 5``, or ``lines 5, 7 and 9``.
+
+    >>> lines_of((5,)), lines_of((5, 7))
+    ('line 5', 'lines 5, 7')
+    """
+    return f"line{'' if len(lines) == 1 else 's'} {listed(list(map(str, lines)))}"
+
+
+def listed(names: Sequence[str], most: int = LISTED) -> str:
+    """The names with commas, of many the first and the number of the others.
+
+    >>> listed(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)

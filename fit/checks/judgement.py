@@ -113,7 +113,7 @@ class CheckInput:
     @cached_property
     def wrong_rows(self) -> Found | None:
         """Outlying rows, among all rows."""
-        return computed(partial(outlying_rows, self.whole))
+        return computed(partial(outlying_rows, self.whole, self.runs))
 
     @cached_property
     def right_rows(self) -> tuple[LawFit, Strata | NotAvailable]:
@@ -123,7 +123,7 @@ class CheckInput:
     @cached_property
     def mixed_units(self) -> Found | None:
         """Edges with a condition in another unit."""
-        return computed(partial(mixed_units, *self.right_rows))
+        return computed(partial(mixed_units, *self.right_rows, self.runs))
 
     @cached_property
     def one_unit(self) -> tuple[LawFit, Strata | NotAvailable]:
@@ -350,7 +350,7 @@ def _gauge(given: CheckInput) -> Found | None:
 CHECKS: Mapping[str, OneCheck] = {
     "wrong rows": lambda given: given.wrong_rows,
     "mixed units": lambda given: given.mixed_units,
-    "wrong edges": lambda given: outlying_edges(*given.one_unit),
+    "wrong edges": lambda given: outlying_edges(*given.one_unit, given.runs),
     "copies": lambda given: copies(given.whole),
     "time exponent": lambda given: given.times["time exponent"],
     "time between edges": lambda given: given.times["time between edges"],

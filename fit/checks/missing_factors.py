@@ -68,7 +68,8 @@ class Added:
         """The finding of a column of blocks."""
         test = f"F({self.levels - 1}, {self.df}) = {self.t:.3g}, {format_p(self.p)}"
         by = f"fit it with --by {quote(self.name)}"
-        return f"Column {self.name!r} shifts the law; {by} (levels {self.span}; {test})."
+        words = "" if BLOCK.fullmatch(self.name) else f", or name the work by it with --map work={quote(self.name)}"
+        return f"Column {self.name!r} shifts the law; {by}{words} (levels {self.span}; {test})."
 
 
 def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
@@ -190,15 +191,21 @@ def _unused(law: LawFit, runs: Runs) -> list[str]:
 
 
 def _blocks(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
-    """Columns of blocks at the rows of the law: named as such, of few levels, constant within edges, two edges each."""
+    """Columns of blocks, and of words, at the rows of the law: of few levels, constant within edges, two edges each."""
     place = {line: i for i, line in enumerate(runs.lines.tolist())}
-    names = [name for name in map(str, runs.data.columns) if name not in ROLES and BLOCK.fullmatch(name)]
+    names = [name for name in map(str, runs.data.columns) if name not in (*ROLES, "point")]  # point: of a plan
+    names = [name for name in names if BLOCK.fullmatch(name) or _are_words(runs.data[name].to_numpy())]
     if law.by is not None or no_scatter(law) or len(place) < len(runs):
         return {}
     rows = [place[line] for line in law.lines.tolist()]
     columns = {name: _as_labels(runs.data[name].to_numpy()[rows]) for name in names}
     unit = units_of(law)[1]
     return {name: x for name, x in columns.items() if _are_blocks(x, unit)}
+
+
+def _are_words(values: NDArray[np.generic]) -> bool:
+    """Whether every row of a column has a text."""
+    return values.dtype.kind == "O" and all(isinstance(x, str) and x.strip() for x in values)
 
 
 def _as_labels(values: NDArray[np.generic]) -> NDArray[np.object_]:
@@ -248,19 +255,14 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
             concern=concern_of(p), verdict=first.blocks_verdict, kept=kept,
         )  # fmt: skip
     many = f"; {len(tests)} columns tested" if len(tests) > 1 else ""
-    return Check(
-        null=null,
-        statistic=first.t,
-        symbol="t",
-        df=first.df,
-        pvalue=p,
-        concern=concern_of(p),
-        verdict=(
-            f"{first.name} ({values}) is not in the law of {law.response} and matters: {size} when it is added "
-            f"({format_p(p)}{many}). {remedy}"
-        ),
-        kept=kept,
+    verdict = (
+        f"{first.name} ({values}) is not in the law of {law.response} and matters: {size} when it is added "
+        f"({format_p(p)}{many}). {remedy}"
     )
+    return Check(
+        null=null, statistic=first.t, symbol="t", df=first.df, pvalue=p, concern=concern_of(p), verdict=verdict,
+        kept=kept,
+    )  # fmt: skip
 
 
 def _at_one(response: str, force: str, name: str) -> str:

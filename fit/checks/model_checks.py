@@ -153,7 +153,7 @@ def lack_of_fit_test(
         "vary; compare forms (fitmodels compare), or restrict the range. Readings of one edge are no replicates."
         if above < 0.5
         else f"Replicated {units} of one setting differ by more than the settings deviate from the law ({result}): a "
-        f"factor that is not in the file changed between them, or {units} of different conditions are given as repeats."
+        f"factor that is not in the law changed between them, or {units} of different conditions are given as repeats."
     )
     kept = f"No lack of fit against {replicated} replicated settings ({result})."
     return LackOfFit(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...core.errors import FitError
+from ...datasets import Runs
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..least_squares import sums_by
@@ -41,6 +42,11 @@ def no_scatter(law: LawFit) -> str | None:
     if law.df_resid <= 0:
         return f"{law.nobs} observations fix {len(law.theta)} parameters exactly: no degrees of freedom are left"
     return "the law fits every row exactly: there is no residual variance" if law.exact else None
+
+
+def is_computed(name: str, runs: Runs | None) -> bool:
+    """Whether a quantity was computed from others when the file was read: it has no unit of its own to be wrong."""
+    return runs is not None and any(one.role == name for one in runs.derived)
 
 
 def has_repeated_edges(law: LawFit) -> bool:

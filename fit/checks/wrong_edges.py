@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...core.rounding import format_plain
+from ...datasets import Runs
 from ...datasets.plausibility.unit_shifts import (
     CLOSE,
     EVIDENCE,
@@ -32,10 +33,10 @@ from ...datasets.plausibility.unit_shifts import (
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import SIGNIFICANT, Check, Suspect, format_p
+from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of, listed
 from .robust_fit import tail_of_rows
-from .strata import EdgeLevels, Strata, edge_levels, orthonormal
-from .wrong_rows import NEAR, explained, lines_of, listed, measured
+from .strata import EdgeLevels, Strata, edge_levels, is_computed, orthonormal
+from .wrong_rows import NEAR, explained, measured
 
 FEWEST, SPARE = 8, 4  # edges, and edges beyond the parameters that they determine
 MOST = 1 / 6  # of the edges
@@ -53,10 +54,11 @@ Flags = NDArray[np.bool_]
 Split = tuple[float, str, Flags, float]  # evidence, factor of the law, edges, what it is multiplied by
 
 
-def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvailable | None:
+def mixed_units(law: LawFit, strata: Strata | NotAvailable, runs: Runs | None = None) -> Check | NotAvailable | None:
     """Edges whose speed, feed, depth, time or response is in another unit than that of the others.
 
-    Conditions by the split test, the response by edges that all deviate by the ratio of two units.
+    Conditions by the split test, the response by edges that all deviate by the ratio of two units. Quantities that were
+    computed in ``runs`` are in no unit of their own.
 
     Examples
     --------
@@ -73,10 +75,11 @@ def mixed_units(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvaila
         return levels
     if len(levels.names) < (least := max(FEWEST, len(law.theta) + SPARE)):
         return NotAvailable(f"fewer than {least} edges or settings")
-    asked = _conditions_of(law)
-    tried, by_square = _splits(law, levels, asked)
+    asked = [name for name in _conditions_of(law) if not is_computed(name, runs)]
+    of_response = [] if is_computed(measured(law), runs) else [law.response]
+    tried, by_square = _splits(law, levels, asked, _response_blocks(law, levels) if of_response else [])
     most = max(tried, key=lambda one: one[0], default=None)
-    kept = f"No edges agree better with {' or '.join((*asked, law.response))} in another unit"
+    kept = f"No edges agree better with {' or '.join((*asked, *of_response))} in another unit"
     if most is None or most[0] < EVIDENCE:
         statistic = most[0] if most else 0.0
         return Check(null=_NULL, statistic=statistic, symbol=_SYMBOL, verdict=f"{kept}.", kept=f"{kept}.")
@@ -102,9 +105,11 @@ def _conditions_of(law: LawFit) -> list[str]:
     return [name for name in law.factors if name in CONDITIONS and not (load and name in ("V", "t"))]
 
 
-def _splits(law: LawFit, levels: EdgeLevels, asked: list[str]) -> tuple[list[Split], dict[str, float]]:
-    """All edges that another unit may concern, and for each condition the evidence of its square."""
-    tried, by_square = _response_blocks(law, levels), dict[str, float]()
+def _splits(
+    law: LawFit, levels: EdgeLevels, asked: list[str], tried: list[Split]
+) -> tuple[list[Split], dict[str, float]]:
+    """All edges that another unit may concern, those of the response first, and the evidence of squares."""
+    by_square = dict[str, float]()
     for name in asked:
         j = law.factors.index(name)
         moves = minorities(levels.x[:, j], CONDITIONS[name], TIME_INSIDE if name == "t" else INSIDE)
@@ -229,8 +234,10 @@ class _Outlying:
     largest: float
 
 
-def outlying_edges(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAvailable | None:
+def outlying_edges(law: LawFit, strata: Strata | NotAvailable, runs: Runs | None = None) -> Check | NotAvailable | None:
     """Edges whose response disagrees with the law of the others.
+
+    Quantities that were computed in ``runs`` are in no unit of their own, and no ratio explains them.
 
     Examples
     --------
@@ -251,7 +258,7 @@ def outlying_edges(law: LawFit, strata: Strata | NotAvailable) -> Check | NotAva
     found = _one_after_the_other(levels, tail_of_rows(strata.rest))
     largest = f"the largest studentized residual of a level is {found.largest:.1f} ({format_p(found.pvalue)})"
     kept = f"No edge deviates further than chance explains: {largest}."
-    suspects, words = _explained(law, levels, found, kept)
+    suspects, words = _explained(law, levels, found, kept, runs)
     return Check(
         null="no edge deviates from the law of the others further than edges do",
         statistic=found.largest,
@@ -301,7 +308,9 @@ def _one_after_the_other(levels: EdgeLevels, tail: float) -> _Outlying:
     return _Outlying(edges, min(pvalues), rest[at] / root, error, levels.back @ coefficients, max(sizes[: last + 1]))
 
 
-def _explained(law: LawFit, levels: EdgeLevels, found: _Outlying, kept: str) -> tuple[tuple[Suspect, ...], str]:
+def _explained(
+    law: LawFit, levels: EdgeLevels, found: _Outlying, kept: str, runs: Runs | None
+) -> tuple[tuple[Suspect, ...], str]:
     """Suspects, the edges that one ratio of units explains together, and a sentence on each."""
     if found.pvalue >= SIGNIFICANT:
         return (), kept
@@ -313,7 +322,7 @@ def _explained(law: LawFit, levels: EdgeLevels, found: _Outlying, kept: str) -> 
         )
     groups: dict[tuple[float, str], list[int]] = {}
     for k in range(len(found.edges)):
-        ratios = ratios_of(measured(law)) if logs else {}
+        ratios = ratios_of(measured(law)) if logs and not is_computed(measured(law), runs) else {}
         groups.setdefault(explained(float(found.deviation[k]), ratios, NEAR * float(found.error[k])), []).append(k)
     suspects = tuple(
         Suspect(law.response, tuple(levels.names[found.edges[k]] for k in members), factor=factor or None, cause=cause)

@@ -10,7 +10,7 @@ in Regression, section 2.2.2 (deleted residuals).
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...core.rounding import format_plain
+from ...datasets import Runs
 from ...datasets.plausibility.unit_shifts import TIME_RATIOS, ratios_of
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import SIGNIFICANT, Check, Suspect, format_p
+from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of, listed
 from .robust_fit import NORMAL, bisquare_residuals, gap_pvalue, standing_apart, working_response
-from .strata import NO_ROWS, has_repeated_edges, no_scatter, units_of
+from .strata import NO_ROWS, has_repeated_edges, is_computed, no_scatter, units_of
 
 FEWEST, SPARE = 12, 6  # rows, and rows beyond the parameters
 MOST = 1 / 6  # of the rows
@@ -33,7 +34,7 @@ FAR = 4.8  # robust standard deviations beyond which a row is wrong where severa
 SMALL = 0.4  # of the logarithm of the response: rows closer to the law are no mistakes that no unit explains
 HARM = 0.2  # of the logarithm of a prediction: rows that move one by more forbid the use of the law
 NEAR = 3.0  # standard deviations between a deviation and the ratio of two units that explains it
-LISTED = 6
+COMPUTED = "computed from other columns"
 FEW_ROWS = 40  # independent rows, up to which one is tested by its deleted residual
 NORMAL_LEVEL = 0.01  # of the level of other tests, as lives and heavy-tailed readings are no normal ones
 
@@ -71,8 +72,10 @@ def _about_edges(law: LawFit, r: Array, rows: NDArray[np.intp]) -> Array:
     return np.asarray(np.where(others > 0, about, 0.0))
 
 
-def outlying_rows(law: LawFit) -> Check | NotAvailable:
+def outlying_rows(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable:
     """Rows whose response disagrees with the law of the others, with the ratio of units that explains them.
+
+    Quantities that were computed in ``runs`` are in no unit of their own, and no ratio explains them.
 
     Examples
     --------
@@ -103,8 +106,9 @@ def outlying_rows(law: LawFit) -> Check | NotAvailable:
     suspects: tuple[Suspect, ...] = ()
     words = kept
     if pvalue < SIGNIFICANT and float(size[rows].min()) > FAR * scale:
-        power = _power_of_time(law, np.log(law.observed) - whole) if logs else 0.0
-        suspects = _suspects(law, rows, r, scale, logs, power)
+        power = _power_of_time(law, np.log(law.observed) - whole) if logs and not is_computed("t", runs) else 0.0
+        ratios = {} if is_computed(measured(law), runs) else ratios_of(measured(law))
+        suspects = _suspects(law, rows, r, scale, ratios if logs else None, power)
         words = " ".join(_sentence(law, one, r, logs) for one in suspects)
         kept = f"{words} Among all tests of the laws together this is not significant ({format_p(pvalue)} alone)."
     if logs and float(size[rows].min()) < SMALL and any(one.factor is None for one in suspects):
@@ -157,14 +161,14 @@ def _by_time(deviation: float, power: float, within: float) -> tuple[float, str]
 
 
 def _suspects(
-    law: LawFit, rows: NDArray[np.intp], r: Array, scale: float, logs: bool, power: float
+    law: LawFit, rows: NDArray[np.intp], r: Array, scale: float, ratios: Mapping[float, str] | None, power: float
 ) -> tuple[Suspect, ...]:
     """The rows, those that the same ratio of units explains together: of the response, else of the time."""
     groups: dict[tuple[str, float, str], list[int]] = {}
     for i in rows:
-        column, (factor, cause) = law.response, (0.0, "")
-        if logs:
-            factor, cause = explained(float(r[i]), ratios_of(measured(law)), NEAR * scale)
+        column, (factor, cause) = law.response, (0.0, COMPUTED if ratios == {} else "")
+        if ratios:
+            factor, cause = explained(float(r[i]), ratios, NEAR * scale)
             if not factor and power:
                 factor, cause = _by_time(float(r[i]), power, NEAR * scale)
                 column = "t" if factor else column
@@ -209,8 +213,9 @@ def _sentence(law: LawFit, suspect: Suspect, r: Array, logs: bool) -> str:
 def _one_row(law: LawFit, suspect: Suspect, at: NDArray[np.intp], r: Array) -> str:
     if suspect.factor is None:
         return (
-            f" is {np.exp(r[at[0]]):.2g} times what the law of the other rows gives, and no ratio of units explains "
-            "it: check the record, or leave the row out."
+            f" is {np.exp(r[at[0]]):.2g} times what the law of the other rows gives, and "
+            f"{f'it is {COMPUTED}' if suspect.cause else 'no ratio of units explains it'}: check the record, or leave "
+            "the row out."
         )
     if suspect.column == "t":
         return (
@@ -223,8 +228,9 @@ def _several_rows(law: LawFit, suspect: Suspect, at: NDArray[np.intp], r: Array)
     if suspect.factor is None:
         times = listed([f"{v:.2g}" for v in np.exp(r[at])])
         return (
-            f" are {times} times what the law of the other rows gives, and no ratio of units explains them: check the "
-            "records, or leave the rows out."
+            f" are {times} times what the law of the other rows gives, and "
+            f"{f'they are {COMPUTED}' if suspect.cause else 'no ratio of units explains them'}: check the records, or "
+            "leave the rows out."
         )
     if suspect.column == "t":
         return f" agree with the law of the other rows with {_times(law, at)} in another unit{_of(suspect)}."
@@ -243,24 +249,6 @@ def _low(suspect: Suspect) -> str:
 def _times(law: LawFit, at: NDArray[np.intp]) -> str:
     t = listed([format_plain(float(v), 3) for v in law.X[at, law.factors.index("t")]])
     return f"t {t} {law.units.get('t', '')}"
-
-
-def lines_of(lines: Sequence[int]) -> str:
-    """``line 5``, or ``lines 5, 7 and 9``.
-
-    >>> lines_of((5,)), lines_of((5, 7))
-    ('line 5', 'lines 5, 7')
-    """
-    return f"line{'' if len(lines) == 1 else 's'} {listed(list(map(str, lines)))}"
-
-
-def listed(names: Sequence[str], most: int = LISTED) -> str:
-    """The names with commas, of many the first and the number of the others.
-
-    >>> listed(["a", "b", "c"], 2)
-    'a, b and 1 more'
-    """
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 FEWEST_AT_LIMIT, LIMIT_SHARE = 5, 0.04  # equal largest readings, and their share, of a sensor at its limit
