@@ -254,6 +254,24 @@ def test_a_step_that_the_controller_was_not_made_for_is_refused(pf, make, dt):
         make.from_parameters(pf, 2.0).step(0.0, dt)
 
 
+@pytest.mark.parametrize(("missing", "of"), [(49, 300), (10, 60), (20, 10_000), (5, 40)])
+@pytest.mark.parametrize("depth", [1.0, 4.0])
+def test_gaps_between_readings_do_not_raise_the_feed(pf, depth, missing, of):
+    """Up to a fifth of the readings are bridged; the stale ones kicked the feed to its upper limit, 600."""
+    controls = [AdaptiveForceControl.from_parameters(pf, depth) for _ in range(2)]
+    plants = [DriveAndCut.from_parameters(pf, depth, ripple=0.3, noise=2.0) for _ in controls]
+    noises = [np.random.default_rng(1) for _ in controls]
+    feeds, forces = np.zeros((2, 4000)), np.zeros((2, 4000))
+    for j, (control, plant, noise) in enumerate(zip(controls, plants, noises, strict=True)):
+        for k in range(4000):
+            forces[j, k] = plant.step(control.command, 0.001, noise)
+            lost = j == 1 and k > 2000 and k % of < missing
+            feeds[j, k] = control.step(math.nan if lost else forces[j, k], 0.001)
+    assert feeds[1, 2000:].max() < 1.08 * feeds[0, 2000:].max()
+    assert forces[1, 2000:].mean() == pytest.approx(forces[0, 2000:].mean(), rel=0.02)
+    assert not controls[1].control.fault
+
+
 # --- the proof ------------------------------------------------------------------------------------------------------
 
 

@@ -16,6 +16,8 @@ from fitmodels.controllers.adaptive_force.design import Timing, design_gains, la
 from fitmodels.controllers.adaptive_force.plant import DriveAndCut
 from fitmodels.controllers.adaptive_force.runs import depth_step_run, steady_run
 from fitmodels.controllers.adaptive_force.settings import force_loop, settings_for
+from fitmodels.controllers.constant_load_milling.controller import ConstantLoad
+from fitmodels.controllers.gate import adaptive_force as adaptive_force_gate
 from fitmodels.controllers.gate.adaptive_force import check_adaptive_force, gated_adaptive_force
 from fitmodels.controllers.loop import replay
 from fitmodels.core.errors import GateError, UsageError
@@ -406,3 +408,16 @@ def test_estimates_are_not_replaced_by_ones_that_must_not_be_used(file, run, tmp
     assert code == 0, err
     assert out.split() == [str(file)]
     assert "Verdict on the force process: do not use for control" in err
+
+
+def test_the_gate_refuses_a_control_whose_feed_jumps_after_a_gap(monkeypatch):
+    """The law on the last valid reading, as it was before: 49 of 300 readings lost took the feed to 600 mm/min."""
+    pf = published("LYAP")
+    assert all(finding.passed is not False for finding in check_adaptive_force(pf))
+    monkeypatch.setattr(
+        ConstantLoad, "_bridged", lambda self, target, u, *, begins: min(target, u) if self._bad else target
+    )
+    adaptive_force_gate._findings.cache_clear()
+    words = [finding.words for finding in check_adaptive_force(pf) if finding.passed is False]
+    adaptive_force_gate._findings.cache_clear()
+    assert any("49 of 300 readings lost raise the feed to 600, without gaps" in each for each in words)

@@ -86,12 +86,26 @@ def inputs_of(loop, seed=0, samples=1500):
     return rows
 
 
+def gaps_of(loop, seed, samples=1500):
+    """A cut whose force ripples, with gaps of several lengths, the last of them for long."""
+    rows, k = inputs_of(loop, seed, samples), np.arange(samples)
+    rows[:, 3:5], rows[:, 5], rows[:, 6], rows[:, 7] = 1.0, 0.0, k // 3 % 2, 0.0
+    rows[:, 1] = loop.reference * (1 + 0.3 * np.sin(0.7 * k) + 0.02 * np.random.default_rng(seed).normal(size=samples))
+    lost = loop.samples(loop.lost_after)
+    for missing, of, part in (
+        (lost - 1, 6 * lost, k < 800),
+        (max(lost // 5, 1), 6 * lost // 5, k < 1200),
+        (1, 10, k >= 1200),
+    ):
+        rows[(k % of < missing) & part & (k > 600), 1] = np.nan
+    return rows
+
+
 # the same numbers
 
 
 def test_the_c_text_is_the_python_controller_in_every_sample(loop):
-    for seed in (0, 3):
-        rows = inputs_of(loop, seed)
+    for rows in (inputs_of(loop, 0), inputs_of(loop, 3), gaps_of(loop, 1)):
         np.testing.assert_array_equal(interpreted(c_controller(loop))(rows), reference(loop, rows))
 
 
@@ -101,8 +115,9 @@ def test_the_sequences_reach_the_states_of_the_table(loop):
     assert (reached[:, 2] == 3).mean() > 0.1
 
 
-def test_the_function_block_is_the_python_controller_in_every_sample(pf, loop):
-    rows = inputs_of(loop, 1)
+@pytest.mark.parametrize("rows_of", [inputs_of, gaps_of])
+def test_the_function_block_is_the_python_controller_in_every_sample(pf, loop, rows_of):
+    rows = rows_of(loop, 1)
     rows[:, 2] = loop.feed_programmed
     block, found = FunctionBlock(structured_text(gated(pf))), []
     for row in rows.tolist():

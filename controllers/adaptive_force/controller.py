@@ -37,7 +37,9 @@ class AdaptiveForceControl(Displayable):
     is at a limit or a reading is missing, adaptation stops.
 
     Invalid readings are bridged by the last valid one; for 0.05 s, or more than a fifth of them, they latch a fault, as
-    equal readings in the cut for ``stuck_after`` do: the feed goes to its lower limit until ``control.reset``.
+    equal readings in the cut for ``stuck_after`` do: the feed goes to its lower limit until ``control.reset``. While
+    the last revolution holds a bridged reading, the feed stays as it was before the first of them, for 0.05 s and a
+    revolution at most; after that the law may lower it, and it rises above that feed only on a whole revolution.
 
     Attributes
     ----------

@@ -111,6 +111,9 @@ class ConstantLoad(Displayable):
     _engaged: bool = field(default=False, init=False)
     _loaded: bool = field(default=False, init=False)
     _had_cut: bool = field(default=False, init=False)
+    _before: float = field(default=0.0, init=False)
+    _gap: int = field(default=0, init=False)  # samples for which the revolution holds a bridged reading
+    _gaps: int = field(default=0, init=False)  # samples since the first of them
     _falling: bool = field(default=False, init=False)
     _last_reset: bool = field(default=False, init=False)
     _last_beat: bool | None = field(default=None, init=False)
@@ -323,8 +326,11 @@ class ConstantLoad(Displayable):
         if isinstance(law, RatioLaw | AdaptiveLaw):
             if begins:
                 law.enter()
-            target = law.target(self._measured, self.reference, known=not self._bad)
-            target = min(target, u) if self._bad else target  # on a bridged reading the feed never rises
+            target = law.target(self._measured, self.reference, known=not self._bad and not self._gap)
+            if isinstance(law, AdaptiveLaw):
+                target = self._bridged(target, u, begins=begins)
+            elif self._bad:
+                target = min(target, u)  # on a bridged reading the feed never rises
         else:
             error = self.reference - self._measured
             if begins:
@@ -338,6 +344,19 @@ class ConstantLoad(Displayable):
             return target
         self._targets.append(target)
         return sum(self._targets) / len(self._targets)
+
+    def _bridged(self, target: float, u: float, *, begins: bool) -> float:
+        """The target; where the revolution holds a bridged reading, the last override before it, later at most that."""
+        if begins:
+            self._gap = 0
+        if self._bad:
+            if not self._gap:
+                self._before, self._gaps = u, 0
+            self._gap = self.loop.average + 1
+        if not self._gap:
+            return target
+        self._gap, self._gaps = self._gap - 1, self._gaps + 1
+        return min(u if self._gaps <= self._n["lost_after"] + self.loop.average else target, self._before)
 
     def _limit(self, target: float) -> float:
         """Limits, then a rate that differs downwards and upwards; the first command meets the limits at once."""

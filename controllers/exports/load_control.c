@@ -121,13 +121,13 @@ typedef struct {
 typedef struct {
     LoadReal gain, overload_gain, worn_gain, half_hysteresis, middle, half, fall, rise, rest, overload_above;
     long n_arm, n_engage, n_lost, n_stuck, n_beat, n_overload, n_dwell;
-    LoadReal held, filtered, measured, mean, u, bias, sum, average, factor;
+    LoadReal held, filtered, measured, mean, u, before, bias, sum, average, factor;
     LoadReal kept[LOAD_CONTROL_AVERAGE];
     LoadReal servo, servo_gain;                                         /* of LOAD_RATIO */
     LoadReal m, alpha, beta, wanted, wanted_rate, error, last_E, last_w[3]; /* of LOAD_ADAPTIVE */
     LoadReal forces[LOAD_CONTROL_AVERAGE + 1], model[LOAD_CONTROL_AVERAGE + 1], rates[LOAD_CONTROL_AVERAGE + 1];
     LoadReal force_sum, model_sum;
-    long spindle, bad, sparse, loaded_for, clear_for, same, alive, high_for, rested;
+    long spindle, bad, gap, gaps, sparse, loaded_for, clear_for, same, alive, high_for, rested;
     int ready, begun, armed, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset, ring, soft;
     int fault, worn, overload;
     LoadCause cause;
@@ -474,7 +474,7 @@ static void load_adapt(const LoadSettings *s, LoadState *x, int entering)
     const LoadReal w2 = x->model_sum / n, error = x->force_sum / n - w2;
     const LoadReal rate = (x->forces[new_] - x->forces[old]) / time - w1;
     const LoadReal E = entering ? rate : rate + s->lam * error, step = (x->last_E + E) / two * s->sample_time;
-    if (!entering && x->bad == 0 && x->clipped == 0) {
+    if (!entering && x->bad == 0 && x->gap == 0 && x->clipped == 0) {
         x->m -= s->g1 * step * (w0 + x->last_w[0]) / two;
         x->alpha -= s->g2 * step * (w1 + x->last_w[1]) / two;
         x->beta -= s->g3 * step * (w2 + x->last_w[2]) / two;
@@ -500,6 +500,24 @@ static LoadReal load_adaptive(const LoadSettings *s, LoadState *x, int entering)
     return load_inside(s, x, value / s->feed_programmed);
 }
 
+/* While the revolution holds a bridged reading, the last override before it, and later at most that. */
+static LoadReal load_bridged(const LoadSettings *s, LoadState *x, LoadReal target, int entering)
+{
+    if (entering) x->gap = 0;
+    if (x->bad > 0) {
+        if (x->gap == 0) {
+            x->before = x->u;
+            x->gaps = 0;
+        }
+        x->gap = s->average + 1;
+    }
+    if (x->gap == 0) return target;
+    --x->gap;
+    x->gaps = load_count(x->gaps);
+    if (x->gaps <= x->n_lost + s->average) target = x->u;
+    return target < x->before ? target : x->before;
+}
+
 /* Step 7: override that the control law asks for. */
 static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error, int entering)
 {
@@ -507,7 +525,8 @@ static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error,
     int k;
     if (s->law != LOAD_PI) {
         x->had_cut = 1;
-        target = s->law == LOAD_ADAPTIVE ? load_adaptive(s, x, entering) : load_ratio(s, x, entering);
+        if (s->law == LOAD_ADAPTIVE) return load_bridged(s, x, load_adaptive(s, x, entering), entering);
+        target = load_ratio(s, x, entering);
         return x->bad > 0 && target > x->u ? x->u : target; /* on a bridged reading the feed never rises */
     }
     if (entering) {

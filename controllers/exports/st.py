@@ -167,7 +167,7 @@ def _own_numbers(loop: LoadLoop) -> tuple[str, ...]:
     if loop.law == "adaptive":
         return (
             "wanted", "wanted_rate", "rate", "second", "ahead", "error", "change", "last_error", "force_sum",
-            "model_sum", "w0", "w1", "w2", "last_w0", "last_w1", "last_w2",
+            "model_sum", "before", "w0", "w1", "w2", "last_w0", "last_w1", "last_w2",
         )  # fmt: skip
     return ("last" if loop.form == "incremental_sum" else "bias",)
 
@@ -176,7 +176,7 @@ def _adaptive_variables(loop: LoadLoop) -> list[str]:
     rows = f"ARRAY[0..{loop.average}] OF LREAL := [{loop.average + 1}(0.0)]"
     return [
         *(f"{name} : {rows}" for name in ("forces", "model", "rates")),
-        *(f"{name} : DINT := 0" for name in ("ring", "after", "newest")),
+        *(f"{name} : DINT := 0" for name in ("ring", "after", "newest", "gap", "gaps")),
         *(f"{name} : BOOL := FALSE" for name in ("closed", "limited")),
         *(f"{name} : LREAL := {real(getattr(loop, name))}" for name in ("m", "alpha", "beta")),
     ]

@@ -1,5 +1,7 @@
 """Gate of adaptive force control: it runs on drive and process of the file's estimates, with ripple and noise."""
 
+import copy
+import itertools
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
@@ -32,7 +34,15 @@ from ..adaptive_force.settings import (
     turning,
 )
 from . import GatedControl
-from .roughness import ForceBench, check_roughness, fault_findings, gated, require_passed, wrong_at_rest
+from .roughness import (
+    BRIDGED,
+    ForceBench,
+    check_roughness,
+    fault_findings,
+    gated,
+    require_passed,
+    wrong_at_rest,
+)
 from .settings import HIGHEST
 from .simulation import FileKey
 
@@ -45,6 +55,7 @@ DRAWS, SPREAD = 6, 0.3  # of the plant; relative change of k, where the file has
 RIPPLE, NOISE = 0.3, 0.01  # of the force, and of the set point
 BEYOND: Final = 5.0  # times the feed that the estimates need for the set points
 PER_TURN: Final = 2.0  # mm per revolution
+GAPS_FOR: Final = 1.5  # s of simulation with gaps
 LONGEST: Final = 10000  # samples of a run
 SETTLES: Final = 1.2  # times the settling time of the loop on the simulated plant
 REST: Final = 0.95  # of the upper limit: a command that rests there, but for ripple and noise
@@ -179,6 +190,24 @@ def _simulated(pf: "ParameterFile") -> Iterator[FileFinding]:
     yield from _draws(pf)
     if middle is not None:
         yield from fault_findings(middle)
+        yield from _gaps(middle)
+
+
+def _gaps(middle: ForceBench) -> Iterator[FileFinding]:
+    """Findings on readings that are lost for moments, too short or too seldom for a fault."""
+    loop = middle.controller.control.loop
+    lost = loop.samples(loop.lost_after)
+    usual = float(copy.deepcopy(middle).run(GAPS_FOR)[0].max())
+    for missing, of in ((lost - 1, 6 * lost), (max(lost // 5, 1), 6 * max(lost // 5, 1))):
+        bench, count = copy.deepcopy(middle), itertools.count()
+
+        def reading(force: float, missing: int = missing, of: int = of, count: Iterator[int] = count) -> float:
+            return float("nan") if next(count) % of < missing else force
+
+        highest = float(bench.run(GAPS_FOR, reading=reading)[0].max())
+        if highest > BRIDGED * usual:
+            words = f"{missing} of {of} readings lost raise the feed to {highest:.4g}, without gaps {usual:.4g} at most"
+            yield _failed("fault", f"{words}; lower Kd.")
 
 
 def _bench(pf: "ParameterFile", depth: float, plant: DriveAndCut | None = None, seed: int = SEED) -> ForceBench:
