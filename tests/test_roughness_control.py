@@ -118,12 +118,14 @@ PER_MINUTE = {"low": 61.0, "high": 122.0, "unit": "mm/min"}  # 0.1 to 0.2 mm/rev
 
 def test_a_limit_of_feed_rate_holds_at_the_spindle_speed(pf):
     """It was ignored: the file allowed 10 to 90 mm/min, the export went to 170.8 and all checks passed."""
-    limited = with_limits(changed(pf, spindle_speed=610.0), feed_rate=PER_MINUTE)
+    limited = with_limits(changed(pf, spindle_speed=610.0), feed_rate={**PER_MINUTE, "high": 140.3})
     control = ConstantRoughness.from_parameters(limited)
-    assert (control.low, control.high) == pytest.approx((0.1, 0.2))
+    assert (control.low, control.high) == pytest.approx((0.1, 0.23))
     assert not [f for f in check_roughness(limited) if f.passed is False and f.name == "limits"]
     narrow = with_limits(changed(pf, spindle_speed=610.0), feed_rate={**PER_MINUTE, "high": 90.0})
-    assert any("outside the limits 0.1 to 0.1475" in f.words for f in check_roughness(narrow) if f.passed is False)
+    with pytest.raises(ParameterError, match=r"leave 0\.1 to 0\.1475 mm/rev, and the reference of .* needs 0\.2"):
+        ConstantRoughness.from_parameters(narrow)
+    assert any("leave 0.1 to 0.1475 mm/rev" in f.words for f in check_roughness(narrow) if f.passed is False)
     with pytest.raises(ParameterError, match=r"feed_rate cannot be compared .* without the spindle speed"):
         ConstantRoughness.from_parameters(with_limits(changed(pf, spindle_speed=None), feed_rate=PER_MINUTE))
 

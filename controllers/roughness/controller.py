@@ -156,6 +156,7 @@ class ConstantRoughness(Displayable):
         references = ((0.0, reference_force(pf)), *((time, reference_force(pf, Ra)) for time, Ra in schedule))
         _require_spindle(pf)
         _require_allowed(pf, section.roughness, *(Ra for _, Ra in schedule))
+        _require_reached(pf)
         return cls(
             references=references,
             programmed=programmed,
@@ -349,6 +350,20 @@ def _require_allowed(pf: "ParameterFile", *required: float) -> None:
                 f"limits.responses.{law[:40]}: {most} um, but a roughness of {Ra:g} um is required; require one within "
                 "the limit, or change the limit."
             )
+
+
+def _require_reached(pf: "ParameterFile") -> None:
+    """Refuse limits of feed that exclude the feed of the reference force."""
+    section, (low, high) = settings_of(pf), _machine_feeds(pf)
+    if section.force_per_feed is None:
+        return
+    needed = section.force / section.force_per_feed
+    if not low < needed < high:
+        raise ParameterError(
+            f"The limits of feed of the file leave {low:.4g} to {high:.4g} mm/rev, and the reference of "
+            f"{section.force:.4g} N needs {needed:.4g} mm/rev; require another roughness, or change limits.feed or "
+            "limits.feed_rate."
+        )
 
 
 def not_applied(pf: "ParameterFile") -> str:
