@@ -163,9 +163,10 @@ def _shifted(laws: pd.DataFrame, symbol: str, low: str, high: str) -> Iterator[t
         return
     x = np.log(laws[[low, high]].to_numpy(dtype=float)).mean(axis=1)
     ratios = {ratio: units for ratio, units in ratios_of(symbol).items() if ratio >= SURE and ratio not in DECIMAL}
-    found = [(pairs, factor) for pairs, factor in minorities(x, ratios, NEAR) if isolated(x, pairs)]
+    found = [one for one in minorities(x, ratios, NEAR) if isolated(x, one[0])]
     unit = ROLES[symbol].unit if symbol in ROLES else ""
-    for i in np.flatnonzero(np.any([pairs for pairs, _ in found], axis=0)).tolist() if found else ():
+    shifted = np.logical_or.reduce([np.zeros(len(x), dtype=bool), *(pairs for pairs, _ in found)])
+    for i in np.flatnonzero(shifted).tolist():
         others, factor = _nearest(x, i, found)
         ratio, row = max(factor, 1 / factor), laws.iloc[i]
         units = next(units for known, units in ratios.items() if np.isclose(known, ratio))

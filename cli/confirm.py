@@ -9,6 +9,8 @@ from .output import complain, output_options, print_json, print_lines
 
 if TYPE_CHECKING:
     from ..datasets import Runs
+    from ..fit import LawFit
+    from ..fit.defaults import Refused
 
 
 def parser() -> Parser:
@@ -65,16 +67,25 @@ def run(args: argparse.Namespace) -> int:
     return 4 if not verdicts else 0 if holds else 5
 
 
-def _verdicts(new: "Runs", old: "Runs", args: argparse.Namespace) -> tuple[dict[str, str], dict[str, str], bool]:
-    """Verdicts by response, reasons why others are not tested, and whether no law was found not to hold."""
+def _laws(old: "Runs", args: argparse.Namespace) -> "tuple[tuple[LawFit, ...], tuple[Refused, ...]]":
+    """The laws of the earlier tests, and those that cannot be fitted."""
     from .. import fit
-    from ..core.errors import FitError, UsageError
+    from ..core.errors import FitError
     from ..pipeline import FitOptions
 
     asked = FitOptions(laws=tuple(args.laws or ()), form=forms(args.form))
     laws, refused = fit.default_laws(old, laws=asked.laws, forms=asked.forms)
     if not laws:
         raise FitError("; ".join(item.reason for item in refused) or f"{args.data} contains no law to confirm.")
+    return laws, refused
+
+
+def _verdicts(new: "Runs", old: "Runs", args: argparse.Namespace) -> tuple[dict[str, str], dict[str, str], bool]:
+    """Verdicts by response, reasons why others are not tested, and whether no law was found not to hold."""
+    from .. import fit
+    from ..core.errors import FitError, UsageError
+
+    laws, refused = _laws(old, args)
     verdicts: dict[str, str] = {}
     untested, holds = {item.response: item.reason for item in refused}, True
     for law in laws:

@@ -106,24 +106,32 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _constants(runs: "Runs") -> dict[str, float]:
+    """What was the same in all tests, of the constants of the process besides speed and feed."""
+    from ..datasets.planning import PROCESSES
+
+    process = PROCESSES.get(runs.process or "")
+    names = set(process.constants if process else ("Dc", "D", "z", "d", "ae")) - {"V", "n", "fz", "fm"}
+    given = {name: value for name, value in runs.constants.items() if name in names}
+    columns = {name: np.unique(runs.values(name)) for name in sorted(names) if name not in given and runs.has(name)}
+    same = {name: float(known[0]) for name, known in columns.items() if len(known) == 1 and np.isfinite(known[0])}
+    return given | same
+
+
 def _for_machine(plan: "pd.DataFrame", runs: "Runs") -> "pd.DataFrame":
     """The plan with what was the same in all tests and, of a cutter, with feed per tooth, spindle speed, feed rate."""
     from ..datasets.design import round_significant
-    from ..datasets.planning import PROCESSES, machine_settings
+    from ..datasets.planning import machine_settings
     from ..datasets.vocabulary import ROLES
 
     units = dict(plan.attrs["units"])
-    known_process = PROCESSES.get(runs.process or "")
-    constants = known_process.constants if known_process else ("Dc", "D", "z", "d", "ae")
     if runs.process == "turning" or not ({"Dc", "D"} & (runs.constants.keys() | set(runs.data))):
         return plan
     if any(units.get(name) != ROLES[name].unit for name in ("V", "n", "f", "fz", "fm") if name in plan):
         return plan
-    for name in constants:
-        value = runs.constants.get(name)
-        known = np.unique(runs.values(name)) if value is None and runs.has(name) else np.array([value], dtype=float)
-        if name not in plan and len(known) == 1 and np.isfinite(known[0]) and name not in ("V", "n", "fz", "fm"):
-            plan[name], units[name] = known[0], runs.units.get(name, "") or ROLES[name].unit
+    for name, value in _constants(runs).items():
+        if name not in plan:
+            plan[name], units[name] = value, runs.units.get(name, "") or ROLES[name].unit
     if {"f", "z"} <= set(plan):
         feed = round_significant(plan["f"].to_numpy(dtype=float) / plan["z"].to_numpy(dtype=float), SET)
         plan.insert(list(plan).index("f"), "fz", feed)

@@ -322,15 +322,14 @@ def _check_process(ranges: Mapping[str, Levels], process: str, constants: Mappin
 
 def machine_settings(plan: pd.DataFrame, process: str | None) -> dict[str, Floats]:
     """Spindle speed and feed rate, where they follow from speed, diameter, feed and teeth; 4 digits."""
-    has = {name: plan[name].to_numpy(dtype=float) for name in ("V", "n", "f", "fz", "fm", "z") if name in plan}
-    diameter = next((plan[name].to_numpy(dtype=float) for name in ("Dc", "D") if name in plan), None)
-    out: dict[str, Floats] = {}
+    names = ("V", "n", "f", "fz", "fm", "z", "Dc", "D")
+    has = {name: plan[name].to_numpy(dtype=float) for name in names if name in plan}
+    diameter, out = has.get("Dc", has.get("D")), dict[str, Floats]()
     if "n" not in has and "V" in has and diameter is not None:
         out["n"] = has["n"] = round_significant(1000 * has["V"] / (pi * diameter), DIGITS)
-    if "fm" not in has and "n" in has and process != "turning":
-        per_turn = has["fz"] * has["z"] if {"fz", "z"} <= set(has) else has.get("f")
-        if per_turn is not None:
-            out["fm"] = round_significant(per_turn * has["n"], DIGITS)
+    per_turn = has["fz"] * has["z"] if {"fz", "z"} <= has.keys() else has.get("f")
+    if "fm" not in has and "n" in has and process != "turning" and per_turn is not None:
+        out["fm"] = round_significant(per_turn * has["n"], DIGITS)
     return out
 
 

@@ -12,7 +12,7 @@ from statistics import fmean, median, stdev
 
 from ..datasets.derived.rules import RULES
 from ..datasets.signals.cuts import SETTLED
-from .samples import CutEnd, Notice, Sample, State, Window
+from .samples import Block, CutEnd, Notice, Sample, State, Window
 
 BLOCK = 0.1  # s; five samples at 50 Hz
 GAP = 2.0  # s without a sample, at least, that are a gap
@@ -34,36 +34,6 @@ NEVER_IDLE = (
     "the machine fed for {0:.3g} min and was not seen to idle, so no load shows whether it cut and nothing is counted. "
     "Begin while it idles, or count them with --used {0:.3g}min."
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """Consecutive samples.
-
-    Attributes
-    ----------
-    start, end : float
-        s by the clock of the source.
-    values : mapping of str to sequence of float
-        Every reading by load.
-    loads, conditions : mapping of str to float
-        Means.
-    phase : State
-        What the machine says of itself, or what speed and feed of zero say: ``"off"``, ``"idle"``, ``"feed"``,
-        ``"unknown"``.
-    """
-
-    start: float
-    end: float
-    values: Mapping[str, Sequence[float]]
-    loads: Mapping[str, float]
-    conditions: Mapping[str, float]
-    phase: State
-
-    @property
-    def seconds(self) -> float:
-        """Duration, s."""
-        return self.end - self.start
 
 
 @dataclass(slots=True)

@@ -15,8 +15,8 @@ from typing import Any, Literal
 
 from ..datasets.signals.cuts import FOLLOWING, LEFT, MERGED, NOISE, OFF, STARTING
 from ..datasets.signals.options import DRIVEN, ReduceOptions
-from .blocks import BLOCK, BRIDGED, FIRST_CUT, SPEEDS, Air, Block, Blocks, EarlyFeed, Gap, IdleLevel, speed_ratio
-from .samples import CutEnd, LostLoads, Notice, Sample, Window
+from .blocks import BLOCK, BRIDGED, FIRST_CUT, SPEEDS, Air, Blocks, EarlyFeed, Gap, IdleLevel, speed_ratio
+from .samples import Block, CutEnd, LostLoads, Notice, Sample, Window
 from .windows import AGAINST, FALLEN, INTERRUPTED, QUIETER, RESTING, STUCK, SeenLoads, Windows
 
 SMOOTHED = 0.5  # s; shorter peaks are neither cut nor idle

@@ -81,12 +81,14 @@ def change_now(
     words = f"probability {probability_words(after)} that the wear is past {goal} {when}"
     if estimate.distrusted:
         words += f" (without {', '.join(estimate.distrusted)}, which is far from its law)"
-    found = _by_cost(estimate, next_cut_minutes, conditions, costs, words) if costs is not None else None
-    if found is None and after > risk:
-        found = Advice("change", f"Change the edge: {words}; the limit is {risk:g}.", after)
-    if lost and (found is None or found.kind != "change"):
-        return Advice("not known", LOST.format(words, risk), after)
-    return found or Advice("go on", f"Go on: {words}; the limit is {risk:g}.", after)
+    found = _by_cost(estimate, next_cut_minutes, conditions, costs, words) or _by_risk(words, after, risk)
+    return Advice("not known", LOST.format(words, risk), after) if lost and found.kind != "change" else found
+
+
+def _by_risk(words: str, after: float, risk: float) -> Advice:
+    if after > risk:
+        return Advice("change", f"Change the edge: {words}; the limit is {risk:g}.", after)
+    return Advice("go on", f"Go on: {words}; the limit is {risk:g}.", after)
 
 
 def probability_words(value: float) -> str:
@@ -104,11 +106,15 @@ def cost_of_change(costs: "CostsSection") -> float:
 
 
 def _by_cost(
-    estimate: EdgeEstimate, minutes: float, conditions: Mapping[str, float] | None, costs: "CostsSection", words: str
+    estimate: EdgeEstimate,
+    minutes: float,
+    conditions: Mapping[str, float] | None,
+    costs: "CostsSection | None",
+    words: str,
 ) -> Advice | None:
     """The decision of least cost; None where the file does not state the cost of a failure."""
-    planned = cost_of_change(costs)
-    if costs.failure is None or not is_positive(planned) or not is_positive(costs.failure):
+    planned = cost_of_change(costs) if costs is not None else 0.0
+    if costs is None or costs.failure is None or not is_positive(planned) or not is_positive(costs.failure):
         return None
     fresh = EdgeEstimate(estimate.laws, estimate.criterion)
     fresh.advance(0.0, estimate.complete(conditions or {}))

@@ -3,11 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median
-from typing import TYPE_CHECKING, Any, Literal
-
-if TYPE_CHECKING:
-    from .blocks import Block
-    from .windows import Windows
+from typing import Any, Literal, Protocol
 
 State = Literal["unknown", "off", "idle", "feed"]
 Kind = Literal["connected", "lost", "gap", "bad", "clock", "replaced", "idle", "end", "refused", "load"]
@@ -156,12 +152,57 @@ class CutEnd:
     unseen: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Consecutive samples.
+
+    Attributes
+    ----------
+    start, end : float
+        s by the clock of the source.
+    values : mapping of str to sequence of float
+        Every reading by load.
+    loads, conditions : mapping of str to float
+        Means.
+    phase : State
+        What the machine says of itself, or what speed and feed of zero say: ``"off"``, ``"idle"``, ``"feed"``,
+        ``"unknown"``.
+    """
+
+    start: float
+    end: float
+    values: Mapping[str, Sequence[float]]
+    loads: Mapping[str, float]
+    conditions: Mapping[str, float]
+    phase: State
+
+    @property
+    def seconds(self) -> float:
+        """Duration, s."""
+        return self.end - self.start
+
+
+class Seen(Protocol):
+    """What the windows of a stream have shown of its loads."""
+
+    number: int
+    proved: bool
+
+    @property
+    def idle(self) -> Mapping[str, Any]:
+        """Idle level of each load, with ``level`` and ``known``."""
+
+    @property
+    def reach(self) -> Mapping[str, Sequence[float]]:
+        """Levels above idle in the last windows, by load."""
+
+
 class LostLoads:
     """Loads that are lost: they read air or less where the machine cuts, so neither contact nor air follows from them.
 
     Parameters
     ----------
-    windows : Windows
+    windows : Seen
         Of the same stream, with the idle levels.
     threshold : callable
         Distance of a load from idle at which a cut begins.
@@ -174,7 +215,7 @@ class LostLoads:
         Loads of the last block that are not used.
     """
 
-    def __init__(self, windows: "Windows", threshold: Callable[[str], float]) -> None:
+    def __init__(self, windows: Seen, threshold: Callable[[str], float]) -> None:
         self.floors: dict[str, float] = {}
         self.unread: set[str] = set()
         self._windows, self._threshold = windows, threshold
@@ -189,7 +230,7 @@ class LostLoads:
         """Take over what `as_json` gave."""
         self.floors, self._longest = dict(data.get("floors", {})), float(data.get("longest", 0.0))
 
-    def judge(self, block: "Block", *, contact: bool) -> "tuple[Block, list[Window | CutEnd | Notice]]":
+    def judge(self, block: Block, *, contact: bool) -> tuple[Block, list[Window | CutEnd | Notice]]:
         """The block without lost loads, and what was found lost with it.
 
         Parameters
@@ -214,7 +255,7 @@ class LostLoads:
         values = {name: read for name, read in block.values.items() if name not in self.unread}
         return replace(block, loads=loads, values=values), found
 
-    def fallen(self, name: str, blocks: "Sequence[Block]") -> list[Notice]:
+    def fallen(self, name: str, blocks: Sequence[Block]) -> list[Notice]:
         """A cut ended with these blocks, in which the load went below idle at once and the machine says nothing."""
         levels = [b.loads[name] for b in blocks if name in b.loads]
         said = any(b.phase != "unknown" for b in blocks)
@@ -235,12 +276,12 @@ class LostLoads:
         known = idle is not None and idle.known and bool(self._windows.reach.get(name))
         return known and level < self._windows.idle[name].level - self._threshold(name)
 
-    def _feed_below(self, block: "Block", low: set[str]) -> list[Notice]:
+    def _feed_below(self, block: Block, low: set[str]) -> list[Notice]:
         self._below = {name: self._below.get(name, 0.0) + block.seconds for name in low}
         lost = [name for name in sorted(low) if self._below[name] > BELOW_FOR]
         return [self._lose(name, block.end, LOW, block.loads[name]) for name in lost]
 
-    def _feed_in_air(self, block: "Block", *, contact: bool) -> list[Window | CutEnd | Notice]:
+    def _feed_in_air(self, block: Block, *, contact: bool) -> list[Window | CutEnd | Notice]:
         """Feed without contact for much longer than before: it counts, and loads are lost until they show contact."""
         read = block.loads.keys() & self._windows.reach.keys()
         if contact:

@@ -20,8 +20,8 @@ from ..core.arrays import Array
 from ..datasets.signals.cuts import MERGED, OFF, SETTLED, settled_blocks
 from ..datasets.signals.options import DRIVEN
 from ..datasets.signals.statistics import PARTS, batch_variance
-from .blocks import BLOCK, Block, EarlyFeed, IdleLevel
-from .samples import CutEnd, LoadMean, Notice, Window
+from .blocks import BLOCK, EarlyFeed, IdleLevel
+from .samples import Block, CutEnd, LoadMean, Notice, Window
 
 OUTLYING = 6.0  # standard deviations, from the median absolute deviation, from which a value is left out
 FREQUENT = 0.15  # share of values far off from which they are no outliers

@@ -125,9 +125,9 @@ def longest_lives(law: LawFit, runs: Runs | None = None) -> Check | None:
 
 def _ended_early(law: LawFit, runs: Runs) -> str:
     """The sentence on lives that ended at a fraction of the wear at which most others did; empty without any."""
-    name = next((name for name in WEAR if runs.has(name)), None)
-    wear = None if name is None else _at_rows(law, runs, name)
-    if name is None or wear is None or (wear > 0).sum() < FEWEST_ENDS:
+    name = next(filter(runs.has, WEAR), "")
+    wear = _at_rows(law, runs, name) if name else None
+    if wear is None or (wear > 0).sum() < FEWEST_ENDS:
         return ""
     usual = float(np.median(wear[wear > 0]))
     early = (wear > 0) & (wear < EARLY * usual) & (_side(law) == ENDED)
