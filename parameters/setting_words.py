@@ -83,8 +83,8 @@ def above_upper_limit(line: LoadLineSection, law: LawSection | None, programmed:
     )
 
 
-def limits_not_applied(limits: LimitsSection | None, line: LoadLineSection) -> str:
-    """Sentence on the limits of a file that constant load does not apply; empty where it applies all.
+def limits_not_applied(limits: LimitsSection | None, line: LoadLineSection) -> tuple[str, ...]:
+    """A sentence on the limits of a file that constant load does not apply; none where it applies all.
 
     A feed per revolution and a spindle speed are among them: the settings hold no spindle speed.
     """

@@ -143,8 +143,8 @@ def beyond_limit(pf: "ParameterFile") -> str:
     return "" if pf.limits is None else _force_beyond(pf) or _spindle_beyond(pf) or _feed_beyond(pf)
 
 
-def not_applied(pf: "ParameterFile") -> str:
-    """Sentence on the limits of the file that adaptive force control does not apply; empty where it applies all."""
+def not_applied(pf: "ParameterFile") -> tuple[str, ...]:
+    """A sentence on the limits of the file that adaptive force control does not apply; none where it applies all."""
     used = ["force", "spindle_speed"]
     if pf.limits is not None and pf.limits.feed_range(_section(pf).unit_u, turning(pf)) is not None:
         used += ["feed", "feed_rate"]
@@ -167,7 +167,7 @@ def limit_words(pf: "ParameterFile") -> tuple[str, ...]:
     section, (low, high), unused = _section(pf), command_limits(pf), not_applied(pf)
     words = f"The control commands {low:.4g} to {high:.4g} {section.unit_u}, all limits of feed together."
     narrowed = (low, high) != (section.low, section.high)
-    return (*([words] if narrowed else []), *([unused] if unused else []))
+    return (*([words] if narrowed else []), *unused)
 
 
 def turning(pf: "ParameterFile") -> float | None:
@@ -190,6 +190,12 @@ def _spindle_beyond(pf: "ParameterFile") -> str:
     )
 
 
+def needed_feeds(section: "AdaptiveForceSection") -> list[float]:
+    """Feeds that the set points need by the estimates, unit_u."""
+    scale = section.beta * (section.depth or math.nan)
+    return [point.force * scale / point.depth for point in section.set_points]
+
+
 def _feed_beyond(pf: "ParameterFile") -> str:
     """Reason why the limits of feed of the file leave no range, or not the feeds that the set points need."""
     section, unit = _section(pf), _section(pf).unit_u
@@ -201,8 +207,10 @@ def _feed_beyond(pf: "ParameterFile") -> str:
         return (
             f"{words}, an empty range; change limits.feed or limits.feed_rate, or the limits of the command (--feed)."
         )
-    feeds = [point.force * section.beta * (section.depth or math.nan) / point.depth for point in section.set_points]
-    if all(low < feed < high for feed in feeds) or not section.beta > 0 or section.depth is None:
+    if not section.beta > 0 or section.depth is None:
+        return ""
+    feeds = needed_feeds(section)
+    if low < min(feeds, default=high) and max(feeds, default=low) < high:
         return ""
     return (
         f"{words}, and by the estimates the set points need {min(feeds):.4g} to {max(feeds):.4g} {unit}; change the "

@@ -145,8 +145,7 @@ def _simulated(pf: "ParameterFile", loop: LoadLoop) -> Iterator[FileFinding]:
     if not tools[0][1].wrong:
         yield from _draw_findings(pf, loop, cut, settling)
         yield from _fault_findings(loop, tools[0][1].middle)
-    if words := limits_not_applied(pf.limits, line):
-        yield FileFinding("limits", None, words)
+    yield from (FileFinding("limits", None, words) for words in limits_not_applied(pf.limits, line))
     yield FileFinding("limits", None, NOT_SIMULATED)
 
 

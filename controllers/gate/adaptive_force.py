@@ -29,6 +29,7 @@ from ..adaptive_force.settings import (
     incomplete,
     lacking,
     machine,
+    needed_feeds,
     not_applied,
     settings_for,
     turning,
@@ -108,11 +109,15 @@ def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
         return
     if incomplete(pf):
         return
-    if words := not_applied(pf):
-        yield FileFinding("limits", None, words)
+    yield from (FileFinding("limits", None, words) for words in not_applied(pf))
     yield from _units(section)
     yield from _turns(section)
     yield from _feeds(pf, section)
+    yield from _readings(section)
+
+
+def _readings(section: "AdaptiveForceSection") -> Iterator[FileFinding]:
+    """Valid readings against the set points."""
     forces = [point.force for point in section.set_points]
     readings, most = (section.force_low or 0.0, section.force_high or 0.0), HIGHEST * OVERLOAD * max(forces)
     if max(map(abs, readings)) > most:
@@ -145,8 +150,7 @@ def _turns(section: "AdaptiveForceSection") -> Iterator[FileFinding]:
 def _feeds(pf: "ParameterFile", section: "AdaptiveForceSection") -> Iterator[FileFinding]:
     """Limits of the command against the estimates, the tests and the spindle speed."""
     (low, high), unit = command_limits(pf), section.unit_u
-    scale = section.beta * (section.depth or 0.0)
-    feeds = [point.force * scale / point.depth for point in section.set_points]
+    feeds = needed_feeds(section)
     words = f"by the estimates the set points need feeds of {min(feeds):.4g} to {max(feeds):.4g} {unit}"
     if not (low < min(feeds) and max(feeds) < high):
         limits = f"the limits are {low:.4g} to {high:.4g}"
@@ -154,14 +158,19 @@ def _feeds(pf: "ParameterFile", section: "AdaptiveForceSection") -> Iterator[Fil
     if high > BEYOND * max(feeds):
         beyond = f"the upper limit {high:.4g} is more than {BEYOND:g} times as much"
         yield _failed("limits", f"{words}, {beyond}; lower it: no run is known to have cut at it.")
-    points = [(point.depth, point.force) for point in section.set_points]
-    if section.tested is not None and ALLOWED not in section.sources.get("high", ""):
-        for far in far_beyond(section, points, high):
-            yield _failed("limits", f"{far}; lower it, or allow it with `fitmodels adaptive-force --beyond-tested`.")
+    yield from _beyond_tests(section, high)
     turn, speed = feed_in(high, unit, "mm/rev", turning(pf)), turning(pf) or 0.0
     if turn is not None and turn > PER_TURN:
         of = f"is {turn:.3g} mm per revolution at {speed:g} 1/min"
         yield _failed("limits", f"the upper limit {high:.4g} {unit} {of}, more than {PER_TURN:g}; lower it.")
+
+
+def _beyond_tests(section: "AdaptiveForceSection", high: float) -> Iterator[FileFinding]:
+    """Upper limit and set points against the record, unless what lies beyond it was allowed."""
+    points = [(point.depth, point.force) for point in section.set_points]
+    if section.tested is not None and ALLOWED not in section.sources.get("high", ""):
+        for far in far_beyond(section, points, high):
+            yield _failed("limits", f"{far}; lower it, or allow it with `fitmodels adaptive-force --beyond-tested`.")
 
 
 def _failed(name: str, words: str) -> FileFinding:

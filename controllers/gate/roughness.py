@@ -202,8 +202,7 @@ def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
         times = control.high / control.programmed
         words = f"The upper feed limit is {times:.3g} times the programmed feed: no run is known to have cut at it."
         yield FileFinding("limits", None, words)
-    if words := not_applied(pf):
-        yield FileFinding("limits", None, words)
+    yield from (FileFinding("limits", None, words) for words in not_applied(pf))
     needed = control.reference / gain
     if not control.low < needed < control.high:
         yield _failed(

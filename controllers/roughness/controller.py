@@ -366,12 +366,12 @@ def _require_reached(pf: "ParameterFile") -> None:
         )
 
 
-def not_applied(pf: "ParameterFile") -> str:
-    """Sentence on the limits of the file that the roughness control does not apply; empty where it applies all."""
+def not_applied(pf: "ParameterFile") -> tuple[str, ...]:
+    """A sentence on the limits of the file that the roughness control does not apply; none where it applies all."""
     law = law_of(pf)
     force, limits = law.factors[0].symbol, pf.limits
     if limits is None:
-        return ""
+        return ()
     used = ["feed", "feed_rate", "spindle_speed", *limits.names_of(law.response), *limits.names_of(force)]
     used += ["force"] if limits.force is not None and limits.force.of is None else []
     return not_applied_words(limits, "The roughness control", *used)

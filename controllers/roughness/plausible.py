@@ -101,32 +101,32 @@ def contradictions(pf: "ParameterFile") -> "Iterator[tuple[str, str]]":
     accepted = any(ACCEPTED in note for note in section.notes)
     yield from _off_law(section, law, accepted=accepted)
     yield from _off_spindle(section)
-    reference = section.force
-    if section.threshold < LEAST_THRESHOLD * reference:
-        yield (
-            "threshold",
-            (
-                f"The threshold {section.threshold:.4g} N is below {100 * LEAST_THRESHOLD:g} % of the reference, "
-                f"{reference:.4g} N, where noise in air is taken for a cut; raise it."
-            ),
-        )
-    low, high, most = section.force_low or 0.0, section.force_high or 0.0, HIGHEST_READING * reference
-    if max(-low, high) > most:
-        yield (
-            "readings",
-            (
-                f"Valid readings from {low:.4g} to {high:.4g} N go beyond {most:.4g} N, {HIGHEST_READING:g} times the "
-                "reference, so that none is invalid; narrow them (valid=-50:3000N)."
-            ),
-        )
+    yield from _off_reference(section)
+    times = {"servo": section.servo_time or 0.0, "process": section.process_time or 0.0}
     try:
-        check_plausible(times={"servo": section.servo_time or 0.0, "process": section.process_time or 0.0})
+        check_plausible(times=times)
     except UsageError as error:
         yield "times", f"{str(error)[:1].upper()}{str(error)[1:]}"
-    force_law, gain = force_law_of(pf, law.factors[0].symbol), section.force_per_feed or 0.0
+    yield from () if accepted else _off_force_law(section, force_law_of(pf, law.factors[0].symbol))
+
+
+def _off_reference(section: "RoughnessSection") -> "Iterator[tuple[str, str]]":
+    """Threshold and valid readings against the reference force."""
+    reference, most = section.force, HIGHEST_READING * section.force
+    low, high = section.force_low or 0.0, section.force_high or 0.0
+    if section.threshold < LEAST_THRESHOLD * reference:
+        words = f"The threshold {section.threshold:.4g} N is below {100 * LEAST_THRESHOLD:g} % of the reference, "
+        yield "threshold", f"{words}{reference:.4g} N, where noise in air is taken for a cut; raise it."
+    if max(-low, high) > most:
+        words = f"Valid readings from {low:.4g} to {high:.4g} N go beyond {most:.4g} N, {HIGHEST_READING:g} times the "
+        yield "readings", f"{words}reference, so that none is invalid; narrow them (valid=-50:3000N)."
+
+
+def _off_force_law(section: "RoughnessSection", force_law: "LawSection | None") -> "Iterator[tuple[str, str]]":
+    """The kc a of the section against that of the force law."""
+    gain = section.force_per_feed or 0.0
     given = Cut(section.roughness, section.spindle_speed or 1.0, depth=section.depth, force_per_feed=gain)
-    words = gain_off_law(given, force_law, gain, section.feed or 0.0)
-    if words and not accepted:
+    if words := gain_off_law(given, force_law, gain, section.feed or 0.0):
         yield "units", f"{words[:1].upper()}{words[1:]} Derive the settings again with `fitmodels roughness`."
 
 

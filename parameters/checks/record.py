@@ -10,7 +10,7 @@ from typing import Final
 
 from ...core.text import shortened
 from ...core.verdict import DO_NOT_USE
-from ...datasets.plausibility.ranges import plausible, process_of, widest
+from ...datasets.plausibility.ranges import Plausible, plausible, process_of, widest
 from ...datasets.vocabulary import ROLES
 from ..file import ParameterFile
 from ..messages import in_unit, short
@@ -165,24 +165,34 @@ def check_limits(pf: ParameterFile) -> Iterator[FileFinding]:
     for where, symbol, value, unit in _upper_ends(pf.limits):
         ranges = widest(symbol) if (symbol, process) == ("f", None) else plausible(symbol, process)
         high = None if symbol not in ROLES else in_unit(value, unit, ROLES[symbol].unit)
-        if ranges is None or high is None:
-            continue
-        own, words = ROLES[symbol].unit, f"limits.{where}: {shortened(symbol)} up to {value:g} {unit}"
-        tested, far = _largest_tested(pf, symbol, own), FAR_WEAR if ROLES[symbol].kind == "wear" else FAR
-        if high > ranges.hard[1]:
-            yield FileFinding("limits", False, f"{words} is impossible, beyond {ranges.hard[1]:g} {own}; correct it.")
-        elif high > ranges.unusual[1]:
-            yield FileFinding("doubt", None, f"{words} is unusual, beyond {ranges.unusual[1]:g} {own}: check its unit.")
-        elif tested and high > far * tested:
-            beyond = f"{high / tested:.3g} times the largest tested, {tested:g} {own}: check its unit."
-            yield FileFinding("doubt", None, f"{words} is {beyond}")
+        if ranges is not None and high is not None:
+            words = f"limits.{where}: {shortened(symbol)} up to {value:g} {unit}"
+            yield from _size(words, symbol, high, ranges, _largest_tested(pf, symbol, ROLES[symbol].unit))
+    yield from _two_criteria(pf)
+
+
+def _size(words: str, symbol: str, high: float, ranges: Plausible, tested: float | None) -> Iterator[FileFinding]:
+    """Finding on a limit beyond the ranges of its quantity, or far beyond the largest value tested, in its unit."""
+    own, far = ROLES[symbol].unit, FAR_WEAR if ROLES[symbol].kind == "wear" else FAR
+    if high > ranges.hard[1]:
+        yield FileFinding("limits", False, f"{words} is impossible, beyond {ranges.hard[1]:g} {own}; correct it.")
+    elif high > ranges.unusual[1]:
+        yield FileFinding("doubt", None, f"{words} is unusual, beyond {ranges.unusual[1]:g} {own}: check its unit.")
+    elif tested and high > far * tested:
+        beyond = f"{high / tested:.3g} times the largest tested, {tested:g} {own}: check its unit."
+        yield FileFinding("doubt", None, f"{words} is {beyond}")
+
+
+def _two_criteria(pf: ParameterFile) -> Iterator[FileFinding]:
+    """Finding on a wear limit that is not the criterion of the tool life."""
     life, worn = pf.tool_life, None if pf.limits is None else pf.limits.wear
-    limit = None if life is None or worn is None else in_unit(worn.value, worn.unit, life.unit_of_wear)
-    if life is None or worn is None or limit is None or worn.of not in (None, life.wear) or limit == life.criterion:
+    if life is None or worn is None or worn.of not in (None, life.wear):
         return
-    both = f"limits.wear is {limit:g} {life.unit_of_wear}, and the tool life of the file is at {life.criterion:g}"
-    words = f"{both}: controls end an edge at the first; fit again with --criterion, or change the limit."
-    yield FileFinding("doubt", None, words)
+    limit = in_unit(worn.value, worn.unit, life.unit_of_wear)
+    if limit is not None and limit != life.criterion:
+        both = f"limits.wear is {limit:g} {life.unit_of_wear}, and the tool life of the file is at {life.criterion:g}"
+        words = f"{both}: controls end an edge at the first; fit again with --criterion, or change the limit."
+        yield FileFinding("doubt", None, words)
 
 
 def _upper_ends(limits: LimitsSection | None) -> Iterator[tuple[str, str, float, str]]:

@@ -362,14 +362,14 @@ def feed_in(value: float, unit: str, to: str, spindle_speed: float | None) -> fl
     return None
 
 
-def not_applied_words(limits: "LimitsSection | None", control: str, *applied: str) -> str:
-    """Sentence on the limits that a control does not apply; empty where it applies all.
+def not_applied_words(limits: "LimitsSection | None", control: str, *applied: str) -> tuple[str, ...]:
+    """A sentence on the limits that a control does not apply; none where it applies all.
 
-    >>> not_applied_words(LimitsSection(power={"value": 7.0, "unit": "kW"}), "The roughness control")
+    >>> not_applied_words(LimitsSection(power={"value": 7.0, "unit": "kW"}), "The roughness control")[0]
     'The roughness control does not apply limits.power: keep to it by the choice of its feeds and of the cut.'
     """
     names = () if limits is None else limits.not_applied(*applied)
     if not names:
-        return ""
+        return ()
     them = "it" if len(names) == 1 else "them"
-    return f"{control} does not apply {', '.join(names)}: keep to {them} by the choice of its feeds and of the cut."
+    return (f"{control} does not apply {', '.join(names)}: keep to {them} by the choice of its feeds and of the cut.",)
