@@ -176,6 +176,30 @@ def test_missing_marks(tmp_path, mark):
     assert table.column("V").bad_count == 0
 
 
+@pytest.mark.parametrize("mark", ["n.b.", "k.A.", "n.d.", "n.m.", "x", "/", "missing", "TBD"])
+def test_abbreviations_of_no_measurement_are_missing_in_a_column_of_numbers(tmp_path, mark):
+    table = read(tmp_path, f"V;f;coolant\n{mark};1;{mark}\n2.5;2;\n3;2;{mark}\n")
+    np.testing.assert_array_equal(table.column("V").values, [np.nan, 2.5, 3])
+    assert table.column("V").bad_count == 0
+    assert f"Cells without a measurement count as missing: 'V' line 2 {mark!r}." in table.warnings
+    assert table.column("coolant").values.tolist() == [mark, "", mark]  # a column of words
+    broken = read(tmp_path, "V;f\nBruch;1\n2.5;2\n3;2\n")
+    assert broken.column("V").bad == ((2, "Bruch"),)
+
+
+@pytest.mark.parametrize("note", ["new bar from here,,,", ",--- new bar ---,,", "--- 2nd day ---,,,"])
+def test_notes_between_the_rows_are_left_out(tmp_path, note):
+    table = read(tmp_path, f"edge,V,f,VB\n1,100,0.2,0.1\n1,100,0.2,0.2\n{note}\n2,150,0.2,0.1\n2,150,0.2,0.3\n")
+    assert table.lines.tolist() == [2, 3, 5, 6]
+    assert table.warnings == (f"Notes between the rows are left out: line 4 {note.strip(',')!r}.",)
+
+
+@pytest.mark.parametrize("label", ["E 7", "E7", "tool 3"])
+def test_a_row_with_the_name_of_an_edge_alone_is_no_note(tmp_path, label):
+    table = read(tmp_path, f"edge,V,f,VB\nE 1,100,0.2,0.1\n{label},,,\nE 2,150,0.2,0.1\n")
+    assert table.n_rows == 3
+
+
 def test_reported_decimal_mark_settles_the_ambiguous(tmp_path):
     text = "V;f\n1.234;5\n"
     assert numbers(read(tmp_path, text, decimal="point"))["V"] == [1.234]

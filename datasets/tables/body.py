@@ -1,5 +1,6 @@
 """The data rows of a table: in blocks, of one width, without blank rows, footer and remarks."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ from .numerals import Cell, Decimal, Evidence, parse_number
 from .row_widths import SHARE, may_be_inside, remarks_only, shifted
 
 BLOCK = 2_000  # rows converted at once: more leave the processor's cache and take twice the time
+_PHRASE = re.compile(r"[-=*#_~>]{2,}|[^\W\d]\S*\s+\S+\s+\S")  # dashes, or three words and more
 TAIL = 200  # rows held back, among which footer and remarks are looked for
 
 
@@ -35,6 +37,8 @@ class Findings:
     footers: list[tuple[int, str]] = field(default_factory=list)
     remarks: list[int] = field(default_factory=list)
     errors: list[tuple[str, int, str]] = field(default_factory=list)  # column, line and text of errors of formulas
+    absent: list[tuple[str, int, str]] = field(default_factory=list)  # the same of cells such as "n.b."
+    between: list[tuple[int, str]] = field(default_factory=list)  # line and text of notes among the rows
 
     def add_short(self, line: int, row: Sequence[Cell], layout: Layout) -> None:
         """Note a row with fewer cells than the header."""
@@ -93,6 +97,13 @@ class Findings:
             cells = ", ".join(f"{name!r} line {line} {text}" for name, line, text in self.errors[:4])
             more = ", ..." if len(self.errors) > 4 else ""
             sentences.append(f"Cells with an error of a formula count as missing: {cells}{more}.")
+        if self.absent:
+            cells = ", ".join(f"{name!r} line {line} {text!r}" for name, line, text in self.absent[:4])
+            more = ", ..." if len(self.absent) > 4 else ""
+            sentences.append(f"Cells without a measurement count as missing: {cells}{more}.")
+        if self.between:
+            rows = ", ".join(f"line {line} {text!r}" for line, text in self.between)
+            sentences.append(f"Notes between the rows are left out: {rows}.")
         return sentences
 
 
@@ -139,6 +150,11 @@ class Body:
         """Bring the rows to one width; if all begin with a filled cell and have it, nothing is done."""
         width = self.layout.width
         first = [row[0] if row else "" for row in rows]
+        alone = _notes_between(rows) if width > 2 else {}
+        if alone:
+            findings.between += ((lines[i], text) for i, text in alone.items())
+            lines = [line for i, line in enumerate(lines) if i not in alone]
+            rows = [row for i, row in enumerate(rows) if i not in alone]
         if set(map(len, rows)) != {width} or not all(first) or " " in first:
             kept = [
                 (line, fitted)
@@ -262,6 +278,27 @@ def _majority(body: Body, evidence: Evidence) -> Decimal:
 
 def _column(body: Body, number: int) -> str:
     return f"column {number} {body.layout.names[number - 1]!r}"
+
+
+def _notes_between(rows: Sequence[Sequence[Cell]]) -> dict[int, str]:
+    """Rows with a phrase in one cell and no other, between rows that have a value there: notes, by their position.
+
+    >>> _notes_between([["1", "0.2", "5"], ["--- new bar ---", "", ""], ["2", "0.2", "5"], ["E 7", "", ""]])
+    {1: '--- new bar ---'}
+    """
+    found = {}
+    for i in range(1, len(rows) - 1):
+        row = rows[i]
+        if len(row) > 1 and row[-1] != "" and row[0] != "":
+            continue  # nearly all rows
+        filled = [k for k, cell in enumerate(row) if str(cell).strip()]
+        if len(filled) != 1:
+            continue
+        k, text = filled[0], str(row[filled[0]]).strip()
+        beside = (rows[i - 1], rows[i + 1])
+        if _PHRASE.match(text) and all(len(one) > k and str(one[k]).strip() for one in beside):
+            found[i] = text
+    return found
 
 
 def _is_blank(row: Sequence[Cell]) -> bool:

@@ -12,7 +12,18 @@ from ...core.rounding import label_of
 from ..doubts import Doubt
 from .body import Body, Findings
 from .invisible import visible
-from .numerals import Cell, Decimal, Mark, is_missing, is_word, one_group, plain_floats, read_mark, strict_floats
+from .numerals import (
+    NOT_MEASURED,
+    Cell,
+    Decimal,
+    Mark,
+    is_missing,
+    is_word,
+    one_group,
+    plain_floats,
+    read_mark,
+    strict_floats,
+)
 from .plain import NumberBlock, stretches
 
 _LISTED = 5  # bad cells kept per column
@@ -99,11 +110,12 @@ class _Gathering:
     marks: list[tuple[int, Mark]] = field(default_factory=list)
     grouped: list[tuple[int, int, str]] = field(default_factory=list)  # row, line and text of "1,234"
     errors: list[tuple[int, str]] = field(default_factory=list)  # line and text of "#DIV/0!"
+    absent: list[tuple[int, str]] = field(default_factory=list)  # line and text of "n.b."
 
     @property
     def is_numeric(self) -> bool:
         numbers = self.filled - self.bad_count - len(self.marks)
-        return 2 * self.bad_count < self.filled and numbers > 0 if self.filled else True
+        return 2 * self.bad_count < self.filled and numbers > 0 if self.filled else not self.absent
 
     def add(self, cells: tuple[Cell, ...], lines: list[int], decimal: Decimal) -> None:
         values = plain_floats(cells, decimal)
@@ -119,6 +131,10 @@ class _Gathering:
             if found:
                 self.marks += ((self.n_rows + i, mark) for i in bad if (mark := found.get(str(cells[i]))))
                 bad = [i for i in bad if str(cells[i]) not in found]
+            absent = {i: text for i in bad if (text := str(cells[i]).strip()).casefold() in NOT_MEASURED}
+            self.absent += ((lines[i], text) for i, text in absent.items())
+            self.filled -= len(absent)
+            bad = [i for i in bad if i not in absent]
         self.bad_count += len(bad)
         self.bad += [(lines[i], str(cells[i]).strip()) for i in bad[: _LISTED - len(self.bad)]]
         if len(self.errors) < _LISTED and self.texts[-1] is None:
@@ -180,6 +196,8 @@ def gather_columns(
     doubts: list[Doubt] = []
     names = body.layout.names
     findings.errors = [(name, *one) for g, name in zip(gatherings, names, strict=True) for one in g.errors]
+    numeric = ((g, name) for g, name in zip(gatherings, names, strict=True) if g.is_numeric)
+    findings.absent = [(name, *one) for g, name in numeric for one in g.absent]
     columns = tuple(_columns(body, gatherings, doubts))
     return columns, np.concatenate(lines), findings, (*findings.doubts(body.layout), *doubts)
 

@@ -25,6 +25,12 @@ _MISSING = frozenset(["", *_MISSING_TEXTS.split()])
 # Spellings met in long files, looked up unchanged; any other goes through the strict path.
 _WORDS = frozenset(mark[:1] for mark in _MISSING if mark[:1].isalpha())  # first letters of those that are words
 MISSING_AS_WRITTEN = _MISSING | {mark.upper() for mark in _MISSING} | {"NaN", "Null", "None"}
+# Cells of columns of numbers that stand for a value that was not measured; in other columns they are words.
+NOT_MEASURED = frozenset((
+    "n.b.", "n.b", "nb", "n. b.", "k.a.", "k.a", "ka", "k. a.", "n.d.", "n.d", "nd", "n.m.", "n.m", "n.v.", "n.v",
+    "x", "xx", "/", "//", "missing", "fehlt", "tbd", "t.b.d.", "not measured", "nicht gemessen", "non mesuré",
+    "no medido",
+))  # fmt: skip
 _ONE_GROUP: dict[Decimal, re.Pattern[str]] = {
     "point": re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII),
     "comma": re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII),
