@@ -484,3 +484,28 @@ def test_a_force_that_is_negative_in_some_rows_alone_has_a_reversed_sign(tmp_pat
     turned = datasets.read_runs(path, correct=("lines 14-19:Fc*-1",))
     assert not turned.doubts
     assert (turned.values("Fc") > 0).all()
+
+
+def test_the_sign_of_an_axis_does_not_make_another_force_the_cutting_force():
+    V, f, d = np.array(np.meshgrid([100.0, 200], [0.1, 0.3], [1.0, 2])).reshape(3, -1)
+    Fz = -2100 * f**0.75 * d
+    frame = pd.DataFrame(
+        {"vc [m/min]": V, "f [mm/rev]": f, "ap [mm]": d, "Fx [N]": Fz / 2, "Fy [N]": -Fz / 3, "Fz [N]": Fz}
+    )
+    assert not datasets.runs_from_frame(frame).has("P")
+    right = frame.rename(columns={"Fz [N]": "Fy [N]", "Fy [N]": "Fz [N]"}).assign(**{"Fy [N]": -Fz})
+    assert datasets.runs_from_frame(right).has("P")
+
+
+@pytest.mark.parametrize("header", ["f (mm)", "f [mm/rev]"])
+def test_a_feed_per_tooth_under_the_name_of_f_is_read_so(header):
+    n, f, d = np.array(np.meshgrid([1000.0, 1500, 2000], [0.04, 0.08, 0.12], [1.0, 2])).reshape(3, -1)
+    frame = pd.DataFrame({"n [1/min]": n, "D [mm]": 20.0, "z": 4, header: f, "ap [mm]": d, "vf [mm/min]": 4 * n * f})
+    frame["Fc [N]"] = 900 * f**0.7 * d
+    (doubt,) = datasets.runs_from_frame(frame).doubts
+    assert "the ratio is 1/z, z 4: f is probably the feed per tooth" in doubt.sentence
+    assert doubt.remedy.startswith("--map fz=f")
+    units = {"fz": "mm/tooth"} if "--unit" in doubt.remedy else {}
+    runs = datasets.runs_from_frame(frame, map={"fz": "f"}, units=units)
+    assert not runs.doubts
+    np.testing.assert_allclose(runs.values("fz"), f)

@@ -14,7 +14,7 @@ from ..doubts import Doubt
 from ..draft import Draft, correction
 from ..plausibility.ranges import candidate_units, plausible
 from ..vocabulary import ROLES
-from .rules import RULES, Derived, Known, Rule
+from .rules import RULES, Derived, Known, Rule, whole
 
 Array = NDArray[np.float64]
 
@@ -180,7 +180,7 @@ def _lines(draft: Draft, at: NDArray[np.intp]) -> str:
 
 def _cause(draft: Draft, known: Known, rule: Rule, ratio: float, even: bool) -> tuple[str, str]:
     """The probable cause of a ratio, and the option that would correct it."""
-    special = _special(known, rule, ratio)
+    special = _special(known, rule, ratio) or _per_tooth(draft, known, rule, ratio)
     if special:
         return special
     units = list(_units_that_explain(draft, known, rule, ratio)) if even else []
@@ -212,6 +212,19 @@ def _special(known: Known, rule: Rule, ratio: float) -> tuple[str, str] | None:
     if z > 1 and min(abs(ratio / z - 1), abs(ratio * z - 1)) < ALMOST:
         return f"the ratio is z: {rule.role} is probably another feed, per revolution or per tooth", _without(rule.role)
     return None
+
+
+def _per_tooth(draft: Draft, known: Known, rule: Rule, ratio: float) -> tuple[str, str] | None:
+    """A feed that is 1/z of that per revolution, with the option that reads it as the feed per tooth."""
+    if rule.role != "f" or "z" in rule.inputs or "fz" in known.data or not (known.has("z") and whole(known.value("z"))):
+        return None
+    z = float(np.nanmedian(known.value("z")))
+    use = next((use for use in draft.uses if use.role == "f"), None)
+    if use is None or not z > 1 or abs(ratio * z - 1) >= ALMOST:
+        return None
+    unit = " --unit fz=mm/tooth" if use.unit and use.unit != "mm" else ""
+    words = f"the ratio is 1/z, z {z:g}: f is probably the feed per tooth"
+    return words, f'--map "fz={use.name}"{unit}' if " " in use.name else f"--map fz={use.name}{unit}"
 
 
 def _units_that_explain(draft: Draft, known: Known, rule: Rule, ratio: float) -> Iterable[tuple[str, str]]:

@@ -158,7 +158,7 @@ def fy_is_cutting(known: Known) -> bool:
     full = ~np.isnan(Fx + Fy + Fz + f * d) & (np.asarray(f) > 0) & (np.asarray(d) > 0)
     if not full.any():
         return False
-    largest = np.mean((Fy >= np.maximum(Fx, Fz))[full])
+    largest = np.mean((np.abs(Fy) >= np.maximum(np.abs(Fx), np.abs(Fz)))[full])  # the sign is that of an axis
     middle = np.median(Fy[full] / (f * d)[full])  # type: ignore[index]
     return bool(largest > 0.9 and KC[0] <= middle <= KC[1])
 
