@@ -382,7 +382,7 @@ def _infer(draft: Draft, tests: Tests) -> None:
         if tests.time is not None and tests.wear is not None and tests.settings:
             moved = [differs(x[1:], x[:-1]) for x in tests.settings.values()]
             alike = ~np.logical_or.reduce(moved) & (tests.time[1:] == tests.time[:-1])
-            draft.doubts += duration(tests.wear[:-1][alike], tests.wear[1:][alike])
+            draft.doubts += duration(draft, tests.wear[:-1][alike], tests.wear[1:][alike])
         return
     if found.codes is None:
         draft.doubts.append(Doubt(("edge",), found.sentence, f"--edge {NONE}"))

@@ -7,6 +7,7 @@ import numpy as np
 from ...core.rounding import format_plain
 from ..doubts import Doubt
 from ..draft import Draft
+from ..vocabulary import ROLES
 from .columns import Array, Flags
 from .rows import FEW, EdgeRows, listed, median
 
@@ -71,18 +72,24 @@ def _repeats(draft: Draft, edges: EdgeRows, x: Array, repeats: Flags, wear: Arra
         what = "correct the time or the name of the edge"
         yield Doubt(("t", "edge"), f"t repeats within an edge: {listed(cells)}; {what}")
     elif wear is not None:
-        yield from duration(wear[edges.order][:-1][repeats], wear[edges.order][1:][repeats])
+        yield from duration(draft, wear[edges.order][:-1][repeats], wear[edges.order][1:][repeats])
 
 
-def duration(before: Array, after: Array) -> Iterator[Doubt]:
-    """Doubt that t is the time of each sub-test, by the wear of neighbouring rows of one edge in which t is equal."""
+def duration(draft: Draft, before: Array, after: Array) -> Iterator[Doubt]:
+    """Doubt that t is the time of each sub-test, by the wear of neighbouring rows of one edge in which t is equal.
+
+    A time that is the same in all rows is in no law, so that the doubt is on the wear as well.
+    """
     there = (before > 0) & (after > 0)
     known = np.log(after[there] / before[there])
     if len(known) >= 6 and known.mean() > RISING * known.std() / np.sqrt(len(known)):
+        constant = float(np.nanmin(draft.numbers()["t"])) == float(np.nanmax(draft.numbers()["t"]))
+        worn = tuple(role for role in draft.numbers() if constant and ROLES[role].kind == "wear")
         yield Doubt(
-            ("t",),
+            ("t", *worn),
             f"t does not rise while wear does, in {len(known)} rows of edges: is it the time of each sub-test? A law "
             "needs the time in cut since the edge was new: add the times up in the file",
+            unsettled=constant,
         )
 
 
