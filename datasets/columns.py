@@ -66,6 +66,9 @@ class _Claim:
     mapped: bool  # by --map, not by the header
 
 
+_LARGEST = re.compile(r"max", re.IGNORECASE)  # VBmax, VB max., VBBmax, maximum flank wear
+
+
 def assign(
     columns: tuple[Column, ...], mapping: Mapping[str, str], units: Mapping[str, str]
 ) -> tuple[tuple[ColumnUse, ...], dict[str, Values], tuple[str, ...]]:
@@ -83,6 +86,11 @@ def assign(
             data[role.symbol], unit, converted = _values(claim, role)
             if unit and unit != canonical(claim.unit_text):
                 assumed.append(f"{role.symbol}: {claim.unit_text} is taken as {unit}")
+            if role.symbol == "VB" and _LARGEST.search(claim.name):
+                assumed.append(
+                    f"VB: {claim.name!r} is the largest width of the land: --criterion 0.6 (ISO 3685, where 0.3 mm is "
+                    "for the mean width)"
+                )
         column, near = claim.column, suggest_role(claim.name) if role is None else None
         symbol = role.symbol if role is not None else None
         uses.append(ColumnUse(column.number, column.name, claim.name, symbol, unit, converted, near))

@@ -59,6 +59,7 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "rev/s": ("rps", *_ratio(_REV, _S)),
     "mm": _MM,
     "um": ("um", "micron", "microns", "micrometre", "micrometer", "Mikrometer", "micromètre", "mkm", "μ"),
+    "mm/100": ("mm/100", "1/100 mm", "1/100mm", "0.01 mm", "0.01mm", "0,01 mm", "0,01mm", "Hundertstel mm"),
     "cm": _CM,
     "m": _M,
     "in": _IN,
