@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import Draft, target_of
 from ..headers import parse_header
 from ..options import Process, ReadOptions
 from ..tables import Column
@@ -24,6 +24,7 @@ FEWEST, FEWEST_TESTS = 6, 12
 MOST_DISTINCT = 0.8  # share of rows with a value of their own beyond which a condition was not set in levels
 REMARKS, REDUCED = "remarks", "reduced by fitmodels"  # column and first note of a table that fitmodels reduce writes
 SHOWN_REMARKS = 3
+MOST_REMARKED = 1 / 3  # of the rows
 MOST_LEVELS = 7
 ALIKE = 0.9999  # correlation of a column with the same one in another unit
 MOST_STEPS = 0.6  # share of the steps within edges in which measured wear rises, with scatter
@@ -35,6 +36,20 @@ _ANONYMOUS = re.compile(
     r"(?:(?:col|column|spalte|x|y|par|param|parameter|var|variable|value|wert|ch|channel|kanal)?[ _]?\d+)?",
     re.IGNORECASE,
 )  # names that say nothing
+_RESULTS = ("wear", "load", "surface")
+_REMARKS = re.compile(
+    r"remarks?|notes?|comments?|kommentare?|bemerkung(?:en)?|anmerkung(?:en)?|hinweise?|notiz(?:en)?|remarques?|"
+    r"commentaires?|observations?|observaci(?:ón|on|ones)|comentarios?|notas?",
+    re.IGNORECASE,
+)
+_NOT_VALID = re.compile(  # words of tests that are not to be used
+    r"not? (?:valid|use|usable|ok)|invalid|discard|reject|exclude|ignore|wrong|mistake|error|fail|abort|crash|broke|"
+    r"breakage|fractur|ung(?:ü|ue)ltig|nicht (?:verwenden|verwertbar|brauchbar|g(?:ü|ue)ltig|i\. ?o)|unbrauchbar|"
+    r"verworfen|abgebrochen|abbruch|ausbruch|bruch\b|gebrochen|falsch|fehler|defekt|n\.? ?i\.? ?o\b|invalide|"
+    r"non valable|ne pas|rejet|erron|erreur|cass[ée]|interrompu|no v[áa]lid|no usar|descart|inv[áa]lid|err[óo]neo|"
+    r"roto\b|rotura|interrumpido",
+    re.IGNORECASE,
+)
 _OTHER_WORDS = re.compile(
     r"temp|hard|härte|dur(?:eté|eza)|press|druck|angle|winkel|radi|cool|kühl|noise|vib|date|datum|day|no\.?$|nr\.?$|"
     r"nose|corner|^r_?eps|^re(?![^\W_])|id$|num|count|anzahl|index|repl|pass|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
@@ -83,6 +98,7 @@ def _edges_of(draft: Draft) -> _Edges | None:
 def check_uses(draft: Draft, options: ReadOptions) -> None:
     """Doubt columns that are not used, or whose names are exchanged, and rows that the reduction of records remarks."""
     _doubt_remarks(draft)
+    _doubt_written_remarks(draft)
     if len(draft.lines) >= FEWEST:
         edges = _edges_of(draft)
         if edges is not None:
@@ -103,6 +119,30 @@ def _doubt_remarks(draft: Draft) -> None:
     more = f"; and {len(remarks) - SHOWN_REMARKS} more" if len(remarks) > SHOWN_REMARKS else ""
     sentence = f"the reduction of the records has remarks on {len(remarks)} of {len(draft.lines)} rows: {shown}{more}"
     draft.doubts.append(Doubt(loads, sentence))
+
+
+def _doubt_written_remarks(draft: Draft) -> None:
+    """Remarks that somebody wrote beside some of the rows: a doubt where they say that a test is not valid."""
+    reduced = _remarks(draft)
+    for column, use in zip(draft.columns, draft.uses, strict=True):
+        if use.role is not None or column.is_numeric or reduced or not _REMARKS.fullmatch(use.name):
+            continue
+        texts = [" ".join(text.split()) for text in column.labels().tolist()]
+        written = np.array([i for i, text in enumerate(texts) if text], dtype=np.intp)
+        rows = np.array([i for i in written if _NOT_VALID.search(texts[i])], dtype=np.intp)
+        if not 0 < len(written) <= MOST_REMARKED * len(texts):
+            continue
+        if not rows.size:
+            shown = ", ".join(dict.fromkeys(repr(texts[i]) for i in written[:SHOWN_REMARKS]))
+            draft.assumed.append(f"column {use.header!r}: remarks on {len(written)} rows are not read ({shown})")
+            continue
+        shown = ", ".join(f"line {draft.lines[i]} {texts[i]!r}" for i in rows[:SHOWN_REMARKS])
+        more = f" and {len(rows) - SHOWN_REMARKS} more" if len(rows) > SHOWN_REMARKS else ""
+        carry = "1 row carries a remark" if len(rows) == 1 else f"{len(rows)} rows carry remarks"
+        sentence = f"{carry} in column {use.header!r} that the test is not valid: {shown}{more}"
+        target = target_of(draft, rows)
+        results = (one for one in draft.data if one in ROLES and (ROLES[one].kind in _RESULTS or one == "T"))
+        draft.doubts.append(Doubt(tuple(results), sentence, f'--leave-out "{target}"' if target else ""))
 
 
 def _remarks(draft: Draft) -> list[tuple[int, str]]:
