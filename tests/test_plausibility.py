@@ -602,3 +602,76 @@ def test_a_wear_in_inches_whose_name_is_not_known_is_proposed(read):
     )
     found = [doubt for doubt in read(frame.to_csv(index=False)).doubts if "average wear" in doubt.sentence]
     assert [doubt.remedy for doubt in found] == ['--map "AW=col7"']
+
+
+@pytest.mark.parametrize("header", ["Bemerkung", "remarks", "Remark", "Notes", "comment", "Kommentar", "observaciones"])
+def test_remarks_beside_a_few_rows_are_named(read, header):
+    said = np.array([""] * 24, dtype=object)
+    said[[5, 11]] = "edge broken, do not use", "abgebrochen"
+    content = text(rows()).splitlines()
+    content = [f"{line},{word}" for line, word in zip(content, [header, *(f'"{one}"' for one in said)], strict=True)]
+    found = [one for one in read("\n".join(content)).doubts if "remarks" in one.sentence]
+    assert [one.remedy for one in found] == ['--leave-out "lines 7,13"']
+    assert "2 rows carry remarks in column" in found[0].sentence
+    assert "line 7 'edge broken, do not use'" in found[0].sentence
+    assert {"VB", "P"} <= set(found[0].columns)
+
+
+@pytest.mark.parametrize("words", [["dry", "oil"], ["broken", "whole"], ["series A"], ["new bar", "", "", ""]])
+def test_words_in_most_rows_and_those_without_a_finding_are_no_remarks(read, words):
+    content = [
+        f"{line},{word}" for line, word in zip(text(rows()).splitlines(), ["Remark", *(words * 24)[:24]], strict=True)
+    ]
+    assert not [one for one in read("\n".join(content)).doubts if "remark" in one.sentence]
+
+
+def test_a_force_in_dan_under_n_is_doubted(read):
+    columns = rows()
+    force = {**{name: columns[name] for name in "Vfd"}, "Fc": (1600 * columns["f"] ** 0.75 * columns["d"]).round(2)}
+    assert not read(text(force)).doubts
+    (doubt,) = read(text({**force, "Fc": force["Fc"] / 10})).doubts
+    assert doubt.remedy == "--unit Fc=daN"
+    assert not read(text({**force, "Fc": force["Fc"] / 10}), units={"Fc": "daN"}).doubts
+    assert not read(text({**force, "Fc": force["Fc"] / 4})).doubts  # aluminium, kc1.1 400 N/mm2
+
+
+def test_a_torque_of_a_drill_is_compared_with_its_chip(read):
+    f, D = np.array(np.meshgrid([0.1, 0.15, 0.2, 0.25], [6.0, 8, 10, 12])).reshape(2, -1)
+    drill = {"V": np.tile([20.0, 30], 8), "f": f, "D": D, "M": 1600 * f**0.75 * D**2 / 8000}
+    assert not read(text(drill)).doubts
+    (doubt,) = read(text({**drill, "M": drill["M"] * 10})).doubts
+    assert doubt.sentence.startswith("kc = 8000 M/(f D^2) is ")
+
+
+@pytest.mark.parametrize("unit", ["1/100 mm", "0.01 mm"])
+def test_hundredths_of_a_millimetre_are_a_unit(read, unit):
+    columns = rows()
+    VB = read(text({**columns, "VB": 100 * columns["VB"]}, {"VB": f"VB [{unit}]"})).values("VB")
+    np.testing.assert_allclose(VB, columns["VB"], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("header", "largest"), [("VBmax", True), ("VB max", True), ("VBB max.", True), ("VB", False)])
+def test_the_largest_width_of_the_land_names_its_criterion(read, header, largest):
+    runs = read(text(rows(), {"VB": f"{header} [mm]"}))
+    assert any("--criterion 0.6" in one for one in runs.assumed) == largest
+
+
+def test_a_roughness_in_uin_under_um_is_not_used(read):
+    columns = rows()
+    Ra = (40 * 30 * columns["f"] ** 1.5).round(1)
+    head = {"V": "V [m/min]", "f": "f [mm/rev]", "d": "d [mm]", "Ra": "Ra [um]"}
+    named = {**{name: columns[name] for name in "Vfd"}, "Ra": Ra}
+    (doubt,) = read(text(named, head)).doubts
+    assert doubt.unsettled
+    assert doubt.remedy == "--unit Ra=uin"
+
+
+def test_a_decimal_mark_of_a_depth_is_corrected_and_not_the_force(read):
+    V, f, d = np.array(np.meshgrid([100.0, 150, 200], [0.1, 0.2, 0.3], [1.0, 2], indexing="ij")).reshape(3, -1)
+    rng = np.random.default_rng(10)
+    Fc = (1700 * f**0.75 * d * np.exp(0.02 * rng.normal(size=18))).round()
+    d[7] *= 10
+    runs = read(text({"V": V, "f": f, "d": d, "Fc": Fc}))
+    assert '--correct "lines 9:d/10"' in [one.remedy for one in runs.doubts]
+    judged = fit.judge(fit.power_law(runs, "Fc", ["V", "f", "d"]), runs=runs)
+    assert [one.correction for one in judged.suspects] == ["lines 9:d/10"]

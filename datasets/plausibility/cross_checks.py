@@ -20,6 +20,8 @@ from .stray_values import places
 KC_USUAL = (500, 6000)  # N/mm2, steel and cast iron to hard metals and small chips
 KC_LIMITS = (250, 15000)
 KC_POSSIBLE = (100, 30000)
+RISE, KC_OF_1_MM = 0.25, 250  # usual exponent of the thickness; N/mm2 at a chip of 1 mm, 350 of soft aluminium
+LARGEST_DRILL = 32.0  # mm: workpieces that are turned are larger
 ROUGHNESS_LIMITS = (2.0, 15)  # Rz/Ra; usual 3 to 10
 ROUGHNESS_POSSIBLE = (1.0, 50)
 SPECIFIC_USUAL, SPECIFIC_POSSIBLE = (100, 6000), (10, 30000)  # N/mm2, of any force; small at thrust of sharp edges
@@ -65,6 +67,7 @@ def check_columns(draft: Draft, options: ReadOptions) -> None:
         area = values["f"] * values["d"]
         if "Fc" in measured:
             _compare(draft, _KC_OF_FORCE, _over(values["Fc"], area), options)
+            _doubt_low_kc(draft, _over(values["Fc"], area), values["f"], options)
         elif {"P", "V"} <= measured:
             kc = _over(60000 * values["P"], values["V"] * area)
             _compare(draft, _KC_OF_POWER, kc, options)
@@ -74,7 +77,38 @@ def check_columns(draft: Draft, options: ReadOptions) -> None:
     if turning and {"Fc", "Ff"} <= measured:
         _compare_feed_force(draft, values)
     _compare_force(draft, values, options)
+    _compare_torque(draft, options)
     _compare_engagement(draft, options)
+
+
+def _doubt_low_kc(draft: Draft, kc: Array, f: Array, options: ReadOptions) -> None:
+    """Doubt a force whose specific force, at a chip of 1 mm, is below that of any metal: daN named N."""
+    known = np.isfinite(kc) & (f > 0)
+    use = next(use for use in draft.uses if use.role == "Fc")
+    if np.count_nonzero(known) < FEWEST or "Fc" in options.units or use.unit not in ("", "N"):
+        return
+    middle, at_1_mm = float(np.median(kc[known])), float(np.median(kc[known] * f[known] ** RISE))
+    if at_1_mm < KC_OF_1_MM and KC_USUAL[0] <= 10 * middle <= KC_USUAL[1]:
+        draft.doubts[:] = [one for one in draft.doubts if not one.sentence.startswith(_KC_OF_FORCE.name)]
+        sentence = (
+            f"{_KC_OF_FORCE.name} is {format_decimal(middle)} N/mm2 (usual {KC_USUAL[0]} to {KC_USUAL[1]}): Fc, f "
+            f"or d is in another unit or exchanged; with Fc in daN it is {format_decimal(10 * middle)}"
+        )
+        draft.doubts.append(Doubt(("Fc", "f", "d"), sentence, "--unit Fc=daN"))
+
+
+def _compare_torque(draft: Draft, options: ReadOptions) -> None:
+    """Doubt the torque of a drill whose specific force is implausible; without a process, of diameters of drills."""
+    process = table_process(draft, options)
+    tool = next((one for one in ("Dc", "D") if one in draft.data), "")
+    if not tool or not {"M", "f"} <= draft.data.keys() or process not in (None, "drilling"):
+        return
+    M, f, D = (np.asarray(draft.data[role], dtype=float) for role in ("M", "f", tool))
+    if process is None and ("d" in draft.data or not float(np.nanmax(D, initial=0.0)) <= LARGEST_DRILL):
+        return
+    name = f"kc = 8000 M/(f {tool}^2)"
+    of = _Ratio(("M", "f", tool), name, KC_LIMITS, KC_POSSIBLE, KC_USUAL, "N/mm2")
+    _compare(draft, of, _over(8000 * M, f * D**2), options)
 
 
 def _compare_feed_force(draft: Draft, values: dict[str, Array]) -> None:

@@ -227,8 +227,8 @@ def _is_metric(draft: Draft) -> bool:
 
 
 def _units_in_use(draft: Draft, one: Quantity) -> list[str]:
-    """Units that a column may be in, that of the role first; a result of a metric file is not in inch units."""
-    inch_out = ROLES[one.role].kind in ("wear", "surface", "load") and _is_metric(draft)
+    """Units that a column may be in, that of the role first; wear and loads of a metric file are not in inch units."""
+    inch_out = ROLES[one.role].kind in ("wear", "load") and _is_metric(draft)
     return [unit for unit in candidate_units(one.role) if not (inch_out and unit in INCH)]
 
 
