@@ -114,3 +114,14 @@ def test_a_computed_power_is_in_no_unit_of_its_own():
     judged = fit.judge(law, runs=runs)
     assert judged.suspects == ()
     assert judged.verdict.reasons[0].startswith("Column 'Remark' shifts the law; fit it with --by Remark")
+
+
+def test_a_life_with_a_maximum_over_speed_is_curved_and_in_one_unit():
+    """Built-up edges: the life is shortest at the lowest speed."""
+    rng = np.random.default_rng(11)
+    V = np.repeat([30.0, 50, 70, 100, 140], 4)
+    T = np.repeat([3.6, 40, 60, 35.5, 8.8], 4) * np.exp(rng.normal(0, 0.03, 20))
+    runs = datasets.runs_from_frame(pd.DataFrame({"V [m/min]": V, "f [mm/rev]": 0.2, "T [min]": T}))
+    judged = fit.judge(fit.power_law(runs, "T", ["V"]), runs=runs)
+    assert not any(one.correction for one in judged.suspects)
+    assert any(reason.startswith("Curvature: the square of V") for reason in judged.verdict.reasons)

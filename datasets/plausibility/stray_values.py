@@ -103,7 +103,17 @@ def _doubt_far(draft: Draft, role: str, values: Array) -> None:
                 f"{places(draft, row)}: {role} {listed(values[row])} {ROLES[role].unit} is far from all other rows"
                 f"{per}, which hold {range_of_rest}{moved}"
             )
-            _add(draft, role, row, sentence)
+            _add(draft, role, row, sentence, _to_a_level(float(far), rest) if kind == "condition" else None)
+
+
+def _to_a_level(value: float, levels: Array) -> float | None:
+    """The factor of a decimal mark or of inches that makes a value a level of the other rows; None without one.
+
+    >>> _to_a_level(20.0, np.array([1.0, 2.0])), _to_a_level(30.0, np.array([1.0, 2.0]))
+    (0.1, None)
+    """
+    moves = [move for factor in FACTORS for move in (1 / factor, factor)]
+    return next((move for move in moves if (np.abs(value * move / levels - 1) < EXACT).any()), None)
 
 
 def section_of(draft: Draft, role: str) -> Array | None:

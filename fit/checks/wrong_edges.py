@@ -125,7 +125,12 @@ def _other_cause(law: LawFit, levels: EdgeLevels, one: Split, by_square: float) 
     They are a curved law and a single edge whose response is wrong; a single edge never shows which of its values is.
     """
     evidence, name, edges, _ = one
-    if name == law.response or isolated(levels.x[:, law.factors.index(name)], edges):
+    if name == law.response:
+        squares = {other: _evidence(levels, j, [])[1] for j, other in enumerate(law.factors)}
+        bent = max(squares, key=lambda other: squares[other])
+        best = squares[bent]
+        return (0 if best < evidence - CLOSE else 1 if best < evidence else 2), f"The square of ln {bent}"
+    if isolated(levels.x[:, law.factors.index(name)], edges):
         return 0, ""
     by_edge, g = single_evidence(levels.b, levels.A, slice(levels.within, None))
     unit = "edge" if levels.by_edge else "line"

@@ -10,6 +10,7 @@ in Regression, section 2.2.2 (deleted residuals).
 """
 
 import math
+import re
 from collections.abc import Mapping
 from itertools import pairwise
 
@@ -111,6 +112,9 @@ def outlying_rows(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable
         suspects = _suspects(law, rows, r, scale, ratios if logs else None, power)
         words = " ".join(_sentence(law, one, r, logs) for one in suspects)
         kept = f"{words} Among all tests of the laws together this is not significant ({format_p(pvalue)} alone)."
+    if suspects and _conditions_doubted(law, rows, runs):
+        suspects = ()
+        words = f"{lines_of(law.lines[rows].tolist()).capitalize()}: the reading doubts a condition there."
     if logs and float(size[rows].min()) < SMALL and any(one.factor is None for one in suspects):
         suspects = ()
         words = f"{count} rows deviate together by up to {np.expm1(size.max()):.0%}: the form does not fit them."
@@ -124,6 +128,14 @@ def outlying_rows(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable
         kept=kept,
         suspects=suspects,
     )
+
+
+def _conditions_doubted(law: LawFit, rows: NDArray[np.intp], runs: Runs | None) -> bool:
+    """Whether a doubt of the reading corrects a factor of the law in all of these rows: their response is not wrong."""
+    doubts = () if runs is None else runs.doubts
+    known = [one for one in doubts if "--correct" in one.remedy and set(law.factors).intersection(one.columns)]
+    named = re.findall(r"\d+", " ".join(one.remedy.partition("lines ")[2].partition(":")[0] for one in known))
+    return set(map(str, law.lines[rows].tolist())) <= set(named)
 
 
 def _deleted_pvalue(law: LawFit, logs: bool) -> float:
