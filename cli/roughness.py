@@ -144,7 +144,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     out = Printer(quiet=args.quiet)
     feeds = f"The control commands {effective.low:.4g} to {effective.high:.4g} mm/rev, all limits of feed together."
-    for words in filter(None, (*verdicts, *_sentences(found), feeds, not_applied(changed))):
+    for words in (*verdicts, *_sentences(found), feeds, *not_applied(changed)):
         out.show(words)
     out.wrote(f"Written: roughness in {args.file}{now_simulated(pf, changed)}", args.file)
     return 0

@@ -141,7 +141,7 @@ def run(args: argparse.Namespace) -> int:
         loop = _of_loop(line, set(_kept(pf)) - set(given), assumed, lacking)
         worn = past_words if past is not None and past <= FEW_PAST else f"! {past_words}"
         out = Printer(quiet=args.quiet)
-        for words in filter(None, (*verdicts, *_sentences(line), worn, *loop, limits_not_applied(pf.limits, line))):
+        for words in (*verdicts, *_sentences(line), worn, *loop, *limits_not_applied(pf.limits, line)):
             out.show(words)
         out.wrote(f"Written: load_line in {args.file}", args.file)
     return 0
