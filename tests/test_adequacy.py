@@ -306,3 +306,14 @@ def test_readings_in_large_steps_are_named_and_no_exact_law_of_them_is_used():
     assert check.verdict.startswith("Ra has only 2 different values (1, 3 um) in 9 rows, in steps of 2e+02 % of")
     rough = datasets.runs_from_frame(rows.assign(Ra=1.0 + 10 * f + 0.1 * np.random.default_rng(2).normal(size=len(f))))
     assert "different values" not in str(fit.judge(fit.power_law(rough, "Ra", ["V", "f"])).checks["predictive use"])
+
+
+def test_a_force_at_the_limit_of_its_sensor_is_named_without_edges_too():
+    V, f, d = (x.ravel() for x in np.meshgrid([100.0, 160, 220], [0.1, 0.2, 0.35], [1.0, 2]))
+    Fc = np.minimum(np.round(2000 * f**0.75 * d * np.exp(np.random.default_rng(8).normal(0, 0.02, len(V)))), 1000.0)
+    clipped = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": f, "d": d, "Fc": Fc}))
+    check = fit.judge(fit.power_law(clipped, "Fc", ["V", "f", "d"])).checks["sensor limit"]
+    assert check.concern == 1
+    assert check.verdict.startswith(
+        "6 of 18 readings of Fc are 1000 N, the largest: the sensor is probably at its limit"
+    )

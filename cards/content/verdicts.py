@@ -23,6 +23,7 @@ LISTED = 12  # edges or lines of a suspect that are named
 # Remedy of a check that has a concern: what to do, and the command that does it ("" where none does)
 REMEDIES: Mapping[str, tuple[str, str]] = MappingProxyType({
     "copies": ("Check the record; leave copied rows out with --leave-out 'lines ...'.", ""),
+    "sensor limit": ("Leave these rows out; measure with a wider range.", ""),
     "time exponent": ("Predict only inside the times tested, and compare other forms of the law.", "compare"),
     "time between edges": ("Check unit and start of the times of each edge.", "look"),
     "time within edges": ("Check that t = 0 is a new edge; compare other forms of the law.", "compare"),
@@ -58,7 +59,8 @@ REMEDIES: Mapping[str, tuple[str, str]] = MappingProxyType({
 })  # fmt: skip
 # Reasons of checks in a few words, where these differ from the name of the check
 SHORT: Mapping[str, str] = MappingProxyType({
-    "copies": "copied rows", "time exponent": "time exponents differ", "time between edges": "times of edges differ",
+    "copies": "copied rows", "sensor limit": "sensor at its limit",
+    "time exponent": "time exponents differ", "time between edges": "times of edges differ",
     "time within edges": "not a power of time", "exponents": "unusual exponent",
     "fixed exponents": "exponent not fitted",
     "possible values": "impossible values", "predictive use": "predicts poorly",

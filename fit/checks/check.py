@@ -62,6 +62,7 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "mixed units": "Mixed units of a condition (split test)",
     "wrong edges": "Outlying edges (studentized residuals)",
     "copies": "Duplicated rows and readings",
+    "sensor limit": "Readings at the limit of a sensor",
     "gauge error": "Error of the wear gauge",
     "agreement": "Agreement of estimates",
     "run-outs": "Share of lives that ended",

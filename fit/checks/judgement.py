@@ -47,7 +47,7 @@ from .tool_lives import (
 from .usefulness import doubts_of_reading, number_of_edges, predictive_use
 from .within_edges import lack_of_fit_within
 from .wrong_edges import mixed_units, outlying_edges
-from .wrong_rows import copies, outlying_rows
+from .wrong_rows import copies, outlying_rows, sensor_limit
 
 Found = Check | NotAvailable
 SAME, SOME = 1e-9, 50  # relative difference of equal values, and rows that are compared
@@ -333,10 +333,6 @@ def _order(given: CheckInput) -> Found:
     return serial_correlation(given.law, given.strata)
 
 
-def _agreement(given: CheckInput) -> Found | None:
-    return found if isinstance(found := compare_estimates(given.law), Check) else None  # one estimate agrees with none
-
-
 def _gauge(given: CheckInput) -> Found | None:
     wear = next((name for name in ("AW", "VB") if name in given.law.factors), None)
     if given.gauge_sd is None or wear is None:
@@ -352,6 +348,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "mixed units": lambda given: given.mixed_units,
     "wrong edges": lambda given: outlying_edges(*given.one_unit, given.runs),
     "copies": lambda given: copies(given.whole),
+    "sensor limit": lambda given: sensor_limit(given.whole),
     "time exponent": lambda given: given.times["time exponent"],
     "time between edges": lambda given: given.times["time between edges"],
     "time within edges": lambda given: given.times["time within edges"],
@@ -380,7 +377,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "rival forms": lambda given: compare_forms(given.law, given.runs) if given.law.form == "power" else None,
     "number of edges": lambda given: number_of_edges(given.asked, given.runs),
     "gauge error": _gauge,
-    "agreement": _agreement,
+    "agreement": lambda given: found if isinstance(found := compare_estimates(given.law), Check) else None,
     "reading": lambda given: doubts_of_reading(given.asked, given.runs),
 }
 USUAL = ("unused columns", "form", "prediction", "normality")

@@ -61,7 +61,7 @@ def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailabl
         null=f"the law explains at least {100 * LOW_R2:g} % of the variance and predicts within a factor of {WIDE:g}",
         statistic=r2,
         symbol="R2",
-        concern=max(concern, int(bool(few))),
+        concern=max(concern, int(bool(few)), steps.concern if steps else 0),
         verdict=few + explained + end,
     )
 
@@ -78,7 +78,7 @@ def _steps(law: LawFit) -> Check | None:
     listed = f"{', '.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
     return Check(
         null="the response is read in steps that are small beside it",
-        concern=1 + int(law.exact),
+        concern=1 + int(law.exact or step > LARGE_STEP * middle),
         verdict=(
             f"{law.response} has only {len(values)} different values ({listed}) in {law.nobs} rows, in steps of "
             f"{100 * step / middle:.2g} % of the median: read it finer; errors and intervals do not contain the step."
@@ -157,6 +157,7 @@ def _scatter(law: LawFit) -> tuple[float, str]:
 
 
 MOST_STEPS, FEWEST_READINGS = 5, 3  # different values of a coarse response, and rows for each
+LARGE_STEP = 0.5  # share of the median from which a law of such readings is not to be used
 COARSE, ROUNDED = 0.1, 1e-6  # step as a share of the median; distance of a value from a step, in steps
 CLOCKS = ("t", "lf", "lc")
 SET = ("condition", "other")  # kinds of quantities that are set, not measured

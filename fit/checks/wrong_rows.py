@@ -283,16 +283,16 @@ def copies(law: LawFit) -> Check | NotAvailable | None:
         return NotAvailable(f"copies are sought among {MOST_ROWS} rows at most, and the law has {law.nobs}")
     twice = _rows_twice(law, law.edge)
     blocks, pvalue = _equal_sequences(law, law.edge)
-    kept, limit = "No rows stand twice, and no two edges have the same readings.", _limit_words(law)
+    kept = "No rows stand twice, and no two edges have the same readings."
     suspects = [Suspect(law.response, lines=tuple(int(law.lines[i]) for i in twice), cause="copies")] if twice else []
     suspects += [Suspect(law.response, edges=pair, cause="copies") for pair in dict.fromkeys(b[:2] for b in blocks)]
     return Check(
         null="no readings are copies of others",
         statistic=float(len(twice) + len(blocks)),
         symbol="copies",
-        pvalue=None if twice or limit else pvalue,
-        concern=int(bool(suspects or limit)),
-        verdict=f"{_twice_words(law, twice)} {_block_words(law, blocks)} {limit}".strip() or kept,
+        pvalue=None if twice else pvalue,
+        concern=int(bool(suspects)),
+        verdict=f"{_twice_words(law, twice)} {_block_words(law, blocks)}".strip() or kept,
         kept=kept,
         suspects=tuple(suspects),
     )
@@ -338,19 +338,20 @@ def _equal_sequences(law: LawFit, names: NDArray[np.object_]) -> tuple[list[tupl
     return list(best.values()), smallest
 
 
-def _limit_words(law: LawFit) -> str:
-    """A sentence on a largest reading that repeats, as of a saturated sensor; empty where none does."""
+def sensor_limit(law: LawFit) -> Check | None:
+    """A largest reading that repeats, as of a saturated sensor; None where none does, and of lives."""
+    if law.rows is None or law.life is not None:
+        return None
     values, counts = np.unique(law.observed, return_counts=True)
-    most = int(counts[-1])
+    most, unit = int(counts[-1]), law.units.get(law.response, "")
     if most < max(FEWEST_AT_LIMIT, LIMIT_SHARE * law.nobs) or counts[:-1].max(initial=0) > most / 3:
-        return ""
+        return None
     if len(values) < law.nobs / 2:  # readings are coarse, and ties are no sign of a limit
-        return ""
-    unit = law.units.get(law.response, "")
-    return (
-        f"{most} of {law.nobs} readings of {law.response} are {values[-1]:.6g} {unit}".rstrip()
-        + ", the largest: the sensor is probably at its limit, and the true values are higher. Leave these rows out."
-    )
+        return None
+    readings = f"{most} of {law.nobs} readings of {law.response} are {values[-1]:.6g} {unit}".rstrip()
+    words = "the largest: the sensor is probably at its limit, and the true values are higher. Leave these rows out."
+    verdict = f"{readings}, {words}"
+    return Check(null="no sensor is at its limit", statistic=float(most), symbol="readings", concern=1, verdict=verdict)
 
 
 def _common_length(y: Array, edge: NDArray[np.intp], a: int, b: int) -> int:
