@@ -128,6 +128,8 @@ class BlockOutcome:
         How long it took.
     memory : int
         Largest memory of the process so far, in bytes.
+    csv : bytes
+        Its part of ``results.csv``, with the header; empty where the process that fitted it did not write it.
     """
 
     pairs: tuple[PairOutcome, ...]
@@ -136,6 +138,7 @@ class BlockOutcome:
     units: Mapping[str, str]
     seconds: float = 0.0
     memory: int = 0
+    csv: bytes = b""
 
     @property
     def settled(self) -> bool:

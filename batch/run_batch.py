@@ -22,7 +22,7 @@ from .records import as_json, key_of, record, recorded
 from .result import Batch, Effort
 from .site import check_card, site_of
 from .source import existing_path, open_source
-from .tables import FIGURES, tables_of, write_tables
+from .tables import FIGURES, csv_bytes, results_frame, tables_of, write_tables
 
 MOST_ROWS = 250_000  # of a block: some tens of megabytes
 MOST_PAIRS = {False: 2000, True: 16}  # of a block, without and with files: both take about as long
@@ -142,7 +142,7 @@ def run(
         meter.say("comparing")
         map_over: MapOver = workers.in_order if workers.started() else map
         tables = tables_of(plan, blocks.outcomes, table, map_over)
-        new = write_tables(out, tables)
+        new = write_tables(out, tables, blocks.outcomes)
         report = site_of(out, card, title, jobs, meter, blocks.keys) if site and files else None
         published = report is not None and report.site is not None and not report.unchanged
     folders_made = {FIGURES: True, "pairs/": files, "site/": report is not None}
@@ -193,8 +193,11 @@ def fit_blocks(
 
 
 def _fitted(block: Block, plan: Plan, options: BatchOptions) -> tuple[BlockOutcome, str]:
-    """The outcome of a block and the text of its record, both by the process that has the task."""
+    """The outcome of a block, its part of the table, and the text of its record, by the process that has the task."""
     outcome = fit_block(block, plan, options)
+    if not options.files:
+        rows = results_frame(outcome.pairs, outcome.laws, plan.reading.groups)
+        outcome = replace(outcome, csv=csv_bytes(rows))
     return outcome, as_json(outcome)
 
 

@@ -101,9 +101,29 @@ def csv_bytes(frame: pd.DataFrame) -> bytes:
     >>> csv_bytes(pd.DataFrame({"tool": ["=2+3", "a,b"], "nobs": [12, 9], "low_V": [-0.25, None]}))
     b'tool,nobs,low_V\n\'=2+3,12,-0.25\n"a,b",9,\n'
     """
-    header = ",".join(_text(str(name)) for name in frame) + "\n"
     parts = (frame.iloc[first : first + AT_ONCE] for first in range(0, len(frame), AT_ONCE))
-    return b"".join([header.encode(errors="replace"), *map(_csv_rows, parts)])
+    return b"".join([_header(frame), *map(_csv_rows, parts)])
+
+
+def results_csv(results: pd.DataFrame, blocks: Sequence[BlockOutcome]) -> bytes:
+    """The results as CSV: the parts that were written with their blocks, where all have these columns.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> block = BlockOutcome((PairOutcome("GC435", "brass", 2, reason="2 rows"),), law_table(()), {}, {})
+    >>> made = results_frame(block.pairs, block.laws)
+    >>> results_csv(made, [replace(block, csv=csv_bytes(made))]) == results_csv(made, [block])
+    True
+    """
+    header = _header(results)
+    if all(block.csv.startswith(header) for block in blocks):
+        return b"".join([header, *(block.csv[len(header) :] for block in blocks)])
+    return csv_bytes(results)
+
+
+def _header(frame: pd.DataFrame) -> bytes:
+    return (",".join(_text(str(name)) for name in frame) + "\n").encode(errors="replace")
 
 
 def _csv_rows(frame: pd.DataFrame) -> bytes:
@@ -164,7 +184,7 @@ def _text(value: str) -> str:
 
 
 PART = "Part of the source could not be read: a pair that has rows there too was fitted without them."
-FIGURES = "figures/"
+RESULTS, FIGURES = "results.csv", "figures/"
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +201,7 @@ class Tables:
     def files(self) -> dict[str, pd.DataFrame]:
         """The tables by the names of their files."""
         return {
-            "results.csv": self.results,
+            RESULTS: self.results,
             "attention.csv": self.attention,
             "comparison.csv": self.comparison.families,
             "pooled.csv": self.comparison.pairs,
@@ -221,12 +241,15 @@ def laws_of(blocks: Sequence[BlockOutcome]) -> pd.DataFrame:
     ])  # fmt: skip
 
 
-def write_tables(out: Path, tables: Tables) -> bool:
+def write_tables(out: Path, tables: Tables, blocks: Sequence[BlockOutcome]) -> bool:
     """Write tables and figures into ``out``, and remove figures of laws that no longer exist; True if any table is new.
 
-    Figures are written first: unchanged tables then mean unchanged figures.
+    Figures are written first: unchanged tables then mean unchanged figures. ``blocks`` are those of the results.
     """
-    contents = {name: csv_bytes(frame) for name, frame in tables.files().items()}
+    contents = {
+        name: results_csv(frame, blocks) if name == RESULTS else csv_bytes(frame)
+        for name, frame in tables.files().items()
+    }
     pictured = {name: contents[name] for name in ("comparison.csv", "pooled.csv")}
     if not (all(holds(out, name, content) for name, content in pictured.items()) and _stand(out, tables.comparison)):
         drawn = _drawn(out, tables)

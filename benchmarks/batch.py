@@ -28,7 +28,7 @@ from fitmodels.batch.output_folder import folder_names, prepare, put
 from fitmodels.batch.plan import BatchOptions, Reading
 from fitmodels.batch.run_batch import MOST_PAIRS, fit_blocks
 from fitmodels.batch.source import open_source
-from fitmodels.batch.tables import csv_bytes, laws_of, results_frame
+from fitmodels.batch.tables import laws_of, results_csv, results_frame
 from fitmodels.core.progress import Meter
 from many_laws import FACTORS, by_formulas, by_statsmodels, simulated
 
@@ -54,7 +54,7 @@ def to_results(source, out, workers, files, most_pairs, clock=time.perf_counter)
         plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=work, map_over=workers.in_order)
         done = fit_blocks(plan, options, out, folder_names(plan.pairs) if files else {}, workers, Meter(0, "pairs"))
         results = results_frame([pair for block in done.outcomes for pair in block.pairs], laws_of(done.outcomes))
-        put(out, "results.csv", csv_bytes(results))
+        put(out, "results.csv", results_csv(results, done.outcomes))
     return clock() - begun, done.effort.seconds, results
 
 

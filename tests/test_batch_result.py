@@ -26,7 +26,7 @@ from fitmodels.batch.output_folder import claim, folder_names, prepare, put, swe
 from fitmodels.batch.plan import BatchOptions as Options
 from fitmodels.batch.plan import Block, Pair, Piece, Plan, Reading
 from fitmodels.batch.records import key_of, record, recorded, written
-from fitmodels.batch.tables import csv_bytes, group_column, results_frame
+from fitmodels.batch.tables import csv_bytes, group_column, laws_of, results_csv, results_frame
 from fitmodels.core.errors import UsageError
 from fitmodels.core.text import printable
 from fitmodels.datasets.columns import ColumnUse
@@ -730,6 +730,19 @@ def test_the_gravest_comes_first_and_unknown_kinds_last_by_their_names():
     frame = attention_frame(outcomes)
     assert frame.columns.tolist() == ["tool", "work", "kind", "words"]
     assert frame["kind"].tolist() == ["rows left out", "zeal", "zeal", "awe", "zeal", UNLIKE, NO_LAW, NO_LAW]
+
+
+def test_the_results_are_joined_from_the_parts_of_their_blocks_where_these_have_all_columns():
+    cells = [{"params_V": 0.5}, {"params_V": 0.6}, {"params_t": 0.25}]
+    pairs = [(PairOutcome(f"T{i}", "C45", 9),) for i in range(len(cells))]
+    blocks = [BlockOutcome(of, law_table([(0, law(**one))]), {}, {}) for of, one in zip(pairs, cells, strict=True)]
+    blocks = [replace(block, csv=csv_bytes(results_frame(block.pairs, block.laws))) for block in blocks]
+    for some in (blocks[:2], blocks, [blocks[0], replace(blocks[1], csv=b"")]):
+        whole = results_frame([pair for block in some for pair in block.pairs], laws_of(some))
+        assert results_csv(whole, some) == csv_bytes(whole)
+    marked = [replace(block, csv=block.csv.replace(b"T", b"U")) for block in blocks[:2]]
+    whole = results_frame([pair for block in marked for pair in block.pairs], laws_of(marked))
+    assert results_csv(whole, marked) == csv_bytes(whole).replace(b"T", b"U")  # the parts are used
 
 
 def test_no_concern_gives_empty_tables():
