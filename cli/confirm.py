@@ -124,8 +124,8 @@ def _same_pair(new: "Runs", known: "tuple[Runs, ...]", args: argparse.Namespace)
         return (exact or found)[0]
     if len(known) == 1:
         complain(
-            f"{args.file} is of {_name(new)}, and the laws are of {_name(known[0])} ({args.data}): the result tells "
-            "whether the laws of the one hold for the other."
+            f"{args.file} is of {_name(new)}, and the laws are of {_name(known[0])} ({args.data}): the result "
+            "shows whether the laws of the one hold for the other."
         )
         return known[0]
     names = ", ".join(map(_name, known))

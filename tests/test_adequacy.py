@@ -317,3 +317,12 @@ def test_a_force_at_the_limit_of_its_sensor_is_named_without_edges_too():
     assert check.verdict.startswith(
         "6 of 18 readings of Fc are 1000 N, the largest: the sensor is probably at its limit"
     )
+
+
+def test_a_drift_is_not_tested_over_the_lines_of_several_files():
+    """Lines 1, 2 ... of two files are no order of their tests."""
+    runs = forces(0.36, "random")
+    law = fit.power_law(runs, "Fc", ["V", "f", "d"])
+    both = law.with_rows(lines=np.arange(law.nobs) // 2 + 2)
+    assert "no common order" in drift(both, None, 0.0).reason
+    assert drift(law, None, 0.0).concern == 1

@@ -151,6 +151,17 @@ def test_options_are_frozen_and_recorded_as_the_command_names_them():
     assert json.loads(json.dumps(recorded)) == recorded
 
 
+def test_numbers_of_numpy_are_options():
+    options = FitOptions(seed=np.int64(3), draws=np.int64(1000), criterion=np.float32(0.25), gauge_sd=np.float64(0.01))
+    assert json.loads(json.dumps(options.recorded()))["seed"] == 3
+    assert [type(value) for value in (options.seed, options.draws, options.criterion)] == [int, int, float]
+
+
+def test_a_criterion_in_micrometres_is_refused():
+    with pytest.raises(UsageError, match=r"criterion 300 mm: more than the 5 mm of wear that an edge can have"):
+        FitOptions(criterion=300)
+
+
 def test_several_pairs_have_an_analysis_each(tmp_path):
     analysis = analyse(frame(("A", "B")), draws=1000)
     assert [pair.name for pair in analysis.pairs] == ["A on steel", "B on steel"]

@@ -30,7 +30,7 @@ from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
 from fitmodels.app.reading import assumptions, column_menus, offered, option_of_change, role_label, units_of
-from fitmodels.app.results import policy_of_card, remedies, written
+from fitmodels.app.results import policy_of_card, reading_of, remedies, written
 from fitmodels.app.stages import filled, older, states, to_repeat
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
@@ -440,6 +440,25 @@ def test_a_new_value_is_met_to_its_last_bit(old, new):
     cells = Cells(table, [{"number": 1, "role": "VB", "unit": "mm"}], {"VB": "mm"})
     text = cells.correction(7, "VB", repr(new))
     assert parse_correction(text).apply(np.array([old]))[0] == pytest.approx(new, rel=5e-16, abs=0)
+
+
+def test_a_new_value_that_can_be_read_in_two_ways_is_refused():
+    column = Column(1, "F", "N", np.array([800.0]), is_numeric=True)
+    table = SimpleNamespace(columns=(column,), lines=np.array([7]))
+    cells = Cells(table, [{"number": 1, "role": "F", "unit": "N"}], {"F": "N"})
+    with pytest.raises(UsageError, match="1,250 can be read in two ways"):
+        cells.correction(7, "F", "1,250")
+    assert cells.correction(7, "F", "0,8") == "lines 7:F/1000"
+    assert cells.correction(7, "F", "0,261")
+
+
+def test_a_reading_of_any_length_is_whole(tmp_path):
+    job = Job("f" * 16, ("look", "wide.csv", "--json"), tmp_path / "o", tmp_path / "e")
+    job.out.write_text(json.dumps({"columns": ["x" * 100] * 4000}), "utf-8")
+    assert len(reading_of(job)["columns"]) == 4000
+    assert job.output.endswith("... (more in a terminal)")
+    job.out.write_text("{", "utf-8")
+    assert reading_of(job)["refused"] == "The reading ended without a result; run it again."
 
 
 def test_a_page_that_is_out_of_date_changes_and_runs_nothing(client):

@@ -392,6 +392,22 @@ def test_a_defect_says_that_it_is_one(wear, monkeypatch):
         run(wear, "--json")
 
 
+def test_a_lack_of_memory_is_no_defect(wear, monkeypatch):
+    def large(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(fitmodels.fit, "default_laws", large)
+    result = run(wear, "--json")
+    assert result.code == 3
+    assert result.err.startswith("fitmodels: not enough memory for these data; leave rows out")
+
+
+def test_two_forms_for_all_laws_are_named(wear):
+    result = run(wear, "--form", "power", "--form", "linear")
+    assert result.code == 2
+    assert "a form for all laws is given twice, power and linear: keep one, or name the law, as Ra=linear" in result.err
+
+
 # Options
 
 

@@ -3,11 +3,14 @@
 import http.client
 import io
 import json
+import os
 import sys
+from concurrent.futures import Future
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
-from fitmodels.core.errors import UsageError
+from fitmodels.core.errors import FitmodelsError, UsageError
 from fitmodels.live.facts import Reading, facts_of
 from fitmodels.live.page import Page
 from fitmodels.live.server import NAMESPACE, VALUES, OpcUaServer, address_of
@@ -136,6 +139,36 @@ def test_a_stream_is_lines_of_json_without_control_characters(facts, tmp_path):
     assert json.loads(line)["said"] == ["Go on."]
     with pytest.raises(UsageError, match="--stream"):
         file_writer(tmp_path / "nowhere" / "s.jsonl")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_stream_into_a_pipe_waits_for_no_reader(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(UsageError, match="no program reads this pipe; start the reader first"):
+        file_writer(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write = file_writer(pipe)
+        lines = [f"{number:06d} {'x' * 993}\n" for number in range(400)]  # more than a pipe holds
+        for line in lines:
+            write(line)
+        first = os.read(reader, 1_000_000).decode()
+        write("the end\n")
+        whole = (first + os.read(reader, 1_000_000).decode()).splitlines(keepends=True)
+    finally:
+        os.close(reader)
+    assert 10 < len(whole) < len(lines)
+    assert whole[:-1] == lines[: len(whole) - 1]  # no line is torn
+    assert whole[-1] in ("the end\n", lines[len(whole) - 1])
+
+
+def test_a_value_that_cannot_be_published_ends_the_server_as_an_outlet(facts):
+    server = OpcUaServer.__new__(OpcUaServer)
+    server._busy, server._last, server._thread = False, Future(), SimpleNamespace(is_alive=lambda: True)
+    server._last.set_exception(OSError("the node is gone"))
+    with pytest.raises(FitmodelsError, match="the node is gone"):
+        server.show(facts)
 
 
 @pytest.mark.parametrize(

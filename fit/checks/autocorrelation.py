@@ -20,7 +20,7 @@ from ..lawfit import LawFit
 from .check import SIGNIFICANT, STRONG, Check, concern_of, format_p
 from .missing_factors import added_between
 from .residual_tests import HELD
-from .strata import Strata, levels_of_edges, no_scatter, units_of
+from .strata import Strata, levels_of_edges, no_scatter, rows_in, units_of
 
 FREE = 8  # degrees of freedom that a test of drift needs
 SPREAD = 0.5  # of the order that the factors must leave free, as a share of its range
@@ -97,7 +97,7 @@ def serial_correlation(law: LawFit, strata: Strata | NotAvailable) -> SerialCorr
 def drift(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | None:
     """Test whether the levels of edges, or independent rows, drift from test to test; None of few tests.
 
-    The trend is tested beside the law and the squares of its columns. The order is that of a column of run numbers,
+    The trend is adjusted for the law and the squares of its columns. The order is that of a column of run numbers,
     else that of the rows. Where the factors follow it, a drift cannot be separated from their effect.
 
     Parameters
@@ -118,17 +118,19 @@ def drift(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | 
     if reason := no_scatter(law):
         return NotAvailable(reason)
     numbers, unit = _run_numbers(law, runs), units_of(law)[1]
+    if len(np.unique(law.lines)) < len(np.unique(np.column_stack([law.lines, unit]), axis=0)):
+        return NotAvailable("tests of several files, or of one line, have no common order: a drift cannot be tested")
     at = law.lines.astype(float) if numbers is None else numbers
     place = np.argsort(np.argsort(np.bincount(unit, at) / np.bincount(unit), kind="stable"), kind="stable")
     order = place / max(len(place) - 1, 1)
     moving = changes_within(law.gradient, unit)
     levels, others, _, size = levels_of_edges(law.gradient, law.residuals, order[unit][:, None], unit, moving)
     squares = [np.square(column - column.mean()) for column in others.T if np.ptp(column) > 0]
-    beside = np.column_stack([np.ones(len(levels)), others, *squares])
-    if len(levels) - beside.shape[1] < FREE:
+    adjusted = np.column_stack([np.ones(len(levels)), others, *squares])
+    if len(levels) - adjusted.shape[1] < FREE:
         return None
-    left = order - beside @ np.linalg.lstsq(beside, order, rcond=1e-9)[0]
-    found = added_between(levels, beside, order, 1 / (icc + (1 - icc) / size))
+    left = order - adjusted @ np.linalg.lstsq(adjusted, order, rcond=1e-9)[0]
+    found = added_between(levels, adjusted, order, 1 / (icc + (1 - icc) / size))
     if found is None or np.ptp(left) < SPREAD:
         what = "were cut" if numbers is not None else "stand in the file"
         return NotAvailable(f"the tests {what} in the order of a factor: a drift cannot be separated from its effect")
@@ -147,7 +149,7 @@ def _drift(law: LawFit, found: tuple[float, float, int, float], by: str) -> Chec
         pvalue=p,
         concern=0 if small else concern_of(p),
         verdict=f"Drift over the tests by {by}: {law.response} changes by {change.rstrip()} from the first test to the "
-        f"last beside the law ({format_p(p)}), as when the machine warms up, a sensor drifts or a batch changes; "
+        f"last, adjusted for the law ({format_p(p)}), as when the machine warms up, a sensor drifts or a batch changes; "
         "repeat the first test, and note the order in a column 'run'.",
         kept=f"No drift over the tests by {by} that this test shows ({format_p(p)}).",
     )
@@ -155,12 +157,11 @@ def _drift(law: LawFit, found: tuple[float, float, int, float], by: str) -> Chec
 
 def _run_numbers(law: LawFit, runs: Runs | None) -> Array | None:
     """Numbers of the runs at the rows of the law, None where a row has none."""
-    if runs is None or not runs.has("run"):
+    rows = rows_in(law, runs) if runs is not None and runs.has("run") else None
+    if runs is None or rows is None:
         return None
-    numbers = pd.to_numeric(pd.Series(runs.labels("run"), dtype=object), errors="coerce")
-    of_line = dict(zip(runs.lines.tolist(), numbers.tolist(), strict=True))
-    found = np.array([of_line.get(line, np.nan) for line in law.lines.tolist()])
-    return found if len(of_line) == len(runs) and np.isfinite(found).all() and np.ptp(found) > 0 else None
+    found = pd.to_numeric(pd.Series(runs.labels("run")[rows], dtype=object), errors="coerce").to_numpy(dtype=float)
+    return found if np.isfinite(found).all() and np.ptp(found) > 0 else None
 
 
 def _kept(found: float, expected: float, p: float) -> str:

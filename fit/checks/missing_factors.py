@@ -26,7 +26,7 @@ from ..edges import changes_within, left_out_moves
 from ..lawfit import LawFit
 from ..least_squares import sums_by
 from .check import Check, concern_of, format_p
-from .strata import Codes, blocks_between, levels_of_edges, no_scatter, units_of
+from .strata import Codes, blocks_between, levels_of_edges, no_scatter, rows_in, units_of
 
 # Conditions that determine the response in each process, and quantities that stand for them.
 NEEDED: Mapping[str | None, tuple[str, ...]] = {
@@ -176,10 +176,9 @@ def _columns(law: LawFit, runs: Runs) -> dict[str, Array] | NotAvailable:
         return {}
     if reason := no_scatter(law):
         return NotAvailable(reason)
-    place = {line: i for i, line in enumerate(runs.lines.tolist())}
-    if len(place) < len(runs):
+    rows = rows_in(law, runs)
+    if rows is None:
         return NotAvailable("rows of several files share their line numbers: columns cannot be assigned to rows")
-    rows = np.array([place[line] for line in law.lines.tolist()])
     columns = ((name, runs.values(name)[rows]) for name in names)
     return {name: x for name, x in columns if _is_set(law, name, x)}
 
@@ -192,12 +191,11 @@ def _unused(law: LawFit, runs: Runs) -> list[str]:
 
 def _blocks(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
     """Columns of blocks, and of words, at the rows of the law: of few levels, constant within edges, two edges each."""
-    place = {line: i for i, line in enumerate(runs.lines.tolist())}
+    rows = None if law.by is not None or no_scatter(law) else rows_in(law, runs)
+    if rows is None:
+        return {}
     names = [name for name in map(str, runs.data.columns) if name not in (*ROLES, "point")]  # point: of a plan
     names = [name for name in names if BLOCK.fullmatch(name) or _are_words(runs.data[name].to_numpy())]
-    if law.by is not None or no_scatter(law) or len(place) < len(runs):
-        return {}
-    rows = [place[line] for line in law.lines.tolist()]
     columns = {name: _as_labels(runs.data[name].to_numpy()[rows]) for name in names}
     unit = units_of(law)[1]
     return {name: x for name, x in columns.items() if _are_blocks(x, unit)}

@@ -61,6 +61,14 @@ def units_of(law: LawFit) -> tuple[str, NDArray[np.intp]]:
     return "edge", np.unique(law.edge, return_inverse=True)[1]
 
 
+def rows_in(law: LawFit, runs: Runs) -> Codes | None:
+    """Positions in the runs of the rows of a law; None where rows of the runs share lines, or lack those of the law."""
+    place = {line: i for i, line in enumerate(runs.lines.tolist())}
+    if len(place) < len(runs) or not place.keys() >= set(law.lines.tolist()):
+        return None
+    return np.array([place[line] for line in law.lines.tolist()], dtype=np.intp)
+
+
 def levels_of_edges(
     Z: Array, r: Array, x: Array, unit: Codes, moving: NDArray[np.bool_]
 ) -> tuple[Array, Array, Array, Array]:

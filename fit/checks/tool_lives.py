@@ -28,6 +28,7 @@ from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check
 from .missing_factors import WEAR
+from .strata import rows_in
 
 MOST_CENSORED, FEW_DF = 0.5, 3
 SEVERAL = 3  # run-outs beyond all lives that ended: one or two may be the corner of a plan
@@ -125,9 +126,9 @@ def longest_lives(law: LawFit, runs: Runs | None = None) -> Check | None:
 
 def _ended_early(law: LawFit, runs: Runs) -> str:
     """The sentence on lives that ended at a fraction of the wear at which most others did; empty without any."""
-    name = next(filter(runs.has, WEAR), "")
-    wear = _at_rows(law, runs, name) if name else None
-    if wear is None or (wear > 0).sum() < FEWEST_ENDS:
+    name, rows = next(filter(runs.has, WEAR), ""), rows_in(law, runs)
+    wear = runs.values(name)[rows] if name and rows is not None else np.empty(0)
+    if (wear > 0).sum() < FEWEST_ENDS:
         return ""
     usual = float(np.median(wear[wear > 0]))
     early = (wear > 0) & (wear < EARLY * usual) & (_side(law) == ENDED)
@@ -140,14 +141,6 @@ def _ended_early(law: LawFit, runs: Runs) -> str:
         f"{runs.units.get(name, '')}, most others at {usual:.3g}: not ended by wear, as after chipping or a stop. Mark "
         f"them as run-outs (60+, or a column run-out), or leave them out with --leave-out 'lines {lines}'."
     )
-
-
-def _at_rows(law: LawFit, runs: Runs, name: str) -> Array | None:
-    """Values of a column at the rows of a law; None where lines of the runs are not those of the law."""
-    place = {line: i for i, line in enumerate(runs.lines.tolist())}
-    if len(place) < len(runs) or not place.keys() >= set(law.lines.tolist()):
-        return None
-    return runs.values(name)[[place[line] for line in law.lines.tolist()]]
 
 
 def extrapolated_lives(law: LawFit) -> Check:

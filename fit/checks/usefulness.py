@@ -13,7 +13,7 @@ from ..edges import EdgeInference
 from ..lawfit import LawFit
 from .check import Check
 from .missing_factors import WEAR
-from .strata import has_repeated_edges, no_scatter
+from .strata import has_repeated_edges, no_scatter, rows_in
 
 LEAST_R2, LOW_R2 = 0.1, 0.3  # below which a law is not used, or used with reservations
 WIDE, VERY_WIDE = 2.0, 4.0  # factor within which 95 % of results lie
@@ -67,7 +67,7 @@ def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailabl
 
 
 def _steps(law: LawFit) -> Check | None:
-    """The finding that a response was read in steps that are large beside it; None where it was not."""
+    """The finding that a response was read in steps that are large relative to it; None where it was not."""
     values = np.unique(law.observed) if law.rows is not None else np.empty(0)
     if not 1 < len(values) <= MOST_STEPS or law.nobs < FEWEST_READINGS * len(values):
         return None
@@ -77,7 +77,7 @@ def _steps(law: LawFit) -> Check | None:
     unit = law.units.get(law.response, "")
     listed = f"{', '.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
     return Check(
-        null="the response is read in steps that are small beside it",
+        null="the response is read in steps that are small relative to it",
         concern=1 + int(law.exact or step > LARGE_STEP * middle),
         verdict=(
             f"{law.response} has only {len(values)} different values ({listed}) in {law.nobs} rows, in steps of "
@@ -117,12 +117,10 @@ def _measured(law: LawFit, runs: Runs | None) -> tuple[str, Array]:
     if runs is None or rule is None or law.rows is None or law.form != "power" or not law.formula.logarithmic:
         return none
     sources = [role for role in rule.inputs if role not in law.factors]
-    place = {line: i for i, line in enumerate(runs.lines.tolist())}
-    if len(sources) != 1 or len(rule.inputs) < 2 or sources[0] not in runs.data or len(place) < len(runs):
+    rows = rows_in(law, runs)
+    if len(sources) != 1 or len(rule.inputs) < 2 or sources[0] not in runs.data or rows is None:
         return none
-    if not place.keys() >= set(law.lines.tolist()):
-        return none
-    values = runs.values(sources[0])[[place[line] for line in law.lines.tolist()]]
+    values = runs.values(sources[0])[rows]
     return (sources[0], values) if bool(np.all(values > 0)) else none
 
 
