@@ -149,8 +149,8 @@ def _drift(law: LawFit, found: tuple[float, float, int, float], by: str) -> Chec
         pvalue=p,
         concern=0 if small else concern_of(p),
         verdict=f"Drift over the tests by {by}: {law.response} changes by {change.rstrip()} from the first test to the "
-        f"last, adjusted for the law ({format_p(p)}), as when the machine warms up, a sensor drifts or a batch changes; "
-        "repeat the first test, and note the order in a column 'run'.",
+        f"last, adjusted for the law ({format_p(p)}), as when the machine warms up, a sensor drifts or a batch "
+        "changes; repeat the first test, and note the order in a column 'run'.",
         kept=f"No drift over the tests by {by} that this test shows ({format_p(p)}).",
     )
 
