@@ -532,6 +532,20 @@ def test_coded_levels_become_conditions_and_need_their_range(tmp_path):
         planned(path, Reading(ranges={"f": (0.1, 0.2), "t": (1, 2)}))
 
 
+def test_a_label_that_is_the_same_in_a_row_group_is_not_read(tmp_path, monkeypatch):
+    table = a_shop(pairs=4).assign(work=["steel"] * 24 + [None] * 24 + ["brass", "steel"] * 24)
+    path = write(table, tmp_path / "shop.parquet", row_group_size=24)
+    read = []
+    labelled = indexer.labels
+    monkeypatch.setattr(indexer, "labels", lambda array: read.append(array) or labelled(array))
+    plan = planned(path)
+    assert {str(pair) for pair in plan.pairs} == {
+        "T0 on steel", "T1 on unnamed-work", "T2 on brass", "T2 on steel", "T3 on brass", "T3 on steel"
+    }  # fmt: skip
+    assert len(read) == 3  # work alone, where it differs or is missing: tool is the same in each row group
+    assert len(everything(plan)) == len(table)
+
+
 def test_groups_come_under_their_headers_and_an_unknown_one_is_refused(tmp_path):
     table = a_shop().assign(grade=lambda t: "P" + t["tool"].str[1:], batch=7)
     path = write(table, tmp_path / "a.parquet")

@@ -136,7 +136,7 @@ def numbered(tool: Labels, work: Labels, number: Callable[[tuple[str, str]], int
     [1, 0, 1]
     """
     wide = len(work.texts)
-    keys = tool.codes * wide + work.codes
+    keys = tool.codes * wide + work.codes if wide > 1 else tool.codes
     codes, first = numbers_of_runs(keys)
     asked = [number((tool.texts[key // wide], work.texts[key % wide])) for key in keys[first].tolist()]
     return np.array(asked, dtype=np.intp)[codes]

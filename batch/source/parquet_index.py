@@ -63,13 +63,15 @@ def parts(
 
     Raises whatever Arrow raises for a file that is damaged.
     """
-    partition = dict(piece.partition)
     known = footer(piece.path, piece.stamp)
     schema = known.schema.to_arrow_schema()
-    inside = [use.header for use in uses if use.header not in partition]
-    texts = [name for name in inside if kind_of(schema.field(name).type) == "text"]
     if row_groups is None:
         row_groups = range(known.num_row_groups) if piece.row_group is None else [piece.row_group]
+    partition = dict(piece.partition)
+    names = [use.header for use in uses if use.header not in partition and not is_measured(use)]
+    partition |= {name: label for name in names if (label := _same_label(known, row_groups, name)) is not None}
+    inside = [use.header for use in uses if use.header not in partition]
+    texts = [name for name in inside if kind_of(schema.field(name).type) == "text"]
     if not inside:
         yield _part(sum(known.row_group(i).num_rows for i in row_groups), {}, partition, uses, reading)
         return
@@ -301,6 +303,13 @@ def _only_pair(piece: Piece, facts: Any, keys: tuple[ColumnUse, ...], reading: R
             return None
         names[str(use.role)] = value or UNNAMED[str(use.role)]
     return names["tool"], names["work"]
+
+
+def _same_label(facts: Any, row_groups: Sequence[int], header: str) -> str | None:  # noqa: ANN401
+    """The label of all rows of some row groups by their statistics, so that the column need not be read."""
+    first = _only_value(facts, row_groups[0], header) if row_groups else None
+    same = first is not None and all(_only_value(facts, i, header) == first for i in row_groups[1:])
+    return first if same else None
 
 
 def _only_value(facts: Any, row_group: int | None, header: str) -> str | None:  # noqa: ANN401
