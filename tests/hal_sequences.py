@@ -68,7 +68,7 @@ def worn_inputs(loop: LoadLoop) -> Iterator[Row]:
     row: Row = {"load": 0.0, "enabled": True, "spindle_on": True, "idle": False, "beat": False, "reset": False}
     rests = [(length, 1.15 * loop.reference, {}) for length in range(20, 120, 8)]
     cut = [part for rest in rests for part in (rest, (40, 0.9 * loop.reference, {}))]
-    off = {"spindle_on": False, "idle": True}
+    off = {"enabled": False, "idle": True}
     least, below = loop.engage_at - 0.48 * loop.hysteresis, 0.9 * loop.engage_at
     ends = [(5, float("nan"), off), (5, least, off), (5, below, {"idle": False}), (5, below, {}), (5, below, off)]
     resets = [(60, 1.15 * loop.reference, {}), (1, 1.15 * loop.reference, {"reset": True}), *rests[-1:]]

@@ -28,10 +28,10 @@ class Scenario:
     ----------
     outcome : str
         ``fault``: lower limit, latched; ``stop``: feed inhibited; ``again``: the same after a reset; ``control``:
-        nothing; ``hold``: the last feed at most; ``early``: the upper limit at most, then control; ``worn``: pin worn,
-        lower limit; ``air``: the last feed until motion is idle, then the upper limit; ``pause``: the feed is kept
-        while the path stops; ``passes``: each entry within the load of a worn tool; ``bounded``: the real feed inside
-        the limits, which HAL, with the override alone, cannot do.
+        nothing; ``hold``: the last feed at most; ``early``: the load of a worn tool at most, then control; ``worn``:
+        pin worn, lower limit; ``air``: the last feed until motion is idle, then the lower limit; ``pause``: the feed
+        is kept while the path stops; ``passes``: each entry within the load of a worn tool; ``bounded``: the real
+        feed inside the limits, which HAL, with the override alone, cannot do.
     within : float
         s from the fault to its detection.
     changes : dict
@@ -97,7 +97,7 @@ SCENARIOS = (
     Scenario("three passes, wear 190 um", "passes", wear=190.0, end=20.0, length=25.0, passes=3, duration=9.0),
     Scenario("load pin never connected: 0 from the start", "fault", (Event("value", -1.0, value=0.0),), 0.0),
     Scenario("heartbeat never connected", "fault", (Event("beat", -1.0),), 0.0),
-    Scenario("contact before the spindle has run for arm_after", "early", dwell=0.1, wear=190.0),
+    Scenario("contact before the spindle has run for arm_after", "early", wear=190.0, changes={"arm_after": 3.0}),
     Scenario(
         "M52 P1 missing in the program, load 1.2 times", "stop", (Event("load", AT, value=1.2),), 1.0, adaptive=False
     ),

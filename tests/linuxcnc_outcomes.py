@@ -215,8 +215,8 @@ def _air(scenario, kind, trace, loop, f):
         wrong.append("the feed rose on leaving the cut")
     requested = trace["request"][trace["request"] > 0][-1]  # of the rapid: the component keeps its share
     idle = trace["u"][-1] * (requested / loop.feed_programmed if kind == "comp" else 1.0)
-    if abs(idle - loop.high) > 10 * PRINTED:
-        wrong.append(f"override {idle:.3f} at idle instead of {loop.high:.3f}")
+    if abs(idle - loop.low) > 10 * PRINTED:
+        wrong.append(f"override {idle:.3f} at idle instead of {loop.low:.3f}")
     return wrong
 
 
@@ -234,7 +234,7 @@ def _early(scenario, kind, trace, loop, f):
     armed = int(np.argmax(trace["spindle"] > 0)) + round(loop.arm_after / loop.sample_time)
     contact = int(np.argmax(trace["cutting"] > 0))
     wrong = [] if contact < armed else ["no contact before the controller is armed"]
-    mean = _means(trace["current"][armed + round(LAG / loop.sample_time) :], loop.sample_time).max()
+    mean = _means(trace["current"], loop.sample_time).max()
     if mean > STANDS * loop.worn_load or f.most_feed > 1.005 * loop.feed_high:
         wrong.append(f"{mean:.3f} A at {f.most_feed:.0f} mm/min")
     return [*wrong, *_control(scenario, kind, trace, loop, f)]

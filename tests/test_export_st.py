@@ -108,7 +108,7 @@ class Course:
 def directed(loop) -> list[tuple]:
     """Each state, each fault and each threshold, with readings on both sides of it and times around each delay."""
     low, high, nan, worn = loop.load_low, loop.load_high, math.nan, loop.overload_at
-    course = Course().go(3, nan, spindle=False).go(5, 0.1, spindle=False).go(20, 0.1)
+    course = Course().go(3, nan, enable=False).go(5, 0.1, enable=False).go(5, 0.1, spindle=False).go(20, 0.1)
     course.go(60, 0.1, to=0.2).go(60, 0.2).go(40, 0.2, to=0.12).go(20, 0.12).go(15, 0.2).go(30, 0.1)  # also a short cut
     course.go(200, 0.17)  # to the upper limit
     for upwards, load in ((40, 0.27), (50, 0.265), (60, 0.268), (70, 0.262)):  # to the lower limit, until worn
@@ -135,7 +135,7 @@ def directed(loop) -> list[tuple]:
     course.go(2, nan).go(20, 0.2).go(3, nan).go(10, 0.2).go(1, 0.2, reset=True).go(40, 0.2)
     course.go(40, 0.2, spindle=False).go(15, 0.2).go(40, 0.2, enable=False).go(30, 0.2).go(20, 0.13, spindle=False)
     course.go(20, 0.138, to=0.142, spindle=False, idle=True).go(10, nan, spindle=False, idle=True)
-    course.go(40, 0.12, spindle=False, idle=True).go(20, 0.12, enable=False).go(30, 0.12)
+    course.go(40, 0.12, spindle=False, idle=True).go(110, 0.12, enable=False, idle=True).go(30, 0.12)
     course.go(5, nan, spindle=False).go(40, 0.2).go(8, 0.25).go(8, 0.2).go(30, 0.24).go(30, 0.13)
     course.go(80, 0.159, to=0.161, swing=1e-6).go(80, 0.141, to=0.139, swing=1e-6).go(20, 0.1)
     return course.rows

@@ -307,7 +307,7 @@ class ConstantLoad(Displayable):
             self._had_cut = False
         if cutting:
             target = self._control(u, begins=not self.cutting)
-        elif self.fault or self.overload:
+        elif self.fault or self.overload or (self.enabled and not self._armed):
             target = self.loop.low
         elif self.loop.law != "pi":
             approach = self.loop.approach
@@ -316,7 +316,7 @@ class ConstantLoad(Displayable):
         elif self._had_cut:
             target = u
         else:
-            target = self.loop.low if self._armed else 1.0
+            target = self.loop.low if self.enabled else 1.0
         self.cutting = cutting
         return target
 

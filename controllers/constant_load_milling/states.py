@@ -39,8 +39,8 @@ STATES: Final = (
     StateRow(
         State.OFF,
         "enable is off, or the spindle has not run for arm_after",
-        "programmed feed within the limits before a cut; after one the last feed, until the path stops and the load "
-        "is below the threshold",
+        "lower limit while enable is on; while it is off the programmed feed within the limits before a cut, and after "
+        "one the last feed, until the path stops and the load is below the threshold",
         "back_off and recover",
     ),
     StateRow(State.AIR, "armed, load below the threshold", "lower limit before the first cut, then the last feed",

@@ -57,7 +57,7 @@ _FUNCTIONS: Final = (
     ("high", "wcomp"), ("strained", "and2"), ("exceeded", "timedelay"), ("overload", "flipflop"),
     ("entry", "sum2"), ("bias", "mux2"), ("cut", "lut5"), ("pid", "pid"), ("centre", "sum2"),
     ("heavy", "wcomp"), ("unused", "lut5"), ("had-cut", "flipflop"),
-    ("before", "mux2"), ("after", "mux2"), ("closed", "mux2"), ("stop", "or2"), ("target", "mux2"),
+    ("before", "mux2"), ("after", "mux2"), ("closed", "mux2"), ("stop", "lut5"), ("target", "mux2"),
     ("falling", "comp"), ("rate", "mux2"), ("limit", "limit2"), ("average", "lowpass"), ("begun", "flipflop"),
     ("above-rest", "wcomp"), ("rests", "lut5"), ("count", "mux2"), ("acknowledged", "oneshot"), ("clear", "lut5"),
     ("rested", "integ"), ("dwell", "comp"), ("worn", "flipflop"), ("inhibit", "or2"),
@@ -102,9 +102,9 @@ net fm-lost fm.lost.out => fm.cause.in-1
 # Armed: switched on, and the spindle has turned long enough.
 net fm-spindle-on => fm.turning.in
 net fm-turning fm.turning.out => fm.armed.in0
-net fm-enable => fm.armed.in1
-net fm-armed fm.armed.out => fm.held.sel1 fm.engaged.in-0 fm.cause.in-0 fm.strained.in0 fm.unused.in-0 fm.before.sel
-net fm-armed => fm.unarmed.in
+net fm-enable => fm.armed.in1 fm.stop.in-2 fm.before.sel
+net fm-armed fm.armed.out => fm.held.sel1 fm.engaged.in-0 fm.cause.in-0 fm.strained.in0 fm.unused.in-0
+net fm-armed => fm.unarmed.in fm.stop.in-3
 
 # More than a fifth of the readings invalid, each counted by 4 and a valid one by -1: lost too.
 net fm-unarmed fm.unarmed.out => fm.sparse.reset
@@ -149,8 +149,8 @@ net fm-high fm.high.over => fm.strained.in1
 net fm-strained fm.strained.out => fm.exceeded.in
 net fm-exceeded fm.exceeded.out => fm.overload.set
 net fm-reset => fm.fault.clk fm.overload.clk
-net fm-fault fm.fault.out => fm.cut.in-1 fm.stop.in0
-net fm-overload fm.overload.out => fm.cut.in-2 fm.stop.in1 fm.inhibit.in0
+net fm-fault fm.fault.out => fm.cut.in-1 fm.stop.in-0
+net fm-overload fm.overload.out => fm.cut.in-2 fm.stop.in-1 fm.inhibit.in0
 
 # Control: fm.bias runs before fm.cut, so that in a cut it holds the value of the cut's first sample.
 net fm-cut fm.cut.out => fm.bias.sel fm.pid.enable fm.had-cut.set fm.closed.sel fm.rests.in-0 fm.clear.in-0
@@ -165,7 +165,7 @@ net fm-heavy fm.heavy.over => fm.unused.in-2
 net fm-unused fm.unused.out => fm.had-cut.reset
 net fm-had-cut fm.had-cut.out => fm.after.sel
 
-# Target: fault or overload, else cut, else after a cut, else armed, else off.
+# Target: lower limit in a fault, in an overload, and switched on but not armed; else cut, after a cut, before one.
 net fm-before fm.before.out => fm.after.in0
 net fm-after fm.after.out => fm.closed.in0
 net fm-closed fm.closed.out => fm.target.in0
@@ -292,6 +292,7 @@ def settings_of(loop: LoadLoop) -> list[tuple[str, str]]:
         "still": 0x8,  # same, loaded, not idle
         "cut": 0x2,  # loaded, not fault, not overload, not idle
         "unused": 0x4000404,  # not armed, idle, not heavy, and a number: in range is true for NaN
+        "stop": 0xEEFE,  # fault, overload, or switched on and not armed
         "rests": 0x2,  # in the cut, not above rest
         "clear": 0xF8,  # in the cut and above rest, or acknowledged
     }

@@ -546,13 +546,13 @@ static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error,
 static LoadReal load_open(const LoadSettings *s, LoadState *x, const LoadInput *in)
 {
     if (!x->armed && in->idle && in->load - s->engage_at < -x->half_hysteresis) x->had_cut = 0; /* NaN: kept */
-    if (x->fault || x->overload) return s->low;
+    if (x->fault || x->overload || (in->enable && !x->armed)) return s->low;
     if (s->law != LOAD_PI) {
         if (x->had_cut) return x->u < s->approach ? x->u : s->approach;
         return x->clear_for >= x->n_engage ? s->approach : x->u; /* from power-on the lower limit until air is known */
     }
     if (x->had_cut) return x->u;
-    return x->armed ? s->low : (LoadReal)1;
+    return in->enable ? s->low : (LoadReal)1;
 }
 
 static void load_limit(const LoadSettings *s, LoadState *x, LoadReal target)
