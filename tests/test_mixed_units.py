@@ -4,6 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.fit.checks.strata import split
+from fitmodels.fit.checks.wrong_edges import mixed_units
 
 LEVELS = {"V": (80, 120, 180), "f": (0.1, 0.2, 0.4), "d": (1, 1.5, 2.5)}
 ENDS = {"V": (60, 200), "f": (0.08, 0.5), "d": (0.8, 3)}
@@ -125,3 +127,33 @@ def test_a_life_with_a_maximum_over_speed_is_curved_and_in_one_unit():
     judged = fit.judge(fit.power_law(runs, "T", ["V"]), runs=runs)
     assert not any(one.correction for one in judged.suspects)
     assert any(reason.startswith("Curvature: the square of V") for reason in judged.verdict.reasons)
+
+
+def rough(levels, seed=3, top=40.0):
+    """Roughness with a built-up edge about a speed: a hump of ln V on the line of a feed mark; planned levels."""
+    V, f = np.array(np.meshgrid(levels, (0.1, 0.15, 0.2, 0.3), indexing="ij")).reshape(2, -1)
+    hump = 1 + 1.4 * np.exp(-(np.log(V / top) ** 2) / 0.3)
+    Ra = 25 * f**1.3 * hump * np.exp(np.random.default_rng(seed).normal(0, 0.04, len(V)))
+    return pd.DataFrame({"V [m/min]": V, "f [mm/rev]": f, "Ra [um]": Ra})
+
+
+@pytest.mark.parametrize("levels", [(15, 30, 45, 70, 110, 160), (20, 40, 60, 90, 140, 200), (10, 20, 40, 80, 120, 180)])
+def test_a_built_up_edge_is_no_speed_in_another_unit(levels):
+    """Whole levels of a plan that is crossed show that the effect of V changes, never that their unit does."""
+    runs = datasets.runs_from_frame(rough(levels))
+    judged = fit.judge(fit.power_law(runs, "Ra", ["V", "f"]), runs=runs)
+    assert not judged.checks["mixed units"].concern
+    assert not any(one.correction for one in judged.suspects)
+    found = judged.checks["curvature"].verdict
+    assert "Ra rises with V up to about" in found
+    assert "as with a built-up edge: fit the tests below and above the maximum separately" in found
+
+
+def test_some_rows_of_a_level_in_another_unit_are_found_in_a_crossed_plan():
+    frame = rough((30, 60, 90, 120, 150, 200), top=1e9)
+    frame["Ra [um]"] *= (frame["V [m/min]"] / 100) ** -0.8
+    wrong = frame.index[[16, 18]]
+    frame.loc[wrong, "V [m/min]"] /= 10
+    law = fit.power_law(datasets.runs_from_frame(frame, judge=False), "Ra", ["V", "f"])
+    (suspect,) = mixed_units(law, split(law)).suspects
+    assert (suspect.column, suspect.factor, suspect.lines) == ("V", 10.0, tuple(map(int, wrong)))

@@ -9,7 +9,17 @@ from ...core.rounding import format_decimal
 from ..doubts import Doubt
 from ..draft import Draft, correction
 from ..vocabulary import ROLES
-from .unit_shifts import CLOSE, EVIDENCE, MINORITY, RATIOS, isolated, minorities, single_evidence, split_evidence
+from .unit_shifts import (
+    CLOSE,
+    EVIDENCE,
+    MINORITY,
+    RATIOS,
+    isolated,
+    minorities,
+    planned,
+    single_evidence,
+    split_evidence,
+)
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.intp]
@@ -178,7 +188,8 @@ def _evidence(tests: _Tests, shifts: list[_Shift], y: Array) -> Array:
             for k in these:  # a curved law or a wrong edge, which the checks of the law find
                 moved = shifts[k].edges[known]
                 one_of_several = by_one > out[k] and np.count_nonzero(moved) > 1
-                if (by_square > out[k] + CLOSE or one_of_several) and not isolated(x, moved):
+                other_cause = by_square > out[k] + CLOSE or one_of_several or planned(x, rest[:, 1:], moved)
+                if other_cause and not isolated(x, moved):
                     out[k] = 0.0
     return out
 

@@ -38,6 +38,8 @@ MINORITY = 1 / 3  # of the edges
 EVIDENCE = 6.6  # n ln(RSS0/RSS1): 0 of 300 sound tests reach it, with 24 edges of 6 rows
 ISOLATED = 1.0
 ALONE, TINY = 0.02, 1e-9  # share of its own value that a row must not determine; of a column that others contain
+SEVERAL, MISSING = 2, 0.25  # edges of a planned level at least, and the share of its settings that may be missing
+PLACES = 6  # of the logarithm, to which levels are equal
 CLOSE = 4.6  # with less than this, 2 ln(10), between two ratios the data do not decide
 
 
@@ -82,6 +84,26 @@ def isolated(x: Array, edges: Flags) -> bool:
     """
     side, rest = x[edges], x[~edges]
     return bool(max(rest.min() - side.max(), side.min() - rest.max()) > ISOLATED * (rest.max() - rest.min()))
+
+
+def planned(x: Array, others: Array, edges: Flags) -> bool:
+    """Whether edges are whole levels of a plan that is crossed: other levels have the same settings of the others.
+
+    ``others``, shape (n, k), are the other conditions. The response then shows that the effect of x changes between
+    levels, and nothing else: a bent law explains whole levels as well as another unit.
+
+    >>> x, f = np.repeat(np.log([15.0, 30, 45, 70]), 3), np.tile([[0.1], [0.2], [0.3]], (4, 1))
+    >>> planned(x, f, x < 3), planned(x[1:], np.flip(f[1:] + x[1:, None]), x[1:] < 3)
+    (True, False)
+    """
+    settings = np.unique(others.round(PLACES), axis=0, return_inverse=True)[1].ravel()
+    level = np.unique(x.round(PLACES), return_inverse=True)[1].ravel()
+    count = np.zeros((level.max() + 1, settings.max() + 1), dtype=int)
+    np.add.at(count, (level, settings), 1)
+    moved, rest = np.unique(level[edges]), np.unique(level[~edges])
+    several = bool((count[moved].sum(axis=1) >= SEVERAL).all())
+    other = np.abs(count[rest] - count[moved][:, None]).sum(axis=2) <= MISSING * count[rest].sum(axis=1)
+    return several and bool(other.any(axis=1).all())
 
 
 def split_evidence(y: Array, others: Array, x: Array, moves: Array, count: int, square: Array) -> tuple[Array, float]:

@@ -128,6 +128,7 @@ _DRILLING: Mapping[str, Mapping[str, Exponent]] = {
     "P": {"D": Exponent((0.6, 1.2), (0, 2), 1)},
     **dict.fromkeys(("F", "Fz", "Fxz", "Ff"), _THRUST),
 }
+ROUGHNESS = ("Ra", "Rz")
 _TABLE: Mapping[str, Mapping[str, Exponent]] = {
     **dict.fromkeys(WEAR, _WEAR),
     "T": _LIFE,
@@ -137,7 +138,7 @@ _TABLE: Mapping[str, Mapping[str, Exponent]] = {
     "Fp": _PASSIVE,
     **dict.fromkeys(("F", "Fx", "Fy", "Fz", "Fxz"), _COMPONENT),
     "P": _POWER,
-    **dict.fromkeys(("Ra", "Rz"), _ROUGHNESS),
+    **dict.fromkeys(ROUGHNESS, _ROUGHNESS),
     "theta": _TEMPERATURE,
     "I": _CURRENT,
 }
@@ -253,3 +254,29 @@ def local_exponents(law: LawFit, level: float = 0.95) -> dict[str, tuple[float, 
 def _without_shifts(law: LawFit, Z: Array) -> Array:
     """A design at the level of reference of the category, with as many columns as the law has coefficients."""
     return np.hstack([Z, np.zeros((len(Z), len(law.theta) - Z.shape[1]))])
+
+
+def built_up_edge(law: LawFit, name: str) -> str:
+    """What to do where a roughness rises and then falls over the speed, as with a built-up edge; "" otherwise.
+
+    The maximum is that of a square of the logarithm of the speed beside the other terms of a power law.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> built_up_edge(law, "V")
+    ''
+    """
+    if law.response not in ROUGHNESS or SAME.get(name, name) != "V" or law.form != "power":
+        return ""
+    v = np.log(law.X[:, law.factors.index(name)])
+    theta = np.linalg.lstsq(np.column_stack([law.design, v**2]), np.log(law.observed), rcond=None)[0]
+    top = -float(theta[1 + law.factors.index(name)]) / (2 * float(theta[-1]))
+    if theta[-1] >= 0 or not v.min() < top < v.max():
+        return ""
+    at = f"{float(f'{np.exp(top):.2g}'):g} {law.units.get(name, '')}".rstrip()
+    return (
+        f"{law.response} rises with {name} up to about {at} and then falls, as with a built-up edge: fit the tests "
+        "below and above the maximum separately"
+    )

@@ -20,6 +20,7 @@ from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, format_p
+from .exponent_ranges import built_up_edge
 from .strata import (
     NO_ROWS,
     Codes,
@@ -224,7 +225,7 @@ def curvature(law: LawFit, strata: Strata | NotAvailable) -> Curvature | NotAvai
     gain = (extra[:, new].T @ rest / length[new]) ** 2
     j = int(np.argmax(gain))
     F = float(gain[j]) / max((float(rest @ rest) - float(gain[j])) / (df - 1), 1e-300)
-    return _curvature_test(F, df - 1, [law.factors[squared[i]] for i in new], j)
+    return _curvature_test(law, F, df - 1, [law.factors[squared[i]] for i in new], j)
 
 
 LARGE_F = 1e4  # above which F is printed to four digits
@@ -252,17 +253,15 @@ def _unit_length(A: Array) -> Array:
     return np.asarray(A / np.maximum(np.linalg.norm(A, axis=0), 1e-300))
 
 
-def _curvature_test(F: float, df: int, names: list[str], j: int) -> Curvature:
+def _curvature_test(law: LawFit, F: float, df: int, names: list[str], j: int) -> Curvature:
     from scipy.special import fdtrc
 
     p = min(1.0, len(names) * float(fdtrc(1, df, F)))
     largest = f", the largest of {len(names)}" if len(names) > 1 else ""
     result = f"F(1, {df}) = {format_plain(F, 4) if F >= LARGE_F else f'{F:.2f}'}{largest}, {format_p(p)}"
     kept = f"No curvature in {', '.join(names)}: at most, the square of {names[j]} ({result})."
-    rejected = (
-        f"Curvature: the square of {names[j]} improves the law ({result}), so that its effect changes over its range; "
-        "compare it with a second-order law (fitmodels compare), or restrict the range."
-    )
+    compare = "compare it with a second-order law (fitmodels compare), or restrict the range"
+    over = f"Curvature: the square of {names[j]} improves the law ({result}), so that its effect changes over its range"
     return Curvature(
         null=f"the effects of {', '.join(names)} do not change over their ranges",
         statistic=F,
@@ -270,7 +269,7 @@ def _curvature_test(F: float, df: int, names: list[str], j: int) -> Curvature:
         df=(1, df),
         pvalue=p,
         concern=int(p < SIGNIFICANT),
-        verdict=rejected if p < SIGNIFICANT else kept,
+        verdict=f"{over}; {built_up_edge(law, names[j]) or compare}." if p < SIGNIFICANT else kept,
         kept=kept,
         term=names[j],
     )

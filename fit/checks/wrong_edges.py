@@ -26,6 +26,7 @@ from ...datasets.plausibility.unit_shifts import (
     TIME_RATIOS,
     isolated,
     minorities,
+    planned,
     ratios_of,
     single_evidence,
     split_evidence,
@@ -130,8 +131,12 @@ def _other_cause(law: LawFit, levels: EdgeLevels, one: Split, by_square: float) 
         bent = max(squares, key=lambda other: squares[other])
         best = squares[bent]
         return (0 if best < evidence - CLOSE else 1 if best < evidence else 2), f"The square of ln {bent}"
-    if isolated(levels.x[:, law.factors.index(name)], edges):
+    j = law.factors.index(name)
+    if isolated(levels.x[:, j], edges):
         return 0, ""
+    fixed = [k for k, other in enumerate(law.factors) if k != j and other in ROLES and ROLES[other].kind == "condition"]
+    if planned(levels.x[:, j], levels.x[:, fixed], edges):
+        return 2, f"An effect of {name} that changes between its levels"
     by_edge, g = single_evidence(levels.b, levels.A, slice(levels.within, None))
     unit = "edge" if levels.by_edge else "line"
     others = [
