@@ -587,6 +587,35 @@ def test_a_feed_force_above_the_cutting_force_is_doubted(read):
     assert found[0].sentence == "Ff exceeds Fc in 27 of 27 rows: the two columns may be exchanged"
 
 
+FINISHING = {"Fc": (1650, 0.75, 1.0), "Ff": (700, 0.45, 1.03), "Fp": (480, 0.5, 0.73)}  # factor, exponents of f and d
+
+
+@pytest.mark.parametrize(
+    ("named", "remedy"),
+    [
+        ({}, None),
+        ({"Fc": "Fp", "Fp": "Fc"}, '--map "Fc=col6" --map "Fp=col4"'),
+        ({"Fc": "Ff", "Ff": "Fc"}, '--map "Fc=col5" --map "Ff=col4"'),
+    ],
+)
+def test_the_cutting_force_is_told_from_the_other_two_by_its_exponents(read, named, remedy):
+    plan, rng = planned(), np.random.default_rng(4)
+    f, d = plan["f [mm/rev]"], plan["d [mm]"]
+    force = {name: c * f**a * d**b * np.exp(rng.normal(0, 0.03, 27)) for name, (c, a, b) in FINISHING.items()}
+    plan = {name: plan[name] for name in ("V [m/min]", "f [mm/rev]", "d [mm]")}
+    plan |= {f"{name} [N]": force[named.get(name, name)].round(1) for name in FINISHING}
+    found = [doubt for doubt in read(text(plan)).doubts if "exceeds Fc" in doubt.sentence]
+    assert [doubt.remedy for doubt in found] == ([remedy] if remedy else [])
+
+
+def test_a_passive_force_above_the_cutting_force_of_hard_turning_is_sound(read):
+    V, f, d = (np.ravel(one) for one in np.meshgrid((100.0, 200), (0.05, 0.1, 0.15), (0.1, 0.2, 0.3), indexing="ij"))
+    noise = np.random.default_rng(1).normal(1, 0.05, (2, len(V)))
+    Fc, Fp = 2800 * f**0.7 * d * noise[0], 2800 * f**0.6 * d**0.7 * noise[1]
+    doubts = read(text({"V [m/min]": V, "f [mm/rev]": f, "d [mm]": d, "Fc [N]": Fc, "Fp [N]": Fp})).doubts
+    assert not [doubt for doubt in doubts if "exceeds Fc" in doubt.sentence]
+
+
 @pytest.mark.parametrize(("value", "found"), [(0.25, True), (0.2, False)])
 def test_a_level_that_one_row_has_is_doubted_where_the_others_have_three_and_more(read, value, found):
     V, f = np.repeat([90.0, 140, 200, 280], 4), np.tile([0.08, 0.12, 0.2, 0.3], 4)

@@ -28,7 +28,10 @@ SPECIFIC_USUAL, SPECIFIC_POSSIBLE = (100, 6000), (10, 30000)  # N/mm2, of any fo
 FORCE_POSSIBLE = (0.1, 10)  # of a resultant to that of its components; beyond, a unit is wrong and no axis is missing
 DEVIATION = 8.0  # of a row from the median of the ratio
 FEWEST = 5
-MOST_ABOVE = 0.9  # share of rows with Ff above Fc
+MOST_ABOVE = 0.9  # share of rows with Ff or Fp above Fc
+MAIN_FORCE = {"f": 0.75, "d": 1.0}  # usual exponents of a cutting force: Kienzle's 1 - mc, and 1
+SPARE = 2  # rows beyond the coefficients of a force
+CLEARLY = 0.2  # by which the exponents of another force are nearer to these
 NEAR = 0.02  # by which an engagement may exceed the tool
 
 Array = NDArray[np.float64]
@@ -74,8 +77,8 @@ def check_columns(draft: Draft, options: ReadOptions) -> None:
         _compare_specific_force(draft, values, area, options)
     if {"Rz", "Ra"} <= measured:
         _compare(draft, _ROUGHNESSES, _over(values["Rz"], values["Ra"]), options)
-    if turning and {"Fc", "Ff"} <= measured:
-        _compare_feed_force(draft, values)
+    if turning and "Fc" in measured:
+        _compare_components(draft, values)
     _compare_force(draft, values, options)
     _compare_torque(draft, options)
     _compare_engagement(draft, options)
@@ -111,14 +114,47 @@ def _compare_torque(draft: Draft, options: ReadOptions) -> None:
     _compare(draft, of, _over(8000 * M, f * D**2), options)
 
 
-def _compare_feed_force(draft: Draft, values: dict[str, Array]) -> None:
-    """Doubt a feed force above the cutting force in nearly all rows: exchanged names."""
-    both = np.isfinite(values["Fc"]) & np.isfinite(values["Ff"])
-    above = np.count_nonzero(values["Ff"][both] > values["Fc"][both])
-    if np.count_nonzero(both) >= FEWEST and above > MOST_ABOVE * np.count_nonzero(both):
-        number = {use.role: use.number for use in draft.uses if use.role}
-        sentence = f"Ff exceeds Fc in {above} of {np.count_nonzero(both)} rows: the two columns may be exchanged"
-        draft.doubts.append(Doubt(("Fc", "Ff"), sentence, f'--map "Fc=col{number["Ff"]}" --map "Ff=col{number["Fc"]}"'))
+def _compare_components(draft: Draft, values: dict[str, Array]) -> None:
+    """Doubt a feed or passive force above the cutting force in nearly all rows: exchanged names.
+
+    A passive force exceeds it in finishing and hard turning, and is doubted where it depends on feed and depth as a
+    cutting force does, and the column of the cutting force does not.
+    """
+    above = {}
+    for role in ("Ff", "Fp"):
+        if role in values:
+            both = np.isfinite(values["Fc"]) & np.isfinite(values[role])
+            count, known = np.count_nonzero(values[role][both] > values["Fc"][both]), np.count_nonzero(both)
+            if known >= FEWEST and count > MOST_ABOVE * known:
+                above[role] = count, known
+    off = {role: _off_main_force(values, role) for role in ("Fc", *above)}
+    if "Fp" in above and not off["Fp"] + CLEARLY < off["Fc"]:
+        del above["Fp"]
+    if not above:
+        return
+    role = min(above, key=lambda one: off[one])
+    number = {use.role: use.number for use in draft.uses if use.role}
+    sentence = f"{role} exceeds Fc in {above[role][0]} of {above[role][1]} rows"
+    if role == "Fp":
+        sentence += " and depends on f and d as a cutting force does"
+    remedy = f'--map "Fc=col{number[role]}" --map "{role}=col{number["Fc"]}"'
+    draft.doubts.append(Doubt(("Fc", role), f"{sentence}: the two columns may be exchanged", remedy))
+
+
+def _off_main_force(values: dict[str, Array], role: str) -> float:
+    """By how much the exponents of feed and depth differ from those of a cutting force; infinite where unknown."""
+    names: list[str] = [
+        name for name in ("f", "d", "V") if name in values and np.nanmax(values[name]) > np.nanmin(values[name])
+    ]
+    if not set(MAIN_FORCE) <= set(names):
+        return np.inf
+    X = np.column_stack([values[role], *(values[name] for name in names)])
+    X = np.log(X[(np.isfinite(X) & (X > 0)).all(axis=1)])
+    A = np.column_stack([np.ones(len(X)), X[:, 1:]])
+    if len(X) < A.shape[1] + SPARE or np.linalg.matrix_rank(A) < A.shape[1]:
+        return np.inf
+    found = np.linalg.lstsq(A, X[:, 0], rcond=None)[0]
+    return float(sum(abs(found[1 + names.index(name)] - usual) for name, usual in MAIN_FORCE.items()))
 
 
 def _compare_specific_force(draft: Draft, values: dict[str, Array], area: Array, options: ReadOptions) -> None:
