@@ -237,6 +237,28 @@ def test_falling_wear_repeated_rows_and_repeated_times_are_named():
     assert "4 min at lines 6 and 7 of edge E02" in doubted(read(changed(7, T, 4.0)))
 
 
+def indexed(changes, seed=1, scatter=0.04):
+    """Wear of eight edges; after ``changes`` rows of the ten of some edges a new insert was cut on under their name."""
+    rng, frames = np.random.default_rng(seed), []
+    for e, (V, f) in enumerate((V, f) for V in (120, 160, 200, 240) for f in (0.15, 0.25)):
+        t = np.arange(2.0, 30.0, 3.0)
+        of_insert = t - np.where(np.arange(10) >= changes.get(e, 10), t[changes.get(e, 0)] - 2, 0)
+        VB = 0.0008 * V**0.7 * f**0.2 * of_insert**0.45 * np.exp(rng.normal(0, scatter, 10))
+        frames.append(pd.DataFrame({"edge": f"E{e + 1}", "vc": V, "f": f, "t [min]": t, "VB [mm]": VB.round(3)}))
+    return pd.concat(frames, ignore_index=True)
+
+
+def test_inserts_indexed_under_one_name_are_named():
+    """More falls than one in ten steps were taken as a property of the tests, and nothing was said."""
+    said = doubted(read(indexed(dict.fromkeys(range(8), 5))))
+    assert "VB falls to its first values and rises again in 8 of 8 edges: E1 from" in said
+    assert "at line 5" in said
+    assert "give each insert a name of its own" in said
+    assert "in 5 of 8 edges" in doubted(read(indexed({0: 5, 1: 4, 3: 6, 6: 5, 7: 3})))
+    for seed in range(5):
+        assert "VB falls" not in doubted(read(indexed({}, seed, 0.2)))
+
+
 def test_time_that_runs_on_or_is_counted_by_sub_test_is_doubted():
     assert "t runs on from edge to edge" in doubted(read(TABLE.assign(**{T: np.arange(ROWS) * 2.0 + 2})))
     for frame in (TABLE, without()):

@@ -13,7 +13,7 @@ from ..vocabulary import ROLES
 from .columns import Array, Codes, Flags, differs
 from .merged_cells import lines_text
 from .rows import FEW, EdgeRows, by_edge, listed, median
-from .times import doubts_of_time
+from .times import begun_anew, doubts_of_time
 
 MOST_ROWS = 100_000  # of a table whose edges are checked cell by cell
 JUMP = 3.0  # factor of a cell against its neighbours above which a digit or decimal mark may have slipped
@@ -230,13 +230,20 @@ def _of_response(
             yield Doubt((role,), f"{role} jumps within an edge: {listed(cells)}; {what}")
     if grows and (step < np.log(FALL)).any():
         log_t = np.zeros(len(y)) if t is None else np.log(np.maximum(t[order], 1e-9))
-        yield from _falls(draft, role, values, order, step, np.diff(log_t), slipped)
+        yield from _falls(draft, edges, role, values, order, step, np.diff(log_t), slipped)
     yield from _levels(edges, role, *_over_section(draft, role, order, code, y))
     yield from _shifted_response(edges, role, values)
 
 
 def _falls(
-    draft: Draft, role: str, values: Array, order: NDArray[np.intp], step: Array, later: Array, slipped: Flags
+    draft: Draft,
+    edges: EdgeRows,
+    role: str,
+    values: Array,
+    order: NDArray[np.intp],
+    step: Array,
+    later: Array,
+    slipped: Flags,
 ) -> Iterator[Doubt]:
     """Steps down beyond the scatter about a power of time; ``later`` are the steps of the logarithm of time."""
     known = ~np.isnan(step)
@@ -245,6 +252,10 @@ def _falls(
     left = step - exponent * np.maximum(later, 0)
     centre = median(left[known])
     spread = 1.4826 * median(np.abs(left[known] - centre))
+    anew = begun_anew(draft, edges, role, values, order, left < centre - SPREADS * spread)
+    if anew is not None:
+        yield anew
+        return
     falls = (step < np.log(FALL)) & ~slipped[1:] & ~slipped[:-1]
     falls &= (left < centre - SPREADS_ALONE * spread) | (_lasting(step) < min(np.log(FALL), -SPREADS * spread))
     if 0 < falls.sum() <= max(2, 0.1 * known.sum()):

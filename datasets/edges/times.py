@@ -1,8 +1,10 @@
-"""Contradictions of the time in cut within cutting edges, and between them."""
+"""Contradictions of the time in cut within cutting edges and between them, and wear that begins anew within them."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.rounding import format_plain
 from ..doubts import Doubt
@@ -141,3 +143,41 @@ def _running_on(edges: EdgeRows, x: Array) -> Iterator[Doubt]:
             "time of the one before. Is it the time of the machine? A law needs the time in cut of the edge, from its "
             "first cut",
         )
+
+
+FALL_ANEW, FIRST_WEAR, RISE_ANEW = 2 / 3, 1.6, 1.2  # factors of a step, of the wear after it to the first, of its rise
+LONG, SHARE = 5, 0.5  # rows of an edge in which wear may begin anew, and the share of such edges
+
+
+def begun_anew(
+    draft: Draft, edges: EdgeRows, role: str, wear: Array, order: NDArray[np.intp], fell: Flags
+) -> Doubt | None:
+    """Doubt wear that falls to its first values and rises again in most edges: several inserts under one name.
+
+    Parameters
+    ----------
+    wear : ndarray, shape (n,)
+        Wear of the rows of the file.
+    order : ndarray of int, shape (m,)
+        Rows by edge and time.
+    fell : ndarray of bool, shape (m - 1,)
+        Whether the wear falls beyond its scatter from a row of ``order`` to the next.
+    """
+    code, x = edges.codes[order], wear[order]
+    begins = np.flatnonzero(np.append(True, code[1:] != code[:-1]))
+    long, cells = 0, []
+    for first, end in pairwise([*begins.tolist(), len(order)]):
+        at = 1 + first + np.flatnonzero(fell[first : end - 1] & (x[first + 1 : end] < FALL_ANEW * x[first : end - 1]))
+        long += end - first >= LONG
+        risen = [x[i] <= FIRST_WEAR * x[first] and x[i:end].max() >= RISE_ANEW * x[i] for i in at]
+        if end - first >= LONG and 1 <= len(at) <= 2 and all(risen):
+            i = int(at[0])
+            name, ends = edges.names[order[i]], f"{format_plain(x[i - 1])} to {format_plain(x[i])}"
+            cells.append(f"{name} from {ends} {draft.units.get(role, '')} at line {draft.lines[order[i]]}")
+    if len(cells) < max(3, SHARE * long):
+        return None
+    return Doubt(
+        (role, "edge"),
+        f"{role} falls to its first values and rises again in {len(cells)} of {long} edges: {listed(cells)}; several "
+        "inserts probably have one name: give each insert a name of its own, and its times from its first cut on",
+    )
