@@ -1,5 +1,6 @@
 """Plausibility of a file of tests: what cannot be is refused, what is unusual or contradictory is doubted."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from ..columns import NONE, ColumnUse
 from ..doubts import Doubt
 from ..draft import CORRECTS, Draft
 from ..edges.checks import of_another_order
-from ..options import ReadOptions
+from ..options import Process, ReadOptions
 from ..vocabulary import ROLES, roles_named
 from .cross_checks import check_columns, check_systems
 from .mixed_units import check_mixed_units
@@ -25,6 +26,14 @@ _NO_FACTOR = ("load", "surface")  # results that other laws do not need
 _RESULTS = ("load", "surface", "other")  # exchanged among each other, conditions with time and wear
 CLOSE = 10  # values that are merely uncommon do not decide between units of a smaller ratio
 NEGATIVE = 0.95  # share of the values of a column whose sign is reversed
+# Standard speeds of spindles, 1/min: series R20 of ISO 3, DIN 804; those that plans of cutting speeds have as well
+SPINDLE_SPEEDS = (280, 315, 355, 400, 450, 500, 560, 630, 710, 800, 900, 1000, 1120, 1250, 1400, 1600, 1800, 2000, 2240)
+ROUND_SPEEDS = (400, 450, 500, 800, 900, 1000, 1600, 1800, 2000)
+FEWEST_SPEEDS = 3
+# Materials and tools that are turned at more than 600 m/min
+_FAST = re.compile(
+    r"alu|\bal[ -]?(?:si|mg|cu|\d{4})|magnes|brass|messing|\bc?bn\b|\bp[ck]d\b|diam[ao]n[td]|[ck][eé]ram|cerám"
+)
 _AXES = ("Fx", "Fy", "Fz")  # their sign depends on the axes of the dynamometer, and resultants do not
 
 
@@ -42,7 +51,7 @@ def settle_units(draft: Draft, options: ReadOptions) -> None:
     for one in found:
         if one.unit:
             _judge_named(draft, one, exchanged)
-        elif not one.lies_in(one.ranges.usual):
+        elif not _doubt_revolutions(draft, one, options, process) and not one.lies_in(one.ranges.usual):
             _judge_unnamed(draft, one, exchanged)
     check_systems(draft, found if draft.uses is named else numeric_columns(draft, options, process), named)
     _state_unnamed(draft)
@@ -241,6 +250,28 @@ def _doubt_unnamed(draft: Draft, one: Quantity, unit: str) -> None:
     if far:
         sentence += _confirmation(one.role, home)
     draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={unit}", unsettled=far))
+
+
+def _doubt_revolutions(draft: Draft, one: Quantity, options: ReadOptions, process: Process | None) -> bool:
+    """Whether a speed without a unit may be that of the spindle, which then is doubted, and stays in m/min."""
+    spindle = plausible("n", process)
+    known = one.role != "V" or "n" in {*draft.data, *options.constants}
+    if known or spindle is None or not (one.lies_in(spindle.usual) and one.lies_in(one.ranges.unusual)):
+        return False
+    values = np.unique(np.asarray(draft.columns[one.place].values, dtype=float))
+    levels, least = values[values > 0], (plausible("V", process or "turning") or one.ranges).usual[1]
+    named = "n" in roles_named(draft.uses[one.place].name)  # "speed" may be either
+    standard = len(levels) >= FEWEST_SPEEDS and bool(np.isin(levels.round(), SPINDLE_SPEEDS).all())
+    labels = {str(label) for role in ("tool", "work") for label in draft.data.get(role, ())}
+    fast = _FAST.search(" ".join([options.tool or "", options.work or "", *labels, *draft.notes]).casefold())
+    if fast or not (np.median(levels) > least or (named and standard and not np.isin(levels, ROUND_SPEEDS).all())):
+        return False
+    usual = f"usual {format_decimal(one.ranges.usual[0])} to {format_decimal(least)} m/min"
+    spindles = "standard spindle speeds" if standard else "usual spindle speeds"
+    sentence = f"V {one.shown('')} has no unit and is taken as m/min ({usual}); in 1/min these are {spindles}"
+    sentence += _confirmation("V", "m/min")
+    draft.doubts.append(Doubt(("V",), sentence, f"--map n=col{draft.columns[one.place].number}"))
+    return True
 
 
 def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) -> None:
