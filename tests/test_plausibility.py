@@ -729,3 +729,37 @@ def test_a_speed_without_a_unit_that_may_be_that_of_the_spindle_is_doubted(read,
     if found:
         assert not [doubt for doubt in read(content, units={"V": "m/min"}).doubts if "1/min these" in doubt.sentence]
         assert not [doubt for doubt in read(content, work="AlSi7").doubts if "1/min these" in doubt.sentence]
+
+
+@pytest.mark.parametrize(
+    ("factor", "rows", "unit", "correct", "shown"),
+    [
+        (1000, slice(36, 72), "mm", "E07,E08,E09,E10,E11,E12:VB/1000", "um and mm, two units"),
+        (1000, slice(36, 72), "um", "E01,E02,E03,E04,E05,E06:VB*1000", "um and mm, two units"),
+        (1000, slice(40, 72), "mm", "lines 42-73:VB/1000", "um and mm, two units"),
+        (1000, slice(60, 72), "mm", "E11,E12:VB/1000", "um and mm, two units"),
+        (100, slice(42, 72), "mm", "E08,E09,E10,E11,E12:VB/100", "hundredths of mm"),
+    ],
+)
+def test_a_wear_in_two_units_is_refused_with_the_rows_that_are_wrong(read, factor, rows, unit, correct, shown):
+    rng, edge = np.random.default_rng(2), np.repeat(np.arange(12), 6)
+    t, V = np.tile(np.arange(2.0, 13, 2), 12), np.tile([120.0, 160, 200], 4)[edge]
+    VB = 0.001 * V**0.7 * t**0.45 * np.exp(rng.normal(0, 0.04, 72))
+    VB[rows] *= factor
+    columns = {"edge": [f"E{e + 1:02d}" for e in edge], "vc [m/min]": V, "t [min]": t, "VB [mm]": VB.round(4)}
+    content = pd.DataFrame(columns).to_csv(index=False)
+    options = {"units": {"VB": "um"}} if unit == "um" else {}
+    with pytest.raises(errors.DataError) as caught:
+        read(content, **options)
+    assert f"{factor} times as large" in str(caught.value)
+    assert shown in str(caught.value)
+    assert f'--correct "{correct}"' in str(caught.value)
+    assert said(read(content, correct=[correct], **options)) == []
+
+
+def test_a_wear_of_new_edges_beside_worn_ones_is_in_one_unit(read):
+    VB = np.tile([0.002, 0.002, 0.25, 0.28, 0.3, 0.33], 6)
+    columns = {"edge": np.repeat([f"E{e}" for e in range(6)], 6), "t [min]": np.tile([0.1, 0.2, 8, 10, 12, 14], 6)}
+    frame = pd.DataFrame(columns | {"vc [m/min]": np.repeat(np.linspace(90.0, 200, 6), 6), "VB [mm]": VB})
+    doubts = read(frame.to_csv(index=False)).doubts
+    assert not [doubt for doubt in doubts if "times as large" in doubt.sentence]

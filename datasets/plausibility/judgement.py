@@ -10,15 +10,16 @@ from ...core.errors import DataError
 from ...core.rounding import format_decimal
 from ..columns import NONE, ColumnUse
 from ..doubts import Doubt
-from ..draft import CORRECTS, Draft
+from ..draft import CORRECTS, Draft, correction
 from ..edges.checks import of_another_order
+from ..edges.rows import FEW
 from ..options import Process, ReadOptions
 from ..vocabulary import ROLES, roles_named
 from .cross_checks import check_columns, check_systems
 from .mixed_units import check_mixed_units
 from .quantities import Quantity, numeric_columns, table_process, take_unit, unit_factor
 from .ranges import INCH, candidate_units, plausible, widest
-from .stray_values import check_cells, check_levels
+from .stray_values import check_cells, check_levels, places
 from .unused_columns import check_uses
 
 _POSITIVE = ("wear", "load", "surface", "condition", "time")
@@ -29,10 +30,12 @@ NEGATIVE = 0.95  # share of the values of a column whose sign is reversed
 # Standard speeds of spindles, 1/min: series R20 of ISO 3, DIN 804; those that plans of cutting speeds have as well
 SPINDLE_SPEEDS = (280, 315, 355, 400, 450, 500, 560, 630, 710, 800, 900, 1000, 1120, 1250, 1400, 1600, 1800, 2000, 2240)
 ROUND_SPEEDS = (400, 450, 500, 800, 900, 1000, 1600, 1800, 2000)
-FEWEST_SPEEDS = 3
+FEWEST_LEVELS = 3
+# Values of a column in two units, the ratio between two groups of them, and by which their medians may be off
+FEWEST_OF_UNITS, GAP_OF_UNITS, NEARLY = 8, 4.0, 3.0
 # Materials and tools that are turned at more than 600 m/min
 _FAST = re.compile(
-    r"alu|\bal[ -]?(?:si|mg|cu|\d{4})|magnes|brass|messing|\bc?bn\b|\bp[ck]d\b|diam[ao]n[td]|[ck][eé]ram|cerám"
+    r"alu|\bal[ -]?(?:si|mg|cu|\d{4})|magnes|brass|messing|\bc?bn\b|\bp[ck]d\b|dia?mant|diamond|[ck][eé]ram|cerám"
 )
 _AXES = ("Fx", "Fy", "Fz")  # their sign depends on the axes of the dynamometer, and resultants do not
 
@@ -49,6 +52,8 @@ def settle_units(draft: Draft, options: ReadOptions) -> None:
     found = numeric_columns(draft, options, process)
     exchanged, named = _exchanges(found), draft.uses
     for one in found:
+        if ROLES[one.role].kind == "wear":
+            _refuse_two_units(draft, one)
         if one.unit:
             _judge_named(draft, one, exchanged)
         elif not _doubt_revolutions(draft, one, options, process) and not one.lies_in(one.ranges.usual):
@@ -252,6 +257,42 @@ def _doubt_unnamed(draft: Draft, one: Quantity, unit: str) -> None:
     draft.doubts.append(Doubt((one.role,), sentence, f"--unit {one.role}={unit}", unsettled=far))
 
 
+def _refuse_two_units(draft: Draft, one: Quantity) -> None:
+    """Refuse a wear that is a thousand or a hundred times as large in some rows as in the others, with their lines.
+
+    Both groups are measured at the same times: a wear of new edges beside that of worn ones is no other unit.
+    """
+    x = np.asarray(draft.columns[one.place].values, dtype=float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        y = np.where(x > 0, np.log(x), np.nan)
+    levels = np.sort(y[np.isfinite(y)])
+    if len(levels) < FEWEST_OF_UNITS or float(np.diff(levels).max()) < np.log(GAP_OF_UNITS):
+        return
+    cut = levels[int(np.diff(levels).argmax())]
+    low, high = np.flatnonzero(y <= cut), np.flatnonzero(y > cut)
+    share = min(len(low), len(high)) / len(levels)
+    if share < FEW and one.lies_in(one.ranges.unusual):  # few edges of another order are doubted by name
+        return
+    times = np.asarray(draft.data["t"], dtype=float) if "t" in draft.data else np.ones(len(x))
+    apart, later = (float(np.nanmedian(of[high])) / max(float(np.nanmedian(of[low])), 1e-12) for of in (x, times))
+    factor = next((step for step in (1000.0, 100.0) if 1 / NEARLY < apart / step < NEARLY), 0.0)
+    right = [rows for rows in (low, high) if _between(one.ranges.usual, float(np.median(x[rows])) * one.factor)]
+    if not factor or not 1 / NEARLY < later < NEARLY or len(right) != 1 or len(np.unique(y[low])) < FEWEST_LEVELS:
+        return
+    wrong, step = (high, 1 / factor) if right[0] is low else (low, factor)
+    shown = [" to ".join(format_decimal(float(end)) for end in (x[at].min(), x[at].max())) for at in (low, high)]
+    cause = "um and mm, two units" if factor > CLOSE**2 else "a decimal mark, or mm and hundredths of mm"
+    raise DataError(
+        f"column {draft.columns[one.place].name!r}: {one.role} is {shown[0]} in {len(low)} rows and {shown[1]} in "
+        f"{len(high)} rows ({places(draft, high)}), {factor:g} times as large: {cause}; read it with "
+        f"{correction(draft, wrong, one.role, step) or 'one unit in all rows'}."
+    )
+
+
+def _between(ends: tuple[float, float], value: float) -> bool:
+    return ends[0] <= value <= ends[1]
+
+
 def _doubt_revolutions(draft: Draft, one: Quantity, options: ReadOptions, process: Process | None) -> bool:
     """Whether a speed without a unit may be that of the spindle, which then is doubted, and stays in m/min."""
     spindle = plausible("n", process)
@@ -261,7 +302,7 @@ def _doubt_revolutions(draft: Draft, one: Quantity, options: ReadOptions, proces
     values = np.unique(np.asarray(draft.columns[one.place].values, dtype=float))
     levels, least = values[values > 0], (plausible("V", process or "turning") or one.ranges).usual[1]
     named = "n" in roles_named(draft.uses[one.place].name)  # "speed" may be either
-    standard = len(levels) >= FEWEST_SPEEDS and bool(np.isin(levels.round(), SPINDLE_SPEEDS).all())
+    standard = len(levels) >= FEWEST_LEVELS and bool(np.isin(levels.round(), SPINDLE_SPEEDS).all())
     labels = {str(label) for role in ("tool", "work") for label in draft.data.get(role, ())}
     fast = _FAST.search(" ".join([options.tool or "", options.work or "", *labels, *draft.notes]).casefold())
     if fast or not (np.median(levels) > least or (named and standard and not np.isin(levels, ROUND_SPEEDS).all())):
