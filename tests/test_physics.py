@@ -69,6 +69,17 @@ def test_sound_laws_pass(response, c0, powers):
         assert check.concern == 0, check.verdict
 
 
+def test_an_interval_outside_the_usual_range_is_not_said_to_reach_it():
+    """Fc ~ V^0.303 passed with the sentence that the interval of each exponent reaches the usual range."""
+    law, runs = law_of("Fc", 640, FORCE | {"V": 0.303}, sd=0.02)
+    check = exponents(law, runs)
+    assert check.concern == 0
+    assert check.verdict.startswith("Exponents outside the range usual in cutting, and not so far that they are")
+    assert "(usual -0.3 to 0.1, doubted beyond -0.6 to 0.4)" in check.verdict
+    law, runs = law_of("Fc", 1900, FORCE, sd=0.02)
+    assert exponents(law, runs).verdict.endswith("each exponent (V, f, d) reaches the range usual in cutting.")
+
+
 @pytest.mark.parametrize(
     ("powers", "named", "level"),
     [

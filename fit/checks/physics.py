@@ -58,7 +58,7 @@ def _exponents(law: LawFit, runs: Runs | None) -> Check | NotAvailable:
         return intervals
     ranges = {name: one for name, one in ranges.items() if name in intervals}
     said = [_judged(law, name, one, intervals[name]) for name, one in ranges.items()]
-    null = f"the interval of each exponent reaches the range usual in {where}"
+    null = f"the interval of each exponent reaches the range that occurs in {where}"
     found = list(filter(None, [*said, _feed_above_speed(law, ranges)]))
     return _check(null, found, _passed(ranges, intervals, where))
 
@@ -73,16 +73,24 @@ def _intervals(law: LawFit) -> dict[str, tuple[float, float, float]] | NotAvaila
 
 
 def _passed(ranges: Mapping[str, Exponent], intervals: Mapping[str, tuple[float, float, float]], where: str) -> str:
-    """The sentence where no exponent is doubted: those whose estimate is outside the limits are uncertain."""
+    """The sentence where no exponent is doubted: those outside the usual range, and those that are uncertain."""
     wide = [
         f"{name} {intervals[name][0]:.2g}, {intervals[name][1]:.2g} to {intervals[name][2]:.2g} "
         f"(usual {_range(one.usual)})"
         for name, one in ranges.items()
         if not one.limits[0] <= intervals[name][0] <= one.limits[1]
     ]
-    if wide:
-        return f"Exponents that are unusual but too uncertain to be judged: {'; '.join(wide)}."
-    return f"The 95 % interval of each exponent ({', '.join(ranges)}) reaches the range usual in {where}."
+    beyond = [
+        f"{name} {b:.2g}, {low:.2g} to {high:.2g} (usual {_range(one.usual)}, doubted beyond {_range(one.limits)})"
+        for name, one in ranges.items()
+        for b, low, high in [intervals[name]]
+        if one.limits[0] <= b <= one.limits[1] and not (one.usual[0] <= high and low <= one.usual[1])
+    ]
+    outside = f"Exponents outside the range usual in {where}, and not so far that they are doubted"
+    said = [f"Exponents that are unusual but too uncertain to be judged: {'; '.join(wide)}."] if wide else []
+    said += [f"{outside}: {'; '.join(beyond)}."] if beyond else []
+    reaches = f"The 95 % interval of each exponent ({', '.join(ranges)}) reaches the range usual in {where}."
+    return " ".join(said) or reaches
 
 
 def _check(null: str, found: list[Found], passed: str) -> Check:
