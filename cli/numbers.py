@@ -58,8 +58,8 @@ def check_apart(word: str, unit: str | None) -> None:
         raise UsageError(f"{word}: number and unit {unit} cannot be separated for sure; write rpm, or no unit.")
 
 
-def ranges(words: list[str] | None, option: str = "--range") -> dict[str, tuple[float, ...]]:
-    """``["V=50:200"]`` as numbers.
+def ranges(words: list[str] | None, option: str = "--range", most: int = 3) -> dict[str, tuple[float, ...]]:
+    """``["V=50:200"]`` as numbers, at most ``most`` of them.
 
     >>> ranges(["V=50:200"])
     {'V': (50.0, 200.0)}
@@ -70,7 +70,7 @@ def ranges(words: list[str] | None, option: str = "--range") -> dict[str, tuple[
             out[key] = tuple(float(part) for part in text.split(":"))
         except ValueError:
             out[key] = ()
-        if len(out[key]) not in (2, 3):
+        if not 2 <= len(out[key]) <= most:
             raise UsageError(
                 f"{option} {key}={text}: give low:high or low:centre:high, with decimal points, as V=50:200."
             )

@@ -32,7 +32,10 @@ def reading_options(parser: Parser) -> None:
         help="unit of a column where it is missing, wrong or doubted (default: the header)",
     )
     group.add_argument(
-        "--range", action="append", metavar="V=50:200", help="values of the coded levels -1 and 1 (default: none)"
+        "--range",
+        action="append",
+        metavar="V=50:200",
+        help="values of coded levels -1 and 1, or of each of numbered levels 1, 2, 3 (default: none)",
     )
     group.add_argument(
         "--value", action="append", metavar="D=80", help="a constant that the file does not contain (default: none)"
@@ -123,7 +126,7 @@ def read_keywords(args: argparse.Namespace) -> dict[str, Any]:
     return {
         "map": pairs(args.map, "--map", "VB=col7"),
         "units": pairs(args.unit, "--unit", "t=s"),
-        "ranges": ranges(args.range),
+        "ranges": ranges(args.range, most=7),
         "constants": constants(args.value),
         "correct": tuple(args.correct or ()),
         "leave_out": tuple(args.leave_out or ()),

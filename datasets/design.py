@@ -310,6 +310,18 @@ def looks_coded(values: NDArray[np.float64]) -> bool:
     return bool(np.allclose(levels, -levels[::-1]))
 
 
+def looks_numbered(values: NDArray[np.float64]) -> bool:
+    """Whether these are numbers of levels, as in Taguchi's arrays: 1, 2 or 1, 2, 3 and so on, each in several rows.
+
+    Examples
+    --------
+    >>> looks_numbered(np.array([1, 2, 3, 1, 2, 3.0])), looks_numbered(np.array([1, 2, 3.0]))
+    (True, False)
+    """
+    levels, rows = np.unique(values[~np.isnan(values)], return_counts=True)
+    return bool(2 <= len(levels) <= 7 and rows.min() >= 2 and np.array_equal(levels, np.arange(1, len(levels) + 1)))
+
+
 def decode_levels(role: str, values: Values, given: tuple[float, ...] | None) -> tuple[Values, tuple[str, ...]]:
     """Conditions from coded levels, and the assumption made; any other values are returned unchanged.
 
@@ -317,7 +329,8 @@ def decode_levels(role: str, values: Values, given: tuple[float, ...] | None) ->
     ----------
     role : symbol, for the messages
     values : shape (n,)
-    given : (low, high) at the levels -1 and 1, spaced evenly in the logarithm, or (low, centre, high)
+    given : (low, high) at the levels -1 and 1, spaced evenly in the logarithm, or (low, centre, high);
+        the value of each level where the levels are numbered 1, 2, 3
 
     Raises
     ------
@@ -335,9 +348,11 @@ def decode_levels(role: str, values: Values, given: tuple[float, ...] | None) ->
         return values, ()
     levels = np.asarray(values, dtype=float)
     if not looks_coded(levels):
-        if given is not None:
+        if given is None:
+            return values, ()
+        if not looks_numbered(levels):
             raise UsageError(f"--range {role}: the column holds no coded levels (-1, 0, 1); leave the range out.")
-        return values, ()
+        return _of_numbers(role, levels, given)
     if given is None:
         raise DataError(
             f"{role} holds coded levels ({', '.join(f'{v:g}' for v in np.unique(levels[~np.isnan(levels)]))}): "
@@ -349,6 +364,22 @@ def decode_levels(role: str, values: Values, given: tuple[float, ...] | None) ->
         return centre * (high / low) ** (levels / 2), (how,)
     how = f"{role}: coded levels, even in {role} itself: -1 is {low:g}, 0 is {centre:g}, 1 is {high:g}"
     return centre + levels * (high - low) / 2, (how,)
+
+
+def _of_numbers(role: str, levels: NDArray[np.float64], given: tuple[float, ...]) -> tuple[Values, tuple[str, ...]]:
+    """Conditions from levels numbered 1, 2, 3: the value given for each, and the assumption made."""
+    n = int(np.nanmax(levels))
+    steps = np.diff(given)
+    if len(given) != n or not (given[0] > 0 and given[-1] < np.inf and np.all(steps > 0)):
+        numbers, form = ", ".join(map(str, range(1, n + 1))), ":".join(("low", *["middle"] * (n - 2), "high"))
+        raise UsageError(
+            f"--range {role}={':'.join(f'{v:g}' for v in given)}: the column holds the levels {numbers}; "
+            f"give the value of each, {form}, rising and above zero."
+        )
+    known = ~np.isnan(levels)
+    values = np.full(len(levels), np.nan)
+    values[known] = np.array(given)[levels[known].astype(int) - 1]
+    return values, (f"{role}: numbered levels: {', '.join(f'{k + 1} is {v:g}' for k, v in enumerate(given))}",)
 
 
 def _checked_range(role: str, given: tuple[float, ...]) -> tuple[float, float, float]:

@@ -110,3 +110,41 @@ def test_a_response_of_plus_and_minus_one_is_no_design(tmp_path):
     text = "V,Fx [N]\n50,-1\n100,1\n200,0\n"
     runs = datasets.read_runs(file(tmp_path, text))
     assert runs.values("Fx").tolist() == [-1, 1, 0]
+
+
+L9 = [(1, 1, 1), (1, 2, 2), (1, 3, 3), (2, 1, 2), (2, 2, 3), (2, 3, 1), (3, 1, 3), (3, 2, 1), (3, 3, 2)]
+HEADS = {"named": "Speed level,Feed level,Depth level", "letters": "A,B,C"}
+
+
+def orthogonal(tmp_path, head):
+    rows = [",".join(map(str, (*levels, 2.0 + 0.1 * i))) for i, levels in enumerate(L9)]
+    return file(tmp_path, "\n".join([f"{head},Ra (um)", *rows]) + "\n")
+
+
+@pytest.mark.parametrize("head", HEADS.values(), ids=HEADS)
+def test_numbered_levels_become_the_values_given_for_each(tmp_path, head):
+    path = orthogonal(tmp_path, head)
+    doubted = [str(doubt) for doubt in datasets.read_runs(path).doubts]
+    assert "--range V=LOW:MIDDLE:HIGH" in doubted[0]
+    assert not any(doubt.remedy for doubt in datasets.read_runs(path).doubts)
+    runs = datasets.read_runs(path, map={"V": "col1"}, ranges={"V": (80, 100, 200)})
+    np.testing.assert_allclose(runs.values("V"), [80, 80, 80, 100, 100, 100, 200, 200, 200])
+
+
+def test_each_numbered_level_needs_a_value(tmp_path):
+    with pytest.raises(errors.UsageError, match="the levels 1, 2, 3; give the value of each, low:middle:high"):
+        datasets.read_runs(orthogonal(tmp_path, "A,B,C"), map={"V": "A"}, ranges={"V": (80, 200)})
+
+
+@pytest.mark.parametrize("head", ["Tool life (parts)", "Standzeit (Teile)", "pieces per edge time"])
+def test_a_number_of_parts_is_never_a_time(tmp_path, head):
+    text = "".join(f"{v},{f},{n}\n" for v, f, n in [(100, 0.1, 90), (100, 0.2, 70), (150, 0.1, 50), (150, 0.2, 40)] * 2)
+    runs = datasets.read_runs(file(tmp_path, f"V,f,{head}\n{text}"))
+    assert not any("--map" in doubt.remedy for doubt in runs.doubts)
+
+
+def test_passes_are_not_proposed_as_minutes(tmp_path):
+    rows = [f"E{e},{100 + 20 * e},{k},{0.05 * k + 0.01 * e:.3f}\n" for e in range(4) for k in range(1, 6)]
+    runs = datasets.read_runs(file(tmp_path, "edge,V,pass,VB [mm]\n" + "".join(rows)))
+    assert any("number of parts, holes or passes" in doubt.sentence for doubt in runs.doubts)
+    assert not any("--map" in doubt.remedy for doubt in runs.doubts)

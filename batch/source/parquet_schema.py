@@ -247,7 +247,8 @@ def _without_codes(frame: pd.DataFrame, reading: Reading) -> tuple[pd.DataFrame,
         header = next((use.header for use in runs.columns if use.role == role), None)
         if header is None:
             raise UsageError(f"--range {role}: no column has the role {role}; there are {', '.join(runs.units)}.")
-        if np.nanmax(np.abs(frame[header].to_numpy(dtype=float)), initial=0) > 3:
+        codes = frame[header].to_numpy(dtype=float)
+        if np.nanmax(np.abs(codes), initial=0) > 3 or np.nanmin(codes, initial=0) == 0 < np.nanmax(codes, initial=0):
             raise UsageError(f"--range {role}: the column holds no coded levels (-1, 0, 1); leave the range out.")
         assumed += decode_levels(role, np.array([-1.0, 0.0, 1.0]), given)[1]
         frame[header] = np.nan

@@ -9,6 +9,7 @@ from ...core.rounding import format_plain
 from ..doubts import Doubt
 from ..draft import Draft
 from ..plausibility.stray_values import section_of
+from ..plausibility.unused_columns import COUNTS, of_counts
 from ..vocabulary import ROLES
 from .columns import Array, Codes, Flags, differs
 from .merged_cells import lines_text
@@ -86,12 +87,14 @@ def _of_no_time(draft: Draft, edges: EdgeRows, numbers: dict[str, Array]) -> Ite
         for column, use in zip(draft.columns, draft.uses, strict=True)
         if use.role is None and column.is_numeric and (np.diff(column.values[edges.order])[edges.same] > 0).all()
     ]
+    counted = bool(rising) and COUNTS.search(rising[0]) is not None
     other = f"; column {rising[0]!r} rises in each" if rising else ""
+    other += f" as a number of parts, holes or passes: {of_counts('t')}" if counted else ""
     yield Doubt(
         (wear, "t"),
         f"{wear} rises along the edges but no column is the cutting time: the laws are of the mean wear of each edge"
         f"{other}",
-        f'--map "t={rising[0]}"' if rising else "",
+        f'--map "t={rising[0]}"' if rising and not counted else "",
     )
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ...core.errors import DataError
 from ...core.rounding import format_decimal
 from ..columns import NONE, ColumnUse
+from ..design import looks_numbered
 from ..doubts import Doubt
 from ..draft import CORRECTS, Draft, correction
 from ..edges.checks import of_another_order
@@ -357,6 +358,8 @@ def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) 
         choices = [*([role] if role else ()), *(f"--unit {one.role}={unit}" for unit in options)]
         if one.lies_in(one.ranges.hard, 1.0):
             choices.append(f"--unit {one.role}={home} if they are right")
+        if kind == "condition" and looks_numbered(np.asarray(draft.columns[one.place].values, dtype=float)):
+            choices.append("the value of each level, low:middle:high, as --range if they are the numbers of levels")
     header = draft.columns[one.place].name
     raise DataError(
         f"column {header!r}: {head} has no unit and is implausible in {home} ({one.usual}): "

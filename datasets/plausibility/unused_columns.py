@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..design import looks_numbered
 from ..doubts import Doubt
 from ..draft import Draft, target_of
 from ..headers import parse_header
@@ -52,9 +53,18 @@ _NOT_VALID = re.compile(  # words of tests that are not to be used
 )
 _OTHER_WORDS = re.compile(
     r"temp|hard|härte|dur(?:eté|eza)|press|druck|angle|winkel|radi|cool|kühl|noise|vib|date|datum|day|no\.?$|nr\.?$|"
-    r"nose|corner|^r_?eps|^re(?![^\W_])|id$|num|count|anzahl|index|repl|pass|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
+    r"nose|corner|^r_?eps|^re(?![^\W_])|id$|num|count|anzahl|index|repl|pass(?:es)?(?![^\W_])|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
     re.IGNORECASE,
 )
+
+_LEVELS = re.compile(r"(?<![^\W_])(?:levels?|stufen?|niveaux?|nivel(?:es)?|coded?|codiert)(?![^\W_])", re.IGNORECASE)
+_FACTOR = re.compile(r"[A-HJ-K]")  # letter of a factor in Taguchi's arrays
+COUNTS = re.compile(
+    r"(?<![^\W_])(?:parts?|pieces?|pcs|workpieces?|components?|holes?|pass(?:es)?|cycles?|teile|st(?:ü|ue)ck(?:zahl)?|"
+    r"werkst(?:ü|ue)cke|bohrungen|durchg(?:ä|ae)nge|(?:ü|ue)berl(?:ä|ae)ufe|pi(?:è|e)ces?|trous|piezas?|pasadas?|"
+    r"agujeros)(?![^\W_])",
+    re.IGNORECASE,
+)  # words of numbers of parts, holes or passes, which are no minutes
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +175,9 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
         levels = np.unique(values[np.isfinite(values)])
         if len(levels) < 2 or np.isfinite(values).sum() < FEWEST or np.all(np.diff(values) == 1):  # or row numbers
             continue
+        if (special := _counted(draft, column, use.suggestion, options, values)) is not None:
+            draft.doubts += special
+            continue
         role = _named_like(draft, column, use.suggestion, options) or _measured_like(
             draft, column, values, options, edges
         )
@@ -180,6 +193,41 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
                 f"it may be the {ROLES[role].quantity} {role}"
             )
             draft.doubts.append(Doubt((column.name,), sentence, f'--map "{role}=col{column.number}"'))
+
+
+def _counted(
+    draft: Draft, column: Column, suggestion: str | None, options: ReadOptions, values: Array
+) -> list[Doubt] | None:
+    """Doubt of a column of numbers of parts or of levels that is no quantity in its unit; None for other columns."""
+    if COUNTS.search(column.name):
+        role = role_within(COUNTS.sub(" ", column.name)) or suggestion
+        if role not in ("T", "t") or not _free(draft, role, options):
+            return None if role is None or ROLES[role].kind != "time" else []
+        sentence = f"column {column.name!r} is a number of parts, holes or passes and is not used: {of_counts(role)}"
+        return [Doubt((column.name,), sentence)]
+    if not looks_numbered(values):
+        return None
+    role = role_within(_LEVELS.sub(" ", column.name)) or suggestion
+    named = role is not None and ROLES[role].kind == "condition"
+    if not (_FACTOR.fullmatch(column.name) or (named and _LEVELS.search(column.name))):
+        return None
+    n = int(np.nanmax(values))
+    shown, form = ", ".join(map(str, range(1, n + 1))), ":".join(("LOW", *["MIDDLE"] * (n - 2), "HIGH"))
+    what, symbol = (f"levels of {role}", role) if named else ("levels of a factor, for instance of V", "V")
+    sentence = (
+        f"column {column.name!r} holds the numbers {shown} and is not used; if they are {what}: "
+        f"--map {symbol}=col{column.number} --range {symbol}={form}"
+    )
+    return [Doubt((column.name,), sentence)]
+
+
+def of_counts(role: str) -> str:
+    """How a time follows from a number of parts or passes.
+
+    >>> of_counts("T")
+    'T is this number times the minutes in cut of one; add it as a column'
+    """
+    return f"{role} is this number times the minutes in cut of one; add it as a column"
 
 
 def _free(draft: Draft, role: str, options: ReadOptions) -> bool:
