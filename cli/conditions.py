@@ -12,6 +12,7 @@ from ..core.suggestions import closest
 from .numbers import NUMBER, check_apart, pairs
 
 if TYPE_CHECKING:
+    from ..core.predictions import GivenFactor
     from ..parameters import ParameterFile
     from ..parameters.sections.law_parts import Factor
 
@@ -48,8 +49,10 @@ class Column:
     constant: float | None
 
 
-def typed_conditions(pf: "ParameterFile", words: Sequence[str]) -> tuple[dict[str, Value], list[str]]:
-    """Values by factor of the laws, and a sentence for each that was renamed, computed or not used.
+def typed_conditions(
+    pf: "ParameterFile", words: Sequence[str]
+) -> tuple[dict[str, Value], list[str], "tuple[GivenFactor, ...]"]:
+    """Values by factor of the laws, a sentence for each that was renamed, computed or not used, and those not tested.
 
     Parameters
     ----------
@@ -81,7 +84,8 @@ def typed_conditions(pf: "ParameterFile", words: Sequence[str]) -> tuple[dict[st
         if role != name and role in factors:
             remarks.append(_renamed(value, factors[role], columns.get(role)))
     computed, used = _computed(given, factors, columns)
-    return given, remarks + computed + _unused(given, {*factors, *used}, factors, columns)
+    left, beyond = _unused(given, {*factors, *used}, factors, columns)
+    return given, remarks + computed + left, beyond
 
 
 def known_level(pf: "ParameterFile", by: str | None) -> None:
@@ -247,11 +251,13 @@ def _consistent(role: str, typed: float, computed: float, formula: str) -> None:
 
 def _unused(
     given: dict[str, Value], used: set[str], factors: Mapping[str, object], columns: Mapping[str, Column]
-) -> list[str]:
-    """Conditions that no law depends on, taken out of ``given``; a value that was not tested is named as such."""
+) -> "tuple[list[str], tuple[GivenFactor, ...]]":
+    """Remarks on conditions that no law depends on, taken out of ``given``, and those at a value not tested."""
+    from ..core.predictions import GivenFactor
     from ..datasets.vocabulary import ROLES
 
-    remarks = []
+    remarks: list[str] = []
+    beyond: list[GivenFactor] = []
     for role in [role for role in given if role not in factors]:
         value = given.pop(role)
         column = columns.get(role)
@@ -263,9 +269,11 @@ def _unused(
                 f"{value.text}: no law of the file depends on {role} ({ROLES[role].quantity}); the predictions hold "
                 "for the conditions of the tests."
             )
-        elif abs(_standard(role, value) - tested) > AGREE * abs(tested):
+        elif abs((number := _standard(role, value)) - tested) > AGREE * abs(tested):
+            side = 1 if number > tested else -1
+            beyond.append(GivenFactor(role, ROLES[role].unit, number, tested, tested, side))
             remarks.append(
                 f"{value.text}: all tests were cut at {role} {tested:g} {ROLES[role].unit}; no law depends on {role}, "
                 "and the predictions are not valid at another value."
             )
-    return remarks
+    return remarks, tuple(beyond)

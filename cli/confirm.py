@@ -1,9 +1,11 @@
 """``fitmodels confirm``: new runs compared with the prediction intervals of the laws of earlier ones."""
 
 import argparse
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from .arguments import Parser
+from .conditions import AGREE
 from .options import form_option, forms, law_option, read, reading_options
 from .output import complain, output_options, print_json, print_lines
 
@@ -94,9 +96,31 @@ def _verdicts(new: "Runs", old: "Runs", args: argparse.Namespace) -> tuple[dict[
         except (FitError, UsageError) as reason:
             untested[law.response] = str(reason)
         else:
-            verdicts[law.response] = found.verdict
+            verdicts[law.response] = found.verdict + _other_conditions(new, old, law.factors)
             holds = holds and found.holds is not False
     return verdicts, untested, holds
+
+
+def _other_conditions(new: "Runs", old: "Runs", factors: "Collection[str]") -> str:
+    """Sentence on conditions that were one value in all earlier tests and another in new ones; else empty."""
+    import numpy as np
+
+    from ..fit.defaults import SETTINGS
+
+    said = []
+    for role in (*SETTINGS, "kappa"):
+        if role == "D" or role in factors or not (new.has(role) and old.has(role)):
+            continue
+        before, now = old.values(role), new.values(role)
+        tested, unit = float(np.nanmean(before)), old.units.get(role, "")
+        differ = np.abs(now - tested) > AGREE * abs(tested)
+        if np.nanmax(np.abs(before - tested)) <= AGREE * abs(tested) and differ.any():
+            low, high = (f"{end:.4g}" for end in (np.nanmin(now[differ]), np.nanmax(now[differ])))
+            shown = low if low == high else f"{low} to {high}"
+            said.append(f"{role} is {shown} here and {tested:.4g} {unit if unit != '1' else ''}".rstrip())
+    if not said:
+        return ""
+    return f" {', and '.join(said)} in all tests of the law, which does not describe this influence."
 
 
 def _name(runs: "Runs") -> str:

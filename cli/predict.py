@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -90,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     pf = parameter_file(args.file)
     responses = [word for word in args.at if word in (*pf.laws, "T")]
     names = [*([] if args.law is None else [args.law]), *responses]
-    given, remarks = typed_conditions(pf, [word for word in args.at if word not in responses])
+    given, remarks, beyond = typed_conditions(pf, [word for word in args.at if word not in responses])
     laws, life = _chosen(pf, names, given)
     _no_criterion(pf, laws if life and names else None, given)
     known_level(pf, args.by)
@@ -115,6 +116,8 @@ def run(args: argparse.Namespace) -> int:
     verdicts = cautions(pf, *(one.response for one in predictions), *wears, *(one.wear for one in solved))
     verdicts += [_life_caution(one) for one in solved if one.verdict is not None and one.verdict.reasons]
     budgets, without = _budgets(pf, predictions[: len(predictions) - life], args)
+    if beyond:
+        predictions = [replace(one, inside=False, given=(*one.given, *beyond)) for one in predictions]
     if args.json:
         more = {"budgets": [budget.facts() for budget in budgets], "no_budget": without} if args.budget else {}
         report = {**_report(pf, args.file, predictions, reasons), **more, "verdicts": verdicts, "remarks": remarks}

@@ -125,7 +125,7 @@ class Confirmation(Plottable):
 
     def _conclusion(self) -> str:
         if isinstance(self.tests, NotAvailable):
-            return f"no joint test: {self.tests.reason}"
+            return f"no joint test: {self.tests.reason}{self._deviation() if self.outside else ''}"
         p = f"p {self.pvalue:.2g}" if self.pvalue is not None and self.pvalue >= 1e-4 else "p < 0.0001"
         if self.holds:
             return f"the law holds for these runs ({p})"
@@ -139,7 +139,15 @@ class Confirmation(Plottable):
             which = ", ".join(f"{name} ({_off(row['ratio'])})" for name, row in off.head(6).iterrows())
             more, s = ", ..." if len(off) > 6 else "", "s" if len(off) > 1 else ""
             return f"the law does not hold for edge{s} {which}{more} ({p})"
-        return f"the law does not hold for these runs taken together ({p})"
+        return f"the law does not hold for these runs taken together ({p}){self._deviation()}"
+
+    def _deviation(self) -> str:
+        """Ratio of the observed values to the predicted ones: its geometric mean, and the least and the largest."""
+        ratio = (self.rows["observed"] / self.rows["predicted"]).to_numpy(dtype=float)
+        if not (ratio > 0).all():
+            return ""
+        mean, low, high = (_off(float(r)) for r in (np.exp(np.log(ratio).mean()), ratio.min(), ratio.max()))
+        return f": {mean} the predictions on average" + (f" ({low} to {high})" if len(ratio) > 1 else "")
 
     def _not_compared(self) -> str:
         if not self.not_compared:

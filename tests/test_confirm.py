@@ -1,5 +1,7 @@
 """New runs against a law: Chow's test where rows are independent, its size by simulation where they are not."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -183,3 +185,30 @@ def test_the_command_takes_the_law_of_the_same_tool(tmp_path, capsys):
     assert "has tests of A on C45, B on C45: each pair has laws of its own" in capsys.readouterr().err
     assert main(["confirm", str(tmp_path / "B.csv"), "--data", str(one)]) == 0
     assert "is of B on C45, and the laws are of A on C45" in " ".join(capsys.readouterr().err.split())
+
+
+def test_runs_without_edges_are_told_by_how_much_they_deviate(tmp_path):
+    rng = np.random.default_rng(3)
+    V, f = np.meshgrid([100.0, 150.0, 220.0], [0.1, 0.2, 0.3])
+    frame = pd.DataFrame({"V": V.ravel(), "f": f.ravel()}).loc[lambda d: d.index.repeat(2)]
+    frame["Fc [N]"] = 2000 * frame["f"] ** 0.75 * np.exp(0.02 * rng.standard_normal(len(frame)))
+    new = frame.iloc[:4].assign(**{"Fc [N]": frame["Fc [N]"].iloc[:4] * 1.3}).reset_index(drop=True)
+    law = fit.power_law(datasets.runs_from_frame(frame.reset_index(drop=True)), "Fc", ["V", "f"])
+    verdict = confirm(law, datasets.runs_from_frame(new)).verdict
+    assert re.search(r"taken together \(p < 0.0001\): (29|30|31) % above the predictions on average \(", verdict)
+
+
+def test_a_condition_that_all_earlier_tests_had_in_common_is_named(tmp_path, capsys):
+    rng = np.random.default_rng(3)
+    V, f = np.meshgrid([100.0, 150.0, 220.0], [0.1, 0.2, 0.3])
+    frame = pd.DataFrame({"V": V.ravel(), "f": f.ravel(), "d": 1.5}).loc[lambda d: d.index.repeat(2)]
+    frame["Ra"] = 30 * frame["f"] ** 1.5 * np.exp(0.05 * rng.standard_normal(len(frame)))
+    old, same, other = (str(tmp_path / name) for name in ("old.csv", "same.csv", "other.csv"))
+    frame.to_csv(old, index=False)
+    fresh = frame.iloc[4:12].assign(Ra=lambda d: d["Ra"] * 1.02)
+    fresh.to_csv(same, index=False)
+    fresh.assign(d=3.0).to_csv(other, index=False)
+    assert main(["confirm", same, "--data", old]) == 0
+    assert "d is" not in capsys.readouterr().out
+    assert main(["confirm", other, "--data", old]) == 0
+    assert "d is 3 here and 1.5 mm in all tests of the law" in " ".join(capsys.readouterr().out.split())

@@ -252,6 +252,9 @@ def test_a_condition_that_no_law_has_is_named_and_another_value_than_the_tested_
     assert (
         "d 2.5 mm; no law depends on d, and the predictions are not valid" in report(milled, *at, "ap=1")["remarks"][0]
     )
+    assert all(one["inside"] for one in report(milled, *at)["predictions"])
+    assert not any(one["inside"] for one in report(milled, *at, "ap=1")["predictions"])
+    assert "outside the tested region: d 1 mm is below 2.5 mm, the lowest tested" in run(milled, *at, "ap=1").out
     assert "no law of the file depends on ae (width of cut)" in run(params, *AT, "ae=40").out
     refused(run(params, *AT, "lc=40"), 2, "t=8 contradicts t = lc/V = 0.3333")
 
