@@ -75,6 +75,7 @@ def assign(
     """Uses of the columns, values by role in the role's unit, and what was assumed about units."""
     _known_roles((*mapping, *units))
     claims = _claims(columns, mapping, units)
+    _refuse_two_tables(claims)
     chosen = _one_each(claims)
     uses: list[ColumnUse] = []
     data: dict[str, Values] = {}
@@ -219,6 +220,59 @@ def _find(columns: tuple[Column, ...], name: str, option: str = "--map") -> Colu
             raise UsageError(f"column {wanted!r} occurs {len(found)} times in the file: give {places}.")
     hint = did_you_mean(wanted, [c.name for c in columns], names="The columns are ")
     raise UsageError(f"{option} names a column {wanted!r} that the file does not have. {hint}")
+
+
+def _refuse_two_tables(claims: list[_Claim]) -> None:
+    """Refuse columns of two tables that stand side by side: their rows are of different tests."""
+    start = _second_table(claims)
+    mapped = {claim.role for claim in claims if claim.mapped}
+    used = [claim for claim in claims if claim.role and (claim.mapped or claim.role not in mapped)]
+    left = [claim for claim in used if claim.column.number < start]
+    right = [claim for claim in used if claim.column.number >= start]
+    if not start or not left or not right:
+        return
+    first = [claim for claim in claims if claim.column.number < start and claim.column.name]
+    second = [claim for claim in claims if claim.column.number >= start and claim.column.name]
+    raise DataError(
+        f"columns {_span(first)} and columns {_span(second)} are two tables side by side: the same names stand in both "
+        "above other values. Save each as a file or sheet of its own, or read one of them: "
+        f"{_alone(first, second)} or {_alone(second, first)}."
+    )
+
+
+def _second_table(claims: list[_Claim]) -> int:
+    """Number of the column where a second table begins: names of settings stand again there; 0 without one."""
+    first: dict[str, _Claim] = {}
+    again: dict[str, tuple[int, int]] = {}
+    differ = False
+    for claim in claims:
+        role = role_of(claim.name, canonical(claim.unit_text) if claim.unit_text else None)
+        if role is None or ROLES[role].kind != "condition":
+            continue
+        before = first.setdefault(claim.column.name, claim)
+        if before is not claim:
+            again[claim.column.name] = before.column.number, claim.column.number
+            differ = differ or not _equal(before.column, claim.column)
+    start = min((number for _, number in again.values()), default=0)
+    return start if differ and len(again) > 1 and all(number < start for number, _ in again.values()) else 0
+
+
+def _equal(one: Column, other: Column) -> bool:
+    if not (one.is_numeric and other.is_numeric):
+        return bool(np.array_equal(one.labels(), other.labels()))
+    return bool(np.array_equal(one.values, other.values, equal_nan=True))
+
+
+def _span(claims: list[_Claim]) -> str:
+    return f"{claims[0].column.number} to {claims[-1].column.number}"
+
+
+def _alone(claims: list[_Claim], others: list[_Claim]) -> str:
+    """Options that read the columns of one of two tables."""
+    own = {claim.role: claim.column.number for claim in claims if claim.role}
+    found = {claim.role: claim.column.number for claim in others if claim.role}
+    given = [f"--map {role}=col{number}" for role, number in own.items() if role in found]
+    return " ".join([*given, *(f"--map {role}={NONE}" for role in found if role not in own)])
 
 
 def _one_each(claims: list[_Claim]) -> dict[str, _Claim]:

@@ -1,6 +1,7 @@
 """Read a laboratory file or a DataFrame as `Runs`: columns get roles and units, every assumption is recorded."""
 
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -231,6 +232,8 @@ def _assemble(
     judge: bool = True,
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
+    columns = _without_text_left_out(columns, options.leave_out)
+    _refuse_second_table(columns, lines)
     check_edge_option(columns, options.edge)
     columns, means = (columns, ()) if sample else with_means(columns, options.columns)
     columns, of_columns, clocks, of_times = clock_columns(columns, options)
@@ -250,6 +253,44 @@ def _assemble(
     if judged:
         check_values(draft, options)
     return _finished(draft, source, options, judged=judge)
+
+
+def _without_text_left_out(columns: tuple[Column, ...], leave_out: Sequence[str]) -> tuple[Column, ...]:
+    """The columns without the texts in lines that are left out; one with more texts than are listed is unchanged."""
+    numbers = [one.strip()[5:].removeprefix("s") for one in leave_out if re.match(r"lines?\s[\s\d,-]+$", one.strip())]
+    spans = [tuple(map(int, part.split("-"))) for one in numbers for part in one.split(",") if part.strip("- ")]
+    if not spans:
+        return columns
+    out = []
+    for column in columns:
+        bad = tuple(one for one in column.bad if not any(span[0] <= one[0] <= span[-1] for span in spans))
+        known = column.bad_count == len(column.bad)
+        out.append(replace(column, bad=bad, bad_count=len(bad)) if known and len(bad) < len(column.bad) else column)
+    return tuple(out)
+
+
+def _refuse_second_table(columns: tuple[Column, ...], lines: NDArray[np.intp]) -> None:
+    """Refuse names of quantities among the numbers of several columns: a second table begins there.
+
+    Raises
+    ------
+    DataError
+    """
+    found: dict[int, list[tuple[str, str]]] = {}
+    for column in columns:
+        for line, text in column.bad:
+            if is_known(text):
+                found.setdefault(line, []).append((column.name, text))
+    line, cells = next(((line, cells) for line, cells in sorted(found.items()) if len(cells) > 1), (0, []))
+    if not line:
+        return
+    shown = ", ".join(repr(text) for _, text in cells[:4])
+    if all(name == text for name, text in cells):
+        raise DataError(f'line {line} holds the names of the columns again ({shown}): --leave-out "lines {line}".')
+    raise DataError(
+        f"line {line} holds names of columns ({shown}) below the numbers of a table: a second table begins there. "
+        f'Save it as a file or sheet of its own, and read the first one with --leave-out "lines {line}-{lines.max()}".'
+    )
 
 
 def _settle(draft: Draft, options: ReadOptions, *, judge: bool, sample: bool) -> None:

@@ -547,3 +547,55 @@ def test_sheets_of_several_tests_each_are_not_joined(tmp_path):
     path = book(tmp_path, Dry=[HEADER, *ROWS], Wet=[HEADER, *ROWS])
     with pytest.raises(DataError, match=r"give one of --sheet Dry \(36 rows\), --sheet Wet \(36 rows\)\."):
         read_runs(path)
+
+
+def beside(n_blank=1):
+    """Two tables of other tests, side by side under the same names."""
+    head, gap = HEADER[1:4], [None] * n_blank
+    left = [[V, f, d, 900.0 * f**0.7 * d] for V, f, d in DESIGN]
+    right = [[V + 20, f, d, 20.0 * f**1.4] for V, f, d in DESIGN]
+    return [[*head, "Fc [N]", *gap, *head, "Ra [um]"], *([*a, *gap, *b] for a, b in zip(left, right, strict=True))]
+
+
+def test_tables_side_by_side_are_not_mixed(tmp_path):
+    path = book(tmp_path, Data=beside())
+    one = {"V": "col1", "f": "col2", "d": "col3"}
+    for given in ({}, one):
+        with pytest.raises(DataError, match="columns 1 to 4 and columns 6 to 9 are two tables side by side"):
+            read_runs(path, map=given)
+    assert "Ra" not in read_runs(path, map={**one, "Ra": "none"}).data
+    other = read_runs(path, map={"V": "col6", "f": "col7", "d": "col8", "Fc": "none"})
+    assert other.values("V").min() == 120
+    assert not other.doubts
+
+
+def test_a_second_table_below_is_named_and_left_out(tmp_path):
+    head = HEADER[1:4]
+    lines = [[*head, "Fc [N]"], *([V, f, d, 900.0 * f**0.7 * d] for V, f, d in DESIGN), [], ["Table 2: roughness"]]
+    below = [[*head[:2], "Ra [um]"], *([V, f, 20.0 * f**1.4] for V, f, _ in DESIGN)]
+    path = book(tmp_path, Data=[*lines, *below])
+    start, end = len(lines) + 1, len(lines) + len(below)
+    with pytest.raises(DataError, match=f'second table begins there.*--leave-out "lines {start}-{end}"'):
+        read_runs(path)
+    assert len(read_runs(path, leave_out=[f"lines {start - 1}-{end + 20}"])) == len(DESIGN)
+
+
+def test_a_remark_beside_the_units_is_no_unit(tmp_path):
+    names, units = zip(*(cell.rstrip("]").split(" [") for cell in HEADER[1:]), strict=True)
+    rows = [["edge", *names], ["", *units, None, None, "vc max = 300 says the maker"], *ROWS]
+    check(read_runs(book(tmp_path, Data=rows)))
+
+
+@pytest.mark.parametrize("labels", [("x̄", "σ", "n"), ("Media", "Dev. std", "Massimo", "Minimo"), ("Maxi", "Mini")])
+def test_rows_of_a_summary_are_no_tests(tmp_path, labels):
+    numbers = [[i, *row[1:]] for i, row in enumerate(ROWS, start=1)]
+    runs = read_runs(book(tmp_path, Data=[HEADER, *numbers, *([label, 50.0, 0.1, 1.5, 4.0, 0.1] for label in labels)]))
+    assert len(runs) == len(ROWS)
+
+
+def test_a_label_among_the_numbers_of_edges_is_shown(tmp_path):
+    numbers = [[i, *row[1:]] for i, row in enumerate(ROWS, start=1)]
+    runs = read_runs(book(tmp_path, Data=[HEADER, *numbers, ["Charge", *ROWS[0][1:]]]))
+    (doubt,) = (doubt for doubt in runs.doubts if "edge numbers" in doubt.sentence)
+    assert "'Charge'" in doubt.sentence
+    assert doubt.remedy == f'--leave-out "lines {len(ROWS) + 2}"'

@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import Draft, line_spans
 from .columns import Codes, Tests, differs
 from .merged_cells import lines_text
 
@@ -96,6 +96,16 @@ def _name_the_unnamed(draft: Draft) -> None:
     edge = edge.copy()
     edge[blank] = [f"line {line}" for line in draft.lines[blank]]
     draft.data["edge"] = edge
+    lines = set(draft.lines[blank].tolist())
+    column = next((one for one, use in zip(draft.columns, draft.uses, strict=True) if use.role == "edge"), None)
+    texts = [text for line, text in column.bad if line in lines] if column is not None else []
+    if texts and column is not None and column.bad_count == len(column.bad) == len(texts) == len(lines):
+        shown = ", ".join(map(repr, texts))
+        target = f"lines {','.join(line_spans(sorted(lines)))}"
+        where = lines_text(draft.lines[blank])
+        sentence = f"{where}: {shown} in the column of edge numbers: tests, or rows of a summary?"
+        draft.doubts.append(Doubt(("edge",), sentence, f'--leave-out "{target}"'))
+        return
     what = "names no edge: it is read as an edge" if blank.sum() == 1 else "name no edge: each is read as an edge"
     draft.doubts.append(
         Doubt(("edge",), f"{lines_text(draft.lines[blank])} {what} of its own; name the edge in the file")

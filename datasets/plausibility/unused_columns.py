@@ -15,7 +15,7 @@ from ..headers import parse_header
 from ..options import Process, ReadOptions
 from ..tables import Column
 from ..units import canonical, is_unit, same_dimension
-from ..vocabulary import ROLES, role_within, understood_unit
+from ..vocabulary import ROLES, role_of, role_within, understood_unit
 from .quantities import table_process, unit_factor
 from .ranges import plausible
 from .stray_values import listed
@@ -170,6 +170,8 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
     doubted = {name for doubt in draft.doubts for name in doubt.columns}
     for column, use in zip(draft.columns, draft.uses, strict=True):
         if use.role is not None or not column.is_numeric or column.bad or use.header in doubted:
+            continue
+        if role_of(use.name, canonical(_unit_text(column))) in options.map:  # its role was given to another, or to none
             continue
         values = np.asarray(column.values, dtype=float)[:SAMPLE]
         levels = np.unique(values[np.isfinite(values)])

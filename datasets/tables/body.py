@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from ...core.errors import DataError
 from ...core.rounding import count
 from ..doubts import Doubt
-from .layout import Layout, footer_label, is_text_line
+from .layout import WEAK_FOOTERS, Layout, footer_label, is_text_line
 from .numerals import Cell, Decimal, Evidence, parse_number
 from .row_widths import SHARE, may_be_inside, remarks_only, shifted
 
@@ -182,7 +182,7 @@ class Body:
         if rows and all(footer_label(row) for row in rows):
             return  # a column whose values are such words
         while rows:
-            if label := footer_label(rows[-1]):
+            if label := _tail_label(rows):
                 findings.footers.insert(0, (lines[-1], label))
             elif not _is_blank(rows[-1]):
                 if not is_text_line(rows[-1], self.layout):
@@ -209,6 +209,14 @@ class Body:
                 else "."
             )
         )
+
+
+def _tail_label(rows: Sequence[Sequence[Cell]]) -> str:
+    """Label of the last row as a footer, "" where it is none; a lone letter (n, s) needs a word in a row above it."""
+    if label := footer_label(rows[-1]):
+        return label
+    above = next((row for row in reversed(rows) if not footer_label(row, WEAK_FOOTERS)), None)
+    return footer_label(rows[-1], WEAK_FOOTERS) if above is not None and footer_label(above) else ""
 
 
 def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, list[str]]:

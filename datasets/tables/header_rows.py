@@ -131,6 +131,7 @@ def _combine(
 
 def is_units_row(row: SampleRow, header: SampleRow, is_unit: Test) -> bool:
     """Whether most filled cells are units, standing below names, and one of them is not a number."""
+    row = _without_remark(row, header, is_unit)
     other_width = row.written != header.written and len(row.cells) != len(header.cells)
     if other_width and (len(row.cells) > len(header.cells) or row.filled < _FEW or row.numbers):
         return False
@@ -142,6 +143,17 @@ def is_units_row(row: SampleRow, header: SampleRow, is_unit: Test) -> bool:
     units = [text for text in texts if _is_unit_cell(text, is_unit)]
     dashes = sum(text in _DASHES for text in texts)
     return 2 * (len(units) + dashes) > len(texts) and not all(map(is_number, units))
+
+
+def _without_remark(row: SampleRow, header: SampleRow, is_unit: Test) -> SampleRow:
+    """A row of a sheet without a text beside the table, which stands in no column that has a name."""
+    width = len(header.cells)
+    beside = [i for i in range(width, len(row.cells)) if row.text(i)]
+    if len(beside) != 1 or _is_unit_cell(row.text(beside[0]), is_unit):
+        return row
+    if is_number(row.cells[beside[0]]):
+        return row
+    return row._replace(cells=row.cells[:width], filled=row.filled - 1)
 
 
 def _holds_units(sample: Sequence[SampleRow], place: int, first: int, rows: Sequence[SampleRow], words: Words) -> bool:

@@ -21,9 +21,13 @@ FOOTERS = frozenset(
     mittelwert/mittel/durchschnitt/mw/ø/summe/gesamt/anzahl/standardabweichung/stabw/stdabw/varianz/
     moyenne/moy/somme/nombre/écart-type/écart type/ecart-type/ecart type/médiane/mediane/
     media/promedio/suma/recuento/cuenta/mediana/desviación/desviacion/desviación estándar/desviacion estandar/
-    desviación típica/desviacion tipica/desvest/mín/máx/mínimo/máximo
+    desviación típica/desviacion tipica/desvest/desv est/desv estándar/desv típica/mín/máx/mínimo/máximo/
+    maximalwert/minimalwert/höchstwert/kleinstwert/grösstwert/grösster/kleinster/grösster wert/kleinster wert/
+    spannweite/maxi/mini/étendue/dev std/dev st/deviazione standard/scarto tipo/massimo/minimo/somma/conteggio/
+    x̄/x̅/x quer/xquer
     """.replace("\n    ", "").split("/")
 )
+WEAK_FOOTERS = frozenset(("n", "s", "x", "σ", "μ"))  # counts and deviations, below a row of another label only
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +109,7 @@ def find_layout(
     return Layout(sample[head].line, found.names, found.unit_cells, max(found.above, counts), notes, numeric)
 
 
-def footer_label(cells: Sequence[Cell]) -> str:
+def footer_label(cells: Sequence[Cell], labels: frozenset[str] = FOOTERS) -> str:
     """Label of a row of sums or means as written, or "" for any other row.
 
     >>> footer_label(["", "Mittelwert:", "3,5"]), footer_label(["E1", "3,5"])
@@ -113,7 +117,7 @@ def footer_label(cells: Sequence[Cell]) -> str:
     """
     label = next((str(cell).strip() for cell in cells if str(cell).strip()), "")
     plain = " ".join(label.casefold().replace(".", " ").split()).strip(" :=")
-    return label if plain in FOOTERS else ""
+    return label if plain in labels else ""
 
 
 def is_text_line(cells: Sequence[Cell], layout: Layout) -> bool:
