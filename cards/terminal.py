@@ -191,7 +191,10 @@ def _seen(runs: Runs) -> str:
         "constant": [name for name in conditions if not held.varies(name)],
     }
     each = (f"{what} {', '.join(names) or 'none'}" for what, names in found.items())
-    return f"Seen: {'; '.join(each)}."
+    left = [use.header for use in runs.columns if use.role is None and use.header in runs.data]
+    unused = [repr(name) for name in left if runs.data[name].dtype.kind == "f"]
+    more = f"; not used {', '.join(unused[:6])}{', ...' * (len(unused) > 6)}" if unused else ""
+    return f"Seen: {'; '.join(each)}{more}."
 
 
 def identification_block(found: "Identification", pf: ParameterFile) -> RenderableType:

@@ -13,7 +13,17 @@ from ..core.suggestions import closest, did_you_mean
 from .headers import parse_header
 from .tables import STOPPED, Column, is_number
 from .units import canonical, convert, same_dimension, suggest
-from .vocabulary import ROLES, Role, role_of, role_of_mean, role_of_unit, role_within, suggest_role, understood_unit
+from .vocabulary import (
+    ROLES,
+    Role,
+    role_of,
+    role_of_mean,
+    role_of_peak,
+    role_of_unit,
+    role_within,
+    suggest_role,
+    understood_unit,
+)
 
 # Least and greatest values of roles whose names have other meanings, in any unit: mm or in, and degrees
 SIZES = {"re": (1e-3, 50.0), "kappa": (5.0, 180.0), "lead": (-60.0, 90.0), "sigma": (60.0, 180.0)}
@@ -87,6 +97,8 @@ def assign(
             data[role.symbol], unit, converted = _values(claim, role)
             if unit and unit != canonical(claim.unit_text):
                 assumed.append(f"{role.symbol}: {claim.unit_text} is taken as {unit}")
+            if not claim.mapped and _of_peak(claim) == role.symbol:
+                assumed.append(f"{role.symbol}: {claim.name!r} is read; it is a peak or effective value, not a mean")
             if role.symbol == "VB" and _LARGEST.search(claim.name):
                 assumed.append(
                     f"VB: {claim.name!r} is the largest width of the land: --criterion 0.6 (ISO 3685, where 0.3 mm is "
@@ -173,11 +185,15 @@ def _may_be(role: str, column: Column) -> bool:
 
 def _named_otherwise(claims: list[_Claim], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
     """The claims, with free roles for headers that are a unit (SFM, IPR), a mean, or a name and a remark."""
-    taken = {claim.role for claim in claims} | set(mapping)
+    named = {claim.role for claim in claims} | set(mapping)
     found = [_otherwise(claim) if claim.role is None else (None, claim.unit_text) for claim in claims]
     done = []
-    for claim, (role, text) in zip(claims, found, strict=True):
-        if role is not None and role not in taken and [one for one, _ in found].count(role) == 1:
+    peaks = [_of_peak(claim) if claim.role is None else None for claim in claims]
+    taken = named | {role for role, _ in found}
+    for claim, (role, text), peak in zip(claims, found, peaks, strict=True):
+        if peak is not None and peak not in taken and peaks.count(peak) == 1:
+            done.append(replace(claim, unit_text=units.get(peak, claim.unit_text), role=peak))
+        elif role is not None and role not in named and [one for one, _ in found].count(role) == 1:
             done.append(replace(claim, unit_text=units.get(role, text), role=role))
         else:
             done.append(claim)
@@ -196,6 +212,10 @@ def _otherwise(claim: _Claim) -> tuple[str | None, str]:
     if comma:
         return role_of(name, unit), text
     return role_of_unit(claim.name), text or claim.name
+
+
+def _of_peak(claim: _Claim) -> str | None:
+    return role_of_peak(claim.name, canonical(claim.unit_text) if claim.unit_text else None)
 
 
 def check_edge_option(columns: tuple[Column, ...], name: str | None) -> None:

@@ -73,7 +73,7 @@ _TABLE = (
           "vitesse d'avance", "velocidad de avance"),
     _role("d", "depth of cut", "mm", "condition",
           "ap, DOC, depth, cutting depth, axial depth of cut, axial depth",
-          "Schnitttiefe, Schnittiefe, Spanungstiefe, Zustellung",
+          "Schnitttiefe, Schnittiefe, Spantiefe, Spanungstiefe, Zustellung",
           "profondeur de passe, profondeur de coupe, profondeur",
           "profundidad de corte, profundidad de pasada, profundidad"),
     _role("ae", "width of cut", "mm", "condition",
@@ -132,7 +132,8 @@ _TABLE = (
     _role("Fy", "force along y", "N", "load", "force y, y force", "Kraft y", "effort y", "fuerza y"),
     _role("Fz", "force along z", "N", "load", "force z, z force", "Kraft z", "effort z", "fuerza z"),
     _role("Fxz", "thrust force", "N", "load", "thrust"),
-    _role("Fc", "cutting force", "N", "load", "main cutting force, tangential force", "Schnittkraft",
+    _role("Fc", "cutting force", "N", "load", "main cutting force, tangential force",
+          "Schnittkraft, Hauptschnittkraft",
           "effort de coupe, force de coupe, effort tangentiel", "fuerza de corte"),
     _role("Ff", "feed force", "N", "load", "feed force", "Vorschubkraft", "effort d'avance, force d'avance",
           "fuerza de avance"),
@@ -312,6 +313,24 @@ def role_of_mean(name: str, unit: str | None) -> str | None:
     match = _OF_MEAN.fullmatch(name.strip())
     role = role_of(match["after"] or match["before"], unit) if match else None
     return role if role is not None and ROLES[role].kind in ("wear", "load", "surface") else None
+
+
+_PEAK = re.compile(
+    r"(?:max\.?|maximum|peak|rms|Spitze|Spitzenwert|eff)[\s_]++(?:of[\s_]++)?(?P<after>.+)|"
+    r"(?P<before>[^\s_]*[^\s_,-])[\s_,-]*(?:max\.?|maximum|peak|pk|rms|Spitze|Spitzenwert|eff)",
+    re.IGNORECASE,
+)
+
+
+def role_of_peak(name: str, unit: str | None) -> str | None:
+    """Symbol of the load whose peak or effective value a column is named as, None for other names.
+
+    >>> role_of_peak("Fx max", "N"), role_of_peak("Fcmax", None), role_of_peak("T max", None)
+    ('Fx', 'Fc', None)
+    """
+    match = _PEAK.fullmatch(name.strip())
+    role = role_of((match["after"] or match["before"]).strip(), unit) if match else None
+    return role if role is not None and ROLES[role].kind == "load" else None
 
 
 # Units that name one quantity when they are the whole header, as US laboratories write them.

@@ -509,3 +509,41 @@ def test_a_feed_per_tooth_under_the_name_of_f_is_read_so(header):
     runs = datasets.runs_from_frame(frame, map={"fz": "f"}, units=units)
     assert not runs.doubts
     np.testing.assert_allclose(runs.values("fz"), f)
+
+
+def peaks(names, scale=1):
+    """A milling file with loads of these names, of levels that stand in each row."""
+    rows = [(V, f, round(V * f)) for V in (100, 150, 200) for f in (0.1, 0.2, 0.3)] * 2
+    numbers = "".join(f"{V},{f},{','.join(str(scale * (k * load + 100)) for k in (3, 2, 5))}\n" for V, f, load in rows)
+    return f"V,f,{','.join(names)}\n{numbers}"
+
+
+@pytest.mark.parametrize("form", ["{} max (N)", "{}_max", "{}max", "{} peak", "{}_rms [N]", "max {}", "{} Spitze [N]"])
+def test_peak_loads_are_read_and_nothing_follows_from_them(tmp_path, form):
+    path = tmp_path / "peaks.csv"
+    path.write_text(peaks([form.format(axis) for axis in ("Fx", "Fz", "Fc")]), "utf-8")
+    runs = datasets.read_runs(path)
+    assert {"Fx", "Fz", "Fc"} <= set(runs.units)
+    assert not {"Fxz", "P"} & set(runs.units)
+    assert any("a peak or effective value, not a mean" in text for text in runs.assumed)
+
+
+def test_a_mean_load_counts_before_its_peak(tmp_path):
+    path = tmp_path / "both.csv"
+    path.write_text(peaks(["Fx max [N]", "Fx mean [N]", "Fz [N]"]), "utf-8")
+    assert next(use.header for use in datasets.read_runs(path).columns if use.role == "Fx") == "Fx mean [N]"
+
+
+def test_loads_under_other_names_are_proposed(tmp_path):
+    path = tmp_path / "loads.csv"
+    path.write_text(peaks(["P total [kW]", "P idle [kW]", "Spindle load [%]"], scale=0.01), "utf-8")
+    doubts = datasets.read_runs(path).doubts
+    assert [doubt.remedy for doubt in doubts] == ['--map "P=col3"', ""]
+    assert "share of a rated value" in doubts[1].sentence
+
+
+def test_german_names_of_force_and_depth(tmp_path):
+    path = tmp_path / "de.csv"
+    path.write_text(peaks(["Spantiefe", "Hauptschnittkraft", "Rz"], scale=0.01), "utf-8")
+    roles = {use.header: use.role for use in datasets.read_runs(path, units={"Fc": "kN"}).columns}
+    assert (roles["Spantiefe"], roles["Hauptschnittkraft"]) == ("d", "Fc")

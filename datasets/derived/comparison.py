@@ -1,6 +1,6 @@
 """Comparison of quantities that a file holds with those computed from its other columns."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from math import isfinite
 
@@ -28,11 +28,16 @@ EVEN = 0.25  # relative spread of a ratio that one factor explains
 ALMOST = 0.02  # relative distance of a ratio from a known factor
 
 
-def compare(draft: Draft, known: Known) -> None:
-    """Add a doubt for each rule whose quantity is measured and does not agree with what the rule computes."""
+def compare(draft: Draft, known: Known, peaks: Collection[str] = ()) -> None:
+    """Add a doubt for each rule whose quantity is measured and does not agree with what the rule computes.
+
+    ``peaks`` are loads of which peak values are known: nothing follows from them.
+    """
     compared: set[frozenset[str]] = set()
     for rule in RULES:
         roles = frozenset((rule.role, *rule.inputs))
+        if not roles.isdisjoint(peaks):
+            continue
         if roles in compared or rule.role not in known.data or not all(map(known.has, roles)):
             continue
         if rule.role == "MRR" and known.process not in (None, *rule.processes):

@@ -59,6 +59,8 @@ _OTHER_WORDS = re.compile(
 
 _LEVELS = re.compile(r"(?<![^\W_])(?:levels?|stufen?|niveaux?|nivel(?:es)?|coded?|codiert)(?![^\W_])", re.IGNORECASE)
 _FACTOR = re.compile(r"[A-HJ-K]")  # letter of a factor in Taguchi's arrays
+_IDLE = re.compile(r"idle|leer|air|no.?load|zero|offset|vide|vac[ií]o|tare", re.IGNORECASE)
+_SHARE = re.compile(r"load|power|torque|current|last|leistung|charge|puissance|carga|potencia", re.IGNORECASE)
 COUNTS = re.compile(
     r"(?<![^\W_])(?:parts?|pieces?|pcs|workpieces?|components?|holes?|pass(?:es)?|cycles?|teile|st(?:ü|ue)ck(?:zahl)?|"
     r"werkst(?:ü|ue)cke|bohrungen|durchg(?:ä|ae)nge|(?:ü|ue)berl(?:ä|ae)ufe|pi(?:è|e)ces?|trous|piezas?|pasadas?|"
@@ -207,6 +209,9 @@ def _counted(
             return None if role is None or ROLES[role].kind != "time" else []
         sentence = f"column {column.name!r} is a number of parts, holes or passes and is not used: {of_counts(role)}"
         return [Doubt((column.name,), sentence)]
+    if canonical(_unit_text(column) or "-") == "%" and _SHARE.search(column.name):
+        more = "multiply it by the rated power or current, and add it as P [kW] or I [A]"
+        return [Doubt((column.name,), f"column {column.name!r} is a share of a rated value and is not used: {more}")]
     if not looks_numbered(values):
         return None
     role = role_within(_LEVELS.sub(" ", column.name)) or suggestion
@@ -251,6 +256,10 @@ def _named_like(draft: Draft, column: Column, suggestion: str | None, options: R
             continue
         if unit is None or same_dimension(unit, ROLES[role].unit):
             return role
+    first = re.split(r"[\s_,]+", parse_header(column.name).name.strip())[0]
+    load = role_of(first, unit) if unit is not None and not _IDLE.search(column.name) else None
+    if load is not None and ROLES[load].kind == "load" and _free(draft, load, options):
+        return load
     for role in ("V", "f", "fz", "fm", "n", "t"):
         if unit is not None and _free(draft, role, options) and same_dimension(unit, ROLES[role].unit):
             return role
