@@ -1,6 +1,7 @@
 """Cost and time of a part: closed forms, an independent optimiser, age replacement, what the draws state."""
 
 import json
+from dataclasses import replace
 from math import inf, log
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from fitmodels import parameters
 from fitmodels.cards.replays import replayed
 from fitmodels.cli import main
 from fitmodels.controllers.economics.age_replacement import change_interval
+from fitmodels.controllers.economics.display import of_economic_settings
 from fitmodels.controllers.economics.optimum import economic_settings
 from fitmodels.controllers.economics.part_cost import PowerSum, Sides, cost_of_part, least, time_of_part
 from fitmodels.controllers.region.log_planes import LogPlane
@@ -173,6 +175,16 @@ def test_a_depth_outside_the_tests_is_named_as_a_speed_would_be():
     deep = economic_settings(published("AC-2017"), costs, d=1.2 * high).least_cost
     assert f"d {1.2 * high:.4g} mm (tested {low:g} to {high:g})" in deep.beyond
     assert not any(words.startswith("d ") for words in economic_settings(published("AC-2017"), costs).least_cost.beyond)
+
+
+@pytest.mark.parametrize("not_knowing", [0.0, 0.02])
+def test_tests_are_not_called_worthless_where_the_optimum_is_extrapolated(not_knowing):
+    for d in (2.0, 6.0):
+        found = replace(economic_settings(of_lives(), COSTS, d=d), not_knowing=not_knowing)
+        words = " ".join(of_economic_settings(found).sentences)
+        assert bool(found.least_cost.beyond) == (d > 5)
+        assert ("only tests at this setting show" in words) == (d > 5)
+        assert ("further tests are worth no more" in words or "would not change it" in words) == (d < 5)
 
 
 def test_energy_is_that_of_the_mean_power_over_the_life():

@@ -77,7 +77,15 @@ def _comparison(found: EconomicSettings) -> Iterator[str]:
         band = f" ({found.level:.0%} interval {low:.3g} … {high:.3g})" if found.draws else ""
         cost = f"{abs(saving):.3g} {costs.currency} {'less' if saving >= 0 else 'more'} per {costs.of}"
         yield f"The least-cost setting costs {cost} than today's{band}."
-    if found.not_knowing is not None and found.not_knowing < SMALL * found.least_cost.cost:
+    small = found.not_knowing is not None and found.not_knowing < SMALL * found.least_cost.cost
+    if found.not_knowing is not None and found.least_cost.beyond:
+        amount = f"{found.not_knowing:.2g} {costs.currency} per {costs.of}"
+        lost = f"less than {SMALL:.2%} of the cost" if small else amount
+        yield (
+            f"If the laws held outside the tests, not knowing their coefficients exactly would cost {lost} on average; "
+            "whether they hold there, only tests at this setting show."
+        )
+    elif small:
         yield (
             "With the limits as estimated the best pair is the same in nearly all draws of the tool life: a more exact "
             "life would not change it."
