@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ..controllers.region.limits import laws_of_kind
 from ..controllers.region.log_planes import USUAL, ratio
 from ..core.errors import UsageError
 from .decision import Advice, cost_of_change, probability_words
@@ -50,8 +51,8 @@ class Bounds:
                 if own is not None and name in ranges:
                     k, (low, high) = ratio(own.unit, USUAL[name]), ranges[name]
                     ranges[name] = max(low, k * own.low), min(high, k * own.high)
-            bounds = [(limits.power, "P"), (limits.force, "")]
-            given = {(one.of or usual): (one.value, one.unit) for one, usual in bounds if one is not None}
+            bounds = [(name, one) for name in ("power", "force") if (one := getattr(limits, name)) is not None]
+            given = {of: (one.value, one.unit) for name, one in bounds for of in laws_of_kind(pf, name, one)}
             given |= {name: (one.high, one.unit) for name, one in limits.responses.items() if one.high is not None}
             found = {name: value for name, value in given.items() if name in laws.loads}
             loads = {name: value * ratio(unit, laws.loads[name].unit) for name, (value, unit) in found.items()}

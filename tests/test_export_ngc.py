@@ -357,6 +357,18 @@ def test_a_limit_that_the_plan_does_not_apply_is_refused_or_named(to):
     assert any(words.startswith("NOT CHECKED by the plan: the limit of T") for words in made.notes)
 
 
+@pytest.mark.parametrize("to", ["nc", "csv", "c", "st"])
+def test_a_limit_of_force_without_a_law_is_refused_or_named(to):
+    pf = published("AC-2017")
+    pf = sealed(pf, laws={name: law for name, law in pf.model_dump()["laws"].items() if name != "Fxz"})
+    job = ExportJob(diameter=(80.0, 80.0), turning=TurningRequest(job=TurningJob(PASSES, 2500.0, parts=1)))
+    with pytest.raises(GateError, match=r"limits Fxz at most 1500 N.* no law of Fxz: fit one"):
+        exported(pf, to, system="recursion", job=job)
+    made = exported(pf, to, system="recursion", job=replace(job, accept_verdict=True))
+    assert "NOT CHECKED by the plan" in made.content
+    assert any(words.startswith("NOT CHECKED by the plan: the limit of Fxz") for words in made.notes)
+
+
 def test_the_smaller_of_two_spindle_limits_counts_and_is_rounded_down(turned):
     pf = published("AC-2017")
     limits = {**pf.limits.model_dump(), "spindle_speed": {"low": 50.0, "high": 700.7, "unit": "1/min"}}

@@ -295,6 +295,10 @@ def test_advised_feed_and_speed_keep_to_the_risk_the_limits_and_the_tests(pf, la
     narrow = Bounds.of(parameters.ParameterFile.model_validate({**pf.model_dump(), "limits": limits}), laws)
     assert narrow.ranges["V"] == pytest.approx((60.0, 120.0))
     assert narrow.loads == {"P": pytest.approx(1.0)}
+    limits = {"force": {"value": 1.2, "unit": "kN"}}  # of no law by name: of all forces
+    assert Bounds.of(parameters.ParameterFile.model_validate({**pf.model_dump(), "limits": limits}), laws).loads == {
+        "Fxz": pytest.approx(1200.0)
+    }
     for one in advise(edge, narrow, AT, 8.0):
         at = {**AT, **one.settings}
         assert edge.expected_load("P", at).high <= 1.0

@@ -20,6 +20,7 @@ from fitmodels.controllers.recursion.laws import Rules, response_at_end, wear_af
 from fitmodels.controllers.recursion.life import apply_plan, best_fixed, by_speed, fixed_life, life_ratios, whole_life
 from fitmodels.controllers.recursion.plan import PlanOptions, plan_of
 from fitmodels.controllers.recursion.sequence import best_sequence
+from fitmodels.controllers.region.limits import limited
 from fitmodels.core.errors import UsageError
 from fitmodels.datasets.units import canonical
 from fitmodels.parameters import ParameterFile
@@ -373,13 +374,27 @@ def test_a_file_without_force_or_power_is_run_without_that_limit(laws, life):
     bare = changed(pf, laws={name: law for name, law in pf.model_dump()["laws"].items() if name != "Fxz"})
     found = life_laws(bare)
     assert found.force is None
-    assert "has no power law of it" in found.notes[0]
+    assert "has no law of it" in found.notes[0]
     without = whole_life(found, PUBLISHED)
     assert without.removed > life.removed
     assert np.isnan(without.Fxz).all()
     assert not_convex(found) == ""
     for figure in (life_figure(without), pairs_figure(without), plane_figure(without), speeds_figure(without)):
         assert figure.axes
+
+
+def test_a_limit_without_of_bounds_the_law_that_the_region_bounds(laws):
+    """The force of the file is Fc, and collect(limits={"force": 1500}) names none."""
+    data = published("AC-2017").model_dump()
+    data["laws"]["Fc"] = {**data["laws"].pop("Fxz"), "response": "Fc", "quantity": "cutting force"}
+    data["limits"]["force"].pop("of")
+    pf = ParameterFile.model_validate({**data, "content_sha256": None})
+    found = life_laws(pf)
+    assert found.force == replace(laws.force, response="Fc")
+    assert not [words for words in found.notes if "force" in words]
+    assert [one.symbol for one in limited(pf, pf.limits)] == ["P", "Fc", "AW"]
+    data["laws"]["Ff"] = {**data["laws"]["Fc"], "response": "Ff", "quantity": "feed force"}
+    assert "laws of Fc, Ff; name one of them" in shortfall(ParameterFile.model_validate(data))
 
 
 def _other_form(law):

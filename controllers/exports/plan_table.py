@@ -106,7 +106,7 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
     if not plan.rows:
         raise GateError(f"not exported: {no_pair(plan.life, plan.extrapolated)}")
     laws = plan.laws
-    said = (*require_checked(pf, job.accept_verdict), *require_near_tests(pf, [laws], job.turning.beyond_tests))
+    said = (*require_checked(pf, laws, job.accept_verdict), *require_near_tests(pf, [laws], job.turning.beyond_tests))
     view = view_of_laws(pf, (laws.wear.response, *(terms.response for _, terms in laws.limited)), job.accept_verdict)
     low, high = _diameters(pf, job, plan)
     caps, words = _caps(pf, job, plan, low, high)

@@ -124,7 +124,8 @@ def turning_export(
     verdicts = require_verdicts(pf, accept_verdict, only=used)
     part, outside = (None, plan.extrapolated) if request.job is None else part_plan(pf, plan, request.job)
     depths = (plan.laws, *(() if part is None else part.edge.others))
-    said_first = (*require_checked(pf, accept_verdict), *require_near_tests(pf, depths, request.beyond_tests))
+    left_out = require_checked(pf, plan.laws, accept_verdict)
+    said_first = (*left_out, *require_near_tests(pf, depths, request.beyond_tests))
     simulated = {True: "SIMULATED data, not measured", None: "not known whether the data were measured or SIMULATED"}
     said = simulated.get(pf.identity.simulated, "")
     who = pf.identity

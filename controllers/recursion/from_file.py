@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ...core.arrays import Array, is_positive
 from ...core.errors import GateError, UsageError
 from ...datasets.units import convert, is_unit, same_dimension
-from ..region.log_planes import ratio
+from ..region.limits import bounded_law
+from ..region.log_planes import WEARS, ratio
 from .laws import LifeLaws, Terms
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ NEAR = 1e-9  # of an end of a tested range: a value on it is inside
 PAPER = "AC-2017"  # provenance.options["paper"] of its own file
 UNITS: Mapping[str, str] = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 MOVING = ("V", "f", "t")
-USUAL: Mapping[str, tuple[str, ...]] = {"wear": ("AW", "VB"), "power": ("P",), "force": ("Fxz",)}
 
 
 def life_laws(
@@ -133,18 +133,17 @@ def _limits(pf: "ParameterFile") -> "tuple[LimitsSection, Bound]":
 
 
 def _response(pf: "ParameterFile", what: str, bound: "Bound") -> str:
-    """Symbol of the limited law."""
-    names = (bound.of,) if bound.of else USUAL[what]
-    found = next((name for name in names if name in pf.laws and pf.laws[name].form == "power"), "")
-    other = next((pf.laws[name] for name in names if name in pf.laws), None)
-    if not found and other is not None:
+    """Symbol of the limited law, empty where the file has none."""
+    found = bounded_law(pf, what, bound)
+    if found and pf.laws[found].form != "power":
         raise UsageError(
-            f"the law of {other.response} has the form {other.form.replace('_', ' ')}; the recursion computes with "
-            f'power laws: fit it again with --form "{other.response}=power", or leave the limit of it out.'
+            f"the law of {found} has the form {pf.laws[found].form.replace('_', ' ')}; the recursion computes with "
+            f'power laws: fit it again with --form "{found}=power", or leave the limit of it out.'
         )
     if not found and what == "wear":
         held = ", ".join(pf.laws) or "none"
-        raise UsageError(f"the file holds no power law of the wear {' or '.join(names)} (its laws: {held}); fit one.")
+        names = bound.of or " or ".join(WEARS)
+        raise UsageError(f"the file holds no power law of the wear {names} (its laws: {held}); fit one.")
     return found
 
 
@@ -171,7 +170,7 @@ def _limited(
         return None
     name = _response(pf, what, bound)
     if not name:
-        notes.append(f"The file limits {what} to {bound.value:g} {bound.unit} but has no power law of it: not applied.")
+        notes.append(f"The file limits {what} to {bound.value:g} {bound.unit} but has no law of it: not applied.")
         return None
     return _terms(pf.laws[name], wear, bound, fixed, by, notes)
 
@@ -337,9 +336,17 @@ def _beyond_words(factor: "Factor", values: Array) -> tuple[str, str]:
     return f"{factor.symbol} {span} {factor.unit}", f"{factor.low:.4g} to {factor.high:.4g} {factor.unit}"
 
 
-def require_checked(pf: "ParameterFile", accept: bool) -> tuple[str, ...]:
-    """Raise for limits that the plan does not apply; where they are accepted, the words that name them."""
-    stated = {} if pf.limits is None else pf.limits.responses
+def require_checked(pf: "ParameterFile", laws: LifeLaws, accept: bool) -> tuple[str, ...]:
+    """Raise for limits that a plan by these laws does not apply; where they are accepted, the words that name them."""
+    if pf.limits is None:
+        return ()
+    stated = {name: (bound.low, bound.high, bound.unit) for name, bound in pf.limits.responses.items()}
+    remedy = "Use `fitmodels optimum` or the system region, which apply it"
+    for what, terms in (("power", laws.power), ("force", laws.force)):
+        bound = getattr(pf.limits, what)
+        if bound is not None and terms is None:
+            stated[bound.of or what] = (None, bound.value, bound.unit)
+            remedy = f"The file has no law of {bound.of or what}: fit one"
     if not stated:
         return ()
     names = ", ".join(stated)
@@ -347,13 +354,13 @@ def require_checked(pf: "ParameterFile", accept: bool) -> tuple[str, ...]:
     if accept:
         return (words,)
     ends = ", ".join(
-        f"{name} {word} {value:g} {bound.unit}"
-        for name, bound in stated.items()
-        for word, value in (("at least", bound.low), ("at most", bound.high))
+        f"{name} {word} {value:g} {unit}"
+        for name, (low, high, unit) in stated.items()
+        for word, value in (("at least", low), ("at most", high))
         if value is not None
     )
     raise GateError(
-        f"not exported: the file limits {ends}, and the plan does not apply the limit of {names}. Use `fitmodels "
-        f"optimum` or the system region, which apply it; or narrow the ranges of V and f until `fitmodels predict` "
-        "keeps it at every row, and export with --accept-verdict, which names the limit in the file as NOT CHECKED."
+        f"not exported: the file limits {ends}, and the plan does not apply the limit of {names}. {remedy}; or narrow "
+        "the ranges of V and f until `fitmodels predict` keeps it at every row, and export with --accept-verdict, "
+        "which names the limit in the file as NOT CHECKED."
     )

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 FORCES = ("Fxz", "F", "Fc", "Ff", "Fp", "Fx", "Fy", "Fz")
 NO_RESPONSE_LIMIT = "The file has no limit of a response: add one, e.g. `fitmodels limits params.json P=7kW`."
 RANGES = (("V", "speed", "m/min"), ("f", "feed", "mm/rev"))
+CANDIDATES: Mapping[str, tuple[str, ...]] = {"power": ("P",), "force": FORCES, "wear": WEARS}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -80,12 +81,11 @@ def limited(pf: "ParameterFile", limits: LimitsSection) -> tuple[ResponseBound, 
     UsageError
         The file has no law of a limited response, or several candidates.
     """
-    candidates = {"power": ("P",), "force": FORCES, "wear": WEARS}
     found: list[ResponseBound] = []
-    for name, usual in candidates.items():
+    for name in CANDIDATES:
         bound: Bound | None = getattr(limits, name)
         if bound is not None:
-            found.append(ResponseBound(_response(pf, name, bound, usual), "most", bound.value, bound.unit))
+            found.append(ResponseBound(_response(pf, name, bound), "most", bound.value, bound.unit))
     for symbol, ends in limits.responses.items():
         if symbol not in pf.laws:
             raise UsageError(f"limits.responses: the file has no law of {symbol}; fit it, or leave this limit out.")
@@ -94,17 +94,55 @@ def limited(pf: "ParameterFile", limits: LimitsSection) -> tuple[ResponseBound, 
     return tuple(found)
 
 
-def _response(pf: "ParameterFile", name: str, bound: Bound, usual: tuple[str, ...]) -> str:
-    label = f"limits.{name} {bound.value:g} {bound.unit}"
-    names = [bound.of] if bound.of else [each for each in usual if each in pf.laws]
+def bounded_law(pf: "ParameterFile", name: str, bound: Bound) -> str:
+    """Symbol of the law that ``limits.<name>`` bounds: the one named by ``of``, or else the only one of its kind.
+
+    Parameters
+    ----------
+    pf : ParameterFile
+    name : {"power", "force", "wear"}
+    bound : Bound
+
+    Returns
+    -------
+    str
+        Empty where the file has no such law.
+
+    Raises
+    ------
+    UsageError
+        The limit names no law, and the file has several of its kind.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> bounded_law(published("AC-2017"), "force", Bound(value=1000.0, unit="N"))
+    'Fxz'
+    """
+    names = laws_of_kind(pf, name, bound)
     if len(names) > 1:
-        raise UsageError(f"{label}: the file has laws of {', '.join(names)}; name one of them in the limit's 'of'.")
-    if not names or names[0] not in pf.laws:
         raise UsageError(
-            f"{label}: the file has no law of {names[0] if names else usual[0]}; fit it, or leave this limit out with "
-            f"limits={{{name!r}: None}}."
+            f"{_label(name, bound)}: the file has laws of {', '.join(names)}; name one of them in the limit's 'of'."
         )
-    return names[0]
+    return names[0] if names else ""
+
+
+def laws_of_kind(pf: "ParameterFile", name: str, bound: Bound) -> tuple[str, ...]:
+    """Symbols of the laws that ``limits.<name>`` may bound: the one named by ``of``, or else all of its kind."""
+    return tuple(each for each in ((bound.of,) if bound.of else CANDIDATES[name]) if each in pf.laws)
+
+
+def _label(name: str, bound: Bound) -> str:
+    return f"limits.{name} {bound.value:g} {bound.unit}"
+
+
+def _response(pf: "ParameterFile", name: str, bound: Bound) -> str:
+    if found := bounded_law(pf, name, bound):
+        return found
+    raise UsageError(
+        f"{_label(name, bound)}: the file has no law of {bound.of or CANDIDATES[name][0]}; fit it, or leave this limit "
+        f"out with limits={{{name!r}: None}}."
+    )
 
 
 def box(pf: "ParameterFile", limits: LimitsSection) -> MachineRange:
