@@ -10,10 +10,14 @@ import numpy as np
 
 from ..cards.content.design import middle
 from ..cards.forms.svg_panel import LIMIT, LINE, TESTED, Margins, PanelAxis, PanelCanvas, PanelDrawing, svg
+from ..controllers.region.limits import CANDIDATES, limited
+from ..controllers.region.log_planes import ratio
+from ..controllers.region.surfaces import ResponseBound
 from ..controllers.region.visible import VisibleRegion, visible_region
 from ..core.errors import UsageError
 from ..datasets.vocabulary import ROLES
 from ..parameters import ParameterFile, read
+from ..parameters.sections.load_line import LimitsSection
 
 POINTS: Final = 81  # of the grid along each axis
 STEPS: Final = 200  # of a slider
@@ -75,12 +79,40 @@ def _values(law: Any) -> np.ndarray:  # noqa: ANN401
     return np.asarray(law.values({one.symbol: g for one, g in zip(law.factors, grid, strict=True)}))
 
 
+def _bounds(pf: ParameterFile) -> tuple[list[ResponseBound], list[str]]:
+    """Limits of the file on responses with a law, in the units of the laws, and a sentence on each other one."""
+    limits, found, left = pf.limits or LimitsSection(), list[ResponseBound](), list[str]()
+    alone = [{name: bound} for name in CANDIDATES if (bound := getattr(limits, name)) is not None]
+    alone += [{"responses": {symbol: ends}} for symbol, ends in limits.responses.items()]
+    for one in alone:
+        try:
+            for symbol, side, value, unit in limited(pf, LimitsSection.model_validate(one)):
+                own = pf.laws[symbol].unit
+                found.append(ResponseBound(symbol, side, value * ratio(unit, own), own))
+        except UsageError as error:
+            left.append(f"NOT APPLIED: {error}")
+    return found, left
+
+
 def _limits(pf: ParameterFile) -> dict[str, float]:
-    """Upper limits of the file by symbol."""
-    if pf.limits is None:
-        return {}
-    single = [one for one in (pf.limits.power, pf.limits.force, pf.limits.wear) if one is not None and one.of]
-    return {str(one.of): float(one.value) for one in single}
+    """Upper limits of the file by symbol, in the units of the laws."""
+    most = sorted((one for one in _bounds(pf)[0] if one.side == "most"), key=lambda one: -one.value)
+    return {one.symbol: one.value for one in most}
+
+
+def _limits_with(pf: ParameterFile, highest: Mapping[str, float]) -> dict[str, Any]:
+    """The limits of the file on responses, with these upper ones by symbol; that of the wear names its law."""
+    responses: dict[str, dict[str, Any]] = {name: {"high": value} for name, value in highest.items()}
+    for symbol, side, value, _ in _bounds(pf)[0]:
+        if side == "least":
+            responses.setdefault(symbol, {})["low"] = value
+    for name, ends in responses.items():
+        ends["unit"] = pf.laws[name].unit
+    limits: dict[str, Any] = {"power": None, "force": None, "wear": None, "responses": responses}
+    wear = None if pf.limits is None or pf.limits.wear is None else pf.limits.wear.of
+    if wear is not None and wear in highest:
+        limits["wear"] = {"value": highest[wear], "unit": pf.laws[wear].unit, "of": wear}
+    return limits
 
 
 def _kind(symbol: str) -> str:
@@ -92,9 +124,9 @@ def _kind(symbol: str) -> str:
 
 
 def _slider(name: str, label: str, unit: str, low: float, high: float, value: float) -> Slider:
-    step = 10.0 ** math.floor(math.log10(max((high - low) / STEPS, 1e-12)))
+    step = 10.0 ** math.floor(math.log10(max(min((high - low) / STEPS, value / 10), 1e-12)))
     low = min(low, value)
-    at = round(min(max(value, low), high) / step) * step
+    at = math.floor(min(max(value, low), high) / step + 1e-9) * step
     low, high = math.floor(low / step) * step, math.ceil(high / step) * step
     return Slider(name, label, unit, *(f"{x:.6g}" for x in (low, high, step, at)))
 
@@ -116,20 +148,15 @@ def drawn(folder: Path, params: str, given: Mapping[str, str]) -> tuple[str, str
     """
     pf = read(folder / params)
     numbers = {one.name: _number(one, given) for one in sliders(folder, params)}
-    limits: dict[str, Any] = dict.fromkeys(("power", "force", "wear"))
-    for name, value in numbers.items():
-        kind = _kind(name)
-        if kind and limits[kind] is None:
-            limits[kind] = {"value": value, "unit": pf.laws[name].unit, "of": name}
-        elif kind:  # a second force
-            limits.setdefault("responses", {})[name] = {"high": value, "unit": pf.laws[name].unit}
+    highest = _limits(pf) | {name: value for name, value in numbers.items() if _kind(name)}
+    limits = _limits_with(pf, highest)
     region = visible_region(pf, limits=limits, d=numbers.get("d", 1.0), t=numbers.get("t", 1.0))
     words = region.conflict if region.empty else f"Greatest metal removal rate: {region.best.words}."
     if pf.identity.simulated:
         words = f"NOT MEASURED (simulated). {words}"
     if not region.empty and not region.best.tested:
         words += " EXTRAPOLATED: this pair lies outside the tested region of the laws."
-    return svg(1, _drawing(region, numbers)), words
+    return svg(1, _drawing(region, highest)), " ".join([words, *_bounds(pf)[1]])
 
 
 def _number(slider: Slider, given: Mapping[str, str]) -> float:
@@ -143,7 +170,7 @@ def _number(slider: Slider, given: Mapping[str, str]) -> float:
     return value
 
 
-def _drawing(region: VisibleRegion, numbers: Mapping[str, float]) -> PanelDrawing:
+def _drawing(region: VisibleRegion, highest: Mapping[str, float]) -> PanelDrawing:
     """Speed and feed on logarithmic axes: the region shaded, the limit of each response, the best pair."""
     low, high = region.box.low, region.box.high
     names = ("V [m/min]", "f [mm/rev]")
@@ -157,17 +184,17 @@ def _drawing(region: VisibleRegion, numbers: Mapping[str, float]) -> PanelDrawin
         if inside.any():
             panel.ax.contourf(x, y, inside, [0.5, 1.5], colors=[TESTED])
         for name, values in level.items():
-            if name in numbers and values.min() < numbers[name] < values.max():
-                found = panel.ax.contour(x, y, values, np.array([numbers[name]]), colors=LIMIT, linewidths=1.6).points
+            if name in highest and values.min() < highest[name] < values.max():
+                found = panel.ax.contour(x, y, values, np.array([highest[name]]), colors=LIMIT, linewidths=1.6).points
                 if len(found[0]):
                     at = panel.at(*found[0][len(found[0]) // 2])
-                    panel.text(*at, f"{name} {numbers[name]:.4g}", "middle", "f-limit halo")
+                    panel.text(*at, f"{name} {highest[name]:.4g}", "middle", "f-limit halo")
         if not region.empty:
             at = math.log(region.best.V), math.log(region.best.f)
             panel.ax.plot([at[0]], [at[1]], color=LINE, marker="o", ms=8, lw=0)
             panel.text(*panel.at(*at), " best", style="f-ink halo")
 
-    words = ", ".join(f"{name} at most {value:.4g}" for name, value in numbers.items() if name in region.planes)
+    words = ", ".join(f"{name} at most {value:.4g}" for name, value in highest.items() if name in region.planes)
     title = "Region of speed and feed within the limits"
     return PanelDrawing(title, f"{title}: {words}; shaded.", axes[0], axes[1], draw, Margins(height=280))
 

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from fitmodels import cli, datasets, parameters
 from fitmodels.app import cells as app_cells
-from fitmodels.app import server
+from fitmodels.app import region, server
 from fitmodels.app.cells import Cells, cells_of
 from fitmodels.app.command_forms import actions, subject_of
 from fitmodels.app.command_words import command
@@ -36,6 +36,7 @@ from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.corrections import parse_correction
 from fitmodels.datasets.tables import Column
+from fitmodels.parameters.published import published
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -302,6 +303,39 @@ def test_the_region_follows_its_sliders(client):
     assert "exclude each other" in client.get("/files/gc.csv/region?P=0.001")
     assert client.ask("GET", "/files/gc.csv/region?P=-1")[0] == 422
     assert client.ask("GET", "/files/gc.csv/region?P=x")[0] == 422
+
+
+def two_forces(data):
+    data["laws"]["Fc"] = {**data["laws"]["Fxz"], "response": "Fc", "quantity": "cutting force"}
+    data["limits"]["responses"] = {"Fc": {"high": 1.0, "unit": "kN"}, "AW": {"low": 50.0, "unit": "um"}}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda data: None, ""),
+        (lambda data: data["limits"].update(power={"value": 5000.0, "unit": "W", "of": "P"}), ""),
+        (lambda data: data["limits"].update(power={"value": 5.0, "unit": "kW"}), ""),
+        (lambda data: data["limits"].update(wear={"value": 200.0, "unit": "um", "of": "AW"}), ""),
+        (two_forces, ""),
+        (lambda data: data["limits"]["force"].update(of="Fc"), "NOT APPLIED: limits.force 1500 N: the file has no law"),
+    ],
+)
+def test_the_region_begins_with_the_limits_of_the_file(tmp_path, change, words):
+    data = published("AC-2017").model_dump()
+    change(data)
+    pf = parameters.ParameterFile.model_validate({**data, "content_sha256": None})
+    parameters.write(pf, tmp_path / "params.json")
+    at = {one.name: float(one.value) for one in region.sliders(tmp_path, "params.json")}
+    dropped = {"force": None} if words else None
+    best = visible_region(pf, limits=dropped, d=at["d"], t=at["t"]).best
+    shown = region.drawn(tmp_path, "params.json", {})[1]
+    assert best.words[: best.words.index("MRR")] in shown
+    assert words in shown
+    assert ("NOT APPLIED" in shown) == bool(words)
+    moved = region.drawn(tmp_path, "params.json", {"P": "4", "Fxz": "5000"})[1]  # the limit of Fc stays
+    best = visible_region(pf, limits={"power": 4.0, **(dropped or {})}, d=at["d"], t=at["t"]).best
+    assert best.words[: best.words.index("MRR")] in moved
 
 
 def test_results_are_kept_when_the_page_is_opened_again(tmp_path):
