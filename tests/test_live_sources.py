@@ -1,5 +1,7 @@
 """Growing files and recorded runs: no row torn, doubled or lost; what happened is a notice."""
 
+import errno
+import itertools
 import json
 import math
 import os
@@ -13,7 +15,7 @@ import time
 import pytest
 from fitmodels.core.errors import DataError, FitmodelsError, UsageError
 from fitmodels.live.samples import Notice, Sample
-from fitmodels.live.sources import Source, SourceOptions, open_source, streams
+from fitmodels.live.sources import Source, SourceOptions, files, open_source, streams
 from fitmodels.live.sources.channels import channels_of
 from fitmodels.live.sources.clock import Clock, Stamps
 from fitmodels.live.sources.files import Tail
@@ -225,6 +227,69 @@ def test_a_file_that_was_rewritten_with_the_same_header_is_noticed(tmp_path):
     path.write_text(head + "0,2.0,0\n0.1,2.1,0\n0.2,2.2,0\n")
     assert "was rewritten" in tail.poll()[1]
     assert len(tail.poll()[0]) == 4
+    tail.close()
+
+
+@pytest.mark.parametrize("failing", range(4))
+def test_a_file_that_fails_once_is_read_on_where_it_was(tmp_path, monkeypatch, failing):
+    """A network drive that gives ESTALE once, at each of the reads of a poll: no row twice, none lost."""
+    path = written(tmp_path, "t [s],P [kW]\n0,1\n0.1,2\n0.2,")
+    tail, read, count = Tail(path), files._bytes_at, itertools.count()
+
+    def stale(file, size, at):
+        if next(count) == failing:
+            raise OSError(errno.ESTALE, "Stale file handle")
+        return read(file, size, at)
+
+    assert tail.poll()[0] == [b"t [s],P [kW]", b"0,1", b"0.1,2"]
+    with path.open("a") as file:
+        file.write("3\n0.3,4\n")
+    monkeypatch.setattr(files, "_bytes_at", stale)
+    assert tail.poll() == ([], "")
+    assert "cannot be read" in tail.missing
+    assert not tail.caught_up
+    assert tail.poll() == ([b"0.2,3", b"0.3,4"], "")
+    assert tail.missing == ""
+    tail.close()
+
+
+@pytest.mark.parametrize("other", ["t [s],P [kW]\n0,5\n", "t [s],P [kW]\n0,5\n0.1,6\n0.2,7\n"])
+def test_another_file_after_a_failed_read_is_said_to_be_one(tmp_path, monkeypatch, other):
+    path, read = written(tmp_path, "t [s],P [kW]\n0,1\n0.1,2\n"), files._bytes_at
+    tail = Tail(path)
+    tail.poll()
+
+    def stale(file, size, at):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(files, "_bytes_at", stale)
+    tail.poll()
+    monkeypatch.setattr(files, "_bytes_at", read)
+    path.rename(tmp_path / "old.csv")
+    written(tmp_path, other)
+    assert tail.poll() == ([], f"another file has the name {path.name}: it is read from its beginning")
+    assert tail.poll()[0] == other.encode().splitlines()
+    tail.close()
+
+
+def test_a_successor_that_cannot_be_opened_at_once_is_said_to_be_another_file(tmp_path, monkeypatch):
+    path = written(tmp_path, "t [s],P [kW]\n0,1\n0.1,2\n")
+    tail = Tail(path)
+    tail.poll()
+    path.rename(tmp_path / "old.csv")
+    written(tmp_path, "t [s],P [kW]\n0,5\n")
+    opened, allowed = files.open_regular, []
+
+    def denied(path, kind):
+        if not allowed:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return opened(path, kind)
+
+    monkeypatch.setattr(files, "open_regular", denied)
+    assert [tail.poll() for _ in range(4)] == [([], "")] * 4
+    allowed.append(True)
+    assert "another file has the name" in tail.poll()[1]
+    assert tail.poll()[0] == [b"t [s],P [kW]", b"0,5"]
     tail.close()
 
 

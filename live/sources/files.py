@@ -35,7 +35,8 @@ class Tail:
 
     The file is held open, so that rows written before it was renamed are read to the end. Another file under its name
     is seen by its inode, a file that was cut by its size, one that was rewritten by its first 64 bytes and by the last
-    64 that were read.
+    64 that were read. A file that could not be read for a time is opened again and read on from the same place where
+    it is the same file, and from its beginning otherwise.
 
     Examples
     --------
@@ -57,6 +58,7 @@ class Tail:
         self.caught_up: bool  # whether all was read at the last poll
         self._stack = ExitStack()
         self._file: BinaryIO | None = None
+        self._identity: tuple[int, int] | None = None  # device and inode of the file that was read last
         self._offset: int
         self._begin()
 
@@ -67,12 +69,15 @@ class Tail:
 
     def poll(self) -> tuple[list[bytes], str]:
         """Complete lines that were added, and what happened to the file: empty, or one sentence."""
-        if self._file is None and not self._open():
+        was_closed = self._file is None
+        if was_closed and not self._open():
             return [], ""
         file = self._file
         assert file is not None  # noqa: S101  opened above
         try:
             status = os.fstat(file.fileno())
+            if was_closed and (event := self._reopened(status)):
+                return [], event
             if reason := self._changed(file, status.st_size):
                 return [], self._again(reason)
             data = _bytes_at(file.fileno(), CHUNK, self._offset)
@@ -81,6 +86,7 @@ class Tail:
             return [], self._successor(status)
         except OSError as error:
             self.close()
+            self.caught_up = False
             self.missing = f"cannot be read: {cause(error)}"
             return [], ""
 
@@ -105,31 +111,37 @@ class Tail:
         except (OSError, DataError) as error:
             self.missing = cause(error) if isinstance(error, OSError) else str(error)
             return False
-        self._begin()
         self.missing = ""
         return True
+
+    def _reopened(self, status: os.stat_result) -> str:
+        """Sentence on another file than the one that was read before; empty for the first, and for the same."""
+        before, self._identity = self._identity, (status.st_dev, status.st_ino)
+        if before in (None, self._identity):
+            return ""
+        return self._again(f"another file has the name {self.path.name}")
 
     def _changed(self, file: BinaryIO, size: int) -> str:
         """Reason why the open file is no continuation of what was read; empty where it is."""
         if size < self._offset:
-            return f"was cut to {size} bytes"
+            return f"{self.path.name} was cut to {size} bytes"
         if size > self._offset and self._offset:
             head = _bytes_at(file.fileno(), len(self._head), 0)
             before = _bytes_at(file.fileno(), len(self._before), self._offset - len(self._before))
             if (head, before) != (self._head, self._before):
-                return "was rewritten"
+                return f"{self.path.name} was rewritten"
         return ""
 
     def _again(self, reason: str) -> str:
         """Read the open file from its beginning."""
         torn = f"; {len(self._pending)} bytes of a torn line are left out" if self._pending else ""
         self._begin()
-        return f"{self.path.name} {reason}: it is read from its beginning{torn}"
+        return f"{reason}: it is read from its beginning{torn}"
 
     def _taken(self, file: BinaryIO, data: bytes, size: int) -> tuple[list[bytes], str]:
+        self._head = _bytes_at(file.fileno(), min(MARK, self._offset + len(data)), 0)  # first: it may fail
         self._exhausted = False
         self._offset += len(data)
-        self._head = _bytes_at(file.fileno(), min(MARK, self._offset), 0)
         self._before = (self._before + data)[-MARK:]
         self.caught_up = self._offset >= size
         *lines, self._pending = (self._pending + data).split(b"\n")
@@ -151,12 +163,8 @@ class Tail:
         if not self._exhausted:
             self._exhausted = True
             return ""
-        torn = f"; {len(self._pending)} bytes of a torn line are left out" if self._pending else ""
-        self.close()
-        self._stack = ExitStack()
-        return (
-            f"another file has the name {self.path.name}: it is read from its beginning{torn}" if self._open() else ""
-        )
+        self.close()  # the next poll opens it
+        return ""
 
 
 def check_file(path: Path) -> None:
