@@ -184,11 +184,19 @@ class ControlSession:
         elif read is None or now - read[0] > SILENT:
             if read is not None:
                 self._end("lost", f"no values of the controller's pins for {now - read[0]:.1f} s")
+        elif self.phase != "checking" and (missing := [pin for pin in (*STATUS, *CHANGED) if pin not in read[1]]):
+            others = " and others" if len(missing) > 3 else ""
+            self._end("lost", f"HAL no longer gives {', '.join(missing[:3])}{others}")
         else:
             getattr(self, f"_{self.phase}")(now, read[1])
         if self.phase not in ("refused", "lost"):
             self.link.send(self.phase != "tripping", {})
         return (self.text,) if self.text != before else ()
+
+    def fail(self, reason: str) -> tuple[str, ...]:
+        """End as lost for a reason; returns the sentence on it."""
+        self._end("lost", reason)
+        return (self.text,)
 
     def close(self) -> None:
         """End: the heartbeat stops, and the controller goes to its safe state."""

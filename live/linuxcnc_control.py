@@ -320,6 +320,9 @@ class Session(Protocol):
     def step(self, now: float) -> tuple[str, ...]:
         """Advance to a time, s by the monotonic clock; returns sentences on what changed."""
 
+    def fail(self, reason: str) -> tuple[str, ...]:
+        """End for a reason; returns sentences on it."""
+
     def facts(self) -> dict[str, object]:
         """JSON-able description."""
 
@@ -334,6 +337,7 @@ class Runner(Generic[Stepped]):
     """A thread that steps a session 20 times a second while the main loop gives signs of life.
 
     Where the main loop hangs for `STALL` s, the session is not stepped, the heartbeat ends and the controller trips.
+    Any error of a step ends the session.
     """
 
     def __init__(self, session: Stepped) -> None:
@@ -357,8 +361,14 @@ class Runner(Generic[Stepped]):
     def _run(self) -> None:
         while not self._ended.wait(PERIOD):
             now = time.monotonic()
-            if now - self._alive <= STALL:
+            if now - self._alive > STALL:
+                continue
+            try:
                 self._texts.extend(self.session.step(now))
+            except Exception as error:
+                name = type(error).__name__
+                self._texts.extend(self.session.fail(f"the program has an error of its own, {name}: {error}"))
+                return
 
 
 if __name__ == "__main__":

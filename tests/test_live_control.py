@@ -433,6 +433,34 @@ def test_a_main_loop_that_hangs_is_no_sign_of_life(monkeypatch):
     assert steps[-1] is None
 
 
+@pytest.mark.parametrize("pin", [*STATUS, *CHANGED])
+def test_a_pin_that_goes_ends_the_session_as_lost(machine, pin):
+    session = proved(machine)
+    when, values = machine.last
+    machine.last = when, {name: value for name, value in values.items() if name != pin}
+    assert session.step(machine.now) == (f"HAL no longer gives {pin}. Nothing more is written; start again to write.",)
+    assert session.phase == "lost"
+    assert machine.stopped
+
+
+def test_an_error_of_a_step_ends_the_session_and_is_said(machine, monkeypatch):
+    session = proved(machine)
+    monkeypatch.setattr(machine, "values", lambda: (time.monotonic(), machine.last[1]))
+
+    def wrong(beat, pins):
+        raise RuntimeError("a fault of the program")
+
+    monkeypatch.setattr(machine, "send", wrong)
+    runner, said, end = Runner(session), [], time.monotonic() + 5.0
+    while session.phase != "lost" and time.monotonic() < end:
+        said += runner.take()
+        time.sleep(0.02)
+    runner.close()
+    assert session.facts()["phase"] == "lost"
+    assert machine.stopped
+    assert "RuntimeError: a fault of the program. Nothing more is written" in [*said, *runner.take()][-1]
+
+
 def test_the_feed_limit_follows_the_highest_feed_that_is_advised(machine):
     session = proved(machine)
 
