@@ -17,7 +17,7 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing.context import BaseContext
@@ -124,6 +124,8 @@ class Jobs:
         Modules that the server of processes imports before the first command.
     ended : callable, optional
         Called with the words and exit code of each command that has ended, and was not cancelled.
+    held : callable, optional
+        Returns the jobs whose output is kept; of the other ended ones that of the last 60 is.
 
     Examples
     --------
@@ -141,10 +143,11 @@ class Jobs:
         folder: str | os.PathLike[str],
         preload: Sequence[str] = (),
         ended: Callable[[Sequence[str], int], None] | None = None,
+        held: Callable[[], Iterable[Job]] = tuple,
     ) -> None:
         start_with_one()
         os.environ["MPLBACKEND"] = "agg"
-        self._run, self._ended, self.folder = run, ended, Path(folder).resolve()
+        self._run, self._ended, self._held, self.folder = run, ended, held, Path(folder).resolve()
         self._context: BaseContext = multiprocessing.get_context("forkserver" if STARTED_BY_SERVER else "spawn")
         if STARTED_BY_SERVER:
             self._context.set_forkserver_preload(list(preload))
@@ -172,9 +175,10 @@ class Jobs:
         """
         name = secrets.token_hex(8)
         job = Job(name, tuple(words), self._outputs / f"{name}.out", self._outputs / f"{name}.err", writes=writes)
+        held = {one.id for one in self._held()}
         with self._lock:
             self._jobs[name] = job
-            old = [one for one in self._jobs.values() if one.code is not None][:-KEPT]
+            old = [one for one in self._jobs.values() if one.code is not None and one.id not in held][:-KEPT]
             for one in old:
                 del self._jobs[one.id]
                 one.out.unlink(missing_ok=True)

@@ -51,7 +51,7 @@ class PageBase:
 
     def __init__(self, project: Project, run: Runner) -> None:
         self.project = project
-        self.jobs = Jobs(run, project.folder, PRELOAD, self._ended)
+        self.jobs = Jobs(run, project.folder, PRELOAD, self._ended, self._held)
         self._shown: dict[str, Shown] = {}
         self._runs: dict[tuple[str, str], tuple[Job, dict[str, str]]] = {}  # last run of each form, and its fields
         self._lock = threading.Lock()
@@ -104,6 +104,11 @@ class PageBase:
                 look = self.jobs.start(["look", entry.name, *options.of_reading(entry.options), "--json"])
                 now = self._shown[entry.name] = Shown(key, look, fit)
             return now
+
+    def _held(self) -> list[Job]:
+        """Jobs whose output the page shows: of each file as it is set now."""
+        shown = [job for now in tuple(self._shown.values()) for job in (now.look, now.laws, now.picture)]
+        return [job for job in shown if job is not None]
 
     def _places(self, entry: Entry, own: str = "") -> messages.Places:
         """What messages on a file can lead to: the forms of its laws, the menus of its columns."""

@@ -352,6 +352,21 @@ def test_results_are_kept_when_the_page_is_opened_again(tmp_path):
     assert json.loads(before)["limits"]["power"]["value"] == 7.0
 
 
+def test_what_a_page_shows_outlasts_any_number_of_commands(client, monkeypatch):
+    monkeypatch.setattr("fitmodels.app.jobs.KEPT", 2)
+    client.upload("gc.csv", BUNDLED)
+    laws = client.until_done("/files/gc.csv/laws")
+    reading = client.until_done("/files/gc.csv/reading")
+    jobs = client.page.jobs
+    later = [jobs.start(["--version"]) for _ in range(4)]
+    for job in later:
+        job.future.result(60)
+    jobs.start(["--version"]).future.result(60)
+    assert jobs.get(later[0].id) is None
+    assert client.get("/files/gc.csv/laws") == laws
+    assert client.get("/files/gc.csv/reading") == reading
+
+
 def test_rows_are_left_out_with_a_reason_and_taken_in_again(client):
     client.upload("left.csv", wear_table(wear=1.01))
     assert client.post("/files/left.csv/leave-out", target="E3", reason="")[0] == 422
