@@ -13,7 +13,7 @@ from ..core.verdict import DO_NOT_USE
 from .arguments import Parser, parameter_file, traced
 from .numbers import NUMBER, pairs
 from .output import Printer, complain, output_options, print_json
-from .physical import FORCE, fitted, spindle_speed
+from .physical import FORCE, fitted, spindle_speed, teeth, with_teeth
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -43,7 +43,7 @@ def parser() -> Parser:
         "Set up milling at a constant force from the estimates of `fitmodels ident --as force-process` in a file:\n"
         "the force for each depth of cut is given, Kd, lambda and the rates follow from a design rule with its\n"
         "stability margins, the averaging time from the spindle speed. Each value is printed with its source.",
-        main="--spindle --feed --readings --record --depth --delay --units --beyond-tested --accept-verdict "
+        main="--spindle --teeth --feed --readings --record --depth --delay --units --beyond-tested --accept-verdict "
         "--force --quiet --json",
     )
     p.add_argument("file", metavar="PARAMS", help="params.json with estimates of adaptive force")
@@ -51,6 +51,7 @@ def parser() -> Parser:
         "points", nargs="*", metavar="DEPTH=FORCE", help="set points, as 2mm=200N (default: those of the file)"
     )
     p.add_argument("--spindle", type=spindle_speed, metavar="RPM", help="spindle speed (default: that of the record)")
+    p.add_argument("--teeth", type=teeth, metavar="N", help="number of teeth of the cutter (default: of the file)")
     p.add_argument("--feed", metavar="LOW:HIGH[UNIT]", help="limits of the command (default: the tested range)")
     p.add_argument(
         "--readings", metavar="LOW:HIGH[UNIT]", help="valid forces (default: -0.1 to 4 times the largest set point)"
@@ -132,7 +133,8 @@ def run(args: argparse.Namespace) -> int:
     section = _in_units(_estimates(pf, args), args)
     found = design(section, _choices(pf, section, args))
     section = _with(section, found)
-    changed = sealed(pf, adaptive_force=section, provenance=traced(pf, args.words))
+    identity = with_teeth(pf.identity, args.teeth)
+    changed = sealed(pf, identity=identity, adaptive_force=section, provenance=traced(pf, args.words))
     _check(changed, args.file)
     parameters.write(changed, args.file, replaces=pf)
     verdicts = cautions(changed, "adaptive_force")
@@ -261,6 +263,7 @@ def _number(text: str, to: str, word: str) -> float:
 def _choices(pf: "ParameterFile", section: "AdaptiveForceSection", args: argparse.Namespace) -> "ForceChoices":
     """Choices of the options, in the units of the section; earlier given times and readings are kept."""
     from ..controllers.adaptive_force.derivation import GIVEN, ForceChoices
+    from ..controllers.adaptive_force.settings import teeth_of
 
     turning, held = args.spindle or section.spindle_speed, section.sources
     points = tuple(
@@ -272,7 +275,8 @@ def _choices(pf: "ParameterFile", section: "AdaptiveForceSection", args: argpars
         readings = (section.force_low, section.force_high or math.inf)
     kept = section.sample_time if held.get("sample_time") == GIVEN else None
     return ForceChoices(
-        points=points, spindle_speed=args.spindle, readings=readings, sample_time=args.sample_time or kept,
+        points=points, spindle_speed=args.spindle, teeth=args.teeth or teeth_of(pf), readings=readings,
+        sample_time=args.sample_time or kept,
         limits=_range(args.feed, "--feed", section.unit_u, "60:500mm/min", turning), delay=args.delay,
         reference_time=args.reference_time, Kd=args.kd, lam=args.lam, g3=args.g3,
         largest_feed=_largest_feed(pf, section, turning), beyond_tested=args.beyond_tested,

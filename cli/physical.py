@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..ident.physical_models.force_process import ForceProcess
     from ..ident.physical_models.step_response import StepFit
     from ..parameters import ParameterFile
+    from ..parameters.sections.origin import IdentitySection
 
 STEP, DRIVE, FORCE = "step", "drive", "force-process"
 SECTION: Final = {STEP: "dynamics", DRIVE: "drive", FORCE: "adaptive_force"}
@@ -30,6 +31,7 @@ OPTIONS: Final = {  # of each model; an option of another one would have no effe
 }
 OF_IDENTIFICATION: Final = ("orders", "trend", "deviations", "handover", "amplitudes", "reference")
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
+MOST_TEETH: Final = 1000  # a larger number is none of a cutter
 TURNING = re.compile(rf"((?![+-]){NUMBER})\s*+([^\d\s.,+-].*)?")
 
 
@@ -93,6 +95,24 @@ def spindle_speed(text: str) -> float:
     if found is None or unit not in ("1/min", "rev/s") or not 0 < float(found[1]) < math.inf:
         raise argparse.ArgumentTypeError(f"{text} is not a spindle speed; give it in 1/min, for instance 3000rpm")
     return float(found[1]) * (60 if unit == "rev/s" else 1)
+
+
+def teeth(text: str) -> int:
+    """A number of teeth.
+
+    >>> teeth("4")
+    4
+    """
+    if not text.strip().isdecimal() or not 0 < int(text) < MOST_TEETH:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of teeth; give a whole number above zero")
+    return int(text)
+
+
+def with_teeth(identity: "IdentitySection", number: int | None) -> "IdentitySection":
+    """The identity with the number of teeth of the tool, where it is given."""
+    if number is None:
+        return identity
+    return identity.model_copy(update={"iso13399": {**identity.iso13399, "ZEFP": float(number)}})
 
 
 def check_options(args: argparse.Namespace) -> None:

@@ -262,6 +262,10 @@ def test_the_same_settings_in_other_units_give_the_same_run(file, run):
         (["2mm=600N", "--feed", "100:600"], "a force of 600 N, tested up to 320 N"),
         (["2mm=200N", "--sample-time", "10s"], "--sample-time 10 s"),
         (["2mm=200N", "--sample-time", "15ms"], "near a whole part"),
+        (["2mm=200N", "--sample-time", "10ms"], "Give a step of 0.001818 s, or the number of teeth with --teeth"),
+        (["2mm=200N", "--sample-time", "10ms", "--teeth", "2"], "cutter with 2 teeth"),
+        (["2mm=200N", "--sample-time", "4ms", "--teeth", "2"], ""),
+        (["2mm=200N", "--teeth", "0"], "not a number of teeth"),
         (["2mm=200N", "--kd", "5"], "gain margin of"),
         (["2mm=200N", "--spindle", "6000"], "the estimates are of a cut at 3000 1/min"),
         (["2mm=200N", "--delay", "5"], "at most 1 s; give it in s or ms"),
@@ -284,6 +288,30 @@ def test_what_cannot_be_is_refused_in_a_sentence_and_nothing_is_written(file, ru
     assert says in err
     assert (file.read_bytes() == before) == bool(says)
     assert bool(out) != bool(says)
+
+
+def test_samples_at_the_same_angles_of_the_teeth_are_refused_in_a_resealed_file_too(file, run):
+    """A ripple of 70 % was read as its value at one angle of the teeth, and the force was twice the set point."""
+    assert run(file, "2mm=200N", "--teeth", "2")[0] == 0
+    held = parameters.read(file)
+    assert held.identity.iso13399["ZEFP"] == 2
+    assert all(finding.passed for finding in check_adaptive_force(held))
+    for step, teeth in ((0.01, 2), (0.02, 2), (0.005, 4), (0.004, None)):
+        identity = held.identity.model_copy(update={"iso13399": {"ZEFP": float(teeth)} if teeth else {}})
+        changed = held.adaptive_force.model_copy(update={"sample_time": step})
+        found = check_adaptive_force(sealed(held, identity=identity, adaptive_force=changed))
+        assert [finding.name for finding in found] == ["times"], (step, teeth)
+        assert "do not give the mean force" in found[0].words
+
+
+RUNS = [(3000, None, 20), (5000, None, 13), (5000, 2, 12), (15000, 4, 5)]
+
+
+@pytest.mark.parametrize(("rpm", "teeth", "samples"), RUNS)
+def test_the_assumed_step_gives_the_mean_of_a_revolution(given, rpm, teeth, samples):
+    choices = ForceChoices(PAPER, spindle_speed=rpm, teeth=teeth, beyond_tested=True)
+    timing = design(given, choices).timing
+    assert (timing.samples, timing.samples * timing.sample_time) == (samples, pytest.approx(60 / rpm))
 
 
 def test_a_file_changed_by_hand_is_refused_and_units_are_exported(file, run, tmp_path):

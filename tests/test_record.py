@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets import Record, join_records
+from fitmodels.datasets.records.resampling import aliased_teeth
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -126,3 +127,19 @@ def test_a_reference_follows_its_record():
         replace(rec, reference=np.ones(3))
     with pytest.raises(DataError, match="1 of 2 records have a reference"):
         join_records([rec, replace(rec, reference=None)])
+
+
+def test_samples_that_are_not_aliased_give_the_mean_force_of_interrupted_cuts():
+    """Half sines of 2/5 to 4/5 of the pitch of the teeth, from every angle of the spindle."""
+    phase = np.linspace(0, 1, 200, endpoint=False)[:, None]
+
+    def error(samples, teeth, share):
+        at = (teeth * (np.arange(samples) / samples + phase)) % 1.0
+        force = np.where(at < share, np.pi / 2 / share * np.sin(np.pi * at / share), 0.0)
+        return np.abs(force.mean(axis=1) - 1).max()
+
+    for samples in range(1, 41):
+        aliased = aliased_teeth(1.0, 1.0 / samples)
+        for teeth in range(1, 9):
+            worst = max(error(samples, teeth, share) for share in (0.4, 0.5, 0.65, 0.8))
+            assert (teeth in aliased) == (worst > 0.25), (samples, teeth, worst)

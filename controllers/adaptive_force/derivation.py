@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import UsageError
+from ...datasets.records.resampling import aliased_teeth, aliased_words, samples_of_revolution
 from ...parameters.sections.force_control import TESTED, RecordRanges
 from .design import (
     LEAST_GAIN_MARGIN,
@@ -53,6 +54,8 @@ class ForceChoices:
     points : tuple of (depth, force)
     spindle_speed : float or None
         1/min.
+    teeth : int or None
+        Of the cutter.
     limits, readings : (low, high) or None
         Of the command, and of a valid reading.
     sample_time, delay, reference_time : float or None
@@ -67,6 +70,7 @@ class ForceChoices:
 
     points: tuple[tuple[float, float], ...] = ()
     spindle_speed: float | None = None
+    teeth: int | None = None
     limits: tuple[float, float] | None = None
     readings: tuple[float, float] | None = None
     sample_time: float | None = None
@@ -199,14 +203,22 @@ def _timing(section: "AdaptiveForceSection", choices: ForceChoices) -> tuple[Tim
         raise UsageError(f"--delay {choices.delay:g} s: at most {LONGEST_DELAY:g} s; give it in s or ms, as 5ms.")
     turn = 60 / speed
     step = choices.sample_time or STEP
-    if choices.sample_time is None and abs(round(turn / step) * step / turn - 1) > ALMOST:
-        step = turn / np.ceil(turn / step)  # a whole part of the revolution
+    whole = turn / samples_of_revolution(turn / min(step, turn), choices.teeth)
+    uneven = abs(round(turn / step) * step / turn - 1) > ALMOST
+    if choices.sample_time is None and (uneven or aliased_teeth(turn, step, choices.teeth)):
+        step = whole
     samples = round(turn / step)
     turns = samples * step / turn
     if step > turn or abs(turns - 1) > UNEVEN:
         raise UsageError(
             f"--sample-time {step:g} s: the force is averaged over a revolution of {turn:.4g} s in whole steps; give a "
-            f"step of at most that, near a whole part of it, as {turn / np.ceil(turn / min(step, turn)):.4g}."
+            f"step of at most that, near a whole part of it, as {whole:.4g}."
+        )
+    if aliased := aliased_teeth(turn, step, choices.teeth):
+        known = "" if choices.teeth else ", or the number of teeth with --teeth"
+        raise UsageError(
+            f"--sample-time {step:g} s: {aliased_words(turn, step, aliased, choices.teeth)}. Give a step of "
+            f"{whole:.4g} s{known}."
         )
     words = f"one revolution at {speed:g} 1/min" + ("" if abs(turns - 1) < 1e-9 else f" in whole steps: {turns:.4g}")
     given = f"given; {ALLOWED}: the estimates are of {run:g} 1/min" if other else GIVEN

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ...parameters import ParameterFile
     from ...parameters.sections.force_control import AdaptiveForceSection
 
-TEETH = 2  # assumed
+TEETH = 2  # assumed of the simulated force, where the file has no number
 NEEDED = (
     "g1", "g2", "g3", "Kd", "lam", "unit_u", "reference_time", "reference_damping", "sample_time", "average_time",
     "low", "high",
@@ -323,10 +323,24 @@ def machine(pf: "ParameterFile") -> tuple[float, float, float]:
     return float(m), float(fast), float(m / section.m / section.depth)
 
 
+def teeth_of(pf: "ParameterFile") -> int | None:
+    """Number of teeth of the tool by the file: ZEFP or NOF of ISO 13399; None where it holds none.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> teeth_of(published("CLM-2023")), teeth_of(published("LYAP"))
+    (2, None)
+    """
+    held = (pf.identity.iso13399.get(symbol) for symbol in ("ZEFP", "NOF"))
+    known = (int(value) for value in held if isinstance(value, int | float) and value >= 1 and value == int(value))
+    return next(known, None)
+
+
 def tooth_frequency(pf: "ParameterFile") -> float:
-    """Tooth frequency, Hz, of an assumed two flutes: the section has no number of flutes."""
+    """Tooth frequency, Hz, of the teeth of the file, otherwise of two."""
     average = _section(pf).average_time
-    return TEETH / average if average else 100.0
+    return (teeth_of(pf) or TEETH) / average if average else 100.0
 
 
 def _section(pf: "ParameterFile") -> "AdaptiveForceSection":

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.errors import FitmodelsError, GateError
 from ...datasets.plausibility.ranges import plausible
+from ...datasets.records.resampling import aliased_teeth, aliased_words
 from ...datasets.units import canonical
 from ...parameters.checks.report import FileFinding, require_verdicts
 from ...parameters.exports.names import plain_unit
@@ -32,6 +33,7 @@ from ..adaptive_force.settings import (
     needed_feeds,
     not_applied,
     settings_for,
+    teeth_of,
     turning,
 )
 from . import GatedControl
@@ -111,7 +113,7 @@ def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
         return
     yield from (FileFinding("limits", None, words) for words in not_applied(pf))
     yield from _units(section)
-    yield from _turns(section)
+    yield from _turns(pf, section)
     yield from _feeds(pf, section)
     yield from _readings(section)
 
@@ -139,12 +141,17 @@ def _units(section: "AdaptiveForceSection") -> Iterator[FileFinding]:
         yield _failed("units", f"{words}: check the unit of the force.")
 
 
-def _turns(section: "AdaptiveForceSection") -> Iterator[FileFinding]:
-    """The time that the force is averaged over against the spindle speed."""
+def _turns(pf: "ParameterFile", section: "AdaptiveForceSection") -> Iterator[FileFinding]:
+    """The time that the force is averaged over against the spindle speed, and its samples against the teeth."""
     speed, average = section.spindle_speed, section.average_time
     if speed is not None and average is not None and abs(average * speed / 60 - 1) > UNEVEN:
         turns = f"is {average * speed / 60:.3g} revolutions at {speed:g} 1/min"
         yield _failed("times", f"average_time {average:g} s {turns}; it is that of one: check both.")
+        return
+    n, step, teeth = turning(pf), section.sample_time, teeth_of(pf)
+    if n and step and (aliased := aliased_teeth(60 / n, step, teeth)):
+        words = f"{aliased_words(60 / n, step, aliased, teeth)}; set it up again with a shorter step"
+        yield _failed("times", f"{words}{'' if teeth else ', or with the number of teeth (--teeth)'}.")
 
 
 def _feeds(pf: "ParameterFile", section: "AdaptiveForceSection") -> Iterator[FileFinding]:

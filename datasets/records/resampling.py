@@ -3,8 +3,10 @@
 Input and output pass the same filter, which therefore drops out of the relation between them.
 """
 
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +17,8 @@ STOP = 70.0  # dB of stop-band attenuation against aliasing: below 16 bits, far 
 KEPT = 0.8  # share of the new half rate that passes unchanged; from there to 1.0 the filter falls
 LONGEST = 1000  # up and down factors beyond it are not a plausible ratio
 GAP = 3.0  # median steps; uneven samples further apart are not joined by a line
+MOST_TEETH, HARMONICS = 8, 3  # of a cutter whose teeth are not known; of the tooth frequency that a mean excludes
+LEAKS: Final = 0.25  # share of a harmonic that a mean over one revolution may hold; 0 or 1 where the step divides it
 
 
 @lru_cache(maxsize=8)
@@ -115,3 +119,62 @@ def interpolated(time: Array, values: Array, starts: tuple[int, ...], rate: floa
         raise DataError(f"no segment is long enough for two samples at {rate:g} Hz: take a higher rate.")
     begins = np.concatenate([[0], np.cumsum([len(part) for part in parts])])[:-1]
     return np.concatenate(parts), tuple(int(b) for b in begins)
+
+
+def aliased_teeth(revolution: float, step: float, teeth: int | None = None) -> tuple[int, ...]:
+    """Numbers of teeth of a cutter whose mean force over a revolution the samples do not give.
+
+    The mean of N samples of a revolution holds the harmonic h of z teeth in full where N divides z h, and nothing of it
+    elsewhere; where the step does not divide the revolution it holds |sin(pi N x) / (N sin(pi x))|, x = z h step /
+    revolution (the Dirichlet kernel). Without the first 3 harmonics, the mean of a force that is zero for up to 3/5 of
+    the pitch of the teeth is within a quarter of the true one.
+
+    Parameters
+    ----------
+    revolution, step : float
+        s of a revolution of the spindle, and between two samples.
+    teeth : int or None
+        Of the cutter; None tries 1 to 8.
+
+    Examples
+    --------
+    >>> aliased_teeth(0.02, 0.001), aliased_teeth(0.02, 0.004), aliased_teeth(0.02, 0.004, teeth=2)
+    ((), (5,), ())
+    >>> aliased_teeth(0.02, 0.01)
+    (1, 2, 3, 4, 5, 6, 7, 8)
+    """
+    samples = max(round(revolution / step), 1)
+    found = []
+    for z in range(1, MOST_TEETH + 1) if teeth is None else (teeth,):
+        x = z * np.arange(1, HARMONICS + 1) * step / revolution
+        x -= np.round(x)
+        if np.abs(np.sinc(samples * x) / np.sinc(x)).max() > LEAKS:
+            found.append(z)
+    return tuple(found)
+
+
+def samples_of_revolution(least: float, teeth: int | None = None) -> int:
+    """Smallest number of samples of a revolution, at least ``least``, that gives its mean force.
+
+    >>> samples_of_revolution(2.0), samples_of_revolution(12.0, teeth=4), samples_of_revolution(20.0)
+    (11, 13, 20)
+    """
+    samples = max(int(np.ceil(least * (1 - 1e-9))), 1)
+    while aliased_teeth(1.0, 1.0 / samples, teeth):
+        samples += 1
+    return samples
+
+
+def aliased_words(revolution: float, step: float, aliased: Sequence[int], teeth: int | None = None) -> str:
+    """What is wrong with samples from which `aliased_teeth` finds no mean force.
+
+    >>> print(aliased_words(0.02, 0.01, (2,), 2)[:80])
+    2 samples in a revolution of 20 ms do not give the mean force of a cutter with 2
+    """
+    of = f"{', '.join(map(str, aliased[:-1]))} or {aliased[-1]}" if len(aliased) > 1 else f"{aliased[0]}"
+    unknown = " (their number is not stated)" if teeth is None else ""
+    return (
+        f"{revolution / step:.3g} samples in a revolution of {1e3 * revolution:.4g} ms do not give the mean force of a "
+        f"cutter with {of} {'tooth' if aliased[-1] == 1 else 'teeth'}{unknown}: samples at the same few angles of the "
+        "teeth do not show how the force swings with them"
+    )
