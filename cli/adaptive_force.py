@@ -174,7 +174,8 @@ def _estimates(pf: "ParameterFile", args: argparse.Namespace) -> "AdaptiveForceS
     rec = read_record(
         args.record, input=args.input, output=args.output, units=pairs(args.unit, "--unit", "time=ms")
     )  # fmt: skip
-    given = argparse.Namespace(model=FORCE, given=None, depth=args.depth, spindle=args.spindle, drive_pole=None)
+    known = {"depth": args.depth, "spindle": args.spindle, "teeth": args.teeth}
+    given = argparse.Namespace(model=FORCE, given=None, drive_pole=None, **known)
     found = fitted([rec], None, given, pf)
     if found.verdict.level == DO_NOT_USE and not args.accept_verdict:
         _keep_better(pf, found.verdict, args)

@@ -27,7 +27,7 @@ SECTION: Final = {STEP: "dynamics", DRIVE: "drive", FORCE: "adaptive_force"}
 OPTIONS: Final = {  # of each model; an option of another one would have no effect
     STEP: ("order", "delay", "held_out"),
     DRIVE: ("force_per_unit", "cutoff", "held_out"),
-    FORCE: ("given", "drive_pole", "depth", "spindle"),
+    FORCE: ("given", "drive_pole", "depth", "spindle", "teeth"),
 }
 OF_IDENTIFICATION: Final = ("orders", "trend", "deviations", "handover", "amplitudes", "reference")
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
@@ -77,6 +77,8 @@ def physical_options(p: Parser) -> None:
         help="force-process: spindle speed of the run, 1/min; the force is averaged over a revolution (default: not "
         "stated)",
     )
+    why = "force-process: number of teeth of the cutter, whose mean force the samples must give (default: not known)"
+    group.add_argument("--teeth", type=teeth, metavar="N", help=why)
     group.add_argument(
         "--given", action="append", metavar="m=2.0", help="force-process: one of m, k and d (default: none is known)"
     )
@@ -166,6 +168,7 @@ def _drive(rec: "Record", held_out: "Record | None", args: argparse.Namespace) -
 
 
 def _force(rec: "Record", args: argparse.Namespace, pf: "ParameterFile | None") -> Found:
+    from ..controllers.adaptive_force.settings import teeth_of
     from ..ident import force_process_fit
     from ..parameters.gather.control import force_process_section
 
@@ -180,7 +183,8 @@ def _force(rec: "Record", args: argparse.Namespace, pf: "ParameterFile | None") 
             "with --output, or identify a transfer function without --as."
         )
     turn = None if args.spindle is None else 60 / args.spindle
-    fit = force_process_fit(rec.centred(), drive=args.drive_pole, revolution=turn, **given)
+    number = args.teeth or (None if pf is None else teeth_of(pf))
+    fit = force_process_fit(rec.centred(), drive=args.drive_pole, revolution=turn, teeth=number, **given)
     if not fit.ratios[0] > 0 and fit.fit < POOR:
         raise IdentError(
             f"{rec.output} does not follow {rec.input}: the model explains {max(fit.fit, 0):.0f} % of it, less than "
@@ -249,13 +253,14 @@ def _collected(
     section: dict[str, Any] = {SECTION[args.model]: found.section}
     if former is not None:
         gains = {"pi": None} if args.model == STEP else {}
-        identity, provenance = joined(former, records), traced(former, args.words)
+        identity, provenance = with_teeth(joined(former, records), args.teeth), traced(former, args.words)
         return sealed(former, identity=identity, **section, **gains, provenance=provenance)
     options = ("input", "output", "unit", "rate", "model", *OPTIONS[args.model])
     source = records[0].source
     return parameters.collect(
         tool=args.tool,
         work=args.work,
+        iso13399=None if args.teeth is None else {"ZEFP": float(args.teeth)},
         **section,
         data_file=args.file[0] if source is None else Path(source).name,
         data_sha256=records[0].sha256,

@@ -124,6 +124,33 @@ def test_simulation_and_picture():
     np.testing.assert_allclose(centred.ratios, TRUTH, rtol=0.03)
 
 
+@pytest.mark.parametrize(
+    ("rate", "rpm", "stated", "level"),
+    [
+        (1000, 15000, 4, 2),  # 4 samples a revolution, each at the same angle of the 4 teeth
+        (1000, 15000, None, 2),
+        (1000, 20000, 3, 2),
+        (100, 3000, None, 2),
+        (1000, 12000, 3, 0),  # 5 samples
+        (1000, 12000, None, 1),  # of 5 teeth they would be at one angle
+        (1000, 3000, None, 0),
+        (100, 12000, None, 2),  # less than a sample a revolution
+    ],
+)
+def test_samples_at_the_same_angles_of_the_teeth_are_no_mean_force(rate, rpm, stated, level):
+    """The gain was wrong by a factor of 2.5, at a fit of 90 %."""
+    rec = run(dt=1 / rate, n=1500, m=2 * 0.01 * rate, c=8 / 0.01 / rate)
+    teeth = stated or 4
+    t = np.arange(len(rec)) / rate
+    ripple = 1 + 0.6 * np.cos(2 * np.pi * teeth * rpm / 60 * t + 1)
+    rec = Record(u=rec.u, y=rec.y * ripple, sample_time=rec.sample_time, input="f_r", output="F", unit_y="N")
+    fit = force_process_fit(rec, revolution=60 / rpm, teeth=stated)
+    assert [found for found, _ in fit.doubts] == ([level] if level else [])
+    assert fit.verdict.level >= level
+    if level == 2:
+        assert "do not give the mean force of a cutter with" in fit.verdict.reasons[0]
+
+
 def test_another_form_is_reported():
     late = force_process_fit(run(noise=0.005, delay=0.008))
     assert abs(late.zero_test) > 3

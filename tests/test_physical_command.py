@@ -247,17 +247,20 @@ def test_ripple_of_the_teeth_is_averaged_over_a_revolution(run, tmp_path):
     plant = DriveAndCut(depth=2.0, ripple=0.3, noise=2.0)
     F = np.r_[0.0, [plant.step(float(command), dt, noise) for command in u[:-1]]]
     name = written(tmp_path / "rippled.csv", ("time [s]", "feed rate [mm/min]", "force [N]"), t[250:], u[250:], F[250:])
-    code, out, err = run(name, "--as", "force-process", "--depth", 2, "--spindle", "3000rpm")
+    code, out, err = run(name, "--as", "force-process", "--depth", 2, "--spindle", "3000rpm", "--teeth", 2)
     assert code == 0, err
     assert "Fit 96.9 %" in out
     assert "averaged over 20 ms" in out
-    a = parameters.read(tmp_path / "rippled-fit/params.json").adaptive_force
+    pf = parameters.read(tmp_path / "rippled-fit/params.json")
+    a = pf.adaptive_force
+    assert pf.identity.iso13399 == {"ZEFP": 2.0}
     assert (a.spindle_speed, a.average_time, a.verdict.concern) == (3000.0, 0.02, 0)
     np.testing.assert_allclose([a.m, a.alpha, a.beta], [0.002, 0.125, 1.25], rtol=0.02)  # DriveAndCut at 2 mm
     np.testing.assert_allclose(a.tested.command, (u[250:].min(), u[250:].max()), rtol=1e-5)
     assert run(name, "--as", "force-process", "--out", "plain")[0] == 4  # the ripple hides the faster pole
     assert run(name, "--as", "force-process", "--spindle", "20m/min")[0] == 2
     assert run(name, "--as", "drive", "--spindle", "3000")[0] == 2
+    assert run(name, "--as", "drive", "--teeth", "2")[0] == 2
 
 
 def test_settings_in_other_units_are_refused(run, cut, tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.arrays import Array, is_positive
 from ...core.display import Display, Plottable, as_columns
-from ...core.errors import DataError
+from ...core.errors import DataError, IdentError
 from ...core.rounding import count, format_plain
 
 if TYPE_CHECKING:
@@ -285,3 +285,29 @@ def join_records(records: Sequence[Record]) -> Record:
         notes=tuple(dict.fromkeys(note for rec in records for note in rec.notes)),
         reference=np.concatenate(references) if references else None,
     )
+
+
+def averaged_over(rec: Record, samples: int) -> Record:
+    """The record with command and force averaged over a number of samples, which leaves their relation unchanged.
+
+    Stretches of fewer samples than three averages are left out.
+
+    Examples
+    --------
+    >>> averaged_over(Record(u=[1.0, 3.0, 5.0, 7.0, 9.0, 1.0], y=np.ones(6), sample_time=0.1), 2).u.tolist()
+    [2.0, 4.0, 6.0, 8.0, 5.0]
+    """
+    kept = [k for k, s in enumerate(rec.stretches) if s.stop - s.start >= 3 * samples]
+    if not kept:
+        raise IdentError(
+            f"a revolution of {samples * rec.sample_time:.4g} s is more than a third of the record; record longer, or "
+            "leave out the spindle speed."
+        )
+    weights, parts = np.full(samples, 1 / samples), [rec.stretches[k] for k in kept]
+    u, y = ([np.convolve(row[s], weights, "valid") for s in parts] for row in (rec.u, rec.y))
+    starts = np.cumsum([0, *map(len, u)])[:-1]
+    assert rec.offsets is not None  # noqa: S101
+    return replace(
+        rec, u=np.concatenate(u), y=np.concatenate(y), starts=tuple(map(int, starts)), offsets=rec.offsets[kept],
+        sha256=None, reference=None,
+    )  # fmt: skip

@@ -11,7 +11,7 @@ r = (m/k, (mc+d)/k, dc/k) the poles -c and -d/m are the roots of r0 s^2 + r1 s +
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -22,7 +22,8 @@ from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ...datasets import Record
-from ...datasets.records.record import join_records
+from ...datasets.records.record import averaged_over, join_records
+from ...datasets.records.resampling import aliased_teeth, aliased_words, samples_of_revolution
 from ..continuous import ContinuousModel, to_continuous
 from ..estimators.prediction_error import output_error
 from ..model import Model
@@ -36,6 +37,7 @@ RATIOS = ("m/k", "(mc+d)/k", "dc/k")
 PARAMETERS = ("m", "d", "c", "k")
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
 STRUCTURE, SURE = 3.0, 2.0  # standard errors from zero: of a term that must be zero, and of a ratio whose sign is known
+USUAL_TEETH = 4  # of a cutter whose number is not stated; samples that fit up to it leave a reservation
 CHECKED = ("Structure of the model", "Signs of the ratios", "Simulation of the record")
 NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
@@ -66,6 +68,8 @@ class ForceProcess(Plottable):
         Of the longest segment; the simulation includes the initial state.
     averaged : float
         s over which command and force were averaged before the fit, whole samples of a revolution; 0: not averaged.
+    doubts : tuple of (int, str)
+        Level of a verdict and a sentence for each fault of the record.
     """
 
     ratios: Array
@@ -85,6 +89,7 @@ class ForceProcess(Plottable):
     unit_y: str
     notes: tuple[str, ...] = ()
     averaged: float = 0.0
+    doubts: tuple[tuple[int, str], ...] = ()
 
     @property
     def params(self) -> "pd.Series[float]":
@@ -119,6 +124,7 @@ class ForceProcess(Plottable):
     def verdict(self) -> Verdict:
         """How far the estimates can be used: structure, fit, and ratios that are known."""
         found = [
+            *self.doubts,
             *self._of_structure(),
             *(
                 (RESERVATIONS, f"{name} is {value:.3g} with a standard error of {error:.2g}: its sign is not known.")
@@ -187,6 +193,7 @@ def force_process_fit(
     d: float | None = None,
     drive: Faster | None = None,
     revolution: float | None = None,
+    teeth: int | None = None,
 ) -> ForceProcess:
     """Fit LYAP's drive and process (eq. 2.1-2.4) to a run of feed command f_r and cutting force F.
 
@@ -202,6 +209,8 @@ def force_process_fit(
     revolution : float or None
         s of a revolution of the spindle. The ripple of the teeth is no part of (2.2), so command and force are averaged
         over a revolution, in whole samples; a record with fewer than two in it is not averaged.
+    teeth : int or None
+        Of the cutter: whether the samples of a revolution give its mean force (`aliased_teeth`).
 
     Raises
     ------
@@ -232,6 +241,7 @@ def force_process_fit(
         raise IdentError(f"drive {drive!r}: 'faster' or 'slower', its pole d/m relative to the process pole c.")
 
     rec = rec if isinstance(rec, Record) else join_records(rec)
+    doubts = [*_of_sampling(rec, revolution, teeth)]
     window = 0 if revolution is None else round(revolution / rec.sample_time)
     window = window if window > 1 else 0
     rec = averaged_over(rec, window) if window else rec
@@ -244,7 +254,23 @@ def force_process_fit(
         ratios, cov, values, errors, basis_of(ratios, given, drive), zero, discrete, fit,
         np.arange(s.stop - s.start) * rec.sample_time, rec.y[s], simulated[s],
         rec.input, rec.output, rec.unit_u, rec.unit_y, discrete.notes, window * rec.sample_time,
+        tuple(doubts),
     )  # fmt: skip
+
+
+def _of_sampling(rec: Record, revolution: float | None, teeth: int | None) -> Iterator[tuple[int, str]]:
+    """The samples of a revolution against the teeth."""
+    if revolution is None or not (aliased := aliased_teeth(revolution, rec.sample_time, teeth)):
+        return
+    few = teeth is None and aliased[0] > USUAL_TEETH
+    rate = samples_of_revolution(revolution / rec.sample_time, teeth) / revolution
+    wrong = aliased_words(revolution, rec.sample_time, aliased, teeth)
+    or_state = "" if teeth else ", or state the number of teeth (--teeth)"
+    yield (
+        RESERVATIONS if few else DO_NOT_USE,
+        f"{wrong}, and the gain is that of these angles. Record at {rate:.4g} Hz{or_state}; a force that was low-pass "
+        "filtered below the spindle frequency before it was sampled needs no --spindle.",
+    )
 
 
 def _ratios(model: Model) -> tuple[Array, Array, float]:
@@ -288,32 +314,6 @@ def _free_run(rec: Record, ratios: Array) -> tuple[Array, float]:
     model = ContinuousModel(np.ones(1), ratios).sampled(rec.sample_time)
     e = simulation_error(free_run(rec, 2, 2, 1, free=True), model.theta)
     return rec.y - e, 100 * (1 - float(np.linalg.norm(e) / np.linalg.norm(rec.y - rec.y.mean())))
-
-
-def averaged_over(rec: Record, samples: int) -> Record:
-    """The record with command and force averaged over a number of samples, which leaves their relation unchanged.
-
-    Stretches of fewer samples than three averages are left out.
-
-    Examples
-    --------
-    >>> averaged_over(Record(u=[1.0, 3.0, 5.0, 7.0, 9.0, 1.0], y=np.ones(6), sample_time=0.1), 2).u.tolist()
-    [2.0, 4.0, 6.0, 8.0, 5.0]
-    """
-    kept = [k for k, s in enumerate(rec.stretches) if s.stop - s.start >= 3 * samples]
-    if not kept:
-        raise IdentError(
-            f"a revolution of {samples * rec.sample_time:.4g} s is more than a third of the record; record longer, or "
-            "leave out the spindle speed."
-        )
-    weights, parts = np.full(samples, 1 / samples), [rec.stretches[k] for k in kept]
-    u, y = ([np.convolve(row[s], weights, "valid") for s in parts] for row in (rec.u, rec.y))
-    starts = np.cumsum([0, *map(len, u)])[:-1]
-    assert rec.offsets is not None  # noqa: S101
-    return replace(
-        rec, u=np.concatenate(u), y=np.concatenate(y), starts=tuple(map(int, starts)), offsets=rec.offsets[kept],
-        sha256=None, reference=None,
-    )  # fmt: skip
 
 
 def parameters_of(
