@@ -562,6 +562,26 @@ def test_the_ledger_of_the_paper_comes_from_the_running_code(monkeypatch):
     assert all(e.why for e in entries if e.verdict != "reproduced")
 
 
+@pytest.mark.parametrize("depth", DEPTHS)
+@pytest.mark.parametrize("share", [0.35, 0.5, 0.75])
+def test_an_interrupted_cut_is_held_and_left_without_a_rise_of_the_feed(pf, depth, share):
+    """The reading between teeth is zero: it kept the control at its lower limit, without a fault."""
+    control = AdaptiveForceControl.from_parameters(pf, depth)
+    plant, step = DriveAndCut.from_parameters(pf, depth, noise=1.0, share=share), control.settings.sample_time
+    rng = np.random.default_rng(1)
+    for _ in range(4000):
+        control.step(plant.step(control.command, step, rng), step)
+    assert control.closed
+    assert not any((control.control.fault, control.control.worn, control.control.overload))
+    assert plant.force == pytest.approx(control.set_point, rel=0.05)
+    before, estimates = control.command, (control.m, control.alpha, control.beta)
+    left = [control.step(float(rng.normal()), step) for _ in range(500)]
+    assert max(left) <= before
+    assert not control.closed
+    assert control.command == control.settings.low
+    assert (control.m, control.alpha, control.beta) == pytest.approx(estimates, rel=0.02)
+
+
 def test_settings_are_frozen(pf):
     s = AdaptiveForceControl.from_parameters(pf, 2.0).settings
     assert replace(s, Kd=1.0).Kd == 1.0

@@ -101,11 +101,21 @@ def gaps_of(loop, seed, samples=1500):
     return rows
 
 
+def interrupted_of(loop, seed, samples=1500):
+    """Cuts whose force is zero between teeth, and air."""
+    rows, k = gaps_of(loop, seed, samples), np.arange(samples)
+    rng = np.random.default_rng(seed)
+    force = np.maximum(np.sin(4 * np.pi * k / loop.average + 0.3), 0.0) * np.pi * loop.reference * (k / samples + 0.5)
+    rows[:, 1] = np.where(k // 300 % 2 == 0, force, 0.0) + 0.002 * loop.reference * rng.normal(size=samples)
+    rows[1100:1103, 1] = np.nan
+    return rows
+
+
 # the same numbers
 
 
 def test_the_c_text_is_the_python_controller_in_every_sample(loop):
-    for rows in (inputs_of(loop, 0), inputs_of(loop, 3), gaps_of(loop, 1)):
+    for rows in (inputs_of(loop, 0), inputs_of(loop, 3), gaps_of(loop, 1), interrupted_of(loop, 1)):
         np.testing.assert_array_equal(interpreted(c_controller(loop))(rows), reference(loop, rows))
 
 
@@ -115,7 +125,7 @@ def test_the_sequences_reach_the_states_of_the_table(loop):
     assert (reached[:, 2] == 3).mean() > 0.1
 
 
-@pytest.mark.parametrize("rows_of", [inputs_of, gaps_of])
+@pytest.mark.parametrize("rows_of", [inputs_of, gaps_of, interrupted_of])
 def test_the_function_block_is_the_python_controller_in_every_sample(pf, loop, rows_of):
     rows = rows_of(loop, 1)
     rows[:, 2] = loop.feed_programmed

@@ -33,8 +33,10 @@ class AdaptiveForceControl(Displayable):
     """The controller; its command is a feed between the file's limits, its measurement a force.
 
     From power-on and in air the feed is at its lower limit. Once the mean force of a revolution has been above the
-    threshold for a revolution, the law acts, and leads F_d from the measured force to the set point. While the command
-    is at a limit or a reading is missing, adaptation stops.
+    threshold for a revolution, the law acts, and leads F_d from the measured force to the set point. While a reading is
+    below the threshold, between teeth and on leaving the cut, the feed does not rise and adaptation stops; the cut ends
+    when the mean of the revolution is below it. Adaptation stops, too, while the command is at a limit or a reading is
+    missing.
 
     Invalid readings are bridged by the last valid one; for 0.05 s, or more than a fifth of them, they latch a fault, as
     equal readings in the cut for ``stuck_after`` do: the feed goes to its lower limit until ``control.reset``. While

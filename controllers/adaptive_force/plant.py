@@ -46,6 +46,8 @@ class DriveAndCut(Displayable):
         (2.2) is of the mean force.
     noise : float
         Standard deviation of the sensor, N.
+    share : float
+        Of the pitch of the teeth in which a reading has a force, a half sine of the same mean; 1: not interrupted.
     force, speed, k : float
         F of (2.2), N; v, mm/min; and the k now in force. Each can be recorded.
 
@@ -66,6 +68,7 @@ class DriveAndCut(Displayable):
     ripple: float = 0.0
     tooth_frequency: float = 100.0
     noise: float = 0.0
+    share: float = 1.0
     force: float = field(default=0.0, init=False)
     speed: float = field(default=0.0, init=False)
     k: float = field(default=0.0, init=False)
@@ -83,7 +86,9 @@ class DriveAndCut(Displayable):
         self.k = self.k_per_depth * self._changes[0][1]
 
     @classmethod
-    def from_parameters(cls, pf: "ParameterFile", depth: Depth, *, ripple: float = 0.0, noise: float = 0.0) -> Self:
+    def from_parameters(
+        cls, pf: "ParameterFile", depth: Depth, *, ripple: float = 0.0, noise: float = 0.0, share: float = 1.0
+    ) -> Self:
         """The plant of the file's estimates; assumed: d is 1, the drive is the slower pole, k goes with the depth.
 
         Raises
@@ -94,7 +99,8 @@ class DriveAndCut(Displayable):
         from .settings import machine, tooth_frequency
 
         m, c, k = machine(pf)
-        return cls(depth, m=m, c=c, k_per_depth=k, ripple=ripple, tooth_frequency=tooth_frequency(pf), noise=noise)
+        rest = {"ripple": ripple, "tooth_frequency": tooth_frequency(pf), "noise": noise, "share": share}
+        return cls(depth, m=m, c=c, k_per_depth=k, **rest)
 
     def depth_at(self, time: float) -> float:
         """Depth of cut at a time, mm."""
@@ -121,6 +127,9 @@ class DriveAndCut(Displayable):
         reading = self.force
         if self.ripple:
             reading *= 1 + self.ripple * math.sin(2 * math.pi * self.tooth_frequency * self._time)
+        if self.share < 1:
+            angle = self.tooth_frequency * self._time % 1.0 / self.share
+            reading *= math.pi / 2 / self.share * math.sin(math.pi * angle) if angle < 1 else 0.0
         return reading + self.noise * noise.standard_normal() if self.noise else reading
 
 

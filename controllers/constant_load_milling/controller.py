@@ -241,12 +241,12 @@ class ConstantLoad(Displayable):
         return min(self._sparse + SPARSE_RISE, SPARSE_MOST * self._n["lost_after"])
 
     def _engage(self) -> None:
-        """Engage by the filtered load after a delay, disengage at once by the reading too."""
+        """Engage by the filtered load after a delay; disengage at once by the reading, or by that of a revolution."""
         at, half = self._threshold
         filtered, held = self._measured - at, self._held - at
         self._over = filtered > half or (self._over and filtered >= -half)
         self._above = held > half or (self._above and held >= -half)
-        self._engaged = self._armed and self._over and self._above
+        self._engaged = self._armed and self._over and (self._above or self.loop.law == "adaptive")
         self._loaded_for = self._loaded_for + 1 if self._engaged else 0
         self._loaded = self._loaded_for >= self._n["engage_after"]
         self._clear_for = 0 if self._bad or self._over or self._above else self._clear_for + 1
@@ -326,11 +326,13 @@ class ConstantLoad(Displayable):
         if isinstance(law, RatioLaw | AdaptiveLaw):
             if begins:
                 law.enter()
-            target = law.target(self._measured, self.reference, known=not self._bad and not self._gap)
-            if isinstance(law, AdaptiveLaw):
+            adaptive = isinstance(law, AdaptiveLaw)
+            known = not self._bad and not self._gap and (self._above or not adaptive)
+            target = law.target(self._measured, self.reference, known=known)
+            if adaptive:
                 target = self._bridged(target, u, begins=begins)
-            elif self._bad:
-                target = min(target, u)  # on a bridged reading the feed never rises
+            if not self._above or (self._bad and not adaptive):
+                target = min(target, u)  # between teeth, on leaving the cut and on a bridged reading it never rises
         else:
             error = self.reference - self._measured
             if begins:

@@ -69,7 +69,7 @@ _OF_FORCE: Final = {
 }
 _LAWS: Final = {
     "ratio": "feed of the servo times reference over force, from entry no faster than recover until it first falls",
-    "adaptive": "adaptive law on the force of the last revolution",
+    "adaptive": "adaptive law on the force of the last revolution, no rise while the reading is below the threshold",
 }
 
 

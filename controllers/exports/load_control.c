@@ -333,13 +333,14 @@ static int load_read(const LoadSettings *s, LoadState *x, const LoadInput *in)
     return !(x->held < previous || x->held > previous);
 }
 
-/* Step 5: engage by the filtered load after a delay, disengage at once by the reading too. */
+/* Step 5: engage by the filtered load after a delay, disengage at once by the reading too; with LOAD_ADAPTIVE by the
+ * mean of a revolution alone, as between teeth there is no force. */
 static int load_engage(const LoadSettings *s, LoadState *x)
 {
     int engaged;
     x->over = load_compare(x->over, x->measured, s->engage_at, x->half_hysteresis);
     x->above = load_compare(x->above, x->held, s->engage_at, x->half_hysteresis);
-    engaged = x->armed && x->over && x->above;
+    engaged = x->armed && x->over && (x->above || s->law == LOAD_ADAPTIVE);
     x->loaded_for = engaged ? load_count(x->loaded_for) : 0;
     x->clear_for = x->bad == 0 && !x->over && !x->above ? load_count(x->clear_for) : 0;
     return engaged;
@@ -474,7 +475,7 @@ static void load_adapt(const LoadSettings *s, LoadState *x, int entering)
     const LoadReal w2 = x->model_sum / n, error = x->force_sum / n - w2;
     const LoadReal rate = (x->forces[new_] - x->forces[old]) / time - w1;
     const LoadReal E = entering ? rate : rate + s->lam * error, step = (x->last_E + E) / two * s->sample_time;
-    if (!entering && x->bad == 0 && x->gap == 0 && x->clipped == 0) {
+    if (!entering && x->bad == 0 && x->gap == 0 && x->clipped == 0 && x->above) {
         x->m -= s->g1 * step * (w0 + x->last_w[0]) / two;
         x->alpha -= s->g2 * step * (w1 + x->last_w[1]) / two;
         x->beta -= s->g3 * step * (w2 + x->last_w[2]) / two;
@@ -522,12 +523,13 @@ static LoadReal load_bridged(const LoadSettings *s, LoadState *x, LoadReal targe
 static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error, int entering)
 {
     LoadReal target;
-    int k;
+    int k, held;
     if (s->law != LOAD_PI) {
         x->had_cut = 1;
-        if (s->law == LOAD_ADAPTIVE) return load_bridged(s, x, load_adaptive(s, x, entering), entering);
-        target = load_ratio(s, x, entering);
-        return x->bad > 0 && target > x->u ? x->u : target; /* on a bridged reading the feed never rises */
+        if (s->law == LOAD_ADAPTIVE) target = load_bridged(s, x, load_adaptive(s, x, entering), entering);
+        else target = load_ratio(s, x, entering);
+        held = !x->above || (x->bad > 0 && s->law != LOAD_ADAPTIVE); /* between teeth, on leaving the cut, bridged */
+        return held && target > x->u ? x->u : target;                /* the feed never rises */
     }
     if (entering) {
         x->bias = x->u + s->entry_gain * error;

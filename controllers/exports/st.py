@@ -118,7 +118,12 @@ def real(value: float) -> str:
 def _law(loop: LoadLoop) -> str:
     """The statements, with the moving average where the loop has one."""
     of = loop.average_of if loop.average > 1 else ""
-    read = _TEXT["read"].format(average_load=_TEXT["average"].format(of="measured") if of == "measurement" else "")
+    whole, mean = loop.law == "adaptive", "by the mean of a revolution, as between teeth there is no force"
+    read = _TEXT["read"].format(
+        average_load=_TEXT["average"].format(of="measured") if of == "measurement" else "",
+        engaged="" if whole else " AND above",
+        leaving=mean if whole else "at once by the reading too",
+    )
     average = indent(_TEXT["average"].format(of="target"), "  ") if of == "command" else ""
     if loop.law == "pi":
         control = _TEXT["incremental"] if loop.form == "incremental_sum" else _TEXT["position"]

@@ -62,6 +62,8 @@ GAPS_FOR: Final = 1.5  # s of simulation with gaps
 LONGEST: Final = 10000  # samples of a run
 SETTLES: Final = 1.2  # times the settling time of the loop on the simulated plant
 REST: Final = 0.95  # of the upper limit: a command that rests there, but for ripple and noise
+SHARE: Final = 0.5  # of the pitch of the teeth in which an interrupted cut has a force
+MEAN: Final = 0.25  # deviation of the mean force that the samples of a revolution give of it
 SWING: Final = 0.1  # of the set point: deviation of the mean of a revolution at rest
 
 
@@ -203,10 +205,32 @@ def _simulated(pf: "ParameterFile") -> Iterator[FileFinding]:
         "simulation", True, f"Simulated on drive and process of the estimates, the mean force is {named} "
         f"{section.unit_force} asked for.",
     )  # fmt: skip
+    yield from _interrupted(pf)
     yield from _draws(pf)
     if middle is not None:
         yield from fault_findings(middle)
         yield from _gaps(middle)
+
+
+def _interrupted(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """Finding on a cut whose force is zero between the teeth."""
+    section = pf.adaptive_force
+    if section is None:
+        return
+    point = section.set_points[0]
+    noise = NOISE * point.force
+    plant = DriveAndCut.from_parameters(pf, point.depth, noise=noise, share=SHARE)
+    bench = _bench(pf, point.depth, plant)
+    wrong, _ = _run(bench, point.force, 1 / SHARE)  # it adapts while the teeth cut
+    true, asked = plant.force, f"{point.force:.4g} {section.unit_force} asked for"
+    where = f"in an interrupted cut, with a force in {100 * SHARE:.0f} % of the pitch of the teeth"
+    if not wrong and true > (1 + MEAN) * point.force:
+        wrong = f"the true mean force is {true:.4g} at {asked}"
+    if wrong:
+        yield _failed("simulation", f"{where}, {wrong}; shorten the sample time.")
+        return
+    words = f"I{where[1:]}, the mean force is {true:.4g} at {asked}."
+    yield FileFinding("simulation", True, words)
 
 
 def _gaps(middle: ForceBench) -> Iterator[FileFinding]:
@@ -233,11 +257,11 @@ def _bench(pf: "ParameterFile", depth: float, plant: DriveAndCut | None = None, 
     return ForceBench(control, cut, control.settings.sample_time, np.random.default_rng(seed))
 
 
-def _run(bench: ForceBench, point: float) -> tuple[str, float]:
-    """Fault found after settling, empty where there is none; and the mean force."""
+def _run(bench: ForceBench, point: float, slower: float = 1.0) -> tuple[str, float]:
+    """Fault found after settling, ``slower`` times as long; empty where there is none; and the mean force."""
     settings = bench.controller.settings
     settle = max(1.0 + 8 * settings.reference_time + 6 / settings.lam, SETTLES * _settling(bench, point))
-    bench.run(min(settle, LONGEST * settings.sample_time))
+    bench.run(min(slower * settle, LONGEST * settings.sample_time))
     turn = settings.samples * settings.sample_time
     turns = max(round(0.5 / turn), 4)
     commands, forces = bench.run(turns * turn)
