@@ -258,7 +258,10 @@ def test_a_roughness_section_in_a_wrong_unit_or_without_a_bound_is_refused(field
     [
         ({"high": 600000.0}, "more than 5 times as much"),
         ({"low": 0.5, "high": 10.0}, "check the units of feed and force"),  # mm/s
-        ({"Kd": 5.0, "lam": 30.0}, "simulated at 1 mm"),
+        ({"Kd": 5.0, "lam": 30.0}, "gain margin of"),
+        ({"Kd": 4 * 0.05}, "320 N at 4 mm: the loop would have a gain margin of"),
+        ({"g1": 1000 * 2e-5 * 0.15**4}, "the rate g1 is"),
+        ({"reference_time": 0.015}, "the rate g1 is"),
         ({"spindle_speed": 100.0}, "mm per revolution"),
     ],
 )

@@ -15,8 +15,6 @@ from ...core.errors import UsageError
 from ...datasets.records.resampling import aliased_teeth, aliased_words, samples_of_revolution
 from ...parameters.sections.force_control import TESTED, RecordRanges
 from .design import (
-    LEAST_GAIN_MARGIN,
-    LEAST_PHASE_MARGIN,
     SLOWEST_REFERENCE,
     ForceGains,
     Margins,
@@ -26,6 +24,7 @@ from .design import (
     loop_margins,
     refuse_no_plant,
     settling_time,
+    small_margins,
 )
 
 if TYPE_CHECKING:
@@ -316,13 +315,8 @@ def _refuse(section: "AdaptiveForceSection", at: tuple[AtSetPoint, ...], limits:
                 f"{where} needs a command of {one.feed:.4g} {section.unit_u} by the estimates, outside of the limits "
                 f"{limits[0]:g} to {limits[1]:g}: change the set point or the limits (--feed)."
             )
-        found = one.margins
-        if found.gain < LEAST_GAIN_MARGIN or found.phase < LEAST_PHASE_MARGIN:
-            raise UsageError(
-                f"{where}: the loop would have a gain margin of {found.gain:.2g} and a phase margin of "
-                f"{found.phase:.0f} degrees; at least {LEAST_GAIN_MARGIN:g} and {LEAST_PHASE_MARGIN:g} are needed. "
-                "Lower Kd or the rates, shorten the sample time, or leave the gains to the design rule."
-            )
+        if words := small_margins(one.margins):
+            raise UsageError(f"{where}: {words}")
 
 
 def _drawn(

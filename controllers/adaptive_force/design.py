@@ -33,6 +33,7 @@ SEPARATE: Final = 1e-6  # relative: poles nearer to each other are set apart by 
 FREQUENCIES: Final = 4000  # of the frequency response from a thousandth of the slower pole to half the sample rate
 OF_DRAWS: Final = 600  # the same for each draw of the estimates
 LEAST_GAIN_MARGIN, LEAST_PHASE_MARGIN = 2.0, 30.0  # below: refused
+LARGEST_RATES: Final = 10.0  # of m and alpha, times those of the rule: refused above
 SETTLED, SETTLED_REFERENCE = 3.91, 5.83  # time constants until within 2 %: of first order, of the reference model
 SLOWEST_REFERENCE: Final = 10.0  # dead times: the least time of the reference model
 
@@ -206,6 +207,42 @@ def loop_margins(ratios: Array, gains: ForceGains, force: float, timing: Timing)
     count = FREQUENCIES if len(ratios) == 1 else OF_DRAWS
     omega = np.geomspace(1e-3 * slowest, 0.9999 * np.pi / timing.sample_time, count)
     return [_margins(omega, row) for row in loop_response(ratios, gains, force, timing, omega)]
+
+
+def small_margins(found: Margins) -> str:
+    """What is wrong with the margins of a loop, with the remedy; empty where they suffice.
+
+    Examples
+    --------
+    >>> small_margins(Margins(4.4, 62.0, 0.026)), small_margins(Margins(1.1, 5.0, 0.001))[:43]
+    ('', 'the loop would have a gain margin of 1.1 an')
+    """
+    if found.gain >= LEAST_GAIN_MARGIN and found.phase >= LEAST_PHASE_MARGIN:
+        return ""
+    return (
+        f"the loop would have a gain margin of {found.gain:.2g} and a phase margin of {found.phase:.0f} degrees; at "
+        f"least {LEAST_GAIN_MARGIN:g} and {LEAST_PHASE_MARGIN:g} are needed. Lower Kd or the rates, shorten the sample "
+        "time, or leave the gains to the design rule."
+    )
+
+
+def fast_rates(ratios: Array, gains: ForceGains, force: float) -> str:
+    """What is wrong with the rates of m and alpha, which no margin holds; empty where they follow from that of beta.
+
+    Examples
+    --------
+    >>> ratios = np.array([1e-3, 0.0625, 0.625])
+    >>> gains = design_gains(ratios.tolist(), 320.0, Timing(0.001, 20, delay=0.001))
+    >>> fast_rates(ratios, gains, 320.0), fast_rates(ratios, gains._replace(g2=20 * gains.g2), 320.0)[:33]
+    ('', 'the rate g2 is 20 times g3 times ')
+    """
+    T, q = gains.reference_time, float(np.abs(poles_of(ratios[None])).max())
+    g3 = max(gains.g3, gains.Kd * q / force**2)
+    for name, rate, power in (("g1", gains.g1, 4), ("g2", gains.g2, 2)):
+        if rate > LARGEST_RATES * g3 * T**power:
+            times = f"{rate / (g3 * T**power):.3g} times g3 times reference_time^{power}"
+            return f"the rate {name} is {times}, at most {LARGEST_RATES:g}: lower it, or leave it to the design rule."
+    return ""
 
 
 def _margins(omega: Array, L: NDArray[np.complex128]) -> Margins:

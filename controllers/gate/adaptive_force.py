@@ -19,7 +19,7 @@ from ...parameters.sections.base import ModelCovariance
 from ...parameters.sections.load_line import feed_in
 from ..adaptive_force.controller import AdaptiveForceControl
 from ..adaptive_force.derivation import ALLOWED, UNEVEN, far_beyond
-from ..adaptive_force.design import ForceGains, settling_time
+from ..adaptive_force.design import ForceGains, Timing, fast_rates, loop_margins, settling_time, small_margins
 from ..adaptive_force.plant import DriveAndCut
 from ..adaptive_force.settings import (
     OVERLOAD,
@@ -92,7 +92,7 @@ def _findings(same: FileKey) -> tuple[FileFinding, ...]:
             if why := lacking(pf):
                 raise GateError(why)
             machine(pf)
-            found += _simulated(pf)
+            found += list(_loops(pf)) or _simulated(pf)
     except FitmodelsError as error:
         words = f"The adaptive force control was not simulated: {error}"
         return (FileFinding("control", None if incomplete(pf) else False, words),)
@@ -118,6 +118,24 @@ def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
     yield from _turns(pf, section)
     yield from _feeds(pf, section)
     yield from _readings(section)
+
+
+def _loops(pf: "ParameterFile") -> Iterator[FileFinding]:
+    """Finding on margins, with a step from reading to feed, or rates of a set point; none where all suffice."""
+    section = pf.adaptive_force
+    if section is None or section.depth is None:
+        return
+    ratios = np.array([section.m, section.alpha, section.beta]) * section.depth
+    s = settings_for(pf, section.set_points[0].depth)
+    gains = ForceGains(s.Kd, s.lam, s.g1, s.g2, s.g3, s.reference_time)
+    timing = Timing(s.sample_time, s.samples, s.sample_time)
+    for point in section.set_points:
+        of_cut = ratios / point.depth
+        found = loop_margins(of_cut[None], gains, point.force, timing)[0]
+        if words := small_margins(found) or fast_rates(of_cut, gains, point.force):
+            at = f"{point.force:g} {section.unit_force} at {point.depth:g} {section.unit_depth}"
+            yield _failed("margins", f"{at}: {words}")
+            return
 
 
 def _readings(section: "AdaptiveForceSection") -> Iterator[FileFinding]:
