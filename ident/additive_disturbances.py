@@ -171,7 +171,7 @@ def drift_and_lines(rec: Record, fit: LongArx) -> tuple[int, tuple[float, ...], 
     """Degree of drift, frequencies of lines, and the regression with both."""
     drift, lines = _additive(rec, fit)
     if drift or lines:
-        drift, lines = _confirmed(rec, 2 * (len(fit.a) - 1), drift, lines)
+        drift, lines = _confirmed(rec, fit, drift, lines)
     additional = additional_columns(rec, lines, drift)
     return drift, lines, long_arx(rec, len(fit.a) - 1, fit.lags, additional) if additional.shape[1] else fit
 
@@ -205,9 +205,10 @@ def amplitudes(rec: Record, fit: LongArx, lines: tuple[float, ...], drift: int) 
     return [float(size) for size in sizes]
 
 
-def _confirmed(rec: Record, order: int, drift: int, lines: tuple[float, ...]) -> tuple[int, tuple[float, ...]]:
+def _confirmed(rec: Record, plain: LongArx, drift: int, lines: tuple[float, ...]) -> tuple[int, tuple[float, ...]]:
     """Drift and lines that are significant with twice as many lags: a lightly damped plant needs them."""
-    lags = input_lags(rec, order)
+    order = 2 * (len(plain.a) - 1)
+    lags = input_lags(rec, order, int(plain.lags.min(initial=0) > 0))
 
     def p_value(own: Array, others: Array) -> float:
         fit = long_arx(rec, order, lags, others)

@@ -22,7 +22,7 @@ from ..core.threads import one_thread
 from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ..datasets.records.gaps import without_short
 from ..datasets.records.record import Record, join_records
-from .closed_loop import LoopCheck, check_loop, checked_feedback
+from .closed_loop import Feedback, LoopCheck, check_loop, checked_feedback, feedback
 from .estimators.bias_checks import causality, warn_of_bias
 from .estimators.input_checks import check_varies
 from .estimators.least_squares import arx
@@ -270,9 +270,8 @@ def identify(
     whole = without_short(rec if isinstance(rec, Record) else join_records(rec)).centred(trend)
     check_varies(whole)
     band = excited_band(whole)
-    disturbed = disturbances(whole)
+    disturbed, loop = _cleaned(whole)
     whole = disturbed.record
-    loop = checked_feedback(whole)
     linear = None if loop.found or orders else disturbed.linear
 
     def searched(rec: Record, disturbed: Disturbances) -> Search:
@@ -310,6 +309,14 @@ def identify(
         by_choice=arx_by_choice(plain, chosen, band) if by_arx else None,
         notes=(*whole.notes, *found.notes),
     )
+
+
+def _cleaned(rec: Record) -> tuple[Disturbances, Feedback]:
+    """Disturbances of a record, and the feedback of the record without its spikes."""
+    closed = feedback(rec).found
+    disturbed = disturbances(rec, closed=closed)
+    loop = checked_feedback(disturbed.record)
+    return disturbed if loop.found == closed else disturbances(rec, closed=loop.found), loop
 
 
 def _structure(

@@ -33,15 +33,16 @@ AGREES = 0.2  # of the difference that remains
 MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
 
-def without_spikes(rec: Record, y_lags: int) -> tuple[Record, NDArray[np.intp], bool]:
+def without_spikes(rec: Record, y_lags: int, least_lag: int = 0) -> tuple[Record, NDArray[np.intp], bool]:
     """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes.
 
     The first samples of a segment have no innovations; their spikes are found in the reversed record. Those that begin
     with the very first sample are kept: where a machine at rest gets an input that is not zero, as at the start of a
-    chirp by cosine, the first samples respond to an input before the record, and only they do not fit the others.
+    chirp by cosine, the first samples respond to an input before the record, and only they do not fit the others. With
+    ``least_lag`` 1, in closed loop, the record is not reversed: the next u of a controller determines the present y.
     """
-    clean, bad = _cleaned(rec, y_lags, np.ones(len(rec), dtype=bool), (SPIKE, SMALLEST))
-    if bad.mean() <= MOST_SPIKES:
+    clean, bad = _cleaned(rec, y_lags, np.ones(len(rec), dtype=bool), (SPIKE, SMALLEST), least_lag)
+    if not least_lag and bad.mean() <= MOST_SPIKES:
         first = np.zeros(len(rec), dtype=bool)
         for s in rec.stretches:
             first[s.start : s.start + y_lags * len(U_LAGS)] = True
@@ -62,14 +63,14 @@ def _not_from_the_start(bad: NDArray[np.bool_], stretches: tuple[slice, ...]) ->
 
 
 def _cleaned(
-    rec: Record, y_lags: int, searched: NDArray[np.bool_], least: tuple[float, float]
+    rec: Record, y_lags: int, searched: NDArray[np.bool_], least: tuple[float, float], least_lag: int = 0
 ) -> tuple[Record, NDArray[np.bool_]]:
     """The record with spikes among the ``searched`` samples replaced, and these; too many are not replaced.
 
     ``least`` is the smallest spike, relative to the innovations and to the output.
     """
     bad = np.zeros(len(rec), dtype=bool)
-    clean, lags = rec, input_lags(spread(rec), y_lags)
+    clean, lags = rec, input_lags(spread(rec), y_lags, least_lag)
     for _ in range(ROUNDS):
         fit = long_arx(spread(clean), y_lags, lags)
         e = innovations(clean, fit)

@@ -129,12 +129,14 @@ class Disturbances(Displayable):
         return additional_columns(rec, self.lines, self.drift) if self.lines or self.drift else None
 
 
-def disturbances(rec: Record) -> Disturbances:
+def disturbances(rec: Record, *, closed: bool = False) -> Disturbances:
     """Disturbances of a record.
 
     Parameters
     ----------
     rec : Record
+    closed : bool
+        A controller was active, as in a record with its reference: its input responds to the output within the sample.
 
     Examples
     --------
@@ -149,16 +151,16 @@ def disturbances(rec: Record) -> Disturbances:
     order = order_of(rec)
     if not order:
         return Disturbances((), rec, remark=f"{len(rec)} samples are too few")
-    clean, replaced, heavy = _spikes(rec, order)
+    least = int(closed or rec.reference is not None)
+    clean, replaced, heavy = _spikes(rec, order, least)
     part = middle(clean)
-    lags = input_lags(part, order)
-    fit = long_arx(part, order, lags)
+    fit = long_arx(part, order, input_lags(part, order, least))
     static = [*_of_missing_samples(rec), *_of_quantum(rec, fit), *(_of_clipping(rec) or _of_held(rec, fit))]
     clean = replace(rec, y=clean.y + offsets_of(clean)[:, 1] - offsets_of(rec)[:, 1], sha256=rec.sha256)
     if fit.rss <= EXACT * float(part.y @ part.y):
         return Disturbances(tuple(static), clean, remark="the record has no noise")
     drift, lines, whole = drift_and_lines(part, fit)
-    found = _static(spread(clean), order, lines, drift, whole if len(part) == len(rec) else None)
+    found = _static(spread(clean), order, least, lines, drift, whole if len(part) == len(rec) else None)
     named = [
         *_of_spikes(rec, clean, replaced, heavy),
         *_of_jumps(clean, fit),
@@ -169,30 +171,32 @@ def disturbances(rec: Record) -> Disturbances:
     return Disturbances(tuple(named), clean, lines, drift, replaced, nonlinearity=found)
 
 
-def _spikes(rec: Record, order: int) -> tuple[Record, NDArray[np.intp], bool]:
+def _spikes(rec: Record, order: int, least_lag: int) -> tuple[Record, NDArray[np.intp], bool]:
     """The centred record with spikes replaced, their samples, and whether outliers are too many to be spikes.
 
     A nonlinearity of the input leaves innovations that resemble spikes; where there is one, spikes are those that
     remain with it in the model.
     """
     rec = rec.centred()
-    clean, replaced, heavy = without_spikes(rec, order)
+    clean, replaced, heavy = without_spikes(rec, order, least_lag)
     if not (replaced.size or heavy):
         return clean, replaced, heavy
     part = spread(rec)
-    fit = long_arx(part, order, input_lags(part, order))
+    fit = long_arx(part, order, input_lags(part, order, least_lag))
     found = nonlinearity(fit, part, part.u + offsets_of(part)[:, 0], np.empty((len(part), 0)))
     if found is None:
         return clean, replaced, heavy
     acting = found.acting(rec, rec.u + offsets_of(rec)[:, 0])
-    clean, replaced, heavy = without_spikes(replace(rec, u=acting).centred(), order)
+    clean, replaced, heavy = without_spikes(replace(rec, u=acting).centred(), order, least_lag)
     return replace(clean, u=rec.u, offsets=rec.offsets), replaced, heavy
 
 
-def _static(rec: Record, order: int, lines: tuple[float, ...], drift: int, fit: LongArx | None) -> Nonlinearity | None:
+def _static(
+    rec: Record, order: int, least_lag: int, lines: tuple[float, ...], drift: int, fit: LongArx | None
+) -> Nonlinearity | None:
     """Nonlinearity of the input, tested with drift and lines; ``fit`` is their regression on this record, if known."""
     additional = additional_columns(rec, lines, drift)
-    fit = fit or long_arx(rec, order, input_lags(rec, order), additional)
+    fit = fit or long_arx(rec, order, input_lags(rec, order, least_lag), additional)
     return nonlinearity(fit, rec, rec.u + offsets_of(rec)[:, 0], additional)
 
 

@@ -13,13 +13,15 @@ from fitmodels.ident.estimators.plant_and_noise import box_jenkins
 from fitmodels.ident.estimators.reference_response import two_stage
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
+from fitmodels.ident.record_disturbances import disturbances
 from scipy.signal import lfilter
 
 T, N = 0.02, 750
 LAG = Model(b=[0.0, 0.05], a=[1.0, -0.95], nk=1, sample_time=T)
 # Tai, Tsai & Li 2023, doi 10.1109/ACCESS.2023.3330587, eq. 18
 PUBLISHED = Model(b=[0, 0.0611, -0.1338, 0.0752], a=[1, -2.0311, 1.2104, -0.1655], nk=1, sample_time=T)
-GAINS = {id(LAG): (1.5, 0.1), id(PUBLISHED): (0.5, 0.01)}  # Kp, Ki per sample
+LATE = Model(b=[0.0, 0.0, 0.0, 0.021, 0.018], a=[1.0, -1.545, 0.5866], nk=3, sample_time=T)
+GAINS = {id(LAG): (1.5, 0.1), id(PUBLISHED): (0.5, 0.01), id(LATE): (0.5, 0.06)}  # Kp, Ki per sample
 SWEEP = chirp(1.0)
 CLOSE = 0.05  # of |G| in the band at 30 dB, one record: the standard error is below .01
 
@@ -115,6 +117,26 @@ def test_a_reference_confirms_the_estimate():
     assert gain_error(found.loop.two_stage, LAG) < CLOSE
     assert not any("closed loop" in reason or "two-stage" in reason for reason in found.verdict.reasons)
     assert any(clause.startswith("The two-stage estimate") for clause in found.verdicts)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("named", [True, False])
+def test_steps_of_the_reference_are_no_fault_of_the_sensor(seed, named):
+    """With the present u the regression solved the controller for y: its innovations were the steps."""
+    r = np.repeat(np.random.default_rng(seed).integers(0, 2, 30) * 2.0 - 1, 100)
+    rec = looped(LATE, r=r, snr=20, seed=seed, named=named)
+    found = identify(rec)
+    assert found.loop.feedback.found
+    assert found.disturbances.found == ()
+    np.testing.assert_allclose(found.record.y, rec.centred().y, rtol=1e-9, atol=1e-12)
+
+
+def test_a_spike_in_closed_loop_is_replaced():
+    r = np.repeat(np.random.default_rng(0).integers(0, 2, 30) * 2.0 - 1, 100)
+    rec = looped(LATE, r=r, snr=25, named=True)
+    y = rec.y.copy()
+    y[1234] += np.std(y)
+    assert disturbances(Record(u=rec.u, y=y, sample_time=T, reference=r).centred()).replaced.tolist() == [1234]
 
 
 def test_two_stage_holds_its_standard_errors():

@@ -108,25 +108,29 @@ def spread(rec: Record) -> Record:
     return join_records([rec.part(k, k + size) for k in chosen])
 
 
-def input_lags(rec: Record, y_lags: int) -> NDArray[np.intp]:
-    """Lags of u that the regression needs: up to 1, 2 or 3 times ``y_lags``, by BIC, without dependent ones."""
+def input_lags(rec: Record, y_lags: int, least: int = 0) -> NDArray[np.intp]:
+    """Lags of u that the regression needs: up to 1, 2 or 3 times ``y_lags``, by BIC, without dependent ones.
+
+    In closed loop ``least`` is 1: the present u of a controller determines the present y, so that the innovations would
+    be the steps of its reference.
+    """
     near, most = y_lags, y_lags * len(U_LAGS)
     if max(s.stop - s.start for s in rec.stretches) < 3 * most:
         most = near
     t = rows_of(rec, most)
-    first, further = np.arange(near + 1), np.arange(near + 1, most + 1)
+    first, further = np.arange(least, near + 1), np.arange(near + 1, most + 1)
     held = np.column_stack(
         [levels(rec, t), lagged_rows(rec.u, first, t), lagged_rows(rec.y, 1 + np.arange(y_lags), t),
          lagged_rows(rec.u, further, t), rec.y[t]]
     )  # fmt: skip
     r = r_of(held)
     own = np.abs(np.diag(r)) > DEPENDENT * np.sqrt((r * r).sum(axis=0))
-    start = held.shape[1] - most - y_lags - 2
+    start = held.shape[1] - most - y_lags - 2 + least
+    base = start + len(first) + y_lags
     first = first[own[start : start + len(first)]]
-    further = further[own[start + near + 1 + y_lags : -1]]
+    further = further[own[base:-1]]
     left = np.cumsum(r[::-1, -1] ** 2)[::-1]
-    n, base = len(t), start + near + 1 + y_lags
-    ends = range(near, most + 1, y_lags)
+    n, ends = len(t), range(near, most + 1, y_lags)
     bic = [n * np.log(max(left[base + end - near], 1e-300)) + np.log(n) * (further <= end).sum() for end in ends]
     return np.concatenate([first, further[further <= ends[int(np.argmin(bic))]]])
 

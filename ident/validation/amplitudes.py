@@ -140,7 +140,7 @@ def with_amplitudes(found: "Identification", records: Sequence[Record]) -> "Iden
     from ..record_disturbances import disturbances
     from ..structure.final_estimates import estimated
 
-    named = [disturbances(rec.centred()) for rec in records]
+    named = [disturbances(rec.centred(), closed=found.loop.feedback.found) for rec in records]
     runs = [(one.record, estimated(one.record, found.chosen, one.columns)) for one in named]
     return replace(found, amplitudes=gain_over_amplitude(runs))
 
