@@ -26,7 +26,7 @@ STEP, DRIVE, FORCE = "step", "drive", "force-process"
 SECTION: Final = {STEP: "dynamics", DRIVE: "drive", FORCE: "adaptive_force"}
 OPTIONS: Final = {  # of each model; an option of another one would have no effect
     STEP: ("order", "delay", "held_out"),
-    DRIVE: ("force_per_unit", "cutoff", "held_out"),
+    DRIVE: ("force_per_unit", "timing", "cutoff", "held_out"),
     FORCE: ("given", "drive_pole", "depth", "spindle", "teeth"),
 }
 OF_IDENTIFICATION: Final = ("orders", "trend", "deviations", "handover", "amplitudes", "reference")
@@ -66,6 +66,8 @@ def physical_options(p: Parser) -> None:
         metavar="N",
         help="drive: N (or N m) for one unit of the input, as 35.2 for V (default: 1)",
     )
+    timing = "drive: the force is held until the next sample, or measured at the sample"
+    group.add_argument("--timing", choices=["held", "measured"], help=f"{timing} (default: chosen by the record)")
     group.add_argument("--cutoff", type=float, metavar="HZ", help="drive: low-pass (default: 0.04 of the sample rate)")
     group.add_argument(
         "--depth", type=float, metavar="MM", help="force-process: depth of cut of the run (default: not stated)"
@@ -158,7 +160,8 @@ def _drive(rec: "Record", held_out: "Record | None", args: argparse.Namespace) -
     from ..ident import drive_fit
     from ..parameters.gather.control import drive_section
 
-    fit = drive_fit(rec, args.force_per_unit, cutoff=args.cutoff)
+    held = None if args.timing is None else args.timing == "held"
+    fit = drive_fit(rec, args.force_per_unit, held=held, cutoff=args.cutoff)
     verdict, other, words = fit.verdict, None, ""
     if held_out is not None and fit.possible:
         percent = fit.free_run(held_out)[2]

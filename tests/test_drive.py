@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from fitmodels.core.errors import IdentError
 from fitmodels.datasets import Record, join_records, read_record
-from fitmodels.ident.physical_models.drive import drive_fit, jackknife, widest
-from fitmodels.ident.physical_models.equation_of_motion import velocity_and_travel
+from fitmodels.ident.physical_models.drive import drive_fit
+from fitmodels.ident.physical_models.equation_of_motion import jackknife, velocity_and_travel, widest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -81,6 +81,47 @@ def test_free_run_on_the_file_with_force_pulses(emps):
 def test_held_force_explains_more_than_a_measured_one(emps):
     """The control signal of EMPS is held for a sample: the residual says so."""
     assert drive_fit(emps[0], GTAU).relative_error < 0.9 * drive_fit(emps[0], GTAU, held=False).relative_error
+
+
+def sampled(late, rate=250, n=3000):
+    """Force at its sample and position (m) ``late`` samples after it, of a drive under a continuous force."""
+    fine = 20
+    t = np.arange(n * fine) / (rate * fine)
+    F = 100 * np.sin(2 * np.pi * (0.3 + 0.1 * t) * t) + 40 * np.sin(2 * np.pi * 0.4 * t)
+    x = velocity_and_travel(F, 1 / (rate * fine), *TRUTH)[1][::fine]
+    x = np.r_[np.full(late, x[0]), x[: n - late]] + 1e-6 * np.random.default_rng(1).standard_normal(n)
+    return Record(u=F[::fine], y=x, sample_time=1 / rate, unit_u="N", unit_y="m")
+
+
+def test_a_force_measured_at_the_sample_is_recognised():
+    """As a held force it gave Fc 23.2 +- 0.9 for 20, without a remark."""
+    fit = drive_fit(sampled(0))
+    np.testing.assert_allclose(fit.theta, TRUTH, rtol=5e-3)
+    assert fit.lag[0] == pytest.approx(0.0, abs=0.05)
+    assert "The force is taken as measured at the sample: the motion follows it by" in fit.words
+    assert fit.verdict.reasons == ()
+    wrong = drive_fit(sampled(0), held=True)
+    assert "as stated" in wrong.words
+    assert any("not by 0.5 as with a force held until the next sample" in reason for reason in wrong.verdict.reasons)
+
+
+@pytest.mark.parametrize("late", [1, 3])
+def test_a_delay_of_the_motion_is_estimated_and_named(late):
+    fit = drive_fit(sampled(late))
+    np.testing.assert_allclose(fit.theta, TRUTH, rtol=5e-3)
+    assert fit.lag[0] == pytest.approx(late, abs=0.05)
+    assert fit.own_run[1] > 99
+    named = [reason for reason in fit.verdict.reasons if f"({late:.1f} samples)" in reason]
+    assert len(named) == (late > 1)
+    assert fit.free_run(sampled(late))[2] == pytest.approx(fit.own_run[1])
+
+
+def test_a_held_force_is_recognised_and_noise_does_not_hide_it(emps):
+    F, _, x = motion(seed=1)
+    for fit in (drive_fit(record(x, F)), drive_fit(emps[0], GTAU), drive_fit(emps[1], GTAU)):
+        assert "taken as held until the next sample" in fit.words
+        assert fit.motion.delay == 0
+        assert fit.verdict.reasons == ()
 
 
 def test_truth_comes_back_from_position_and_from_velocity():

@@ -5,7 +5,10 @@
 Inverse-model least squares: position differentiated centrally, every column of the equation and the force filtered by
 one zero-phase low-pass, then every k-th row. Source: Gautier 1997, doi 10.1109/ROBOT.1997.619069; Janot, Vandanjon &
 Gautier 2014, doi 10.1109/TCST.2013.2248366. In addition, a force held between samples acts on a second difference with
-the mean of two samples, and rows near a reversal, where friction is not Coulomb's, are omitted.
+the mean of two samples, half a sample late, and rows near a reversal, where friction is not Coulomb's, are omitted.
+
+Lag of the motion: F(t - lag) has the derivative -F'(t) by the lag, a fifth column. By its estimate the force is taken
+as held (0.5 samples) or as measured at the sample (0), or with the delay that is left where neither agrees.
 
 Standard errors: block jackknife (Kunsch 1989, doi 10.1214/aos/1176347265, section 2, without overlap), since the
 residuals are autocorrelated by an unknown law. For least squares the estimate without block i is
@@ -18,7 +21,7 @@ make the standard error several times too small: several block lengths are used,
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +32,7 @@ from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ...datasets import Record
 from ...datasets.records.record import join_records
-from .equation_of_motion import FilteredRows, Motion, motion_of, rows_of, velocity_and_travel
+from .equation_of_motion import COUNTS, HELD, FilteredRows, Motion, motion_of, rows_of, velocity_and_travel, widest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,7 +44,11 @@ INDEPENDENT = 0.02  # share of a column orthogonal to the others: below it, its 
 LARGE, TOO_LARGE = 0.2, 0.5  # share of the force that is not explained
 DF = 13  # of the standard errors: a 95 % interval spans 2.2 of them
 GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
-CHECKED = ("Share of the force explained", "Signs of inertia and friction", "Simulation of the record")
+TIMING = "Delay of the motion"
+CHECKED = ("Share of the force explained", "Signs of inertia and friction", "Simulation of the record", TIMING)
+AGREES, SURE = 0.4, 3.0  # samples of lag that do not matter (a sound machine has 0.3), and standard errors
+LATE = 1.0  # samples of delay that a simulation needs
+STEPS, WIDEST, EXACT = 12, 5.0, 0.01  # iterations of the lag, and their largest and smallest change in samples
 SLIDES = (1.0, 1e5)  # kg
 NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
@@ -68,6 +75,11 @@ class DriveFit(Plottable):
     predicted : ndarray, shape (rows, 2)
         Measured and modelled force, N, filtered.
     notes : tuple of str
+    lag : tuple of float, or None
+        Samples by which the motion follows the force (0.5 of a held force), and the standard error; None where the
+        record does not show it.
+    stated : bool
+        Whether the force is held was stated, not chosen by the record.
     """
 
     theta: Array
@@ -80,6 +92,8 @@ class DriveFit(Plottable):
     cutoff: float
     predicted: Array
     notes: tuple[str, ...] = ()
+    lag: tuple[float, float] | None = None
+    stated: bool = False
 
     @property
     def M(self) -> float:
@@ -140,6 +154,7 @@ class DriveFit(Plottable):
         rec = rec if isinstance(rec, Record) else join_records(rec)
         known = unit or rec.unit_y or self.motion.unit
         motion = motion_of(rec, self.motion.factor, known, self.cutoff, self.motion.held)
+        motion = replace(motion, delay=self.motion.delay)
         return motion.v, *self._run(motion)
 
     @property
@@ -148,7 +163,8 @@ class DriveFit(Plottable):
         return self._run(self.motion)
 
     def _run(self, motion: Motion) -> tuple[Array, float]:
-        runs = [self.simulate(motion.force[s], motion.sample_time, float(motion.v[s][0]))[0] for s in motion.stretches]
+        force, dt = motion.acting, motion.sample_time
+        runs = [self.simulate(force[s], dt, float(motion.v[s][0]))[0] for s in motion.stretches]
         simulated = np.concatenate(runs)
         spread = float(np.linalg.norm(motion.v - motion.v.mean()))
         return simulated, 100 * (1 - float(np.linalg.norm(motion.v - simulated)) / spread)
@@ -183,7 +199,21 @@ class DriveFit(Plottable):
         share = (
             f"Force that is not explained: {100 * self.relative_error:.2g} % ({self.rows} rows, {self.left_out} near "
         )
-        return (f"{share}reversals left out).", *run, *(words for _, words in self._findings()))
+        found = (words for _, words in self._findings())
+        return (f"{share}reversals left out).", *run, self._timing, *found)
+
+    @property
+    def _timing(self) -> str:
+        """How the force is taken between samples, and by which evidence."""
+        taken = "held until the next sample" if self.motion.held else "measured at the sample"
+        if self.stated:
+            return f"The force is {taken}, as stated."
+        if self.lag is None:
+            return f"The force is taken as {taken}: the record does not show its delay."
+        late = f"{self.lag[0]:.2f} +- {self.lag[1]:.1g} samples (held 0.5, measured 0)"
+        if self.motion.delay:
+            return f"The force is taken with the delay that the record shows: the motion follows it by {late}."
+        return f"The force is taken as {taken}: the motion follows it by {late}."
 
     @property
     def verdict(self) -> Verdict:
@@ -199,6 +229,9 @@ class DriveFit(Plottable):
                     f"{limit:.0f} %.",
                 )
             )
+        if self.lag is None:
+            done = tuple(one for one in CHECKED if one != TIMING)
+            return verdict_from(found, done, (NOT_HELD_OUT, f"{TIMING}: the record does not show it"))
         return verdict_from(found, CHECKED, (NOT_HELD_OUT,))
 
     def _findings(self) -> Iterator[tuple[int, str]]:
@@ -223,11 +256,30 @@ class DriveFit(Plottable):
                 f"The moving mass of {self.M:.3g} kg is outside the {SLIDES[0]:g} to {SLIDES[1]:.0f} kg of machine "
                 "tools: check the units of motion and force.",
             )
+        if self.lag is not None and (words := self._late(*self.lag)):
+            yield RESERVATIONS, words
         if weak:
             yield (
                 RESERVATIONS,
                 f"{' and '.join(weak)} not significantly different from zero: excite more speeds, or higher ones.",
             )
+
+    def _late(self, lag: float, error: float) -> str:
+        """Sentence on a delay that matters, empty without one."""
+        motion = self.motion
+        seconds = lag * motion.sample_time
+        if self.stated and abs(lag - motion.lag) > max(AGREES, SURE * error):
+            kind = "held until the next sample" if motion.held else "measured at the sample"
+            return (
+                f"The motion follows the force by {lag:.2f} samples ({seconds:.2g} s), not by {motion.lag:.1f} as with "
+                f"a force {kind}: inertia and friction are wrong. Leave the timing of the force to the record."
+            )
+        if abs(motion.delay) < LATE:
+            return ""
+        return (
+            f"The motion follows the force by {seconds:.3g} s ({lag:.1f} samples): inertia and friction are estimated "
+            "with this delay, which the file does not hold. Record both with one clock, or add it in a simulation."
+        )
 
 
 def drive_fit(
@@ -235,7 +287,7 @@ def drive_fit(
     force: float | None = None,
     *,
     unit: str | None = None,
-    held: bool = True,
+    held: bool | None = None,
     cutoff: float | None = None,
     slow: float = 0.05,
 ) -> DriveFit:
@@ -250,8 +302,9 @@ def drive_fit(
         N (or N m) for one unit of the input; None where the input is in N, kN or N m already.
     unit : str or None
         Of the output (m, mm, um, mm/s, mm/min, m/s, m/min, rad, deg, rad/s, rpm), if the record names none.
-    held : bool
-        The force is a command held until the next sample; False: measured at the sample.
+    held : bool or None
+        The force is a command held until the next sample; False: measured at the sample. None: chosen by the record,
+        with a delay where the motion follows neither.
     cutoff : float or None
         Low-pass, Hz; by default 0.04 of the sample rate. Well above the motion, below resonances.
     slow : float
@@ -273,17 +326,49 @@ def drive_fit(
     if not 0 <= slow < 0.5:
         raise IdentError(f"slow {slow!r}: a share of the top speed, at least 0 and below 0.5.")
     rec = rec if isinstance(rec, Record) else join_records(rec)
-    motion = motion_of(rec, force, unit, cutoff, held)
+    motion = motion_of(rec, force, unit, cutoff, held is not False)
+    _check_rows(rows_of(motion, slow))
+    lag = _lag(motion, slow)
+    if held is None and lag is not None:
+        motion = _timed(motion, *lag)
     rows = rows_of(motion, slow)
-    _check_rows(rows)
-    scale = np.linalg.norm(rows.X, axis=0)
-    theta = np.linalg.lstsq(rows.X / scale, rows.F, rcond=None)[0] / scale
-    e = rows.F - rows.X @ theta
+    theta, e = _solved(rows.X, rows.F)
     return DriveFit(
-        theta=theta, cov_params=widest(rows.X, e, rows.time), rows=len(e), left_out=rows.left_out,
+        theta=theta, cov_params=widest(rows.X, e, rows.time), rows=len(e), left_out=rows.left_out, lag=lag,
+        stated=held is not None,
         relative_error=float(np.linalg.norm(e) / np.linalg.norm(rows.F)), motion=motion, rate=rows.rate,
         cutoff=motion.cutoff, predicted=np.column_stack([rows.F, rows.F - e]), notes=(*rec.notes, *motion.notes),
     )  # fmt: skip
+
+
+def _solved(X: Array, F: Array) -> tuple[Array, Array]:
+    """Least-squares coefficients, and residuals."""
+    scale = np.linalg.norm(X, axis=0)
+    theta = np.asarray(np.linalg.lstsq(X / scale, F, rcond=None)[0] / scale)
+    return theta, F - X @ theta
+
+
+def _lag(motion: Motion, slow: float) -> tuple[float, float] | None:
+    """Samples by which the motion follows the force, and the standard error; None where the record does not show it."""
+    most = 1 / (motion.cutoff * motion.sample_time)  # of the low-pass: the samples that are omitted at the ends
+    for _ in range(STEPS):
+        rows = rows_of(motion, slow)
+        J = np.column_stack([rows.X, rows.change])
+        theta, e = _solved(J, rows.F)
+        motion = replace(motion, delay=motion.delay + float(np.clip(theta[4], -WIDEST, WIDEST)))
+        if abs(motion.lag) > most:
+            return None
+        if abs(theta[4]) < EXACT:
+            shown = theta[0] > 0 and np.linalg.norm(e) < LARGE * np.linalg.norm(rows.F)
+            return (motion.lag, float(np.sqrt(widest(J, e, rows.time)[4, 4]))) if shown else None
+    return None
+
+
+def _timed(motion: Motion, lag: float, error: float) -> Motion:
+    """The motion with a force that is held, or measured, and with the delay that is left where it matters."""
+    held = abs(lag - HELD) < max(abs(lag), 2 * error)
+    left = lag - HELD * held
+    return replace(motion, held=held, delay=left if abs(left) > max(AGREES, SURE * error) else 0.0)
 
 
 def _check_rows(rows: FilteredRows) -> None:
@@ -307,45 +392,3 @@ def _check_rows(rows: FilteredRows) -> None:
             f"{name} is not identifiable from this record: {100 * independent.min():.2g} % of its column is "
             f"independent of the others, {100 * INDEPENDENT:.0f} % are needed. Move at several speeds and accelerate."
         )
-
-
-COUNTS = (12, 16, 20, 24)  # of blocks: no movement is in step with all of them
-
-
-def jackknife(J: Array, e: Array, blocks: Sequence[NDArray[np.intp]]) -> Array:
-    """Covariance (p, p) of a least-squares estimate with regressors J (N, p) and residuals e (N,).
-
-    Examples
-    --------
-    >>> e = np.array([1.0, -1.0, 0.5, -0.5])
-    >>> jackknife(np.ones((4, 1)), e, [np.array([k]) for k in range(4)]).round(6).item()  # s^2 / n
-    0.208333
-    """
-    scale = np.linalg.norm(J, axis=0)
-    J = J / scale
-    G = J.T @ J
-    moved = np.array([np.linalg.solve(G - J[i].T @ J[i], J[i].T @ e[i]) for i in blocks])
-    moved -= moved.mean(axis=0)
-    m = len(blocks)
-    return np.asarray((m - 1) / m * (moved.T @ moved) / np.outer(scale, scale), dtype=np.float64)
-
-
-def widest(J: Array, e: Array, time: Array, counts: Sequence[int] = COUNTS) -> Array:
-    """Covariance (p, p) with each coefficient's largest standard error over several numbers of blocks.
-
-    Parameters
-    ----------
-    J, e : ndarray, shape (N, p) and (N,)
-    time : ndarray, shape (N,)
-        Rising; blocks are equal parts of it.
-    counts : sequence of int
-        Correlations are those of the last.
-    """
-    place = (time - time[0]) / ((time[-1] - time[0]) * (1 + 1e-9))
-    covs = []
-    for count in counts:
-        block = np.floor(count * place).astype(int)
-        covs.append(jackknife(J, e, [np.flatnonzero(block == b) for b in np.unique(block)]))
-    variance = np.array([np.diag(cov) for cov in covs])
-    up = np.sqrt(variance.max(axis=0) / np.maximum(variance[-1], np.finfo(float).tiny))
-    return covs[-1] * np.outer(up, up)

@@ -1,4 +1,4 @@
-"""Equation of motion of a feed drive: data in SI units, filtered rows, and exact simulation with friction.
+"""Equation of motion of a feed drive: data in SI units, filtered rows, their jackknife, and exact simulation.
 
     M dv/dt = F - offset - Fv v - Fc sign(v);    at rest it stays while |F - offset| <= Fc
 
@@ -12,6 +12,7 @@ from itertools import pairwise
 from math import exp, expm1, log
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...core.display import Displayable
@@ -27,6 +28,7 @@ MOTION_UNITS = {  # factor to SI, and number of differentiations to a velocity
 ROTARY = ("rad", "deg", "rad/s", "rpm", "1/min")
 FORCE_UNITS = {"N": 1.0, "kN": 1e3, "N m": 1.0, "Nm": 1.0, "N*m": 1.0}
 CUTOFF = 0.04  # of the sample rate: decimation by 10, which retains 0.8 of the new Nyquist frequency
+HELD = 0.5  # samples by which the mean of a held force is late
 FEWEST = 200  # samples of a segment: filter transients would dominate a shorter one
 
 
@@ -47,8 +49,11 @@ class Motion(Displayable):
     unit : str
         Of the output as recorded.
     held : bool
+        The force is held until the next sample, or measured at the sample.
     stretches : tuple of slice
     notes : tuple of str
+    delay : float
+        Samples by which the motion follows the force, beyond half a sample of a held force.
     """
 
     force: Array
@@ -62,6 +67,17 @@ class Motion(Displayable):
     held: bool
     stretches: tuple[slice, ...]
     notes: tuple[str, ...]
+    delay: float = 0.0
+
+    @property
+    def lag(self) -> float:
+        """Samples from the force to its effect on a second difference, which has two intervals of a held force."""
+        return self.delay + HELD * self.held
+
+    @property
+    def acting(self) -> Array:
+        """Mean force of the interval that follows each sample (N,), N."""
+        return np.concatenate([delayed(self.force[s], self.lag - HELD) for s in self.stretches])
 
     @property
     def speed_unit(self) -> str:
@@ -71,10 +87,11 @@ class Motion(Displayable):
 
 @dataclass(frozen=True, slots=True)
 class FilteredRows:
-    """Filtered rows of F = X theta: X (n, 4) of a, v, sign(v), 1; F (n,) N; time (n,) s; rate in Hz."""
+    """Filtered rows of F = X theta: X (n, 4) of a, v, sign(v), 1; F (n,) and its change per sample, N; time in s."""
 
     X: Array
     F: Array
+    change: Array
     time: Array
     rate: float
     left_out: int
@@ -159,12 +176,13 @@ def rows_of(motion: Motion, slow: float) -> FilteredRows:
     k = max(int(0.4 / (motion.cutoff * dt)), 1)
     reach = int(np.ceil(1 / (motion.cutoff * dt)))
     limit = slow * float(np.abs(motion.v).max())
-    X, F, time, left = [], [], [], 0
+    X, F, change, time, left = [], [], [], [], 0
     for s in motion.stretches:
         v, force = motion.v[s], motion.force[s]
-        # a second difference weights the accelerations of two adjacent intervals equally, and so their held forces
-        acting = (force + np.r_[force[0], force[:-1]]) / 2 if motion.held else force
-        columns = np.column_stack([motion.a[s], motion.raw[s], np.sign(v), np.ones_like(v), acting])
+        acting = delayed(force, motion.lag)
+        columns = np.column_stack(
+            [motion.a[s], motion.raw[s], np.sign(v), np.ones_like(v), acting, np.gradient(acting)]
+        )
         smooth = low_passed(columns, dt, motion.cutoff)
         near = np.convolve(np.abs(v) < limit, np.ones(2 * reach + 1), "same") > 0
         near[:reach] = near[-reach:] = True
@@ -173,8 +191,63 @@ def rows_of(motion: Motion, slow: float) -> FilteredRows:
         left += len(at) - len(keep)
         X.append(smooth[keep, :4])
         F.append(smooth[keep, 4])
+        change.append(smooth[keep, 5])
         time.append((s.start + keep) * dt)
-    return FilteredRows(np.concatenate(X), np.concatenate(F), np.concatenate(time), 1 / (k * dt), left)
+    return FilteredRows(
+        np.concatenate(X), np.concatenate(F), np.concatenate(change), np.concatenate(time), 1 / (k * dt), left
+    )
+
+
+def delayed(x: Array, samples: float) -> Array:
+    """A signal (n,) late by a number of samples, interpolated linearly, constant beyond its ends.
+
+    >>> delayed(np.array([0.0, 2.0, 4.0]), 0.5).tolist()
+    [0.0, 1.0, 3.0]
+    """
+    t = np.arange(len(x), dtype=np.float64)
+    return np.interp(t - samples, t, x)
+
+
+COUNTS = (12, 16, 20, 24)  # of blocks: no movement is in step with all of them
+
+
+def jackknife(J: Array, e: Array, blocks: Sequence[NDArray[np.intp]]) -> Array:
+    """Covariance (p, p) of a least-squares estimate with regressors J (N, p) and residuals e (N,).
+
+    Examples
+    --------
+    >>> e = np.array([1.0, -1.0, 0.5, -0.5])
+    >>> jackknife(np.ones((4, 1)), e, [np.array([k]) for k in range(4)]).round(6).item()  # s^2 / n
+    0.208333
+    """
+    scale = np.linalg.norm(J, axis=0)
+    J = J / scale
+    G = J.T @ J
+    moved = np.array([np.linalg.solve(G - J[i].T @ J[i], J[i].T @ e[i]) for i in blocks])
+    moved -= moved.mean(axis=0)
+    m = len(blocks)
+    return np.asarray((m - 1) / m * (moved.T @ moved) / np.outer(scale, scale), dtype=np.float64)
+
+
+def widest(J: Array, e: Array, time: Array, counts: Sequence[int] = COUNTS) -> Array:
+    """Covariance (p, p) with each coefficient's largest standard error over several numbers of blocks.
+
+    Parameters
+    ----------
+    J, e : ndarray, shape (N, p) and (N,)
+    time : ndarray, shape (N,)
+        Rising; blocks are equal parts of it.
+    counts : sequence of int
+        Correlations are those of the last.
+    """
+    place = (time - time[0]) / ((time[-1] - time[0]) * (1 + 1e-9))
+    covs = []
+    for count in counts:
+        block = np.floor(count * place).astype(int)
+        covs.append(jackknife(J, e, [np.flatnonzero(block == b) for b in np.unique(block)]))
+    variance = np.array([np.diag(cov) for cov in covs])
+    up = np.sqrt(variance.max(axis=0) / np.maximum(variance[-1], np.finfo(float).tiny))
+    return covs[-1] * np.outer(up, up)
 
 
 def velocity_and_travel(
