@@ -49,9 +49,19 @@ def command(
         if value:
             filled[one.name] = value
             words += [part.replace("{}", value) for part in _joined(one.words, value).split(" ")]
+    words += _pair(of, tests) if action.name == "next" else []
     return words + [
         part.format(stem=of.stem, to=filled.get("to", ""), params=of.params) for part in action.fixed.split(" ") if part
     ]
+
+
+def _pair(of: Subject, tests: Sequence[str]) -> list[str]:
+    """Options that name the pair of a parameter file whose tests hold others as well."""
+    options = (of.content.get("provenance") or {}).get("options") or {}
+    pair = options.get("pair") if isinstance(options, Mapping) else None
+    if not isinstance(pair, Mapping):
+        return []
+    return [f"--{role}={pair[role]}" for role in ("tool", "work") if role in pair and f"--{role}" not in tests]
 
 
 def _joined(words: str, value: str) -> str:

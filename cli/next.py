@@ -1,6 +1,7 @@
 """``fitmodels next``: further tests for the design of a file, as CSV with a run order, and what they narrow."""
 
 import argparse
+import shlex
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 TIMES_LONGER = 3.0  # longest of further tests over the longest so far, unless given
 CRITERION = 0.3  # mm, ISO 3685
+MOST = 12  # pairs that are listed
 SET = 4  # digits of a setting of the machine
 DELTA = (
     "These intervals are by the delta method, in which tests add up; those of the first screen and of predict are by "
@@ -72,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     from ..fit.optimal_tests import narrowing
 
     _check(args)
-    runs = read(args.file, args)
+    runs = _one_pair(args)
     law = _law(runs, args)
     decision, why = _decision(law, args)
     extrapolated = decision is not None and args.decision in (None, "life") and "times the longest" in decision.beyond
@@ -100,10 +102,41 @@ def run(args: argparse.Namespace) -> int:
         notes.append(f"{plan['t'].sum():.4g} min in cut; stop an edge that reaches the wear criterion before its time.")
         if len(readings[0]["t"]) > 1:
             notes.append(f"{len(readings[0]['t'])} readings of each edge, as so far, at equal steps of its time t.")
-    notes.append(f"for the law of {law.response}; cut in the order of run")
+    of = f" of {runs.tool} on {runs.work}" if {"tool", "work"} & set(runs.data) else ""
+    notes.append(f"for the law of {law.response}{of}; cut in the order of run")
     plan.attrs = {"units": {name: unit for name, unit in units.items() if unit}}
     write_table(_for_machine(plan, runs), args, notes)
     return 0
+
+
+def _one_pair(args: argparse.Namespace) -> "Runs":
+    """The tests of the pair that ``--tool`` and ``--work`` name; in a file of one pair these are names as elsewhere.
+
+    Raises
+    ------
+    UsageError
+        The file holds several pairs, and not exactly one of them is named: a law of all would be of none of them.
+    """
+    from ..core.errors import UsageError
+
+    several = tuple(read(args.file, argparse.Namespace(**{**vars(args), "tool": None, "work": None})).pairs())
+    if len(several) == 1:
+        return (
+            several[0]
+            if args.tool is args.work is None
+            else read(args.file, argparse.Namespace(**{**vars(args), "quiet": True}))
+        )
+    found = [one for one in several if (args.tool or one.tool, args.work or one.work) == (one.tool, one.work)]
+    if len(found) == 1:
+        return found[0]
+    roles = [role for role in ("tool", "work") if len({getattr(one, role) for one in several}) > 1]
+    pairs = [" ".join(f"--{role} {shlex.quote(getattr(one, role))}" for role in roles) for one in found or several]
+    shown = "; ".join(pairs[:MOST]) + (f"; and {len(pairs) - MOST} more" if len(pairs) > MOST else "")
+    asked = "" if found else f", none of them {args.tool or 'any tool'} on {args.work or 'any work material'}"
+    raise UsageError(
+        f"{args.file} has tests of {len(several)} pairs of tool and work material{asked}, and each has laws of its "
+        f"own: name the one to plan for. {shown}."
+    )
 
 
 def _constants(runs: "Runs") -> dict[str, float]:

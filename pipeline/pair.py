@@ -305,10 +305,16 @@ def parameter_file(
         data_file=source.name,
         data_sha256=source.sha256,
         command=command,
-        options=options.recorded(),
+        options=options.recorded() | _of_several(pair.runs),
         seed=options.seed,
         **identity,  # type: ignore[arg-type]
     )
+
+
+def _of_several(runs: "Runs") -> dict[str, dict[str, str]]:
+    """Names of the pair where its data hold others as well: a plan of further tests is of one pair."""
+    named = {role: name for role, name in (("tool", runs.tool), ("work", runs.work)) if role in runs.data}
+    return {"pair": named} if named and len(runs) < runs.source.rows else {}
 
 
 def _with_surface_words(law: "LawFit") -> "LawFit":

@@ -1,12 +1,16 @@
 """Which tests to add: D-optimal against brute force, and the repeats that pure error lacks."""
 
 import json
+import shlex
 from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import datasets, fit
+from fitmodels import datasets, fit, parameters
+from fitmodels.app.command_forms import Subject, actions
+from fitmodels.app.command_words import command
+from fitmodels.cards.content.verdicts import follow_up, verdicts_of
 from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.core.errors import UsageError
@@ -196,3 +200,42 @@ def test_the_command_gives_minutes_of_tests_for_the_law_as_a_whole(tmp_path, cap
     assert "D-optimal" in found["notes"][0]
     assert [row["t"] for row in found["rows"]] == [20.0] * 4  # the longest so far
     assert found["units"]["t"] == "min"
+
+
+def test_a_file_of_several_pairs_is_planned_for_the_one_that_is_named(tmp_path, capsys):
+    """The law of all pairs together is of none of them, and edges numbered 1, 2, ... in each pair are not the same."""
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#")
+    both = pd.concat([frame.assign(work="A"), frame.assign(work="B b", **{"AW [mm]": 3 * frame["AW [mm]"]})])
+    both.to_csv(tmp_path / "two.csv", index=False)
+    tests = str(tmp_path / "two.csv")
+    assert main(["next", tests]) == 2
+    assert "2 pairs of tool and work material" in (said := " ".join(capsys.readouterr().err.split()))
+    assert "--work A; --work 'B b'." in said
+    assert main(["next", tests, "--work", "C"]) == 2
+    assert "none of them any tool on C" in capsys.readouterr().err
+    assert main(["next", tests, "--work", "B b"]) == 0
+    assert "on B b; cut in the order" in capsys.readouterr().out
+    assert main([tests, "--out", str(tmp_path / "fit"), "--draws", "1000", "--quiet"]) == 0
+    for path in (tmp_path / "fit").glob("*/params.json"):
+        pf = parameters.read(path)
+        remedy = follow_up(pf, "next")
+        assert remedy.endswith(f"--work {shlex.quote(pf.identity.work)}")
+        form = next(one for one in actions(Subject("two", "p", json.loads(path.read_text()))) if one.name == "next")
+        words = command(form, Subject("two", "p", json.loads(path.read_text())), {}, [tests])
+        assert f"--work={pf.identity.work}" in words
+        assert main([*shlex.split(remedy)[1:], "--quiet"]) == 0
+
+
+def test_a_pair_of_a_batch_is_corrected_in_its_own_file(tmp_path):
+    """The command in its file names the folder and options of many pairs, which no other command takes."""
+    shop, out = tmp_path / "shop", tmp_path / "out"
+    shop.mkdir()
+    text = datasets.bundled("gc435_709m40").read_text("utf-8")
+    (shop / "a.csv").write_text(text.replace(",10,0.14,1.07,647", ",10,0.00014,1.07,647"))
+    assert main(["batch", str(shop), "--no-site", "--out", str(out), "--criterion", "0.2", "--jobs", "1", "-q"]) == 0
+    pf = parameters.read(next(out.glob("pairs/*/params.json")))
+    assert follow_up(pf, "next") == f"fitmodels next {shop}/a.csv --criterion 0.2"
+    commands = [remedy.command for one in verdicts_of(pf) for remedy in one.remedies if remedy and remedy.command]
+    correcting = next(one for one in commands if "--correct" in one)
+    assert correcting.startswith(f"fitmodels {shop}/a.csv --criterion 0.2 --correct")
+    assert main([*shlex.split(correcting)[1:], "--out", str(tmp_path / "fit"), "--draws", "1000", "-q"]) == 0

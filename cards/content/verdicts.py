@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 
 from ...core.files import STANDARD_INPUT
@@ -90,7 +91,11 @@ READING = (
     "--map", "--unit", "--range", "--value", "--correct", "--leave-out", "--edge", "--process", "--tool", "--work",
     "--decimal", "--delimiter", "--sheet", "--hidden",
 )  # fmt: skip
-FLAGS = ("--force", "--json", "--full", "--quiet", "-q", "--student", "--verify", "--posterior-figures")
+FITTING = (
+    "--law", "--form", "--error", "--criterion", "--gauge-sd", "--seed", "--draws", "--priors", "--student",
+)  # fmt: skip
+FLAGS = ("--force", "--json", "--full", "--quiet", "-q", "--student", "--verify", "--posterior-figures",
+         "--table-only", "--no-site", "--keep-draws")  # fmt: skip
 
 
 def verdict_part(of: str, verdict: VerdictSection | None) -> VerdictPart:
@@ -199,9 +204,25 @@ def follow_up(pf: ParameterFile, name: str) -> str:
     """
     words = shlex.split(_command(pf))[1:]
     kept = (*READING, "--criterion") if name == "next" else READING
-    found = [word for group in _groups(words) if not group[0].startswith("-") or group[0].split("=")[0] in kept
-             for word in group]  # fmt: skip
-    return "" if not found or "-" in words else shlex.join(["fitmodels", name, *found])
+    found = _chosen(words, kept)
+    if "-" in words or not found:
+        return ""
+    return shlex.join(["fitmodels", name, *found, *(_of_pair(pf) if name == "next" else ())])
+
+
+def _chosen(words: Sequence[str], options: Collection[str]) -> list[str]:
+    """The words of a command that name no option, and those of these options."""
+    return [word for group in _groups(words) if not group[0].startswith("-") or group[0].split("=")[0] in options
+            for word in group]  # fmt: skip
+
+
+def _of_pair(pf: ParameterFile) -> list[str]:
+    """Options that name the pair of the file where its data hold several."""
+    pair = pf.provenance.options.get("pair")
+    if not isinstance(pair, dict):
+        return []
+    named = ((f"--{role}", str(name)) for role, name in pair.items())
+    return [word for option, name in named for word in ([f"{option}={name}"] if name[:1] == "-" else [option, name])]
 
 
 def _groups(words: Sequence[str]) -> Iterator[list[str]]:
@@ -255,8 +276,23 @@ def _command(pf: ParameterFile) -> str:
     """The command that made the file without ``--force``, or the shortest that reads its data."""
     made, file = pf.provenance.command, pf.provenance.data_file
     if made is not None and made.startswith("fitmodels ") and "\n" not in made:
-        return made.replace(" --force", "")
+        return (
+            _of_its_file(shlex.split(made), file)
+            if made.startswith("fitmodels batch ")
+            else made.replace(" --force", "")
+        )
     return f"fitmodels {'-' if file == STANDARD_INPUT else shlex.quote(file or 'FILE')}"
+
+
+def _of_its_file(words: Sequence[str], file: str | None) -> str:
+    """The main command for the one file of a pair that ``fitmodels batch`` has fitted; joined from several, for all.
+
+    >>> _of_its_file(["fitmodels", "batch", "shop", "--jobs", "1", "--criterion", "0.2"], "a.csv")
+    'fitmodels shop/a.csv --criterion 0.2'
+    """
+    source, *given = _chosen(words[2:], (*READING, *FITTING)) or ["FILE"]
+    is_in_folder = file and " + " not in file and " other files" not in file and Path(source).name != file
+    return shlex.join(["fitmodels", f"{source.rstrip('/')}/{file}" if is_in_folder else source, *given])
 
 
 def without_words(law: LawSection) -> str:
