@@ -184,15 +184,14 @@ def emptied(action: Action, given: Mapping[str, str]) -> list[str]:
 def older(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[str, tuple[str, ...]]:
     """Results that are older than the parameter files of the fit, with the command that made them, where it is known.
 
-    The picture of a reading is none of them: it is drawn again when the file is read.
+    The picture of a reading is none of them: it is drawn again when the file is read. A card is of the file beside it.
     """
-    top = f"{entry.stem}-fit/"
-    made = {name: time_of(path) for name, path in results.items()}
-    latest = max(
-        (time for name, time in made.items() if name.startswith(top) and name.endswith("/params.json")), default=0
-    )
-    found = [name for name, time in made.items() if not name.startswith(top) and time < latest]
-    return {name: _command_of(project, name) for name in found if name != f"{entry.stem}-look.png"}
+    top, made = f"{entry.stem}-fit/", {name: time_of(path) for name, path in results.items()}
+    fitted = [name for name in made if name.startswith(top) and name.endswith("/params.json")]
+    found = [name for name, time in made.items() if not name.startswith(top) and any(time < made[of] for of in fitted)]
+    cards = {name.replace("params.json", card): name for name in fitted for card in ("card.html", "card.json")}
+    old = {name: ("card", of, "--force") for name, of in cards.items() if name in made and made[name] < made[of]}
+    return {name: _command_of(project, name) for name in found if name != f"{entry.stem}-look.png"} | old
 
 
 def _command_of(project: Project, result: str) -> tuple[str, ...]:
@@ -280,10 +279,8 @@ def _state(
         kept = _result(project, of, name, used.get(name, ())) if name in SECTIONS else ""
         words = f"last run refused; the file keeps {kept}" if kept else "refused"
         return State(f"{words}; outdated" if why else words, "bad", why)
-    if why:
+    if why := why or _older_words(project, entry, of, name):
         return State("outdated", "doubt", why)
-    if name == "export" and (old := _old_exports(project, entry, of)):
-        return State("outdated", "doubt", f"{', '.join(old)} is older than params.json")
     words, section = _result(project, of, name, used.get(name, ())), of.content.get(SECTIONS.get(name, "")) or {}
     level = _level(section)
     if colour(level) in ("bad", "doubt"):
@@ -299,9 +296,12 @@ def _level(section: object) -> str:
     return str(verdict.get("level") or "") if isinstance(verdict, Mapping) else ""
 
 
-def _old_exports(project: Project, entry: Entry, of: Subject) -> list[str]:
-    """Exports that are older than the parameter file."""
-    return [one for one in older(project, entry, project.results(entry)) if one.startswith(f"{of.stem}-control.")]
+def _older_words(project: Project, entry: Entry, of: Subject, name: str) -> str:
+    """Exports, or the card, that are older than the parameter file; empty where none are."""
+    starts = {"export": f"{of.stem}-control.", "card": of.params.replace("params.json", "card.html")}
+    old = older(project, entry, project.results(entry)) if name in starts else {}
+    named = ", ".join(one for one in old if one.startswith(starts[name]))
+    return f"{named} is older than params.json" if named else ""
 
 
 def _is_on(step: Step, entry: Entry, of: Subject, name: str) -> bool:

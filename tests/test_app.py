@@ -1060,6 +1060,31 @@ def test_laws_that_must_not_be_used_lead_to_no_limits(client):
     assert "Next:" not in text
 
 
+def test_a_card_older_than_its_file_is_outdated_also_after_the_page_was_opened_again(tmp_path):
+    """A fit at opening that writes nothing, because its result is there, is no new card."""
+    project, entry, of = run_project(tmp_path, [("card PARAMS --force", 0), ("limits PARAMS P=5kW --force", 0)])
+    path, card = tmp_path / of.params, (tmp_path / of.params).with_name("card.html")
+    card.write_text("card")
+    os.utime(card, (path.stat().st_mtime - 5,) * 2)
+    project.ran(("a.csv",), 0)
+    found = states(project, entry, of)["card"]
+    assert (found.words, "card.html is older than params.json" in found.outdated) == ("outdated", True)
+    name = card.relative_to(tmp_path).as_posix()
+    assert older(project, entry, project.results(entry))[name] == ("card", of.params, "--force")
+    card.touch()
+    assert states(project, entry, of)["card"].words.startswith("done")
+
+
+def test_a_fit_that_was_cancelled_is_started_again_on_the_page(client):
+    client.upload("gc.csv", BUNDLED)
+    client.until_done("/files/gc.csv/laws")
+    client.page._shown["gc.csv"].laws.cancelled = True
+    assert "The fit was cancelled" in (laws := client.get("/files/gc.csv/laws"))
+    assert re.search(r'hx-post="/files/gc.csv/again"[^>]*><button>Fit again</button>', laws)
+    assert client.post("/files/gc.csv/again")[0] == 200
+    assert "AW = " in client.until_done("/files/gc.csv/laws")
+
+
 def test_each_form_states_what_was_done(tmp_path):
     commands = [
         ("settings PARAMS --worn 0.28 --force", 0),
