@@ -150,15 +150,21 @@ class Cells:
                 row[numbers.index(self.column(cell.symbol)[0].number)] = f"{new:.6g} (was {cell.value:.6g})"
         return row
 
-    def of_doubt(self, doubt: Mapping[str, Any]) -> list[Cell]:
-        """Cells that a doubt names, with the value that it points to."""
-        symbol, sentence = str((doubt.get("columns") or ("",))[0]), str(doubt["sentence"])
-        found = [cell for line in lines_in(sentence) for cell in self._known(line, symbol)]
-        ratio = ratios_in(sentence)
+    def of_doubt(self, doubt: Mapping[str, Any], others: Sequence[Mapping[str, Any]] = ()) -> list[Cell]:
+        """Cells that a doubt names, with the value that it points to.
+
+        Where it compares columns, and one of ``others`` finds which of them jumps in a line, that cell is wrong.
+        """
+        symbols, sentence = [str(one) for one in doubt.get("columns") or ("",)], str(doubt["sentence"])
+        jumps = [one for one in others if len(symbols) > 1 and one["columns"] in [[symbol] for symbol in symbols]]
+        wrong = {cell.line: cell for one in jumps for cell in self.of_doubt(one) if cell.ready is not None}
+        lines, ratio = lines_in(sentence), ratios_in(sentence)
+        found = [wrong.get(line) or cell for line in lines for cell in self._known(line, symbols[0])]
         return [
-            Cell(one.line, one.symbol, one.unit, one.value, _ready(one.value, ratio.get(one.line), sentence))
+            one if one in wrong.values()
+            else Cell(one.line, one.symbol, one.unit, one.value, _ready(one.value, ratio.get(one.line), sentence))
             for one in found
-        ]
+        ]  # fmt: skip
 
     def of_target(self, target: str, symbol: str) -> list[Cell]:
         """Cells of the lines of a target."""

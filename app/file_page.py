@@ -53,7 +53,7 @@ class FilePage(PageBase):
             set_here=[_set_here(entry, cells, typed, value) for typed, value in options.typed(entry.options)],
             sheets=reading.sheets_of(now.found), fields=reading.fields_of(now.found, entry.options),
             to=self._places(entry), assumed=reading.assumptions(now.found, entry.options),
-            doubts=[(one, cells.of_doubt(one) if cells else []) for one in now.found["doubts"]],
+            doubts=[(one, cells.of_doubt(one, now.found["doubts"]) if cells else []) for one in now.found["doubts"]],
             named=reading.named_rows(now.found, cells, entry.options), offered=reading.offered(now.found),
             has_added=await asyncio.to_thread(stages.has_added, self.project, entry),
         )  # fmt: skip

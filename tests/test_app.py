@@ -843,6 +843,19 @@ def test_numbers_of_tests_that_are_edges_are_listed_as_assumed():
     assert assumptions(look, []) == ["work: unnamed"]
 
 
+def test_of_two_columns_that_disagree_the_cell_that_jumps_is_the_one_to_correct(tmp_path):
+    """Force times speed and power disagree in a line where the force, of a slipped decimal mark, jumps."""
+    path = tmp_path / "a.csv"
+    path.write_text("Fc [N],P [kW]\n458,1.4\n4549,1.35\n472,1.42\n")
+    columns = [{"number": 1, "role": "Fc", "unit": "N"}, {"number": 2, "role": "P", "unit": "kW"}]
+    cells = cells_of(path, (), {"columns": columns, "units": {"Fc": "N", "P": "kW"}})
+    both = {"columns": ["P", "Fc", "V"], "sentence": "P is 0.0989 times Fc V/60000 in 1 row (line 3)"}
+    jump = "Fc jumps within an edge: line 3 has 4549 N, its neighbours in edge 1 458 and 472; a digit may have slipped"
+    (cell,) = cells.of_doubt(both, [both, {"columns": ["Fc"], "sentence": jump}])
+    assert (cell.symbol, cell.line, cell.ready) == ("Fc", 3, 454.9)
+    assert [one.symbol for one in cells.of_doubt(both, [both])] == ["P"]
+
+
 def test_a_command_is_cancelled_and_another_waits(tmp_path):
     jobs = Jobs(cli.main, tmp_path)
     try:

@@ -35,6 +35,7 @@ FAR = 4.8  # robust standard deviations beyond which a row is wrong where severa
 SMALL = 0.4  # of the logarithm of the response: rows closer to the law are no mistakes that no unit explains
 HARM = 0.2  # of the logarithm of a prediction: rows that move one by more forbid the use of the law
 NEAR = 3.0  # standard deviations between a deviation and the ratio of two units that explains it
+KGF = 9.80665  # N
 COMPUTED = "computed from other columns"
 FEW_ROWS = 40  # independent rows, up to which one is tested by its deleted residual
 NORMAL_LEVEL = 0.01  # of the level of other tests, as lives and heavy-tailed readings are no normal ones
@@ -199,9 +200,17 @@ def measured(law: LawFit) -> str:
 def explained(deviation: float, ratios: Mapping[float, str], within: float) -> tuple[float, str]:
     """Factor that corrects a deviation of a logarithm, with its cause; 0 where no ratio of units is within reach.
 
+    A force in kgf among those in N is too low by 9.8, so one that is too high by about 10 has a slipped decimal mark.
+
     >>> explained(-3.2, {25.4: "inch and mm"}, 0.2)
     (25.4, 'inch and mm')
+    >>> forces = {9.80665: "kgf and N", 10.0: "a decimal mark"}
+    >>> explained(2.25, forces, 0.2), explained(-2.3, forces, 0.2)
+    ((0.1, 'a decimal mark'), (9.80665, 'kgf and N'))
     """
+    if 10.0 in ratios and KGF in ratios:
+        less = {10.0 if deviation > 0 else KGF: ratios[10.0 if deviation > 0 else KGF]}
+        ratios = {ratio: cause for ratio, cause in ratios.items() if ratio not in (10.0, KGF)} | less
     known: list[tuple[float, float, str]] = [
         (abs(deviation + sign * math.log(ratio)), ratio**sign, cause)
         for ratio, cause in ratios.items()
