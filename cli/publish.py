@@ -162,7 +162,10 @@ def _closing(report: "PublicationReport", args: argparse.Namespace) -> "Iterator
             yield "With the gaps marked:"
             yield f"  {typed(['publish', args.folder, '--site', args.site or 'site', '--draft'])}"
     elif report.site is None:
-        yield f"{pairs}, ready to publish."
+        from ..core.verdict import DO_NOT_USE, LEVELS
+
+        barred = [f"{e.title} ({e.judged})" for e in report.cards if e.verdict == LEVELS[DO_NOT_USE]]
+        yield f"{pairs}, ready to publish{'; not for control: ' if barred else ''}{', '.join(barred)}."
     elif report.unchanged:
         yield f"{report.site}: unchanged, {kind}{pairs}"
     else:

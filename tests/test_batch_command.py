@@ -3,6 +3,7 @@
 import json
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,6 +19,9 @@ import pytest
 from fitmodels import batch, datasets, parameters
 from fitmodels.batch import run_batch, terminal
 from fitmodels.batch.plan import Block, Pair, Plan, Reading
+from fitmodels.cards.content.card import compose
+from fitmodels.cards.publishing.entries import card_entry
+from fitmodels.cards.publishing.pages import index_page
 from fitmodels.cli import main
 from rich.console import Console
 
@@ -468,3 +472,20 @@ def test_a_part_that_breaks_while_it_is_fitted_is_reported_by_its_name(here, cap
     assert "T1 on C45" in said
     assert main(["batch", "set", "--table-only", "--jobs", "1", "--json"]) == 3
     assert list(strict(capsys.readouterr().out)["unreadable"]) == ["1.parquet"]
+
+
+def test_a_tool_life_that_must_not_be_used_needs_attention(tmp_path):
+    """Its law has reservations only; attention.csv, the index of the site and the check name the life."""
+    shop = Path(__file__).parents[1] / "docs" / "examples" / "shop"
+    (tmp_path / "shop").mkdir()
+    shutil.copy(shop / "GC2025.csv", tmp_path / "shop")
+    out = tmp_path / "out"
+    assert main(["batch", str(tmp_path / "shop"), "--out", str(out), "--jobs", "1", "-q"]) in (0, 5)
+    found = pd.read_csv(out / "attention.csv")
+    barred = found[found["kind"] == "do not use for control"]
+    assert barred["work"].tolist() == ["X5CrNi18-10"]
+    assert barred["words"].iloc[0].startswith("T (tool life): ")
+    pf = parameters.read(out / "pairs" / "GC2025_X5CrNi18-10" / "params.json")
+    entry = card_entry(compose(pf), pf, {})
+    assert (entry.verdict, entry.judged) == ("do not use for control", "T (tool life)")
+    assert '<span class="fine">T (tool life)</span>' in index_page([entry], "Cards")

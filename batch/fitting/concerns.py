@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.verdict import DO_NOT_USE, LEVELS
 from ...datasets.plausibility.ranges import plausible, process_of
 from ...fit.checks.missing_factors import NEEDED, absent, is_noted, missing_of
 from ...fit.defaults import WEAR
@@ -240,6 +241,8 @@ def _numbers(laws: pd.DataFrame, name: str, otherwise: float) -> NDArray[np.floa
 def concerns_of_file(pf: "ParameterFile") -> tuple[Concern, ...]:
     """Verdicts other than usable, with all their reasons; laws with the same reasons together.
 
+    Of tool life one against its use alone: that it is extrapolated is the case in most files.
+
     Examples
     --------
     >>> from fitmodels import parameters
@@ -252,6 +255,9 @@ def concerns_of_file(pf: "ParameterFile") -> tuple[Concern, ...]:
     for response, law in pf.laws.items():
         if law.verdict is not None and law.verdict.reasons:
             judged.setdefault((law.verdict.level, " ".join(law.verdict.reasons)), []).append(response)
+    life = None if pf.tool_life is None else pf.tool_life.verdict
+    if life is not None and life.level == LEVELS[DO_NOT_USE]:
+        judged.setdefault((life.level, " ".join(life.reasons)), []).append("T (tool life)")
     found = [Concern(level, f"{', '.join(responses)}: {words}") for (level, words), responses in judged.items()]
     for response, law in pf.laws.items():
         drawn = None if pf.posterior is None else pf.posterior.laws.get(response)

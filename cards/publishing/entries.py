@@ -15,6 +15,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import AfterValidator, Field
 
 from ...core.text import printable
+from ...datasets.vocabulary import ROLES
 from ...parameters import ParameterFile
 from ..content.card import Card
 from ..content.laws import degrees
@@ -82,6 +83,15 @@ class CardEntry(Part):
     def href(self) -> str:
         """Link to the card from the top of the site."""
         return f"cards/{self.slug}/index.html"
+
+    @property
+    def judged(self) -> str:
+        """Results that the verdict is of: laws, else the tool life by a law of wear, or another part of the card."""
+        laws = [law.response for law in self.laws if law.verdict == self.verdict]
+        has_life = not self.dynamics and any(
+            ROLES[law.response].kind == "wear" for law in self.laws if law.response in ROLES
+        )
+        return ", ".join(laws) or ("T (tool life)" if has_life else "see the card")
 
     @property
     def group(self) -> str:
