@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from ..parameters import ParameterFile
     from ..parameters.draws import Draws
 
+CALCULATED = ("region", "recursion")  # from the laws, without a simulated machine
+
 
 def parser() -> Parser:
     """Arguments of ``fitmodels replay``."""
@@ -64,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     verdicts = cautions(pf)
     if args.json:
         facts = {one.system: {"lines": one.lines, "assumed": one.assumed, **one.facts} for one in results}
-        report = {"file": Path(args.file).name, "simulated": True, "seed": args.seed, "systems": facts}
+        report = {"file": Path(args.file).name, "simulated": pf.identity.simulated, "seed": args.seed, "systems": facts}
         print_json("replay", {**report, "verdicts": verdicts}, version=3)
         return 0
     out = Printer(quiet=args.quiet)
@@ -135,7 +137,7 @@ def _block(one: "Replayed") -> "RenderableType":
     from rich.text import Text
 
     head = Text(one.title, style="bold")
-    head.append("   simulated", style="not bold")
+    head.append(f"   {'calculated' if one.system in CALCULATED else 'simulated'}", style="not bold")
     lines = [*one.lines, *(_marked(line) for line in one.assumed)]
     return Group(head, Padding(Group(*(Text(line) for line in lines)), (0, 0, 1, 2)))
 
