@@ -130,6 +130,15 @@ def _spans(low: Array, high: Array, at: Array) -> str:
     return "".join(f"M{x:.1f} {y:.1f}H{end:.1f}" for x, end, y in zip(low[known], high[known], at[known], strict=True))
 
 
+def _cut(panel: _Panel, some: pd.DataFrame, names: Sequence[str], y: Array, colour: str) -> str:
+    """Open arrows at the edge of the panel where an interval goes on; ``names`` of value, low and high end."""
+    value, low, high = (some[name].to_numpy(dtype=float) for name in names)
+    (left, right), edge = panel.x, panel.left + panel.width
+    on_left = "".join(f"M{panel.left + 5:.1f} {up - 3:.1f}l-4 3l4 3" for up in y[(low < left) & (value >= left)])
+    on_right = "".join(f"M{edge - 5:.1f} {up - 3:.1f}l4 3l-4 3" for up in y[(high > right) & (value <= right)])
+    return _path(on_left + on_right, colour, LINE)
+
+
 def _curve(x: Array, y: Array) -> str:
     """A line through points in pt, broken where one is not known."""
     known = np.isfinite(x)
@@ -160,8 +169,8 @@ def _head(title: str, level: float, banner: str) -> Iterator[str]:
     yield _text(9, 17, title, TITLE + 2)
     yield _text(WIDTH - 9, 17, banner, TITLE, RED, "end") if banner else ""
     note = (
-        f"Lines and bands are {100 * level:g} % intervals: of a pair alone the t interval of its own fit, of families"
-        " and pooled pairs the posterior interval of partial pooling. An arrow stands for a value outside its panel."
+        f"Lines and bands are {100 * level:g} % intervals: of a pair alone the t interval of its own fit, else the"
+        " posterior of partial pooling. Arrow: a value outside its panel; open arrow: an interval that goes on."
     )
     yield _text(9, 33, note, SMALL, GREY)
 
@@ -225,6 +234,7 @@ def _families(panel: _Panel, rows: Sequence[tuple[str, "pd.Series[float] | None"
     low, high, new_low, new_high = (panel.across(held[name]) for name in ends)
     yield _path(_spans(new_low, new_high, y), ORANGE, LINE)
     yield _path(_spans(low, high, y), BLUE, THICK)
+    yield _cut(panel, held, ("mean", "new_low", "new_high"), y, ORANGE)
     yield from _marked(panel, held["mean"], y, BLUE, lambda x, at: _dots(x, at, BLUE, 5.5, LIGHT.paper))
     yield from _row_names(panel, [name for name, _ in rows], [row is None for _, row in rows])
     new, mean = _path("M0 0h18", ORANGE, LINE), _path("M0 0h18", BLUE, THICK)
@@ -249,6 +259,8 @@ def _few_pairs(panel: _Panel, some: pd.DataFrame, with_words: str) -> Iterator[s
     low, high, pooled_low, pooled_high = (panel.across(some[name]) for name in ("low", "high", *POOLED))
     yield _path(_spans(low, high, upper), GREY, LINE)
     yield _path(_spans(pooled_low, pooled_high, lower), BLUE, LINE)
+    yield _cut(panel, some, ("estimate", "low", "high"), upper, GREY)
+    yield _cut(panel, some, ("pooled", *POOLED), lower, BLUE)
     yield from _marked(panel, some["estimate"], upper, GREY, lambda x, y: [_squares(x, y, GREY, 4.4)])
     yield from _marked(panel, some["pooled"], lower, BLUE, lambda x, y: _dots(x, y, BLUE, 4.2))
     yield from _row_names(panel, pair_names(some), [False] * len(some))

@@ -8,7 +8,7 @@ import openpyxl
 import pandas as pd
 import pytest
 from fitmodels.batch.comparison import FAMILIES, PAIRS, compare
-from fitmodels.batch.exponent_figures import write_figures
+from fitmodels.batch.exponent_figures import _cut, _Panel, write_figures
 from fitmodels.batch.law_rows import law_table
 from fitmodels.batch.outcomes import PairOutcome
 from fitmodels.batch.pair_table import ISO_FAMILIES, is_iso_513, iso_family, read_pairs, unknown_pairs, with_groups
@@ -289,6 +289,17 @@ def test_a_picture_shows_the_numbers_of_the_comparison(tmp_path):
         x, value = zip(*[tick for tick in ticks if (tick[0] < 414) == (shown == 0)], strict=True)
         read = np.polyval(np.polyfit(x, np.array(value, dtype=float), 1), sorted(mine))
         np.testing.assert_allclose(read, values, atol=1e-3)
+
+
+def test_an_interval_that_goes_on_beyond_the_panel_ends_in_an_open_arrow(tmp_path):
+    """Ends that are cut without a mark would be read as the ends of the interval."""
+    panel, y = _Panel(100, 0, 200, 50, (0.2, 0.8), (0, 1)), np.array([10.0, 20.0, 30.0])
+    some = pd.DataFrame({"b": [0.5, 0.7, 0.9], "low": [0.3, 0.1, 0.5], "high": [0.7, 0.9, 1.2]})
+    drawn = _cut(panel, some, ("b", "low", "high"), y, "grey")
+    assert 'd="M105.0 17.0l-4 3l4 3M295.0 17.0l4 3l-4 3"' in drawn  # the value of the third row is outside
+    assert not _cut(panel, some[:1], ("b", "low", "high"), y[:1], "grey")
+    picture = write_figures(compare(simulated(12)[0]), tmp_path)[0].read_text(encoding="utf-8")
+    assert "open arrow: an interval that goes on" in picture
 
 
 def test_the_terminal_shows_twelve_rows_of_a_response_and_says_the_rest():
