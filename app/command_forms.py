@@ -362,9 +362,21 @@ def _settings(of: Subject) -> tuple[Input, ...]:
 def _conditions(of: Subject) -> tuple[Input, ...]:
     return tuple(
         Input(one["symbol"], f"{one['quantity']}, {one['unit']}", one["symbol"] + "={}",
-              f"{one['low']:g} to {one['high']:g}", f"{(one['low'] + one['high']) / 2:.3g}")
+              f"{one['low']:g} to {one['high']:g}", f"{_middle(of, one):g}")
         for one in _factors(of)
     )  # fmt: skip
+
+
+def _middle(of: Subject, factor: Mapping[str, Any]) -> float:
+    """The middle of a factor as on its card: geometric where the first law that has it takes its logarithm."""
+    from ..cards.content.design import middle_of
+    from ..core.formula import FORMS
+
+    laws = [law for law in (of.content.get("laws") or {}).values() if str(law.get("form")) in FORMS]
+    factors = ((law["form"], one) for law in laws for one in law.get("factors") or () if isinstance(one, dict))
+    held = (form for form, one in factors if one.get("symbol") == factor["symbol"])
+    form = next(held, "power")
+    return middle_of(factor["low"], factor["high"], logs=FORMS[form].log_factors)
 
 
 def _limits(of: Subject) -> tuple[Input, ...]:

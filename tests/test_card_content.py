@@ -10,7 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
+from fitmodels.app.command_forms import Subject, actions
 from fitmodels.cards.content.card import Card, compose
+from fitmodels.cards.content.design import middle
 from fitmodels.cards.content.identity import slug
 from fitmodels.cards.content.laws import law_coefficients
 from fitmodels.cards.content.numbers import count, figure, number, percent, places, probability, spread, t_quantile
@@ -600,6 +602,21 @@ def test_wear_is_put_in_from_its_own_law(pf):
     held = profile_all(profiler, {**at, "AW": 0.3}, held=True)
     assert held["P"][0] == pytest.approx(pf.laws["P"].values(**at, AW=0.3), rel=EXACT)
     assert held["AW"] == found["AW"]
+
+
+def test_the_profiler_starts_at_the_middle_of_the_results():
+    """That of a law linear in its factors is no geometric mean; the Predict form of the page starts there as well."""
+    pf = published("CLM-2023")
+    law = next(iter(pf.laws.values()))
+    assert not any(law.formula.logs)
+    start = profiler_part(pf).start
+    assert {name: start[name] for name in law.formula.factors} == middle(law)
+    ends = {
+        f.symbol: {"symbol": f.symbol, "quantity": "", "unit": "", "low": f.low, "high": f.high} for f in law.factors
+    }
+    of = Subject("a", "p", {"laws": json.loads(pf.model_dump_json())["laws"], "design": {"factors": [*ends.values()]}})
+    form = next(one for one in actions(of) if one.name == "predict")
+    assert {one.name: float(one.value) for one in form.inputs} == middle(law)
 
 
 def test_a_law_without_covariance_has_a_value_and_no_band(pf):

@@ -8,7 +8,7 @@ import numpy as np
 from ...datasets.region import ROUNDING, SLACK
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
-from .design import factor_ranges, middle_of
+from .design import factor_ranges, middle
 from .numbers import LEVEL, t_quantile
 from .parts import FactorRangePart, LeverageSpacePart, ProfiledLawPart, ProfiledRegionPart, ProfilerPart
 
@@ -31,7 +31,7 @@ def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
     return ProfilerPart(
         factors=sliders,
         wears=tuple(f for f in ranges if f.symbol in own),
-        start={f.symbol: _start(f) for f in ranges},
+        start=_start(pf, ranges),
         laws=laws,
         of=band_of(pf),
         level=LEVEL,
@@ -231,9 +231,12 @@ def _widest(a: FactorRangePart, b: FactorRangePart) -> FactorRangePart:
     return a.model_copy(update={"low": low, "high": high, "levels": max(a.levels, b.levels, key=len)})
 
 
-def _start(f: FactorRangePart) -> float:
-    low, high = f.low.value or 0.0, f.high.value or 0.0
-    return middle_of(low, high, logs=low > 0)
+def _start(pf: ParameterFile, ranges: tuple[FactorRangePart, ...]) -> dict[str, float]:
+    """The middle at which the results are shown: of each factor that of the first law that has it."""
+    middles: dict[str, float] = {}
+    for law in pf.laws.values():
+        middles = {**middle(law), **middles}
+    return {f.symbol: middles[f.symbol] for f in ranges}
 
 
 def _removes(pf: ParameterFile, sliders: tuple[FactorRangePart, ...]) -> bool:
