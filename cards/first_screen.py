@@ -14,7 +14,7 @@ from rich.cells import cell_len
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from ..core.rounding import count
+from ..core.rounding import count, format_plain
 from ..core.verdict import DO_NOT_USE, MARKS, RESERVATIONS, USABLE
 from ..datasets import Runs
 from ..fit.defaults import Refused
@@ -290,7 +290,8 @@ def _life(pf: ParameterFile, path: str, screen: FirstScreen, no_life: str, *, ap
     else:
         where = wrapped(f"within {longest}", screen.width, most=1, first=7)
     taylor = pf.tool_life.taylor if pf.tool_life else None
-    constants = f"; Taylor n {taylor.n:.2g}, C {taylor.C:.3g} {taylor.unit}" if taylor else ""
+    C = format_plain(taylor.C, 4 if taylor.C >= 1000 else 3) if taylor else ""
+    constants = f"; Taylor n {taylor.n:.2g}, C {C} {taylor.unit}" if taylor else ""
     if cell_len(where[-1].plain + constants) <= screen.width:
         where[-1].append(constants, "not bold default")
     kept = where if part.extrapolated else []

@@ -3,6 +3,7 @@
 import math
 from numbers import Integral, Real
 
+PLAIN = 1e5  # from here on a number without an uncertainty has an exponent
 EXACT = 1e-5  # relative uncertainty below which seven digits show it
 
 
@@ -20,12 +21,15 @@ def decimals(uncertainty: float, digits: int = 2) -> int:
 
 
 def format_plain(value: float, digits: int = 4) -> str:
-    """A number without an uncertainty, to ``digits`` significant digits.
+    """A number without an uncertainty, to ``digits`` significant digits, from 1000 to 1e5 without an exponent.
 
     >>> format_plain(0.00076234), format_plain(1234567.0), format_plain(0.0)
     ('0.0007623', '1.235e+06', '0')
+    >>> format_plain(4549.3, 3), format_plain(31027.0, 2), format_plain(999.7), format_plain(999.7, 3)
+    ('4550', '31000', '999.7', '1000')
     """
-    return f"{value:.{digits}g}"
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < PLAIN else text
 
 
 def format_decimal(value: float) -> str:

@@ -150,5 +150,10 @@ def short_equation(law: LawSection) -> str:
 
 
 def _rounded(value: float, se: float | None) -> str:
-    """To the decimals of the standard error; to two digits where that is larger than the value."""
-    return (figure(value, 2) if se is not None and abs(value) < se else number(value, se)).text
+    """To the decimals of the standard error, as in the table; to one digit where these would leave a zero.
+
+    >>> _rounded(0.00434, 0.0381), _rounded(0.00034, 0.0381)
+    ('0.004', '0.0003')
+    """
+    text = number(value, se).text
+    return text if any(digit in text.partition("e")[0] for digit in "123456789") else figure(value, 1).text

@@ -223,7 +223,7 @@ def explained(deviation: float, ratios: Mapping[float, str], within: float) -> t
 def _sentence(law: LawFit, suspect: Suspect, r: Array, logs: bool) -> str:
     at = np.flatnonzero(np.isin(law.lines, suspect.lines))
     unit = law.units.get(law.response, "")
-    values = listed([format_plain(float(v), 3) for v in law.observed[at]])
+    values = listed([format_plain(float(v), 4 if abs(v) >= 1000 else 3) for v in law.observed[at]])
     head = f"{law.response} in {lines_of(suspect.lines)} ({values} {unit}".rstrip() + ")"
     if not logs:
         size = format_plain(float(np.median(r[at])), 3)
