@@ -215,7 +215,7 @@ def _computed(
     """
     from ..datasets.derived.rules import Known, apply
     from ..datasets.notes import Given
-    from ..datasets.vocabulary import ROLES
+    from ..datasets.vocabulary import FLANK_WEAR, ROLES
 
     known = {role: Given(role, _standard(role, value), value.text) for role, value in given.items() if role in ROLES}
     for role, column in columns.items():
@@ -224,7 +224,7 @@ def _computed(
     remarks: list[str] = []
     used: set[str] = set()
     for role in factors:
-        others = {name: one for name, one in known.items() if name != role and name not in ("AW", "VB")}
+        others = {name: one for name, one in known.items() if name != role and name not in FLANK_WEAR}
         steps = apply(Known({}, others, frozenset(), None, False), {}, targets=(role,))
         if not steps or role not in others:
             continue

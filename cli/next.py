@@ -241,9 +241,10 @@ def _decision(law: "LawFit", args: argparse.Namespace) -> "tuple[Decision | None
 def _decision_on_life(law: "LawFit", criterion: float, at: dict[str, float]) -> "tuple[Decision | None, str]":
     """The decision on tool life, or none with the reason."""
     from ..core.errors import FitError
+    from ..datasets.vocabulary import FLANK_WEAR
     from ..fit.decisions import life_decision
 
-    if law.response not in ("T", "AW", "VB"):
+    if law.response not in ("T", *FLANK_WEAR):
         return None, f"give --decision {law.response}=LIMIT for that of a limit."
     try:
         return life_decision(law, criterion, at), ""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.errors import FitmodelsError, ParameterError, UsageError
+from ..datasets.vocabulary import FLANK_WEAR
 from .arguments import Parser, parameter_file
 from .conditions import VALUE, Value, criterion_of, in_unit, known_level, meant, typed_conditions
 from .numbers import pairs
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from ..parameters.budget import UncertaintyBudget
     from ..parameters.evaluation import IntervalOptions
     from ..parameters.sections.law_parts import Factor, ToolLifeSection
-
-WEAR = ("AW", "VB")
 
 
 class _Parser(Parser):
@@ -290,7 +289,7 @@ def _predicted(
     lacking = {f.symbol: f for f in law.factors if f.symbol not in given}
     sources = {
         name: _predicted(pf, pf.laws[name], given, by, asked)
-        for name in WEAR
+        for name in FLANK_WEAR
         if name in lacking and _gives(pf, lacking[name], given)
     }
     missing = [f for name, f in lacking.items() if name not in sources]
@@ -316,7 +315,8 @@ def _lacks(law: "LawSection", given: Mapping[str, Value]) -> list[str]:
 
 def _needed(pf: "ParameterFile", missing: "Sequence[Factor]", given: Mapping[str, Value]) -> str:
     """Factors that are missing, and those of the law that would predict wear."""
-    from_law = {f.symbol: _lacks(pf.laws[f.symbol], given) for f in missing if f.symbol in WEAR and f.symbol in pf.laws}
+    symbols = [f.symbol for f in missing]
+    from_law = {name: _lacks(pf.laws[name], given) for name in symbols if name in FLANK_WEAR and name in pf.laws}
     plain = [f for f in missing if f.symbol not in from_law]
     words = [_quantity(f) for f in plain]
     for f in missing:

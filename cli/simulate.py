@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.errors import DataError, UsageError
 from ..core.version import __version__
+from ..datasets.vocabulary import FLANK_WEAR
 from .arguments import Parser, parameter_file, seed
 from .numbers import criterion
 from .output import output_options
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from ..datasets.simulation import SimulatedResponse
     from ..parameters import LawSection, ParameterFile
 
-WEARS = ("AW", "VB")
 ICC = 0.5  # where the file does not separate the scatter of edges from that of rows
 
 
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     chosen, notes = _chosen(pf)
     laws = [_simulated(law, args, notes) for law in chosen]
     timed = any("t" in law.factors for law in laws)
-    wear = next((law for law in laws if law.response in WEARS and timed), None)
+    wear = next((law for law in laws if law.response in FLANK_WEAR and timed), None)
     design, planned = _design(pf, chosen, args)
     timed = timed or planned is not None
     frame = simulate(
@@ -110,7 +110,7 @@ def _chosen(pf: "ParameterFile") -> "tuple[list[LawSection], list[str]]":
                 f"the laws of {', '.join(laws)} depend on each other, so none of them can be simulated first; fit one "
                 "of them without the other's response among its factors."
             )
-        first = next((name for name in free if name in WEARS), free[0])
+        first = next((name for name in free if name in FLANK_WEAR), free[0])
         ordered.append(laws.pop(first))
     return ordered, notes
 

@@ -17,8 +17,10 @@ from ..core.suggestions import closest
 from .units import canonical, is_unit, same_dimension
 
 __all__ = [
+    "FLANK_WEAR",
     "ROLES",
     "UNNAMED",
+    "WEAR",
     "Role",
     "fits",
     "role_of",
@@ -31,6 +33,8 @@ __all__ = [
 ]
 
 Kind = Literal["condition", "time", "wear", "load", "surface", "other", "label"]
+FLANK_WEAR = ("AW", "VB")  # average and width of the flank, the wear of laws of wear and of tool life
+WEAR = (*FLANK_WEAR, "VBC", "VBN")  # and of nose and notch
 MARK = " mark"  # "VB mark" is the column of the marked values of VB (<0.05, 0.24*)
 UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}  # names where the file gives none
 
@@ -198,7 +202,7 @@ _SHARED: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("speed", "Geschwindigkeit", "vitesse", "velocidad"), ("V", "n")),
     "F": ("F", "fm"),  # F [mm/min], the feed word of a part program
     **dict.fromkeys(("force", "Kraft", "effort", "fuerza"), ("F", "Fx", "Fy", "Fz", "Fxz", "Fc", "Ff", "Fp")),
-    **dict.fromkeys(("wear", "Verschleiß", "usure", "desgaste"), ("AW", "VB")),
+    **dict.fromkeys(("wear", "Verschleiß", "usure", "desgaste"), FLANK_WEAR),
     **dict.fromkeys(("roughness", "Rauheit", "rugosité", "rugosidad"), ("Ra", "Rz")),
     "FZ": ("Fz", "fz"),
     "T": ("T", "theta"),

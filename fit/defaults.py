@@ -15,6 +15,7 @@ from ..core.display import Displayable
 from ..core.errors import UsageError
 from ..datasets.options import Process
 from ..datasets.runs import Readable, Runs, as_runs
+from ..datasets.vocabulary import FLANK_WEAR, WEAR
 from .available import computed
 from .censored_lives import life_law
 from .law_requests import ALL, LawRequest, form_for, named_role, parse_laws, symbol_of
@@ -27,10 +28,9 @@ CONDITIONS = ("V", "f", "d", "ae", "t")
 SPEEDS, FEEDS, CLOCKS = ("V", "n"), ("f", "fz", "fm"), ("t", "lc", "lf")  # the first that a file has is taken
 WHERE_VARIED = ("z", "D", "Dc", "re")  # conditions of a law only where the file holds several values
 SETTINGS = (*SPEEDS, *FEEDS, "d", "ae", *CLOCKS, *WHERE_VARIED)
-WEAR, LANDS = ("AW", "VB"), ("VBC", "VBN")  # of the flank; of nose and notch
 LOADS = ("Fxz", "Fx", "Fy", "Fz", "Fc", "Ff", "Fp", "F", "P", "M")
 SURFACES = ("Ra", "Rz")
-RESPONSES = (*WEAR, *LANDS, "T", *LOADS, "I", *SURFACES, "theta")
+RESPONSES = (*WEAR, "T", *LOADS, "I", *SURFACES, "theta")
 FEW = 5  # lines that are named
 
 Has = Callable[[str], bool]
@@ -170,7 +170,7 @@ def asked_laws(has: Has, varies: Has | None = None, process: Process | None = No
 def _of_columns(held: Held) -> tuple[Asked, ...]:
     conditions = _conditions(held)
     settings = tuple(name for name in conditions if name not in CLOCKS)
-    wear = () if _at_end_of_life(held) else tuple(filter(held.has, (*WEAR, *LANDS)))
+    wear = () if _at_end_of_life(held) else tuple(filter(held.has, WEAR))
     given = conditions + wear[:1]
     asked = [
         *(Asked(name, conditions) for name in wear),
@@ -192,7 +192,7 @@ def _current(held: Held, settings: tuple[str, ...], wear: tuple[str, ...]) -> As
     """Straight line on feed and wear where nothing else varies, otherwise a power law on the conditions and wear."""
     feed = next(filter(held.has, ("fm", "f", "fz")), None)
     others = [name for name in settings if name not in FEEDS and held.varies(name)]
-    land = [name for name in reversed(WEAR) if name in wear] or list(wear[-1:])
+    land = [name for name in reversed(FLANK_WEAR) if name in wear] or list(wear[-1:])
     if feed is None or others:
         names = ", ".join((feed or "", *land[:1]))
         why = f'{", ".join(others)} varied as well: a power law; the straight line of one cut is --law "I ~ {names}"'
@@ -243,7 +243,7 @@ def _requested(held: Held, request: LawRequest, response: str, default: Asked | 
 
 
 def _usual_form(response: str, factors: tuple[str, ...]) -> str:
-    if response == "I" and factors[0] in FEEDS and not {*factors[1:]} - {*WEAR, *LANDS} and len(factors) < 3:
+    if response == "I" and factors[0] in FEEDS and not {*factors[1:]} - {*WEAR} and len(factors) < 3:
         return ("linear", "load_line")[len(factors) - 1]
     return "exponential" if response in SURFACES and factors == ("F",) else "power"
 
@@ -299,7 +299,7 @@ def _empty_responses(runs: Runs) -> tuple[Refused, ...]:
 
 def _wear_of_lives(held: Held, known: Collection[str]) -> tuple[Refused, ...]:
     """Wear that stands beside lives and has no law."""
-    wear = [name for name in (*WEAR, *LANDS) if held.has(name) and name not in known] if _at_end_of_life(held) else []
+    wear = [name for name in WEAR if held.has(name) and name not in known] if _at_end_of_life(held) else []
     why = "without a time or length of cut it is the wear at the end of each life T, no response;"
     return tuple(Refused(name, f'{name}: {why} --law "{name} ~ V, f" asks for a law of it.') for name in wear)
 

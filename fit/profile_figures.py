@@ -17,6 +17,7 @@ from ..core.intervals import Kind
 from ..core.plotting import axes_array, new_panels, to_pyplot
 from ..core.rounding import format_plain, format_rounded
 from ..core.suggestions import did_you_mean
+from ..datasets.vocabulary import FLANK_WEAR
 from .law_figures import contours_inside, label, middle, points, response_surface
 from .lawfit import LawFit
 
@@ -25,7 +26,6 @@ Array = NDArray[np.float64]
 OF_A_CURVE = 81  # points
 SIDE = (2.7, 2.7)  # of a panel, inches
 PER_INCH = 12  # letters of a heading
-WEARS = ("AW", "VB")
 MOST_ACROSS = 4  # panels
 LEVELS = (0.1, 0.5, 0.9)  # quantiles of the tested values of a factor at which curves are drawn
 STYLES = ((GREY, ":"), (BLUE, "-"), (ORANGE, "--"))
@@ -99,7 +99,7 @@ def profiles(laws: Sequence[LawFit], at: Mapping[str, float] | None = None) -> N
             else:
                 panel.set_axis_off()
         row[0].set_title(_value_at(law, held, 0.95, short=True), fontsize=SMALL, loc="left")
-    wear = any(name in WEARS for law in laws for name in law.factors)
+    wear = any(name in FLANK_WEAR for law in laws for name in law.factors)
     marked(
         row[0], laws[0], f"Each factor with the others held at the dotted lines{', wear among them' if wear else ''}"
     )

@@ -20,6 +20,7 @@ from ..core.errors import FitmodelsError, ParameterError, UsageError
 from ..core.files import write_whole
 from ..core.rounding import count
 from ..core.text import json_text
+from ..datasets.vocabulary import FLANK_WEAR
 from .edge_summary import EdgeSummary, check_edges, law_rows
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from ..parameters.draws import Draws
     from ..parameters.gather.learned import Learned
 
-WEAR = ("VB", "AW")
 ABSURD = 5.0  # factor from the law, and standard errors of it, beyond which a wear is refused
 UNLIKELY = 3.0  # standard errors from the law before, beyond which edges are doubted
 
@@ -71,7 +71,7 @@ def parse_measured(pf: "ParameterFile", text: str) -> tuple[str, float]:
     from ..parameters.messages import in_unit
 
     found = re.fullmatch(r"\s*(\w+)\s*=\s*([0-9.,eE+-]+)\s*([^\s\d.,]\S*)?\s*", text)
-    wears = [name for name in pf.laws if name in WEAR]
+    wears = [name for name in pf.laws if name in FLANK_WEAR]
     named = ", ".join(wears) or "none"
     if found is None:
         raise UsageError(f"{text!r}: a measured wear is given as {wears[0] if wears else 'VB'}=0.21mm.")
@@ -203,7 +203,7 @@ def _triangles(
                 found.setdefault(name, []).append(edge_triangle(edge.edge, np.array(rows), batch))
             if why:
                 notes[f"The law of {name} learns nothing from edge {edge.edge}: {why}."] = None
-    if not any(name in found for name in WEAR):
+    if not any(name in found for name in FLANK_WEAR):
         raise UsageError(
             f"the wear law learns nothing. {' '.join(notes)} Give what the source does not have, for instance "
             "--value d=2mm."
@@ -221,7 +221,7 @@ def _learned(
     found: dict[str, Learned] = {}
     notes = []
     for name, more in rows.items():
-        if name in WEAR:
+        if name in FLANK_WEAR:
             found[name] = learned_law(pf, pf.laws[name], more, version, len(pf.laws))
             continue
         made = computed(partial(learned_law, pf, pf.laws[name], more, version, len(pf.laws)), (FitmodelsError,))
@@ -235,7 +235,7 @@ def _learned(
 def _check_possible(found: "Mapping[str, Learned]") -> None:
     """Refuse a wear that is far from the law: another unit, another tool, or an edge that was changed unseen."""
     for name, of in found.items():
-        if name in WEAR and of.section.logarithmic and abs(of.shift) > max(np.log(ABSURD), ABSURD * of.se):
+        if name in FLANK_WEAR and of.section.logarithmic and abs(of.shift) > max(np.log(ABSURD), ABSURD * of.se):
             raise UsageError(
                 f"the measured {name} is {np.exp(of.shift):.3g} times that of the law (limit {ABSURD:g} times). Is its "
                 "unit right, and was it this edge all the time? If so, give certain=True."

@@ -19,6 +19,7 @@ from ..controllers.region.log_planes import USUAL, ratio
 from ..core.arrays import Array, is_positive
 from ..core.errors import UsageError
 from ..core.formula import Formula
+from ..datasets.vocabulary import FLANK_WEAR
 from ..parameters.evaluation import covariance_of
 from .edge_scatter import Assumptions, EdgeScatter, scatter_of_edges, typical_response
 
@@ -246,7 +247,7 @@ def _wear_symbol(pf: "ParameterFile", named: str | None) -> str:
         return pf.tool_life.wear
     inside = {name for law in pf.laws.values() for name in law.formula.factors}
     found = [name for name, law in pf.laws.items() if TIME in law.formula.factors and name in inside]
-    found = found or [name for name in ("AW", "VB") if name in pf.laws]
+    found = found or [name for name in FLANK_WEAR if name in pf.laws]
     if not found:
         raise UsageError(
             f"the file has no law of wear on the time of contact t (laws: {', '.join(pf.laws) or 'none'}): fit one to "

@@ -14,6 +14,7 @@ from ..core.rounding import count, format_plain
 from ..core.suggestions import did_you_mean
 from ..core.verdict import LEVELS, MARKS, USABLE
 from ..datasets import Runs
+from ..datasets.vocabulary import FLANK_WEAR
 from ..fit.available import computed
 from .options import FitOptions
 
@@ -335,7 +336,7 @@ def _with_surface_words(law: "LawFit") -> "LawFit":
 
 def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "tuple[ToolLife | None, str]":
     """Tool life from the wear law on time; a failure only matters where a criterion was given."""
-    wear = next((law for law in laws if law.response in ("AW", "VB") and "t" in law.factors), None)
+    wear = next((law for law in laws if law.response in FLANK_WEAR and "t" in law.factors), None)
     if wear is None:
         why = f"criterion {criterion}: there is no wear law on time, so no tool life; leave the criterion out."
         return None, "" if criterion is None else why

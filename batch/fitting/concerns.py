@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ...core.verdict import DO_NOT_USE, LEVELS
 from ...datasets.plausibility.ranges import plausible, process_of
+from ...datasets.vocabulary import FLANK_WEAR
 from ...fit.checks.missing_factors import NEEDED, absent, is_noted, missing_of
-from ...fit.defaults import WEAR
 from ..law_rows import PAIR, fitted, refusals
 from ..outcomes import DOUBT, NO_LAW, REFUSED, Concern
 from .pair_laws import NumberedRows, texts
@@ -137,7 +137,7 @@ def unknown_conditions(
     []
     """
     needed = [name for name in NEEDED[process] if name in NAMED and responses]
-    needed += ["t"] * bool(set(WEAR).intersection(responses))
+    needed += ["t"] * bool(set(FLANK_WEAR).intersection(responses))
     missing = missing_of(needed, lambda name: name in known or is_noted(notes, name), process)
     return [Concern("condition not known", absent(missing, "the rows of this pair"))] if missing else []
 
@@ -217,7 +217,7 @@ def _of_laws(laws: pd.DataFrame) -> Iterator[tuple[int, str, str]]:
     for i in _where(df < FEW):
         plural = "" if df[i] == 1 else "s"
         yield i, "few degrees of freedom", f"{df[i]:.0f} degree{plural} of freedom; measure more edges."
-    t = np.where(laws["response"].isin(WEAR), _numbers(laws, "params_t", 0), 0)
+    t = np.where(laws["response"].isin(FLANK_WEAR), _numbers(laws, "params_t", 0), 0)
     for i in _where(t < 0):
         words = f"exponent of t {t[i]:.3g}, but wear does not decrease; check the gauge and the edges of the rows."
         yield i, "wear falls with time", words

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...datasets.vocabulary import FLANK_WEAR
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.dynamics import DynamicsSection, PiSection
 from ...parameters.sections.load_line import LimitsSection
 from .design import at_words, middle, reference
 from .numbers import INFINITE, figure, percent, quantity
 from .parts import CoefficientPart, FigurePart, LawPart, ProfiledLawPart
-from .profiler import WEARS, Value, band_of, profile, profiled, substituted_wear
+from .profiler import Value, band_of, profile, profiled, substituted_wear
 
 FOLDER = "figures"
 PICTURES = {  # written to the folder of a card by fitmodels
@@ -70,7 +71,7 @@ def _criterion(pf: ParameterFile) -> Iterator[tuple[str, float | None, str, str]
 def _limits(pf: ParameterFile) -> Iterator[tuple[str, float | None, str, str]]:
     """Limits of machine and tool by the symbols of the responses; the upper one where there are two."""
     limits = pf.limits or LimitsSection()
-    bounds = [("P", limits.power), ("", limits.force), *((symbol, limits.wear) for symbol in WEARS)]
+    bounds = [("P", limits.power), ("", limits.force), *((symbol, limits.wear) for symbol in FLANK_WEAR)]
     for symbol, bound in bounds:
         if bound is not None:
             yield bound.of or symbol, bound.value, bound.unit, "limit"
@@ -148,7 +149,7 @@ def response_text(of: DrawnLaw, part: ProfiledLawPart) -> str:
     others = {
         name: value
         for name, value in of.middle.items()
-        if name != law.factors[0].symbol and not (wear and name in WEARS)
+        if name != law.factors[0].symbol and not (wear and name in FLANK_WEAR)
     }
     at = at_words(law, others, of.level)
     words = ", ".join(filter(None, (at, wear[0] if wear else "")))

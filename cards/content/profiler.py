@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...datasets.region import ROUNDING, SLACK
+from ...datasets.vocabulary import FLANK_WEAR
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from .design import factor_ranges, middle
@@ -13,7 +14,6 @@ from .numbers import LEVEL, t_quantile
 from .parts import FactorRangePart, LeverageSpacePart, ProfiledLawPart, ProfiledRegionPart, ProfilerPart
 
 ROW, ON_NEW_EDGE = "one new observation", "one new observation on a new edge"
-WEARS = ("AW", "VB")
 TURNING = {"V": "m/min", "f": "mm/rev", "d": "mm"}
 MILLING = ("fz", "fm", "ae", "n")  # with one of these, V f d is no removal rate
 
@@ -163,7 +163,7 @@ def profile_all(profiler: ProfilerPart, at: Mapping[str, float], *, held: bool =
 
 def substituted_wear(law: LawSection, pf: ParameterFile) -> str:
     """The wear among the factors of a law that the file's own law of it can give; empty where there is none."""
-    return next((f.symbol for f in law.factors if f.symbol in WEARS and _driven(pf, f.symbol)), "")
+    return next((f.symbol for f in law.factors if f.symbol in FLANK_WEAR and _driven(pf, f.symbol)), "")
 
 
 def _driven(pf: ParameterFile, wear: str) -> bool:

@@ -7,6 +7,7 @@ from ...core.errors import ParameterError
 from ...core.intervals import Kind
 from ...core.predictions import Prediction
 from ...core.rounding import format_plain
+from ...datasets.vocabulary import FLANK_WEAR
 from ...parameters import LawSection, ParameterFile
 from ...parameters.evaluation import IntervalOptions
 from ...parameters.prediction import predict_life
@@ -196,7 +197,7 @@ def no_tool_life(pf: ParameterFile) -> str:
     """Why the file has no tool life at a criterion."""
     if "T" in pf.laws:
         return "The tool life has a law of its own, that of T, fitted to measured lives."
-    wear = next((law for name, law in pf.laws.items() if name in ("AW", "VB")), None)
+    wear = next((law for name, law in pf.laws.items() if name in FLANK_WEAR), None)
     if wear is None:
         return "There is no law of wear, so no tool life; measure AW or VB over time."
     if "t" not in [f.symbol for f in wear.factors]:

@@ -12,6 +12,7 @@ from ...core.errors import ParameterError
 from ...core.figure_style import contour_levels
 from ...core.panels import PanelAxes
 from ...core.rounding import with_unit
+from ...datasets.vocabulary import FLANK_WEAR
 from ...parameters import ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
 from ...parameters.sections.dynamics import DynamicsSection
@@ -25,7 +26,6 @@ from ..content.figure_texts import (
     surface_text,
 )
 from ..content.parts import CoefficientPart, FigurePart, LawPart, ProfiledLawPart
-from ..content.profiler import WEARS
 from .svg_panel import (
     BAND,
     INK,
@@ -258,7 +258,7 @@ def _surface(of: DrawnLaw, text: str) -> PanelDrawing:
     inside = np.asarray(law.inside(by=level, **at))
     z = np.ma.masked_array(np.asarray(law.values(at, by=level)), ~inside)
     others = {symbol: value for symbol, value in of.middle.items() if symbol not in over}
-    held = {name: value for name, value in others.items() if not (wear and name in WEARS)}
+    held = {name: value for name, value in others.items() if not (wear and name in FLANK_WEAR)}
     words = ", ".join(filter(None, (at_words(law, held, level, 3), wear[0] if wear else "")))
 
     name, up_name = with_unit(law.response, law.unit), axes[1].name

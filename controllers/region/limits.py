@@ -12,11 +12,12 @@ from pydantic import ValidationError
 from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
+from ...datasets.vocabulary import FLANK_WEAR
 from ...parameters.gather.control import limits_section
 from ...parameters.messages import schema_message
 from ...parameters.sections.load_line import Bound, LimitsSection, Range
 from .half_planes import HalfPlane
-from .log_planes import USUAL, WEARS, CutSetting, ratio, wear_law
+from .log_planes import USUAL, CutSetting, ratio, wear_law
 from .operating_point import plain
 from .surfaces import RegionLimit, ResponseBound, surface_of
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 FORCES = ("Fxz", "F", "Fc", "Ff", "Fp", "Fx", "Fy", "Fz")
 NO_RESPONSE_LIMIT = "The file has no limit of a response: add one, e.g. `fitmodels limits params.json P=7kW`."
 RANGES = (("V", "speed", "m/min"), ("f", "feed", "mm/rev"))
-CANDIDATES: Mapping[str, tuple[str, ...]] = {"power": ("P",), "force": FORCES, "wear": WEARS}
+CANDIDATES: Mapping[str, tuple[str, ...]] = {"power": ("P",), "force": FORCES, "wear": FLANK_WEAR}
 
 
 @dataclass(frozen=True, slots=True, repr=False)

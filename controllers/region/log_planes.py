@@ -16,13 +16,13 @@ from ...core.arrays import Array, is_positive
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...datasets.units import canonical, convert
+from ...datasets.vocabulary import FLANK_WEAR
 from .half_planes import SAME
 
 if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
 
 
-WEARS = ("AW", "VB")
 STAND_IN = {"n": ("V", "D=80"), "fz": ("f", "z=4"), "fm": ("f", "n=1000")}  # factors that stand for V and f in a law
 USUAL = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 
@@ -148,7 +148,7 @@ def with_wear(plane: LogPlane, wear: LogPlane) -> LogPlane:
 
 def wear_law(pf: "ParameterFile", of: str | None = None) -> "LawSection | None":
     """The file's law of wear: the one named, or else of AW, or of VB."""
-    names = WEARS if of is None else (of,)
+    names = FLANK_WEAR if of is None else (of,)
     return next((pf.laws[name] for name in names if name in pf.laws), None)
 
 
@@ -166,7 +166,7 @@ def _ln_ratio(of: str, to: str) -> float:
 def known_value(law: "LawSection", symbol: str, unit: str, setting: CutSetting) -> float:
     """Value of a fixed factor in the unit of a law; UsageError where the setting has none."""
     if symbol not in setting.known:
-        remedy = "give the file its law, or" if symbol in WEARS else "give"
+        remedy = "give the file its law, or" if symbol in FLANK_WEAR else "give"
         raise UsageError(f"the law of {law.response} needs {symbol} ({unit}); {remedy} at={{{symbol!r}: ...}}.")
     value, given = setting.known[symbol]
     return value * ratio(given or unit, unit)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from ..options import Process
-from ..vocabulary import ROLES
+from ..vocabulary import ROLES, WEAR
 
 Range = tuple[float, float]
 
@@ -80,7 +80,7 @@ _TABLE: dict[str, dict[str, Plausible]] = {
     "Dc": _DIAMETER,
     "re": {"any": _row(0.1, 3.2, 0.02, 20, 0, 200)},  # mm
     "theta": {"any": _row(80, 1200, 35, 1500, -200, 3000)},  # degC, at the edge or in the work near it
-    **dict.fromkeys(("AW", "VB", "VBC", "VBN"), _WEAR),
+    **dict.fromkeys(WEAR, _WEAR),
     **dict.fromkeys(FORCES, _FORCE),
     "P": {
         "turning": _row(0.05, 30, 0.005, 100, 0, 2000),
@@ -119,7 +119,7 @@ _UNITS: dict[str, tuple[str, ...]] = {
     "re": ("mm", "in"),
     "theta": ("degC", "degF", "K"),
     "lf": ("mm", "m", "in"),
-    **dict.fromkeys(("AW", "VB", "VBC", "VBN"), ("mm", "um", "in", "mil")),
+    **dict.fromkeys(WEAR, ("mm", "um", "in", "mil")),
     **dict.fromkeys(FORCES, ("N", "kN", "lbf", "daN")),
     "P": ("kW", "W", "hp"),
     "M": ("Nm", "Nmm", "Ncm", "in lbf"),

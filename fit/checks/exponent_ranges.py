@@ -17,8 +17,8 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...datasets.options import Process
+from ...datasets.vocabulary import WEAR
 from ..lawfit import LawFit
-from .missing_factors import WEAR
 
 Range = tuple[float, float]
 

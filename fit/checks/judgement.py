@@ -18,6 +18,7 @@ from ...core.errors import UsageError
 from ...core.threads import one_thread
 from ...core.verdict import RESERVATIONS, Verdict, verdict_from
 from ...datasets.runs import Readable, Runs, as_runs
+from ...datasets.vocabulary import FLANK_WEAR
 from ..available import NotAvailable, computed
 from ..composite_law import without_fixed
 from ..lawfit import LawFit
@@ -334,7 +335,7 @@ def _order(given: CheckInput) -> Found:
 
 
 def _gauge(given: CheckInput) -> Found | None:
-    wear = next((name for name in ("AW", "VB") if name in given.law.factors), None)
+    wear = next((name for name in FLANK_WEAR if name in given.law.factors), None)
     if given.gauge_sd is None or wear is None:
         return None
     from .gauge_error import gauge_corrected

@@ -20,7 +20,7 @@ from ...core.arrays import Array
 from ...core.rounding import format_plain, label_of
 from ...datasets import Runs
 from ...datasets.units import is_unit
-from ...datasets.vocabulary import ROLES, fits
+from ...datasets.vocabulary import ROLES, WEAR, fits
 from ..available import NotAvailable
 from ..edges import changes_within, left_out_moves
 from ..lawfit import LawFit
@@ -38,7 +38,6 @@ NEEDED: Mapping[str | None, tuple[str, ...]] = {
 }
 STAND_INS: Mapping[str, tuple[str, ...]] = {"V": ("n",), "f": ("fz", "fm"), "t": ("lf", "lc")}
 DRILLS = ("D", "Dc")  # a diameter in place of a depth: the process may be drilling
-WEAR = ("AW", "VB", "VBC", "VBN")
 TESTED = ("V", "f", "fz", "fm", "d", "ae", "n", "t", "D", "Dc", "z", "re")  # are set; others are measured
 BLOCK = re.compile(  # names of columns of blocks: nuisance levels that shift all tests cut in them
     r"\s*+(?:test )?(?:block|day|date|shift|batch|lot|heat|operator|machine|lathe|bar|blank|series|session|setup"

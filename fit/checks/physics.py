@@ -17,12 +17,11 @@ from ...core.rounding import format_decimal
 from ...datasets import Runs
 from ...datasets.options import Process
 from ...datasets.plausibility.ranges import Plausible, plausible
-from ...datasets.vocabulary import ROLES
+from ...datasets.vocabulary import ROLES, WEAR
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import Check
 from .exponent_ranges import SAME, Exponent, Range, local_exponents, usual_exponents
-from .missing_factors import WEAR
 from .strata import NO_ROWS
 
 Found = tuple[int, str]  # contribution to the verdict, and the sentence

@@ -18,12 +18,13 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.rounding import format_plain
 from ...datasets.edges.merged_cells import lines_text
+from ...datasets.vocabulary import WEAR
 from ..available import NotAvailable
 from ..edges import changes_within
 from ..lawfit import LawFit
 from ..least_squares import sums_by
 from .check import Check, Suspect, concern_of, format_p
-from .missing_factors import WEAR, added_between, added_within
+from .missing_factors import added_between, added_within
 from .strata import NO_ROWS, Codes
 from .time_exponent import FLAT, TIME, common_exponent
 from .time_search import UNITS, Shift, TimeRows, first_times, refined, search

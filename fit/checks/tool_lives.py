@@ -24,10 +24,10 @@ from ...core.censored import (
 from ...core.errors import FitError
 from ...core.rounding import count
 from ...datasets import Runs
+from ...datasets.vocabulary import WEAR
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check
-from .missing_factors import WEAR
 from .strata import rows_in
 
 MOST_CENSORED, FEW_DF = 0.5, 3

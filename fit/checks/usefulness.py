@@ -7,12 +7,11 @@ from ...core.rounding import count, format_decimal
 from ...datasets import Runs
 from ...datasets.doubts import Doubt
 from ...datasets.edges.columns import meant_by
-from ...datasets.vocabulary import ROLES
+from ...datasets.vocabulary import ROLES, WEAR
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from .check import Check
-from .missing_factors import WEAR
 from .strata import has_repeated_edges, no_scatter, rows_in
 
 LEAST_R2, LOW_R2 = 0.1, 0.3  # below which a law is not used, or used with reservations

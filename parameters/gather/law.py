@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ...core.errors import FitError, ParameterError, UsageError
+from ...datasets.vocabulary import FLANK_WEAR, ROLES
 from ..messages import schema_message
 from ..sections.base import VerdictSection
 from ..sections.law import LawSection
@@ -55,7 +56,7 @@ def laws_by_response(
 
 def _with_composite(section: LawSection, law: "LawFit", laws: "Sequence[LawFit]") -> LawSection:
     """The section with the wear law substituted, where there is one and both keep their rows."""
-    wear = next((w for w in laws if w.response in ("AW", "VB") and w.response in law.factors), None)
+    wear = next((w for w in laws if w.response in FLANK_WEAR and w.response in law.factors), None)
     if wear is None or law.rows is None or wear.rows is None:
         return section
     made, notes = _optional({"composite": partial(_composite, law, wear)})
@@ -385,7 +386,5 @@ def _factor(law: "LawFit", symbol: str) -> dict[str, Any]:
 
 def quantity_of(symbol: str) -> str:
     """Meaning of a symbol in words; the symbol itself where it is unknown."""
-    from ...datasets.vocabulary import ROLES
-
     role = ROLES.get(symbol)
     return role.quantity if role is not None else symbol
