@@ -15,11 +15,10 @@ from .headers import parse_header
 from .tables import Table
 from .tables.blocks import ASSIGNMENT
 from .units import canonical, convert, is_unit, same_dimension
-from .vocabulary import ROLES, UNNAMED, fits, role_of
+from .vocabulary import MEASURED, ROLES, UNNAMED, fits, role_of
 
 _TOKEN = re.compile(r"(?<![A-Za-z])([A-Za-z]{1,3})[=-]?(\d+(?:[.,p]\d+)?)(?![\d.,]*[A-Za-z\d])")
 _KINDS = ("condition", "other")
-RESPONSES = ("wear", "load", "surface")
 _MOST_WORDS = 8  # of the name of a response
 IN_NOTES = ("D", "Dc", "z", "n", "V")  # quantities that are constant in a series of tests more often than not
 NEED_UNIT = ("n", "V")  # n = 3 is a number of repeats
@@ -130,7 +129,7 @@ def response_in(stem: str) -> tuple[str, str]:
     words = re.split(r"[\s_]+", stem)
     for count in range(min(len(words), _MOST_WORDS), 0, -1):
         role = role_of(" ".join(words[:count]), None) or role_of(" ".join(words[:count]).upper(), None)
-        if role and ROLES[role].kind in RESPONSES:
+        if role and ROLES[role].kind in MEASURED:
             return role, " ".join(words[count:])
     return "", stem
 
@@ -143,7 +142,7 @@ def named_in_notes(table: Table) -> tuple[str, str]:
             for start in range(len(words) - count + 1):
                 name = " ".join(words[start : start + count])
                 role = role_of(name, None) if len(name) > 1 else None
-                if role and ROLES[role].kind in RESPONSES:
+                if role and ROLES[role].kind in MEASURED:
                     unit = re.search(rf"{re.escape(words[start + count - 1])}\s*(?:\bin\b|\[|\()\s*([^\s\])]+)", note)
                     return role, unit[1] if unit and is_unit(unit[1]) and fits(role, unit[1]) else ""
     return "", ""

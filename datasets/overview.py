@@ -17,7 +17,7 @@ from ..core.plotting import NotebookFigure, dress
 from ..core.rounding import count, with_unit
 from .figures import RESPONSES
 from .runs import Array, Runs
-from .vocabulary import ROLES
+from .vocabulary import MEASURED, ROLES
 
 MOST_FACTORS = 6  # small panels in a row
 NAMED_LEVELS = 4  # written below their marks
@@ -100,7 +100,7 @@ def _factors(runs: Runs) -> list[str]:
 
 def _measured(runs: Runs) -> list[str]:
     """The first two measured quantities, wear before load."""
-    named = [name for name in runs.units if name in runs.data and ROLES[name].kind in ("wear", "load", "surface")]
+    named = [name for name in runs.units if name in runs.data and ROLES[name].kind in MEASURED]
     order = [name for name in RESPONSES if name in named] + [name for name in named if name not in RESPONSES]
     computed = set(order) - {use.role for use in runs.columns}
     known = [name for name in order if np.isfinite(runs.values(name)).any()]

@@ -17,12 +17,11 @@ from .headers import parse_header
 from .notes import FileCondition, conditions_of_file, pair_name
 from .tables import Column, Table
 from .units import canonical, convert, same_dimension
-from .vocabulary import ROLES, UNNAMED, role_of, understood_unit
+from .vocabulary import MEASURED, ROLES, UNNAMED, role_of, understood_unit
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".prn", ".asc", ".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")
 _SHEET = ".sheet"  # ends the name of a table that is a sheet of a workbook
 _LISTED = 4  # files named in a sentence
-_MEASURED = ("wear", "load", "surface")
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +165,7 @@ def _refuse_misfits(parts: Sequence[_Part], keys: Sequence[str], given: Sequence
     needed = [key for key in keys if key in ROLES and (ROLES[key].kind == "condition" or key == "t")] + list(given)
     for part in parts:
         lacking = [role for role in needed if role not in part.columns and role not in part.conditions]
-        measured = any(key in ROLES and (ROLES[key].kind in _MEASURED or key == "T") for key in part.columns)
+        measured = any(key in ROLES and (ROLES[key].kind in MEASURED or key == "T") for key in part.columns)
         if not measured and any(key in ROLES for key in keys):
             raise DataError(
                 f"{part.name} holds no wear, force, power or roughness, and the files of a folder are read as one "

@@ -12,11 +12,11 @@ from ..core.errors import DataError
 from .doubts import Doubt
 from .headers import Numbered, numbered, parse_header, timed, without_gap
 from .leading_rows import as_numbers, with_header
-from .notes import RESPONSES, named_in_notes, response_in, same_as_time, time_in_notes
+from .notes import named_in_notes, response_in, same_as_time, time_in_notes
 from .tables import Column, Table
 from .tables.numerals import Mark
 from .units import canonical
-from .vocabulary import ROLES, role_of, role_of_mean, roles_named
+from .vocabulary import MEASURED, ROLES, role_of, role_of_mean, roles_named
 
 EXAMPLE = """
   edge, V [m/min], f [mm/rev], d [mm], t [min], VB [mm]
@@ -71,7 +71,7 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
     """
     if not 3 <= len(table.columns) <= _WIDEST:
         return table
-    if any(role in ("t", "T", "edge") or (role in ROLES and ROLES[role].kind in RESPONSES) for role in mapping or ()):
+    if any(role in ("t", "T", "edge") or (role in ROLES and ROLES[role].kind in MEASURED) for role in mapping or ()):
         return table
     if (turned := _turned(table)) is not None:
         return turned
@@ -80,7 +80,7 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
     written, (table, conditions) = table, with_header(table)
     heads = [_head(column) for column in table.columns]
     held = {head.role for head in heads if head.role}
-    measured = {role for role in held if ROLES[role].kind in RESPONSES or role == "T"}
+    measured = {role for role in held if ROLES[role].kind in MEASURED or role == "T"}
     free = [head for head in heads if head.role is None and head.column.is_numeric]
     key = "edge" if "t" in held else "t"
     family = _by_edge(table, heads, free) if key == "edge" else _by_time(table, free)
@@ -106,7 +106,7 @@ def _turned(table: Table) -> Table | None:
     known = [role for role in roles if role]
     kinds = {ROLES[role].kind for role in known}
     if len(known) < 3 or len(set(known)) < len(known) or "condition" not in kinds or not (
-        kinds & set(RESPONSES) or "T" in known
+        kinds & set(MEASURED) or "T" in known
     ):  # fmt: skip
         return None
     values = np.array([column.values for column in tests], dtype=float)

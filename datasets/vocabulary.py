@@ -18,6 +18,7 @@ from .units import canonical, is_unit, same_dimension
 
 __all__ = [
     "FLANK_WEAR",
+    "MEASURED",
     "ROLES",
     "UNNAMED",
     "WEAR",
@@ -35,6 +36,7 @@ __all__ = [
 Kind = Literal["condition", "time", "wear", "load", "surface", "other", "label"]
 FLANK_WEAR = ("AW", "VB")  # average and width of the flank, the wear of laws of wear and of tool life
 WEAR = (*FLANK_WEAR, "VBC", "VBN")  # and of nose and notch
+MEASURED: tuple[Kind, ...] = ("wear", "load", "surface")  # kinds of the responses of a test
 MARK = " mark"  # "VB mark" is the column of the marked values of VB (<0.05, 0.24*)
 UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}  # names where the file gives none
 
@@ -316,7 +318,7 @@ def role_of_mean(name: str, unit: str | None) -> str | None:
     """
     match = _OF_MEAN.fullmatch(name.strip())
     role = role_of(match["after"] or match["before"], unit) if match else None
-    return role if role is not None and ROLES[role].kind in ("wear", "load", "surface") else None
+    return role if role is not None and ROLES[role].kind in MEASURED else None
 
 
 _PEAK = re.compile(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...core.errors import DataError, FitmodelsError
 from ...datasets import Runs, read_runs
 from ...datasets.runs import Source
-from ...datasets.vocabulary import MARK, ROLES, UNNAMED
+from ...datasets.vocabulary import MARK, MEASURED, ROLES, UNNAMED
 from ...pipeline.reading import tests_table
 from ..plan import Block, Pair, Piece, Plan, Reading
 from ..rows import PairRows, PairSource
@@ -76,7 +76,6 @@ def group_column(runs: Runs, header: str) -> str | None:
     return None
 
 
-MEASURED = ("wear", "load", "surface")  # kinds of roles
 LISTED = 3  # files named by a pair that is joined from them
 
 

@@ -11,8 +11,8 @@ from ..columns import NONE, ColumnUse
 from ..doubts import Doubt
 from ..draft import Draft
 from ..options import ReadOptions
-from ..vocabulary import ROLES, roles_named
-from .checks import MEASURED, SHIFTED
+from ..vocabulary import MEASURED, ROLES, roles_named
+from .checks import SHIFTED
 from .columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, numbered
 from .merged_cells import lines_text
 from .names import join_types, tidy_names

@@ -10,7 +10,7 @@ from ..doubts import Doubt
 from ..draft import Draft
 from ..plausibility.stray_values import section_of
 from ..plausibility.unused_columns import COUNTS, of_counts
-from ..vocabulary import ROLES
+from ..vocabulary import MEASURED, ROLES
 from .columns import Array, Codes, Flags, differs
 from .merged_cells import lines_text
 from .rows import FEW, EdgeRows, by_edge, listed, median
@@ -34,7 +34,6 @@ MOST_VOTES = 0.75  # share of the edges that decides
 MOST_KNOWN = 0.9  # share of known values from which a column is looked at for a shift
 FEW_STEPS = 5.5  # of a reading, between readings of one cut
 ANOTHER_ORDER = "is of another order than in the other edges"
-MEASURED = ("wear", "load", "surface")
 
 
 def check_edges(draft: Draft) -> None:

@@ -15,7 +15,7 @@ from ..headers import parse_header
 from ..options import Process, ReadOptions
 from ..tables import Column
 from ..units import canonical, is_unit, same_dimension
-from ..vocabulary import ROLES, role_of, role_within, understood_unit
+from ..vocabulary import MEASURED, ROLES, role_of, role_within, understood_unit
 from .quantities import table_process, unit_factor
 from .ranges import plausible
 from .stray_values import listed
@@ -37,7 +37,6 @@ _ANONYMOUS = re.compile(
     r"(?:(?:col|column|spalte|x|y|par|param|parameter|var|variable|value|wert|ch|channel|kanal)?[ _]?\d+)?",
     re.IGNORECASE,
 )  # names that say nothing
-_RESULTS = ("wear", "load", "surface")
 _REMARKS = re.compile(
     r"remarks?|notes?|comments?|kommentare?|bemerkung(?:en)?|anmerkung(?:en)?|hinweise?|notiz(?:en)?|remarques?|"
     r"commentaires?|observations?|observaci(?:ón|on|ones)|comentarios?|notas?",
@@ -153,7 +152,7 @@ def _doubt_written_remarks(draft: Draft) -> None:
         carry = "1 row carries a remark" if len(rows) == 1 else f"{len(rows)} rows carry remarks"
         sentence = f"{carry} in column {use.header!r} that the test is not valid: {shown}{more}"
         target = target_of(draft, rows)
-        results = (one for one in draft.data if one in ROLES and (ROLES[one].kind in _RESULTS or one == "T"))
+        results = (one for one in draft.data if one in ROLES and (ROLES[one].kind in MEASURED or one == "T"))
         draft.doubts.append(Doubt(tuple(results), sentence, f'--leave-out "{target}"' if target else ""))
 
 
