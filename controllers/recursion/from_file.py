@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from ...core.arrays import Array, is_positive
 from ...core.errors import GateError, UsageError
 from ...datasets.units import convert, is_unit, same_dimension
+from ...datasets.vocabulary import FLANK_WEAR
 from ..region.limits import bounded_law
-from ..region.log_planes import WEARS, ratio
+from ..region.log_planes import ratio
 from .laws import LifeLaws, Terms
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ def _response(pf: "ParameterFile", what: str, bound: "Bound") -> str:
         )
     if not found and what == "wear":
         held = ", ".join(pf.laws) or "none"
-        names = bound.of or " or ".join(WEARS)
+        names = bound.of or " or ".join(FLANK_WEAR)
         raise UsageError(f"the file holds no power law of the wear {names} (its laws: {held}); fit one.")
     return found
 
