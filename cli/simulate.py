@@ -164,9 +164,9 @@ def _deviations(law: "LawSection", icc: float | None, notes: list[str]) -> tuple
         name = "Weibull" if law.life.distribution == "weibull" else law.life.distribution
         notes.append(f"{law.response} scatters as {name} lives of scale {law.life.scale:.3g} in ln")
         return 0.0, law.life.scale
-    held, unit = law.edges, "ln" if law.error == "multiplicative" else law.unit
-    if held is not None and held.sd_between is not None and held.sd_within is not None and icc is None:
-        return held.sd_between, held.sd_within
+    unit = "ln" if law.error == "multiplicative" else law.unit
+    if law.deviations and icc is None:
+        return law.deviations
     if law.residual_se is None:
         notes.append(f"{law.response} is without scatter: the file has no residual standard error")
         return 0.0, 0.0

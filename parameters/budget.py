@@ -265,7 +265,7 @@ def _check(law: LawFields, given: Mapping[str, float], gauge: float, level: floa
 
 
 def _check_scatter(law: LawFields) -> None:
-    if law.residual_se is None and not _by_edge(law):
+    if law.residual_se is None and not law.deviations:
         raise ParameterError(f"the law of {law.response} has no scatter of rows: ask for the budget of the mean.")
     if law.life is not None and law.life.distribution == "weibull":
         raise ParameterError(
@@ -282,12 +282,7 @@ def _covariance(law: LawFields) -> Covariance:
 
 def _one_row(law: LawFields) -> str:
     row = "row" if law.life is None else "life"
-    return f"one {row} of a new edge" if _by_edge(law) else f"one {row}"
-
-
-def _by_edge(law: LawFields) -> bool:
-    e = law.edges
-    return e is not None and e.sd_between is not None and e.sd_within is not None
+    return f"one {row} of a new edge" if law.deviations else f"one {row}"
 
 
 def _of_coefficients(law: LawFields, Z: Array, scale: float, response: float) -> list[_Part]:
@@ -300,7 +295,7 @@ def _of_coefficients(law: LawFields, Z: Array, scale: float, response: float) ->
     centre = -by_se * (np.linalg.pinv(C[1:, 1:] * np.outer(by_se, by_se), hermitian=True) @ (by_se * C[1:, 0]))
     constant = max(float(C[0, 0] + 2 * C[0, 1:] @ centre + centre @ C[1:, 1:] @ centre), 0.0)
     away = Z[1:] - centre
-    group, square = "edges" if _by_edge(law) else "rows", scale * scale
+    group, square = "edges" if law.deviations else "rows", scale * scale
     head, unit = "constant at the centre", "ln" if law.logarithmic else law.unit
     parts = [_Part(head, "A", math.sqrt(constant), unit, response, constant * square, group, held.df)]
     known = {f.symbol for f in law.factors} if law.log_factors and not law.terms else set()
@@ -317,14 +312,14 @@ def _of_coefficients(law: LawFields, Z: Array, scale: float, response: float) ->
 def _of_scatter(law: LawFields, unit_scale: float) -> list[_Part]:
     """Scatter between and within edges, or of independent rows."""
     e, unit, df = law.edges, "ln" if law.error == "multiplicative" else law.unit, float(_covariance(law).df)
-    if e is None or e.sd_between is None or e.sd_within is None:
+    if e is None or law.deviations is None:
         s = law.residual_se or 0.0
         name = "rows" if law.life is None else "lives"
         return [_Part(name, "A", s, unit, unit_scale, s * s, "rows", df)]
-    between, within = float(e.df_between or df), float(e.df_within or law.df)
+    between, within = law.deviations
     return [
-        _Part("between edges", "A", e.sd_between, unit, unit_scale, e.sd_between**2, "edges", between),
-        _Part("rows of one edge", "A", e.sd_within, unit, unit_scale, e.sd_within**2, "within", within),
+        _Part("between edges", "A", between, unit, unit_scale, between**2, "edges", float(e.df_between or df)),
+        _Part("rows of one edge", "A", within, unit, unit_scale, within**2, "within", float(e.df_within or law.df)),
     ]
 
 

@@ -220,7 +220,7 @@ def _quadratic(law: LawFields, G: Array) -> Array:
 def _spread(law: LawFields, covariance: Covariance, asked: IntervalOptions, *, parts: bool) -> _Spread:
     """Scatter by edge where the file holds its components, otherwise of independent rows."""
     e, df = law.edges, float(covariance.df)
-    if e is None or e.sd_between is None or e.sd_within is None:
+    if e is None or law.deviations is None:
         if law.residual_se is None and (asked.kind != "mean" or asked.centre != "median"):
             words = f"no {asked.kind} interval" if asked.kind != "mean" else f"no {asked.centre} of its own"
             raise ParameterError(f"the law of {law.response} has no residual standard error: {words}.")
@@ -228,12 +228,12 @@ def _spread(law: LawFields, covariance: Covariance, asked: IntervalOptions, *, p
         return _Spread("independent rows", one_component(law.residual_se or 0.0, df, lives), df, None)
     if asked.edge == "same":
         (within,) = _held(law, e, "df_within", of="an interval for the same edge")
-        return _Spread("same", one_component(e.sd_within, within), within, KNOWN_LEVEL)
+        return _Spread("same", one_component(law.deviations[1], within), within, KNOWN_LEVEL)
     if not parts:
-        return _Spread("new", Scatter(float(np.hypot(e.sd_between, e.sd_within)), ()), df, "a new edge")
+        return _Spread("new", Scatter(float(np.hypot(*law.deviations)), ()), df, "a new edge")
     what = "a tolerance interval" if asked.kind == "tolerance" else f"the interval of a {asked.centre}"
     m, between, within = _held(law, e, "rows_per_edge", "df_between", "df_within", of=what)
-    return _Spread("new", between_and_within(e.sd_between, e.sd_within, m, between, within), df, "a new edge")
+    return _Spread("new", between_and_within(*law.deviations, m, between, within), df, "a new edge")
 
 
 def _smearing(law: LawFields, spread: _Spread) -> float:

@@ -41,7 +41,7 @@ def profiler_part(pf: ParameterFile) -> ProfilerPart | None:
 
 def band_of(pf: ParameterFile) -> str:
     """Kind of the prediction bands of the profiled laws."""
-    split = [_split(law) for law in pf.laws.values()]
+    split = [law.deviations is not None for law in pf.laws.values()]
     if all(split):
         return ON_NEW_EDGE
     return f"{ROW}, on a new edge where edges are known" if any(split) else ROW
@@ -173,19 +173,13 @@ def _driven(pf: ParameterFile, wear: str) -> bool:
 
 
 def _band(law: LawSection) -> tuple[tuple[tuple[float, ...], ...], float | None, float | None]:
-    held, e = law.uncertainty, law.edges
-    scatter = math.hypot(e.sd_between, e.sd_within) if _split(law) else law.residual_se  # type: ignore[union-attr, arg-type]
+    held = law.uncertainty
+    scatter = math.hypot(*law.deviations) if law.deviations else law.residual_se
     if not isinstance(held, Covariance) or scatter is None:
         return (), None, None
     order = [held.of.index(name) for name in law.parameter_names[: 1 + len(law.formula.all_terms)]]
     matrix = tuple(tuple(held.matrix[i][j] for j in order) for i in order)
     return matrix, scatter, t_quantile(held.df)
-
-
-def _split(law: LawSection) -> bool:
-    """Whether the variance components between and within edges are known."""
-    e = law.edges
-    return e is not None and e.sd_between is not None and e.sd_within is not None
 
 
 def _region(law: LawSection) -> ProfiledRegionPart | None:

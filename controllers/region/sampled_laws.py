@@ -253,9 +253,8 @@ def _from_covariance(law: "LawSection", count: int, rng: np.random.Generator) ->
 
 def _scatter(law: "LawSection") -> Array:
     """Standard deviation of a row of a new edge about the law, shape (1,)."""
-    e = law.edges
-    if e is not None and e.sd_between is not None and e.sd_within is not None:
-        return np.array([np.hypot(e.sd_between, e.sd_within)])
+    if law.deviations:
+        return np.array([np.hypot(*law.deviations)])
     if law.residual_se is None:
         raise UsageError(
             f"the law of {law.response} has no residual standard error, so the scatter of a new edge is unknown; use "

@@ -150,6 +150,12 @@ class LawFields(Section):
         head = math.log(first) if self.logarithmic else first
         return np.array([head, *others, *(self.by.shifts.values() if self.by else ())])
 
+    @property
+    def deviations(self) -> tuple[float, float] | None:
+        """Standard deviations between and within edges; None where the file does not hold both."""
+        e = self.edges
+        return None if e is None or e.sd_between is None or e.sd_within is None else (e.sd_between, e.sd_within)
+
 
 _first_order = lru_cache(maxsize=256)(Formula)  # of first order, with nothing but names
 
