@@ -13,6 +13,7 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.errors import FitmodelsError, GateError, ParameterError, UsageError
+from ...datasets.plausibility.ranges import KC
 from ...parameters.checks.report import FileFinding, require_verdicts
 from ...parameters.exports.names import plain_lines
 from ...parameters.exports.view import export_view
@@ -34,7 +35,6 @@ WRONG: Final = 0.05  # share of draws
 HELD: Final = 0.04  # of the reference: deviation of the mean force at rest
 LIMITED: Final = 0.95  # of the upper limit of the feed: a mean command so near it rests on it
 PLAUSIBLE: Final = 1.5  # mm/rev: a larger feed is none of turning, where the nose radius is not known
-SPECIFIC: Final = (100.0, 30000.0)  # N/mm2, specific cutting force
 USUAL: Final = 1.5  # times the programmed feed
 _NEEDED: Final = "feed", "sample_time", "servo_time", "process_time", "force_per_feed"
 BRIDGED: Final = 1.25  # times the feed before: the law on the last valid reading, until a fault is found
@@ -211,11 +211,11 @@ def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
             f"{needed:.4g} mm/rev, outside the limits {control.low:.4g} to {control.high:.4g}: check the units "
             "of feed, force and force_per_feed.",
         )
-    if section.depth is not None and not SPECIFIC[0] < gain / section.depth < SPECIFIC[1]:
+    if section.depth is not None and not KC.hard[0] < gain / section.depth < KC.hard[1]:
         yield _failed(
             "units",
             f"force_per_feed over depth is a specific cutting force of {gain / section.depth:.4g} N/mm2, outside "
-            f"{SPECIFIC[0]:g} to {SPECIFIC[1]:g}: check the units of feed, force and depth.",
+            f"{KC.hard[0]:g} to {KC.hard[1]:g}: check the units of feed, force and depth.",
         )
     if not (TIMES["sample_time"][0] <= control.sample_time <= min(tc, ts) / 2):
         yield _failed(

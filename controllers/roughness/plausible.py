@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from ...core.errors import UsageError
-from ...datasets.plausibility.ranges import plausible
+from ...datasets.plausibility.ranges import KC, plausible
 from ...parameters.sections.force_control import ROUNDING
 from .plant import Cut
 from .reference import force_at, force_law_of, law_of, settings_of
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
     from ...parameters.sections.force_control import RoughnessSection
 
-KC_POSSIBLE: Final = (100.0, 30000.0)  # N/mm2, of turning
 TIMES_POSSIBLE: Final = (1e-3, 10.0)  # s, of servo and process
 HIGHEST_READING: Final = 20.0  # times the reference force: a valid reading beyond, of either sign, is refused
 AGREE: Final = (
@@ -40,7 +39,7 @@ def check_plausible(
     UsageError
         The specific force is not 100 to 30000 N/mm2, or a time constant not 1 ms to 10 s.
     """
-    low, high = KC_POSSIBLE
+    low, high = KC.hard
     if gain is not None and depth is not None and not low <= gain / depth <= high:
         raise UsageError(
             f"kc a {gain:.4g} N per mm/rev at a depth of {depth:g} mm is a specific force of {gain / depth:.3g} N/mm2, "

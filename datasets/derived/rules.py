@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from ..columns import NONE, Values
 from ..notes import Given, given_values
 from ..options import Process, ReadOptions
-from ..plausibility.ranges import process_of
+from ..plausibility.ranges import KC, process_of
 
 Array: TypeAlias = NDArray[np.float64]
 Number: TypeAlias = Array | float
 
 TORQUE = 60000 / (2 * pi)  # P in kW from M in N m and n in 1/min: P = M n/9549.2966
-KC = (500.0, 6000.0)  # N/mm2, usual specific cutting force
 LONG = 20_000.0  # mm: a cut length in turning above it is along the cut, at 50 to 1000 times the travel of the feed
 HALF = 0.5
 SOME = 10_000  # rows from which a convention is recognized
@@ -160,7 +159,7 @@ def fy_is_cutting(known: Known) -> bool:
         return False
     largest = np.mean((np.abs(Fy) >= np.maximum(np.abs(Fx), np.abs(Fz)))[full])  # the sign is that of an axis
     middle = np.median(Fy[full] / (f * d)[full])  # type: ignore[index]
-    return bool(largest > 0.9 and KC[0] <= middle <= KC[1])
+    return bool(largest > 0.9 and KC.usual[0] <= middle <= KC.usual[1])
 
 
 def known_of(data: dict[str, Values], notes: Iterable[str], options: ReadOptions) -> Known:

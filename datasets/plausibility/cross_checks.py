@@ -14,12 +14,10 @@ from ..draft import CORRECTS, Draft
 from ..options import ReadOptions
 from ..vocabulary import ROLES
 from .quantities import Quantity, table_process, take_unit, unit_factor
-from .ranges import FORCES, INCH, candidate_units
+from .ranges import FORCES, INCH, KC, candidate_units
 from .stray_values import places
 
-KC_USUAL = (500, 6000)  # N/mm2, steel and cast iron to hard metals and small chips
-KC_LIMITS = (250, 15000)
-KC_POSSIBLE = (100, 30000)
+KC_USUAL, KC_LIMITS, KC_POSSIBLE = KC.usual, KC.unusual, KC.hard
 RISE, KC_OF_1_MM = 0.25, 250  # usual exponent of the thickness; N/mm2 at a chip of 1 mm, 350 of soft aluminium
 LARGEST_DRILL = 32.0  # mm: workpieces that are turned are larger
 ROUGHNESS_LIMITS = (2.0, 15)  # Rz/Ra; usual 3 to 10

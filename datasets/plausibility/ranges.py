@@ -42,6 +42,7 @@ _FORCE = {
 _DIAMETER = {"any": _row(1, 1000, 0.05, 5000, 0, 30000)}
 MOST_WEAR = 5.0  # mm
 _WEAR = {"any": _row(0.02, 0.6, 0.01, 1, 0, MOST_WEAR), "grinding": _row(0.001, 0.6, 0.0002, 1, 0, MOST_WEAR)}
+KC = _row(500, 6000, 250, 15000, 100, 30000)  # N/mm2, steel and cast iron to hard metals and small chips
 _TIME = {"any": _row(0.2, 120, 0.02, 600, 0, 1e5)}
 FORCES = ("Fx", "Fy", "Fz", "Fxz", "Fc", "Ff", "Fp", "F")
 

@@ -16,7 +16,7 @@ from ...core.errors import FitError
 from ...core.rounding import format_decimal
 from ...datasets import Runs
 from ...datasets.options import Process
-from ...datasets.plausibility.ranges import Plausible, plausible
+from ...datasets.plausibility.ranges import KC, Plausible, plausible
 from ...datasets.vocabulary import ROLES, WEAR
 from ..available import NotAvailable
 from ..lawfit import LawFit
@@ -168,7 +168,7 @@ def _slope(law: LawFit) -> Check:
 
 
 FAR = 2.0  # times the limit of the unusual that the largest prediction may reach
-KC_USUAL, KC_UNUSUAL, KC_HARD = (500, 6000), (250, 15000), (100, 30000)  # N/mm2
+KC_USUAL, KC_UNUSUAL, KC_HARD = KC.usual, KC.unusual, KC.hard
 
 
 def possible_values(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable:
