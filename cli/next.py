@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.vocabulary import FLANK_WEAR, USUAL_CRITERION
 from .arguments import Parser, seed
 from .numbers import criterion, values
 from .options import read, reading_options
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from ..fit.decisions import Decision
 
 TIMES_LONGER = 3.0  # longest of further tests over the longest so far, unless given
-CRITERION = 0.3  # mm, ISO 3685
 MOST = 12  # pairs that are listed
 SET = 4  # digits of a setting of the machine
 DELTA = (
@@ -226,7 +226,7 @@ def _decision(law: "LawFit", args: argparse.Namespace) -> "tuple[Decision | None
     from ..fit.decisions import cost_decision, life_decision, limit_decision
 
     at = values(args.at, "--at")
-    criterion = CRITERION if args.criterion is None else args.criterion
+    criterion = USUAL_CRITERION if args.criterion is None else args.criterion
     if args.decision == "cost":
         return cost_decision(law, values(args.cost.split(","), "--cost"), criterion, at), ""
     if args.decision == "life":
@@ -241,7 +241,6 @@ def _decision(law: "LawFit", args: argparse.Namespace) -> "tuple[Decision | None
 def _decision_on_life(law: "LawFit", criterion: float, at: dict[str, float]) -> "tuple[Decision | None, str]":
     """The decision on tool life, or none with the reason."""
     from ..core.errors import FitError
-    from ..datasets.vocabulary import FLANK_WEAR
     from ..fit.decisions import life_decision
 
     if law.response not in ("T", *FLANK_WEAR):
@@ -293,7 +292,7 @@ def _durations(law: "LawFit", args: argparse.Namespace, table: "pd.DataFrame", l
     from ..fit import tool_life
 
     try:
-        life = tool_life(law, CRITERION if args.criterion is None else args.criterion)
+        life = tool_life(law, USUAL_CRITERION if args.criterion is None else args.criterion)
     except FitError:  # no law of wear over time
         return np.full(len(table), longest)
     names = [str(name) for name in life.coefficients.index[1:]]

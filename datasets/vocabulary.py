@@ -21,6 +21,7 @@ __all__ = [
     "MEASURED",
     "ROLES",
     "UNNAMED",
+    "USUAL_CRITERION",
     "WEAR",
     "Role",
     "fits",
@@ -37,6 +38,7 @@ Kind = Literal["condition", "time", "wear", "load", "surface", "other", "label"]
 FLANK_WEAR = ("AW", "VB")  # average and width of the flank, the wear of laws of wear and of tool life
 WEAR = (*FLANK_WEAR, "VBC", "VBN")  # and of nose and notch
 MEASURED: tuple[Kind, ...] = ("wear", "load", "surface")  # kinds of the responses of a test
+USUAL_CRITERION = 0.3  # mm, average flank wear at the end of tool life (ISO 3685)
 MARK = " mark"  # "VB mark" is the column of the marked values of VB (<0.05, 0.24*)
 UNNAMED = {"tool": "unnamed-tool", "work": "unnamed-work"}  # names where the file gives none
 

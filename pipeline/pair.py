@@ -14,7 +14,7 @@ from ..core.rounding import count, format_plain
 from ..core.suggestions import did_you_mean
 from ..core.verdict import LEVELS, MARKS, USABLE
 from ..datasets import Runs
-from ..datasets.vocabulary import FLANK_WEAR
+from ..datasets.vocabulary import FLANK_WEAR, USUAL_CRITERION
 from ..fit.available import computed
 from .options import FitOptions
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ..parameters import ParameterFile
 
 MOST_ROWS = 200_000  # of a law whose posterior is drawn by default
-USUAL_CRITERION = 0.3  # mm, average flank wear of ISO 3685
 
 USER_ERRORS = (OSError, UsageError, DataError)  # end the run; other errors cost one result only
 

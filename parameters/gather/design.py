@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.rounding import label_of
+from ...datasets.vocabulary import USUAL_CRITERION
 from ..sections.base import Section
 from ..sections.law import LawSection
 from ..sections.origin import FEW
@@ -29,7 +30,6 @@ Index = NDArray[np.intp]
 GLANCE = 4096  # changes compared first: most measured columns show more than FEW levels there
 SAME = 1e-9  # of a factor's largest: what a setting may differ by within an edge
 NAMED = 10  # short edges that are named
-ISO_3685 = 0.3  # mm, average flank wear
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +130,7 @@ def criterion_of(
     """The wear criterion of a file: that of its tool life, or of its limits."""
     if life is not None:
         value = float(life["criterion"])
-        usual = "" if value != ISO_3685 else "average flank wear of ISO 3685"
+        usual = "" if value != USUAL_CRITERION else "average flank wear of ISO 3685"
         source = "as given" if "criterion" in options else usual
         return {"wear": life["wear"], "value": value, "unit": life["unit_of_wear"], "source": source}
     wear = (limits or {}).get("wear")
