@@ -4,11 +4,10 @@ import shlex
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from ..datasets.options import BY_ROLE, OF_ROWS
 from .project import Entry
 
 FLAGS: Final = ("--hidden",)
-BY_ROLE: Final = ("--map", "--unit", "--range", "--value", "--form")  # once for each role
-OF_ROWS: Final = ("--correct", "--leave-out")  # once for each target
 OF_FITTING: Final = ("--law", "--error", "--criterion", "--gauge-sd", "--form", "--by")
 OF_RECORD: Final = ("--input", "--output", "--reference", "--time", "--rate", "--sample-time", "--resample")
 OF_OUTPUT: Final = ("--force", "--out", "--full", "--quiet", "--json")

@@ -13,12 +13,13 @@ from markupsafe import Markup, escape
 from ..core.errors import UsageError
 from ..datasets.corrections import parse_correction
 from ..datasets.edges.assignment import EDGE_WORDS
+from ..datasets.options import BY_ROLE, OF_ROWS
 from ..datasets.units import SPELLINGS, canonical, same_dimension
 from ..datasets.vocabulary import ROLES
 from .cells import MOST, Cells, lines_in
 from .command_words import with_points
 from .messages import FIELDS
-from .options import BY_ROLE, OF_ROWS, pairs
+from .options import pairs
 
 LABELS = {option.removeprefix("--"): label for option, (label, _) in FIELDS.items()}
 UNNAMED = ("several", "unnamed-tool", "unnamed-work")

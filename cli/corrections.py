@@ -5,13 +5,12 @@ import shlex
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from ..datasets.options import BY_ROLE, OF_ROWS
 from .arguments import typed
 
 if TYPE_CHECKING:
     from ..datasets import Runs
 
-BY_ROLE = ("--map", "--unit", "--range", "--value", "--form")  # given once for each role
-OF_ROWS = ("--correct", "--leave-out")  # given once for each target
 SINGLE = ("--tool", "--work", "--edge", "--process", "--decimal", "--delimiter", "--sheet")
 OPTION = re.compile(
     r"""--(?:map|unit|range|value|correct|leave-out|edge|process|decimal|sheet) """

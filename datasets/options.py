@@ -11,6 +11,8 @@ from ..core.errors import UsageError
 
 DecimalMark: TypeAlias = Literal["point", "comma"]
 Process: TypeAlias = Literal["turning", "milling", "drilling", "grinding"]
+BY_ROLE = ("--map", "--unit", "--range", "--value", "--form")  # options of the command, given once for each role
+OF_ROWS = ("--correct", "--leave-out")  # and once for each target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
