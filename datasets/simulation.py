@@ -16,9 +16,9 @@ from ..core.files import write_whole
 from ..core.text import printable, spreadsheet_cell
 from .design import round_significant
 from .tables.numerals import parse_number
+from .vocabulary import ROLES
 
 MOST_ROWS = 10_000_000
-USUAL_UNITS = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
 
 Floats = NDArray[np.float64]
 
@@ -240,7 +240,8 @@ def simulate(
     edge, row = np.nonzero(keep)
     frame = design[["edge", *carried]].iloc[edge].reset_index(drop=True)
     frame = frame.assign(t=t[row], **{name: values[edge, row] for name, values in written.items()})
-    frame.attrs = {"units": {**USUAL_UNITS, **{law.response: law.unit for law in laws}}}
+    usual = {symbol: ROLES[symbol].unit for symbol in ("V", "f", "d", "t")}
+    frame.attrs = {"units": usual | {law.response: law.unit for law in laws}}
     return frame
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...datasets.region import ROUNDING, SLACK
-from ...datasets.vocabulary import FLANK_WEAR
+from ...datasets.vocabulary import FLANK_WEAR, ROLES
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from .design import factor_ranges, middle
@@ -14,7 +14,6 @@ from .numbers import LEVEL, t_quantile
 from .parts import FactorRangePart, LeverageSpacePart, ProfiledLawPart, ProfiledRegionPart, ProfilerPart
 
 ROW, ON_NEW_EDGE = "one new observation", "one new observation on a new edge"
-TURNING = {"V": "m/min", "f": "mm/rev", "d": "mm"}
 MILLING = ("fz", "fm", "ae", "n")  # with one of these, V f d is no removal rate
 
 Value = tuple[float, float | None, float | None]
@@ -238,4 +237,4 @@ def _removes(pf: ParameterFile, sliders: tuple[FactorRangePart, ...]) -> bool:
     units = {f.symbol: f.unit for f in sliders}
     known = {f.symbol for f in pf.design.factors} if pf.design else set()
     milling = known.intersection(MILLING) or pf.load_line or pf.adaptive_force
-    return not milling and all(units.get(symbol) == unit for symbol, unit in TURNING.items())
+    return not milling and all(units.get(symbol) == ROLES[symbol].unit for symbol in ("V", "f", "d"))

@@ -14,7 +14,7 @@ from ..recursion.laws import Times
 from ..region.curved import Limit, curved_conflict
 from ..region.half_planes import SAME, HalfPlane, conflict_sentence
 from ..region.limits import MachineRange
-from ..region.log_planes import CutSetting, ratio
+from ..region.log_planes import USUAL, CutSetting, ratio
 from ..region.operating_point import limit_names, ln, plain
 from ..region.surfaces import Surface
 from .age_replacement import ChangeInterval, Distribution, change_interval
@@ -311,10 +311,10 @@ def _beyond(problem: PartProblem, pair: Mapping[str, float], life: float) -> tup
     """What of a pair and of the depth lies outside the tests of the law of the life, and of the depths of the file."""
     out = []
     law, longest = problem.source.law, problem.source.longest
-    units, values = {"V": "m/min", "f": "mm/rev", "d": "mm"}, {**pair, "d": problem.setting.d}
+    values = {**pair, "d": problem.setting.d}
     tested = {
-        factor.symbol: (factor.low * ratio(factor.unit, units[factor.symbol]),
-                        factor.high * ratio(factor.unit, units[factor.symbol]))
+        factor.symbol: (factor.low * ratio(factor.unit, USUAL[factor.symbol]),
+                        factor.high * ratio(factor.unit, USUAL[factor.symbol]))
         for factor in law.factors if factor.symbol in pair
     }  # fmt: skip
     if (depths := tested_depths(problem.pf)) is not None:
@@ -322,7 +322,7 @@ def _beyond(problem: PartProblem, pair: Mapping[str, float], life: float) -> tup
     for symbol, (low, high) in tested.items():
         if not low * (1 - SAME) <= values[symbol] <= high * (1 + SAME):
             ends = f"{low:g} to {high:g}" if low < high else f"{low:g} alone"
-            out.append(f"{symbol} {values[symbol]:.4g} {units[symbol]} (tested {ends})")
+            out.append(f"{symbol} {values[symbol]:.4g} {USUAL[symbol]} (tested {ends})")
     if longest is not None and life > longest * (1 + SAME):
         out.append(f"life {life:.3g} min (longest test {longest:g} min)")
     return tuple(out)

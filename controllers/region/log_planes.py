@@ -16,7 +16,7 @@ from ...core.arrays import Array, is_positive
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...datasets.units import canonical, convert
-from ...datasets.vocabulary import FLANK_WEAR
+from ...datasets.vocabulary import FLANK_WEAR, ROLES
 from .half_planes import SAME
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 STAND_IN = {"n": ("V", "D=80"), "fz": ("f", "z=4"), "fm": ("f", "n=1000")}  # factors that stand for V and f in a law
-USUAL = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
+USUAL = {symbol: ROLES[symbol].unit for symbol in ("V", "f", "d", "t")}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
