@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import UsageError
-from ..core.rounding import count
+from ..core.rounding import count, listed
 from .arguments import Parser
 from .numbers import constants, pairs, values
 from .output import Printer, output_options, print_json
@@ -164,7 +164,7 @@ def _and_more(n: int, most: int | None) -> list[str]:
 def _named(names: list[str], of: int) -> str:
     if len(names) == of:
         return "every record"
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    return listed(names, 3)
 
 
 def _facts(found: "Reduction", out: Path, kept: Path) -> dict[str, object]:

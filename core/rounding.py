@@ -1,6 +1,7 @@
-"""Numbers as text, rounded by their uncertainty."""
+"""Numbers as text, rounded by their uncertainty, and names in a sentence."""
 
 import math
+from collections.abc import Sequence
 from numbers import Integral, Real
 
 PLAIN = 1e5  # from here on a number without an uncertainty has an exponent
@@ -97,6 +98,24 @@ def count(n: int, what: str, several: str = "") -> str:
     ('1 row', '0 edges', '2 analyses')
     """
     return f"{n} {what}" if n == 1 else f"{n} {several or f'{what}s'}"
+
+
+def listed(names: Sequence[str], most: int = 6) -> str:
+    """The names with commas, of many the first and the number of the others.
+
+    >>> listed(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def join_words(names: Sequence[str]) -> str:
+    """All names, the last after ``and``.
+
+    >>> join_words(["a", "b", "c"]), join_words(["a"]), join_words([])
+    ('a, b and c', 'a', '')
+    """
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)
 
 
 def with_error(value: float, error: float | None, unit: str = "") -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import DataError
+from ..core.rounding import listed
 from .columns import ColumnUse, Values
 from .derived.rules import Derived
 from .doubts import Doubt
@@ -320,11 +321,10 @@ def _note_bounds(draft: Draft, marks: Sequence[tuple[int, Mark]]) -> None:
 def _left_out(draft: Draft, role: str, marks: Sequence[tuple[int, Mark]]) -> str:
     """Sentence on marked numbers that no fit uses."""
     cells = [f"line {draft.lines[row]} {mark.text!r}" for row, mark in marks]
-    listed = ", ".join(cells[:4]) + (f" and {len(cells) - 4} more" if len(cells) > 4 else "")
     kinds = ", ".join(dict.fromkeys(_WORDS[mark.sign] for _, mark in marks))
     n = len(cells)
     values = f"{n} marked value{'s' * (n > 1)} ({kinds}) {'are' if n > 1 else 'is'}"
-    return f"{role}: {values} left out of the fit and kept as {mark_column(role)!r}: {listed}"
+    return f"{role}: {values} left out of the fit and kept as {mark_column(role)!r}: {listed(cells, 4)}"
 
 
 def _factor(column: Column, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:

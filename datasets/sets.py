@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..core.bounded import sha256_of
 from ..core.errors import DataError, UsageError
+from ..core.rounding import join_words
 from ..core.suggestions import did_you_mean
 
 GITHUB = "https://raw.githubusercontent.com"
@@ -254,8 +255,7 @@ def _checked(place: Path, files: Iterable[PublicFile]) -> Path:
 
 
 def _listed_files(name: str, files: Iterable[PublicFile]) -> str:
-    *rest, last = [f"{name}/{file.name}" for file in files]
-    return f"{', '.join(rest)} and {last}" if rest else last
+    return join_words([f"{name}/{file.name}" for file in files])
 
 
 def _short(error: Exception) -> str:

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.errors import DataError
+from ..core.rounding import listed
 from .doubts import Doubt
 from .headers import parse_header
 from .notes import FileCondition, conditions_of_file, pair_name
@@ -93,14 +94,14 @@ def joined_tables(tables: Sequence[Table], path: Path, others: Sequence[str] = (
     _refuse_misfits(parts, keys, given)
     doubts: list[Doubt] = []
     columns = [_stacked(key, parts, number, doubts) for number, key in enumerate(keys, start=1)]
-    said = [f"{len(parts)} files are read as one table: {_some([part.name for part in parts])}"]
+    said = [f"{len(parts)} files are read as one table: {listed([part.name for part in parts], _LISTED)}"]
     if given:
         columns += [_stacked(role, parts, len(keys) + i, doubts) for i, role in enumerate(given, start=1)]
     said += _places(parts)
     doubts += _copies(columns, parts)
     columns, named = _with_edges(columns, parts)
     columns, pairs = _with_pairs(columns, parts)
-    warnings = [f"Not read in {path.name}: {_some(list(others))}."] if others else []
+    warnings = [f"Not read in {path.name}: {listed(list(others), _LISTED)}."] if others else []
     return Table(
         path=path,
         sha256=sha256("".join(f"{p.name}\0{p.table.sha256}\n" for p in parts).encode()).hexdigest(),
@@ -209,7 +210,10 @@ def _stacked(key: str, parts: Sequence[_Part], number: int, doubts: list[Doubt])
         at += n
     if unitless and canonical(unit) != role_unit(role):
         doubts.append(
-            Doubt((key,), f"{key} has no unit in {_some(unitless)} and is taken in {unit}, as in the other files")
+            Doubt(
+                (key,),
+                f"{key} has no unit in {listed(unitless, _LISTED)} and is taken in {unit}, as in the other files",
+            )
         )
     every = np.concatenate(values)
     count = sum(column.bad_count for column in own if column is not None)
@@ -347,7 +351,8 @@ def _with_pairs(columns: list[Column], parts: Sequence[_Part]) -> tuple[list[Col
             continue
         texts = np.repeat(np.array(names, dtype=object), [part.table.n_rows for part in parts])
         added.append(Column(0, role, "", texts, False))
-        said.append(f"{role} is read from the notes of each file: {_some(list(dict.fromkeys(n for n in names if n)))}")
+        known = listed(list(dict.fromkeys(filter(None, names))), _LISTED)
+        said.append(f"{role} is read from the notes of each file: {known}")
     return [*columns, *added], said
 
 
@@ -378,7 +383,3 @@ def _by_file(parts: Sequence[_Part], name: str) -> list[str]:
 
 def _natural(name: str) -> list[tuple[int, int | str]]:
     return [(0, int(text)) if text.isdecimal() else (1, text.casefold()) for text in re.split(r"(\d+)", name) if text]
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.rounding import listed
 from ...datasets.tables.workbook import SUFFIXES
 
 PARQUET = (".parquet", ".pq", ".parq")
@@ -27,9 +28,7 @@ def some_names(names: Iterable[str]) -> str:
     >>> some_names(["a", "b"]), some_names("abcde")
     ('a, b', 'a, b, c and 2 more')
     """
-    names = list(names)
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return ", ".join(names[:SHOWN]) + more
+    return listed(list(names), SHOWN)
 
 
 STREAMED = 8  # a pair of more rows than eight blocks is streamed: two millions by default

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import ParameterError
-from ...core.rounding import count
+from ...core.rounding import count, join_words
 from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
 from .design import at_words, middle, reference
@@ -88,15 +88,6 @@ def _of_law(law: LawSection) -> str:
         f"{where}, {law.response} is {quantity(value)}; {percent(p.level).text} % prediction interval {new}: "
         f"{low.text} to {quantity(high)}."
     )
-
-
-def join_words(names: list[str]) -> str:
-    """``a, b and c``.
-
-    >>> join_words(["a", "b", "c"]), join_words(["a"]), join_words([])
-    ('a, b and c', 'a', '')
-    """
-    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)
 
 
 def intended(pf: ParameterFile) -> tuple[str, ...]:

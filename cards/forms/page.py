@@ -13,13 +13,12 @@ from markupsafe import Markup
 from ...core.display import Display, Displayable, TextTable
 from ...core.errors import UsageError
 from ...core.files import write_whole
-from ...core.rounding import format_plain, format_rounded, with_unit
+from ...core.rounding import format_plain, format_rounded, join_words, with_unit
 from ...core.suggestions import did_you_mean
 from ...core.text import printable
 from ...fit import LawFit
 from ...parameters import ParameterFile, collect, read
 from ..content.card import Card, compose
-from ..content.guidance import join_words
 from ..content.numbers import ends_words, quantity
 from ..content.parts import FactorRangePart, ProfilerPart
 from ..content.profiler import Value, inside, profile, profile_all

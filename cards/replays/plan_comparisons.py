@@ -1,6 +1,6 @@
 """Comparisons of a plan of turning: other readings of the paper, best sequence, exact optimum, fixed pair, cost."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,7 @@ from ...controllers.recursion.laws import Rules, WearRule
 from ...controllers.recursion.life import Life, apply_plan, best_fixed, life_ratios, whole_life
 from ...controllers.recursion.plan import Plan
 from ...controllers.recursion.sequence import BestSequence, best_sequence
+from ...core.rounding import join_words
 
 if TYPE_CHECKING:
     from ...parameters.sections.costs import CostsSection
@@ -61,7 +62,7 @@ def _by_state(life: Life) -> str:
         for name, terms in life.laws.limited
     ]
     end = _lasts(held) if len(held.time) < count else "as long"
-    taken = f", with peaks of {listed(peaks)}" if peaks else ""
+    taken = f", with peaks of {join_words(peaks)}" if peaks else ""
     return f"On edges that wear by the wear state this plan lasts {end}{taken}."
 
 
@@ -91,7 +92,7 @@ def _wrong_times(life: Life, alternative: Life) -> str:
     peaks = [
         f"{rounded(float(values[name].max()))} {terms.unit}" for name, terms in life.laws.limited if len(taken.time)
     ]
-    return f" Without the time factors, the plan that uses them reaches {listed(peaks)}." if peaks else ""
+    return f" Without the time factors, the plan that uses them reaches {join_words(peaks)}." if peaks else ""
 
 
 def best_of(life: Life) -> dict[WearRule, tuple[Life, BestSequence]]:
@@ -162,7 +163,7 @@ def fixed_lines(life: Life) -> list[str]:
         f"{fixed.minutes:.1f} min and removes {metal(fixed.removed)}, {metal(fixed.per_minute)} per min: the "
         f"plan removes {ratio.per_minute:.2f} times as much per minute and {ratio.removed:.2f} times as much "
         "per edge"
-        f"{f'; peaks of the fixed pair: {listed(compared)}' if compared else ''}."
+        f"{f'; peaks of the fixed pair: {join_words(compared)}' if compared else ''}."
     ]
 
 
@@ -217,8 +218,3 @@ def metal(volume: float) -> str:
 def rounded(value: float) -> str:
     """A force to the newton, a power to three digits."""
     return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names with an ``and`` before the last."""
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 2 else names)

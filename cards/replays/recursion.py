@@ -13,6 +13,7 @@ from ...controllers.recursion.interval_optimum import not_convex
 from ...controllers.recursion.laws import Rules
 from ...controllers.recursion.life import Life, no_pair, whole_life
 from ...controllers.recursion.plan import ENDS, Plan, PlanOptions, PlanRow, intervals_in, plan_of
+from ...core.rounding import join_words
 from . import Replayed
 from .plan_comparisons import (
     best_of,
@@ -22,7 +23,6 @@ from .plan_comparisons import (
     fixed_facts,
     fixed_lines,
     greedy_lines,
-    listed,
     metal,
     reading_lines,
     rounded,
@@ -141,7 +141,7 @@ def _binding(life: Life) -> str:
     parts, k = [], 0
     for stops, group in groupby(life.stops):
         n = len(list(group))
-        parts.append(f"{listed([ENDS.get(stop, stop) for stop in stops]) or 'none'} in {_span(life, k, k + n)}")
+        parts.append(f"{join_words([ENDS.get(stop, stop) for stop in stops]) or 'none'} in {_span(life, k, k + n)}")
         k += n
     return f"Active limits: {'; '.join(parts)}."
 
@@ -153,7 +153,7 @@ def _end(life: Life) -> str:
     reached = f"At the end {wear.response} is {life.AW[-1]:.3g} {wear.unit}"
     if breaks["wear"].all():
         return f"{reached}; every pair of the grid would exceed {criterion} in the next interval."
-    others = listed([name for name, broken in breaks.items() if name != "wear" and broken.any()])
+    others = join_words([name for name, broken in breaks.items() if name != "wear" and broken.any()])
     return f"{reached}; the pairs that keep it below {criterion} in the next interval exceed the limits of {others}."
 
 

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.rounding import join_words
 from ..columns import NONE, Values
 from ..notes import Given, given_values
 from ..options import Process, ReadOptions
@@ -221,8 +222,8 @@ def _computed(rule: Rule, known: Known, names: dict[str, str]) -> Derived:
     others = [str(known.given[role]) for role in rule.inputs if role in known.given]
     computed = [role for role in rule.inputs if role in known.data and role not in names]
     of = "column" if len(columns) == 1 else "columns"
-    parts = [f"{of} {_listed(columns)}"] * bool(columns) + computed + others
-    listed = f"{parts[0]}, and {_listed(parts[1:])}" if len(columns) > 1 and parts[1:] else _listed(parts)
+    parts = [f"{of} {join_words(columns)}"] * bool(columns) + computed + others
+    listed = f"{parts[0]}, and {join_words(parts[1:])}" if len(columns) > 1 and parts[1:] else join_words(parts)
     sentence = f"{rule.equation}, computed from {listed}"
     if rule.formula.startswith("lf/(1000"):
         sentence += "; lengths of so many metres are along the cut, not along the feed"
@@ -233,7 +234,7 @@ def _computed(rule: Rule, known: Known, names: dict[str, str]) -> Derived:
     if isinstance(value, np.ndarray):
         known.data[rule.role] = np.where(np.isfinite(value), value, np.nan)
     else:
-        known.given[rule.role] = Given(rule.role, float(value), f"{rule.formula}, {_listed(others)}")
+        known.given[rule.role] = Given(rule.role, float(value), f"{rule.formula}, {join_words(others)}")
     return Derived(rule.role, rule.equation, rule.inputs, sentence)
 
 
@@ -246,7 +247,3 @@ def _not_thrust(known: Known) -> str:
     if largest == "Fy":
         return ""
     return f"; it is the thrust only where Fy is the cutting force, and {largest} is the largest of the three here"
-
-
-def _listed(words: list[str]) -> str:
-    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else "".join(words)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.rounding import format_decimal
+from ...core.rounding import format_decimal, listed
 from ..doubts import Doubt
 from ..draft import Draft, correction
 from ..vocabulary import ROLES
@@ -198,7 +198,7 @@ def _doubt(draft: Draft, tests: _Tests, response: str, shifts: list[_Shift]) -> 
     places = np.flatnonzero(tests.good)[tests.first[shifts[0].edges]]
     with_edges = "edge" in draft.data
     names = [str(draft.data["edge"][row]) if with_edges else str(draft.lines[row]) for row in places]
-    named = ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
+    named = listed(names, LISTED)
     ways = []
     for one in shifts:
         x = np.exp(tests.settings[one.role][one.edges])

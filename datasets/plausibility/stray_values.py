@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.rounding import format_decimal
+from ...core.rounding import format_decimal, listed
 from ..doubts import Doubt
 from ..draft import Draft, correction, whole_edges
 from ..options import Process, ReadOptions
@@ -70,7 +70,7 @@ def _without_impossible(draft: Draft, role: str, values: Array, process: Process
     kept[wrong] = np.nan
     unit, low, high = ROLES[role].unit, *map(format_decimal, ranges.usual)
     sentence = (
-        f"{places(draft, wrong)}: {role} {listed(values[wrong])} {unit} cannot be (usual {low} to {high}) "
+        f"{places(draft, wrong)}: {role} {numbers(values[wrong])} {unit} cannot be (usual {low} to {high}) "
         f"and is left out"
         f"{_cause(float(values[wrong[0]]), kept)}"
     )
@@ -100,7 +100,7 @@ def _doubt_far(draft: Draft, role: str, values: Array) -> None:
             per = " at its feed and depth" if section is not None else ""
             moved = _cause(float(far), size[~beyond], 1.0 if section is None else float(section[row[0]]))
             sentence = (
-                f"{places(draft, row)}: {role} {listed(values[row])} {ROLES[role].unit} is far from all other rows"
+                f"{places(draft, row)}: {role} {numbers(values[row])} {ROLES[role].unit} is far from all other rows"
                 f"{per}, which hold {range_of_rest}{moved}"
             )
             _add(draft, role, row, sentence, _to_a_level(float(far), rest) if kind == "condition" else None)
@@ -214,8 +214,8 @@ def _shifted_levels(role: str, levels: Array, counts: NDArray[np.intp], *, exact
 def _add_shifted(draft: Draft, role: str, rows: NDArray[np.intp], moved: Array, kept: Array, factor: float) -> None:
     way = f"times {factor:.4g}" if factor > 1 else f"divided by {1 / factor:.4g}"
     sentence = (
-        f"{places(draft, rows)}: {role} {listed(moved)} {ROLES[role].unit} {way} are levels of the other rows "
-        f"({listed(kept)}): another unit or decimal mark in these rows"
+        f"{places(draft, rows)}: {role} {numbers(moved)} {ROLES[role].unit} {way} are levels of the other rows "
+        f"({numbers(kept)}): another unit or decimal mark in these rows"
     )
     _add(draft, role, rows, sentence, factor)
 
@@ -242,7 +242,7 @@ def _doubt_group(draft: Draft, role: str, values: Array) -> None:
                 rows = np.flatnonzero(outside)
                 way = "divided by" if power < 0 else "times"
                 sentence = (
-                    f"{places(draft, rows)}: {role} {listed(values[rows])} {ROLES[role].unit} {way} {factor:g} would "
+                    f"{places(draft, rows)}: {role} {numbers(values[rows])} {ROLES[role].unit} {way} {factor:g} would "
                     f"lie among the other rows: these rows may be in {units}"
                 )
                 _add(draft, role, rows, sentence, factor**power)
@@ -271,8 +271,8 @@ def _doubt_single(draft: Draft, role: str, values: Array, levels: Array, counts:
         return
     rows = np.flatnonzero(values == once[0])
     sentence = (
-        f"{places(draft, rows)}: {role} {listed(values[rows])} {ROLES[role].unit} occurs once, "
-        f"every other row holds one of {listed(several)}"
+        f"{places(draft, rows)}: {role} {numbers(values[rows])} {ROLES[role].unit} occurs once, "
+        f"every other row holds one of {numbers(several)}"
     )
     _add(draft, role, rows, sentence)
 
@@ -290,14 +290,12 @@ def places(draft: Draft, rows: NDArray[np.intp]) -> str:
     """Edges of some rows, where they are all rows of these, or else their lines, in words."""
     edges = whole_edges(draft, rows) if len(rows) > 1 else []
     if edges:
-        more = f" and {len(edges) - MOST_EDGES} more" if len(edges) > MOST_EDGES else ""
-        return f"edge{'s' * (len(edges) > 1)} {', '.join(edges[:MOST_EDGES])}{more}"
-    lines = draft.lines[rows].tolist()
-    named = ", ".join(map(str, lines[:LISTED])) + (f" and {len(lines) - LISTED} more" if len(lines) > LISTED else "")
-    return f"line {named}" if len(lines) == 1 else f"lines {named}"
+        return f"edge{'s' * (len(edges) > 1)} {listed(edges, MOST_EDGES)}"
+    lines = [str(line) for line in draft.lines[rows]]
+    return f"line{'s' * (len(lines) != 1)} {listed(lines, LISTED)}"
 
 
-def listed(values: Array) -> str:
+def numbers(values: Array) -> str:
     """The first values in words."""
     shown = ", ".join(format_decimal(float(v)) for v in values[: LISTED + 3])
     return shown + (", ..." if len(values) > LISTED + 3 else "")

@@ -18,7 +18,7 @@ from ..units import canonical, is_unit, same_dimension
 from ..vocabulary import MEASURED, ROLES, role_of, role_within, understood_unit
 from .quantities import table_process, unit_factor
 from .ranges import plausible
-from .stray_values import listed
+from .stray_values import numbers
 
 SAMPLE = 20000  # rows looked at
 FEWEST, FEWEST_TESTS = 6, 12
@@ -187,12 +187,12 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
         if role is None and _is_set(draft, values, levels, edges) and not _OTHER_WORDS.search(use.name):
             role = _valued_like(draft, column, levels, process, options)
         if role is None and (_ANONYMOUS.fullmatch(use.name) or is_unit(use.name)):
-            sentence = f"column {column.number} {column.name!r} is not used; it varies ({listed(values)})"
+            sentence = f"column {column.number} {column.name!r} is not used; it varies ({numbers(values)})"
             draft.doubts.append(Doubt((column.name or f"col{column.number}",), sentence))
         elif role is not None and role not in taken:
             taken.add(role)
             sentence = (
-                f"column {column.name!r} varies between the tests ({listed(levels)}) and is not used; "
+                f"column {column.name!r} varies between the tests ({numbers(levels)}) and is not used; "
                 f"it may be the {ROLES[role].quantity} {role}"
             )
             draft.doubts.append(Doubt((column.name,), sentence, f'--map "{role}=col{column.number}"'))

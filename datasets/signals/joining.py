@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.errors import DataError, UsageError
-from ...core.rounding import count
+from ...core.rounding import count, listed
 from ...core.suggestions import closest
 from ..headers import parse_header
 from ..records.columns import DAY, clock_seconds, heads
@@ -306,7 +306,7 @@ def count_mismatch(plan: Plan, found: Sequence[tuple[str, int, int]], how: str, 
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+    return listed(names, 8)
 
 
 def duration_remarks(plan: Plan, durations: Array) -> dict[int, str]:

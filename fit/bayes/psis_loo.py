@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import FitError, UsageError
+from ...core.rounding import listed
 from ..available import NotAvailable
 
 TAIL_SHARE, TAIL_ROOT = 0.2, 3.0  # M = min(0.2 S, 3 sqrt(S)): sec. 2.3 there
@@ -238,10 +239,9 @@ class LeaveOut(Displayable):
         found = f"LOO by edge: elpd {self.elpd:.1f}{error} over {G} edges, effective parameters {self.p_eff:.1f}."
         if not doubtful:
             return found
-        named = ", ".join(doubtful[:NAMED]) + (f" and {len(doubtful) - NAMED} more" if len(doubtful) > NAMED else "")
         return (
-            f"{found} Unreliable for {named} (k-hat up to {np.nanmax(self.k_hat):.2f}, above {K_HAT:g}): "
-            f"refit without {'it' if len(doubtful) == 1 else 'them'}."
+            f"{found} Unreliable for {listed(doubtful, NAMED)} (k-hat up to {np.nanmax(self.k_hat):.2f}, above "
+            f"{K_HAT:g}): refit without {'it' if len(doubtful) == 1 else 'them'}."
         )
 
 

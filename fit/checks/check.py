@@ -9,7 +9,7 @@ from pandas import DataFrame
 
 from ...core.display import Displayable, TextTable
 from ...core.errors import UsageError
-from ...core.rounding import format_plain, p_value
+from ...core.rounding import format_plain, listed, p_value
 from ...core.verdict import MARKS
 from ..available import NotAvailable
 
@@ -89,7 +89,6 @@ SYMBOLS: Mapping[str, str] = MappingProxyType({  # of statistics, as tables show
     "z of lag-1 correlation": "z",
 })  # fmt: skip
 UNTESTABLE = "not testable"
-LISTED = 6  # names in a sentence
 BY_EDGE = ("order within edges", "even scatter of edges", "normality of edges")  # not applicable to independent rows
 
 
@@ -153,15 +152,6 @@ def lines_of(lines: Sequence[int]) -> str:
     ('line 5', 'lines 5, 7')
     """
     return f"line{'' if len(lines) == 1 else 's'} {listed(list(map(str, lines)))}"
-
-
-def listed(names: Sequence[str], most: int = LISTED) -> str:
-    """The names with commas, of many the first and the number of the others.
-
-    >>> listed(["a", "b", "c"], 2)
-    'a, b and 1 more'
-    """
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)

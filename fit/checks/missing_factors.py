@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
-from ...core.rounding import format_plain, label_of
+from ...core.rounding import format_plain, join_words, label_of
 from ...datasets import Runs
 from ...datasets.units import is_unit
 from ...datasets.vocabulary import ROLES, WEAR, fits
@@ -87,7 +87,7 @@ def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
     needed = (*NEEDED[runs.process], *(("t",) if law.response in WEAR else ()))
     held = lambda name: runs.has(name) or name in runs.constants or is_noted(runs.notes, name)  # noqa: E731
     missing = missing_of(needed, held, runs.process)
-    known = f"The conditions {_listed(needed)} of {runs.process or 'cutting'} are known."
+    known = f"The conditions {join_words(needed)} of {runs.process or 'cutting'} are known."
     verdict = absent(missing) if missing else known
     return Check(null="the file holds the conditions of the process", concern=int(bool(missing)), verdict=verdict)
 
@@ -117,7 +117,7 @@ def absent(missing: Sequence[str], where: str = "this file") -> str:
     sentences = []
     conditions = [name for name in missing if name != "t"]
     if conditions:
-        words = _listed([f"{ROLES[name].quantity} {name}" for name in conditions])
+        words = join_words([f"{ROLES[name].quantity} {name}" for name in conditions])
         given = " ".join(f"--value {name}=..." for name in conditions)
         be, its, they, s = ("is", "its", "it was", "") if len(conditions) == 1 else ("are", "their", "they were", "s")
         sentences.append(
@@ -129,11 +129,6 @@ def absent(missing: Sequence[str], where: str = "this file") -> str:
             f"Cutting time t is not in {where}: the law is of wear after unknown times in cut. Add a column t."
         )
     return " ".join(sentences)
-
-
-def _listed(names: Sequence[str]) -> str:
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | None:

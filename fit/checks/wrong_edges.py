@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
-from ...core.rounding import format_plain
+from ...core.rounding import format_plain, listed
 from ...datasets import Runs
 from ...datasets.plausibility.unit_shifts import (
     CLOSE,
@@ -34,7 +34,7 @@ from ...datasets.plausibility.unit_shifts import (
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of, listed
+from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of
 from .robust_fit import tail_of_rows
 from .strata import EdgeLevels, Strata, edge_levels, is_computed, orthonormal
 from .wrong_rows import NEAR, explained, measured

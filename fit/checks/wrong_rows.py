@@ -19,12 +19,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
-from ...core.rounding import format_plain
+from ...core.rounding import format_plain, listed
 from ...datasets import Runs
 from ...datasets.plausibility.unit_shifts import TIME_RATIOS, ratios_of
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of, listed
+from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of
 from .robust_fit import NORMAL, bisquare_residuals, gap_pvalue, standing_apart, working_response
 from .strata import NO_ROWS, has_repeated_edges, is_computed, no_scatter, units_of
 
