@@ -58,6 +58,11 @@ def loop_of(pf: "ParameterFile") -> "LoadLoop":
     return found.loop
 
 
+def low_pass_gain(loop: "LoadLoop", time: float) -> float:
+    """Gain of a one-pole low-pass of a time constant, s; 1 without one."""
+    return -math.expm1(-loop.sample_time / time) if time else 1.0
+
+
 class PositionLaw:
     """PI in position form with clamping, from the override at entry.
 
@@ -134,7 +139,7 @@ class RatioLaw:
 
     def __init__(self, loop: "LoadLoop") -> None:
         self._low, self._high, self._servo, self.limited = loop.low, loop.high, loop.low, 0
-        self._share = -math.expm1(-loop.sample_time / loop.servo_time) if loop.servo_time else 1.0
+        self._share = low_pass_gain(loop, loop.servo_time)
         self._u, self._rise, self._soft = loop.low, loop.recover * loop.sample_time, True
 
     def track(self, u: float, force: float, reference: float, *, closed: bool) -> None:

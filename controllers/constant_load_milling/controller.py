@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, Self
 
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from .control_laws import AdaptiveLaw, IncrementalLaw, PositionLaw, RatioLaw, law_of_loop
+from .control_laws import AdaptiveLaw, IncrementalLaw, PositionLaw, RatioLaw, law_of_loop, low_pass_gain
 from .states import State
 
 if TYPE_CHECKING:
@@ -143,9 +143,9 @@ class ConstantLoad(Displayable):
         times = ("arm_after", "lost_after", "engage_after", "stuck_after", "heartbeat", "overload_after", "dwell")
         self._n = {name: loop.samples(getattr(loop, name)) for name in times}
         self._gains = (
-            _gain(loop.sample_time, loop.filter_time),
-            _gain(loop.sample_time, OVERLOAD_MEAN),
-            _gain(loop.sample_time, WORN_MEAN),
+            low_pass_gain(loop, loop.filter_time),
+            low_pass_gain(loop, OVERLOAD_MEAN),
+            low_pass_gain(loop, WORN_MEAN),
         )
         self._threshold = (loop.engage_at, loop.hysteresis / 2)
         self._bounds = (loop.low, loop.high, loop.back_off * loop.sample_time, loop.recover * loop.sample_time)
@@ -393,8 +393,3 @@ class ConstantLoad(Displayable):
         if self._engaged:
             return State.ENTRY
         return State.AIR if self._armed else State.OFF
-
-
-def _gain(period: float, time: float) -> float:
-    """Gain of a one-pole low-pass of a time constant; 1 without one."""
-    return -math.expm1(-period / time) if time else 1.0

@@ -14,10 +14,8 @@ from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.names import c_text
 from ..gate import GatedControl
 from .c_source import c_controller, c_head
-from .fmu import ControlSource, Variable
-
-COMPONENT: Final = "fm_control"
-SERVO_PERIOD: Final = 0.002  # s: a longer period gets a thread of its own
+from .fmu import MODEL, ControlSource, Variable
+from .hal import SERVO_PERIOD
 
 NOT_IN_COMPONENT = (
     "the wiring of the load, the spindle, the heartbeat and the switches: they belong to the machine",
@@ -146,7 +144,7 @@ def component_file(control: GatedControl) -> str:
     head = (
         *c_head(control, NOT_IN_COMPONENT),
         "The program commands M52 P1 before cuts and M52 P0 before rapids; an F below the upper limit is not raised.",
-        *_installation(COMPONENT),
+        *_installation(MODEL),
     )
     names = {"load": c_text(loop.unit_load), "feed": c_text(loop.unit_feed), "low": loop.low}
     lines = "".join(f"//| {line}\n" for line in hal_lines(loop).splitlines())
@@ -171,7 +169,7 @@ def hal_lines(loop: LoadLoop) -> str:
     mm, inch = _feed_scales(loop)
     made = f"# SERVO_PERIOD of the machine's ini file: {period}\n"
     return _HAL.format(
-        component=COMPONENT, pins=COMPONENT.replace("_", "-"), load=c_text(loop.unit_load),
+        component=MODEL, pins=MODEL.replace("_", "-"), load=c_text(loop.unit_load),
         beat=_BEAT.format(loop.heartbeat) if loop.heartbeat else "",
         made=made if servo else f"loadrt threads name1=fm-thread period1={period} fp1=1\n",
         thread="servo-thread" if servo else "fm-thread", feed=c_text(loop.unit_feed), mm=mm, inch=inch,

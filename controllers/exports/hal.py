@@ -19,6 +19,7 @@ from typing import Final
 from ...core.errors import GateError
 from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.view import NOT_DETECTED, ExportView, first_lines
+from ..constant_load_milling.control_laws import low_pass_gain
 from ..constant_load_milling.controller import (
     OVERLOAD_MEAN,
     SPARSE_AT,
@@ -269,7 +270,7 @@ def settings_of(loop: LoadLoop) -> list[tuple[str, str]]:
         "loose.in0": -1.0, "loose.in1": float(SPARSE_RISE), "sparse.gain": 1 / loop.sample_time, "sparse.min": 0.0,
         "sparse.max": float(SPARSE_MOST * loop.samples(loop.lost_after)),
         "scattered.in0": SPARSE_AT * loop.samples(loop.lost_after) - 0.5,
-        "filter.gain": _gain(loop, loop.filter_time), "mean.gain": _gain(loop, OVERLOAD_MEAN),
+        "filter.gain": low_pass_gain(loop, loop.filter_time), "mean.gain": low_pass_gain(loop, OVERLOAD_MEAN),
         "over.in0": loop.engage_at, "over.hyst": loop.hysteresis,
         "above.in0": loop.engage_at, "above.hyst": loop.hysteresis,
         **_delay("loaded", loop, loop.engage_after), **_delay("stuck", loop, loop.stuck_after),
@@ -282,7 +283,8 @@ def settings_of(loop: LoadLoop) -> list[tuple[str, str]]:
         "before.in0": 1.0, "before.in1": loop.low, "target.in1": loop.low,
         "rate.in0": loop.recover, "rate.in1": loop.back_off,
         "limit.min": loop.low, "limit.max": loop.high,
-        "average.gain": _gain(loop, WORN_MEAN), "above-rest.max": math.nextafter(ConstantLoad(loop).rest, math.inf),
+        "average.gain": low_pass_gain(loop, WORN_MEAN),
+        "above-rest.max": math.nextafter(ConstantLoad(loop).rest, math.inf),
         "count.in1": 1.0, "rested.gain": 1 / loop.sample_time, "dwell.in0": loop.samples(loop.dwell) - 0.5,
         "acknowledged.width": loop.sample_time / 2,
     }  # fmt: skip
@@ -311,10 +313,6 @@ def _delay(name: str, loop: LoadLoop, time: float) -> dict[str, float]:
 def _early(loop: LoadLoop, time: float) -> float:
     """Half a sample before the whole number of samples of a time, s."""
     return (loop.samples(time) - 0.5) * loop.sample_time
-
-
-def _gain(loop: LoadLoop, time: float) -> float:
-    return -math.expm1(-loop.sample_time / time) if time else 1.0
 
 
 def _head(view: ExportView, loop: LoadLoop, thread: str) -> str:

@@ -4,7 +4,6 @@ The arithmetic is that of `fitmodels.controllers.ConstantLoad`, sample by sample
 `constant_load_milling.states.STATES`. Counters stop at their limits, so that none overflows in weeks of running.
 """
 
-import math
 from collections.abc import Iterable
 from pathlib import Path
 from textwrap import indent, wrap
@@ -14,6 +13,7 @@ from ...core.errors import GateError
 from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.names import c_text
 from ...parameters.exports.view import first_lines
+from ..constant_load_milling.control_laws import low_pass_gain
 from ..constant_load_milling.controller import (
     OVERLOAD_MEAN,
     REST_SHARE,
@@ -214,9 +214,9 @@ def _reals(loop: LoadLoop) -> dict[str, tuple[float, str]]:
     return {
         **own, "SAMPLE_TIME": (loop.sample_time, "s"), "HELD_LOAD": (loop.reference, load),
         "FEED_LOW": (loop.low, "override, above zero"), "FEED_HIGH": (loop.high, "override"),
-        "FILTER_GAIN": (_gain(loop, loop.filter_time), f"time constant {loop.filter_time:.6g} s"),
-        "OVERLOAD_GAIN": (_gain(loop, OVERLOAD_MEAN), f"time constant {OVERLOAD_MEAN:.6g} s"),
-        "WORN_GAIN": (_gain(loop, WORN_MEAN), f"time constant {WORN_MEAN:.6g} s"),
+        "FILTER_GAIN": (low_pass_gain(loop, loop.filter_time), f"time constant {loop.filter_time:.6g} s"),
+        "OVERLOAD_GAIN": (low_pass_gain(loop, OVERLOAD_MEAN), f"time constant {OVERLOAD_MEAN:.6g} s"),
+        "WORN_GAIN": (low_pass_gain(loop, WORN_MEAN), f"time constant {WORN_MEAN:.6g} s"),
         "LOAD_LOW": (loop.load_low, load), "LOAD_HIGH": (loop.load_high, load),
         "ENGAGE_AT": (loop.engage_at, load), "HALF_HYSTERESIS": (loop.hysteresis / 2, load),
         "OVERLOAD_AT": (loop.overload_at, load), "REST_AT": (loop.low + REST_SHARE * min(span, loop.low), "override"),
@@ -227,7 +227,8 @@ def _reals(loop: LoadLoop) -> dict[str, tuple[float, str]]:
 def _reals_of_law(loop: LoadLoop) -> dict[str, tuple[float, str]]:
     approach = {"APPROACH": (loop.approach, "override in air")}
     if loop.law == "ratio":
-        return {**approach, "SERVO_GAIN": (_gain(loop, loop.servo_time), f"time constant {loop.servo_time:.6g} s")}
+        share = low_pass_gain(loop, loop.servo_time)
+        return {**approach, "SERVO_GAIN": (share, f"time constant {loop.servo_time:.6g} s")}
     per = f"{loop.unit_feed} per {loop.unit_load}"
     return {
         **approach, "FEED_PROGRAMMED": (loop.feed_programmed, loop.unit_feed),
@@ -237,10 +238,6 @@ def _reals_of_law(loop: LoadLoop) -> dict[str, tuple[float, str]]:
         "MODEL_A": (loop.model_a, "1"), "MODEL_B": (loop.model_b, "s"), "MODEL_C": (loop.model_c, "1 per s"),
         "MODEL_D": (loop.model_d, "1"),
     }  # fmt: skip
-
-
-def _gain(loop: LoadLoop, time: float) -> float:
-    return -math.expm1(-loop.sample_time / time) if time else 1.0
 
 
 def _counts(loop: LoadLoop) -> dict[str, int]:
