@@ -19,7 +19,8 @@ from starlette.exceptions import HTTPException
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-HOST: Final = "127.0.0.1"
+from ..live.page import host_names
+
 LARGEST: Final = 210_000_000  # bytes of a request: a workbook of the largest size, and its form
 START: Final = "/start/"
 POLICY: Final = (
@@ -55,7 +56,7 @@ class Guard:
     def __init__(self, app: ASGIApp, port: int, largest: int = LARGEST) -> None:
         self.app, self.port, self.largest = app, port, largest
         self.token, self._secret = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
-        self.hosts = (f"{HOST}:{port}", f"localhost:{port}")
+        self.hosts = host_names(port)
         self.cookie = f"fitmodels-{port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

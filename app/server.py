@@ -12,7 +12,8 @@ import uvicorn
 from ..core.errors import UsageError
 from ..core.files import cause
 from ..datasets.vocabulary import ROLES
-from .guard import HOST, START, Guard
+from ..live.page import HOST
+from .guard import START, Guard
 from .jobs import Runner
 from .page import Page
 from .project import Project
