@@ -17,7 +17,7 @@
 >>> from fitmodels import parameters
 >>> pf = parameters.collect(tool="GC435", work="709M40", laws=[])
 >>> pf.schema_version
-'fitmodels.parameters/9'
+'fitmodels.parameters/10'
 """
 
 from ..core.lazy import lazy_names

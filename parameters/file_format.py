@@ -64,7 +64,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 
 
 FAMILY: Final = "fitmodels.parameters"
-SCHEMA: Final = "fitmodels.parameters/9"
+SCHEMA: Final = "fitmodels.parameters/10"
 Step = Callable[[dict[str, Any]], dict[str, Any]]
 
 JUDGED = ("tool_life", "dynamics", "adaptive_force")  # sections with a verdict, as each law has one
@@ -162,6 +162,18 @@ def _without_sums(law: dict[str, Any]) -> dict[str, Any]:
     return {**law, **other, "sums": None}
 
 
+def _to_version_10(data: dict[str, Any]) -> dict[str, Any]:
+    """Data of version 9 with the check of competing forms under its new name."""
+    laws = {name: _with_competing_forms(law) for name, law in data.get("laws", {}).items()}
+    return {**data, **({"laws": laws} if "laws" in data else {})}
+
+
+def _with_competing_forms(law: dict[str, Any]) -> dict[str, Any]:
+    other = {"alternative": _with_competing_forms(law["alternative"])} if law.get("alternative") else {}
+    checks = {"competing forms" if name == "rival forms" else name: one for name, one in law.get("checks", {}).items()}
+    return {**law, **other, **({"checks": checks} if "checks" in law else {})}
+
+
 def _without_longest(law: dict[str, Any]) -> dict[str, Any]:
     other = {"alternative": _without_longest(law["alternative"])} if law.get("alternative") else {}
     return {**law, **other, **({"life": {**law["life"], "longest": None}} if law.get("life") else {})}
@@ -183,6 +195,7 @@ def _without_longest(law: dict[str, Any]) -> dict[str, Any]:
 # Version 8 added ``merged`` of the provenance; ``sources`` and ``spindle_speed`` of roughness and adaptive force; the
 # valid readings, depth and nose radius of roughness.
 # Version 9 added ``sums`` of laws, their rows as sums by edge, and ``history``, the versions with further edges.
+# Version 10 renamed the check ``rival forms`` of laws to ``competing forms``.
 STEPS: Mapping[int, Step] = {
     1: lambda data: {"reading": None, **data},
     2: _without_verdicts,
@@ -192,10 +205,11 @@ STEPS: Mapping[int, Step] = {
     6: _to_version_7,
     7: _to_version_8,
     8: _to_version_9,
+    9: _to_version_10,
 }
 
 
-def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 9) -> dict[str, Any]:
+def migrated(data: object, name: str, steps: Mapping[int, Step] = STEPS, current: int = 10) -> dict[str, Any]:
     """Data of a file in the schema of the current version.
 
     A checksum that was valid before a step is renewed after it.

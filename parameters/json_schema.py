@@ -1,6 +1,6 @@
 """JSON Schema of the parameter file, generated from the classes and shipped with the package.
 
-``python -m fitmodels.parameters.json_schema`` prints it; a test compares it with ``schema/parameters-9.json``.
+``python -m fitmodels.parameters.json_schema`` prints it; a test compares it with ``schema/parameters-10.json``.
 Constraints that a schema cannot express (a covariance is positive semi-definite, b begins with nk zeros) are checked by
 the reader only.
 """

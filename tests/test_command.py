@@ -806,7 +806,7 @@ def test_each_law_has_at_most_six_verdicts_and_every_concern_is_printed(fitted):
         assert all(" ".join(sentence.split()) in out for sentence in concerns)
         passed = [check for check in law.checks.values() if check.reason is None and not check.concern]
         assert f"{len(passed)} of {len(law.checks)} checks passed" in out
-        assert {"form", "rival forms", "error structure"} <= set(law.checks)
+        assert {"form", "competing forms", "error structure"} <= set(law.checks)
 
 
 def test_a_gauge_that_is_coarse_is_reported(tmp_path, capsys):

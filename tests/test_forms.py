@@ -154,7 +154,7 @@ def test_a_form_of_nearly_dependent_columns_costs_itself_only(monkeypatch):
     more = [Form("near", f"near {seed}", lambda rows, seed=seed: near(rows, seed)) for seed in range(12)]
     monkeypatch.setattr(competing_models, "alternative_forms", lambda law: (*made(law), *more))
     law = fit.power_law(cut(lambda V, AW: V * AW**0.2), "F", ["V", "AW"])
-    found = fit.judge(law).checks["rival forms"]
+    found = fit.judge(law).checks["competing forms"]
     dependent = [name for name, reason in found.not_fitted if "nearly linearly dependent" in str(reason)]
     assert dependent[0] == "near 0"
     assert len(dependent) > 1
@@ -175,7 +175,7 @@ def test_a_form_of_nearly_dependent_columns_costs_itself_only(monkeypatch):
         ),
     ],
 )
-def test_what_has_no_rivals_says_why(make, words):
+def test_reason_where_no_form_competes(make, words):
     assert words in str(compare_forms(make()))
 
 
@@ -246,10 +246,10 @@ def test_nasa_rejects_a_common_time_exponent(measurements):
 def test_nasa_current_is_a_power_law_of_wear(measurements):
     runs = datasets.read_runs(measurements / "nasa_milling" / "nasa_mill_runs.csv")
     forms = compare_forms(fit.power_law(runs, "smcAC_mid_std", ["f", "d", "VB"], by="material"))
-    for rival in forms.alternatives:
-        assert rival.difference > -2 * rival.standard_error
-        if rival.name in ("exponential in VB", "additive in VB"):
-            assert rival.difference > rival.standard_error
+    for other in forms.alternatives:
+        assert other.difference > -2 * other.standard_error
+        if other.name in ("exponential in VB", "additive in VB"):
+            assert other.difference > other.standard_error
 
 
 def test_sums_of_squares_of_the_forms_of_nasas_unclipped_current(measurements):

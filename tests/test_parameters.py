@@ -476,7 +476,7 @@ def test_what_is_written_is_read(pf):
 def test_the_text_is_for_people(path):
     content = write(whole(), path).read_bytes()
     assert content.endswith(b"}\n")
-    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/9",\n  "identity": {\n')
+    assert content.startswith(b'{\n  "schema_version": "fitmodels.parameters/10",\n  "identity": {\n')
     assert "µ and ü" in content.decode()
 
 

@@ -22,7 +22,7 @@ from fitmodels.parameters.json_schema import DIALECT, build_schema, schema_text
 from hypothesis import given
 from hypothesis import strategies as st
 
-SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-9.json"
+SCHEMA = Path(parameters.__file__).parent / "schema" / "parameters-10.json"
 
 
 def published():
@@ -77,7 +77,7 @@ def test_a_written_file_is_valid_to_an_independent_validator(pf, tmp_path):
     [
         lambda d: d.pop("identity"),
         lambda d: d.pop("schema_version"),
-        lambda d: d.update(schema_version="fitmodels.parameters/10"),
+        lambda d: d.update(schema_version="fitmodels.parameters/11"),
         lambda d: d["identity"].update(simulated="no"),
         lambda d: d["identity"].update(tool=""),
         lambda d: d["dynamics"].update(sample_time=0.0),
@@ -148,8 +148,8 @@ def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
     ("version", "words"),
     [
         (
-            "fitmodels.parameters/10",
-            "newer schema 'fitmodels.parameters/10'; this version reads fitmodels.parameters/9",
+            "fitmodels.parameters/11",
+            "newer schema 'fitmodels.parameters/11'; this version reads fitmodels.parameters/10",
         ),
         ("fitmodels.parameters/0", "older schema fitmodels.parameters/0, which this version cannot bring"),
         ("fitmodels.parameters/1", "breaks the older schema fitmodels.parameters/1 .KeyError"),
@@ -161,7 +161,7 @@ def test_a_step_keeps_a_checksum_as_true_or_as_false_as_it_was(held):
 )
 def test_versions_that_cannot_be_read(version, words):
     with pytest.raises(ParameterError, match=words) as raised:
-        migrated({"schema_version": version}, "params.json", STEPS, current=9)
+        migrated({"schema_version": version}, "params.json", STEPS, current=10)
     assert "\n" not in str(raised.value)
 
 
@@ -171,7 +171,7 @@ def test_a_file_of_version_1_is_read_with_unknown_doubts(data, tmp_path):
     old["content_sha256"] = content_sha256(old)
     (tmp_path / "params.json").write_text(json.dumps(old))
     pf = read(tmp_path / "params.json")
-    assert (pf.schema_version, pf.reading) == ("fitmodels.parameters/9", None)
+    assert (pf.schema_version, pf.reading) == ("fitmodels.parameters/10", None)
     assert pf.content_sha256 == content_sha256(pf.model_dump(exclude_unset=True))
     assert not {finding.name for finding in check(pf).findings} & {"doubt"}
     again = read(write(pf, tmp_path / "again.json"))
@@ -210,7 +210,7 @@ def test_a_file_of_version_3_has_the_monitoring_of_the_load_left_open(data, tmp_
     }  # fmt: skip
     (tmp_path / "params.json").write_text(json.dumps(of_version_3(data, engagement)))
     pf = read(tmp_path / "params.json")
-    assert pf.schema_version == "fitmodels.parameters/9"
+    assert pf.schema_version == "fitmodels.parameters/10"
     kept = {name: value for name, value in pf.load_line.engagement.model_dump().items() if value is not None}
     assert kept == {
         "feed_programmed": 1000.0, "engage_at": 0.15, "hysteresis": 0.02, "engage_after": 0.1, "back_off": 1.0,
@@ -283,6 +283,21 @@ def test_a_file_of_version_8_is_read_without_sums_and_history(data, tmp_path):
     assert read(write(pf, tmp_path / "again.json")) == pf
 
 
+def test_a_file_of_version_9_is_read_with_competing_forms(data, tmp_path):
+    """Version 9 had another name for the check of competing forms."""
+    old = copy.deepcopy(data) | {"schema_version": "fitmodels.parameters/9"}
+    for law in old["laws"].values():
+        law["checks"] = {"rival forms": law["checks"]["form"]} | law["checks"]
+    old["content_sha256"] = content_sha256(old)
+    (tmp_path / "params.json").write_text(json.dumps(old))
+    pf = read(tmp_path / "params.json")
+    for law in pf.laws.values():
+        assert next(iter(law.checks)) == "competing forms"
+        assert "rival forms" not in law.checks
+    assert check(pf).findings[0].passed is True
+    assert read(write(pf, tmp_path / "again.json")) == pf
+
+
 def test_a_file_of_version_4_is_read_with_dynamics_of_one_structure(data, tmp_path):
     """Version 4 had no noise denominator and no alternatives; fields of those names were unknown to it."""
     old = copy.deepcopy(data) | {"schema_version": "fitmodels.parameters/4"}
@@ -290,7 +305,7 @@ def test_a_file_of_version_4_is_read_with_dynamics_of_one_structure(data, tmp_pa
     old["content_sha256"] = content_sha256(old)
     (tmp_path / "params.json").write_text(json.dumps(old))
     pf = read(tmp_path / "params.json")
-    assert (pf.schema_version, pf.dynamics.d, pf.dynamics.alternatives) == ("fitmodels.parameters/9", (1.0,), ())
+    assert (pf.schema_version, pf.dynamics.d, pf.dynamics.alternatives) == ("fitmodels.parameters/10", (1.0,), ())
     assert check(pf).findings[0].passed is True
     assert read(write(pf, tmp_path / "again.json")) == pf
 

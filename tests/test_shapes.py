@@ -257,7 +257,7 @@ def test_repeated_readings_are_refused_with_a_long_table_as_example(tmp_path):
 
 def test_a_parameter_file_in_place_of_the_measurements_is_named(tmp_path):
     with pytest.raises(DataError, match="is a parameter file, no table of tests"):
-        read(tmp_path, '{\n  "schema_version": "fitmodels.parameters/9",\n  "laws": {"a": 1,5}\n}\n')
+        read(tmp_path, '{\n  "schema_version": "fitmodels.parameters/10",\n  "laws": {"a": 1,5}\n}\n')
 
 
 @pytest.mark.parametrize("unit", ["", " (µm)"])

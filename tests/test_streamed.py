@@ -234,7 +234,8 @@ def test_standard_errors_are_statsmodels_crv3():
 def test_checks_of_a_stream_are_not_available_with_the_reason(rows):
     law = streamed_power_law(cut(table(rows), rows // 2), "AW", FACTORS)
     found = fit.judge(law)
-    assert set(found.checks) >= {"form", "prediction", "collinearity", "normality", "error structure", "rival forms"}
+    names = {"form", "prediction", "collinearity", "normality", "error structure", "competing forms"}
+    assert set(found.checks) >= names
     assert found.nobs == 0
     of_rows = {check.reason for check in found.checks.values() if isinstance(check, fit.NotAvailable)}
     assert of_rows == {strata.NO_ROWS}

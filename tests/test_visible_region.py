@@ -183,8 +183,8 @@ def test_no_allowed_pair_removes_as_much_and_wears_less(region):
     wear = region.planes["AW"].value(np.log(np.stack([V, f], axis=-1)))
     front = wear_front(region, [0.0, 0.02, 0.05, 0.2, 0.5, 0.9])
     for MRR, least in zip(front.MRR, front.wear, strict=True):
-        rivals = inside & (2500 * V * f >= MRR * (1 - ROUND))
-        assert wear[rivals].min(initial=np.inf) >= least * (1 - ROUND)
+        candidates = inside & (2500 * V * f >= MRR * (1 - ROUND))
+        assert wear[candidates].min(initial=np.inf) >= least * (1 - ROUND)
     assert pytest.approx(region.best.MRR * (1 - front.loss)) == front.MRR
     assert np.all(np.diff(front.wear) < 0)
     assert front.points[0].xy == pytest.approx(region.best.xy)

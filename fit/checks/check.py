@@ -51,7 +51,7 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "normality": "Normality, rows (Anderson-Darling)",
     "normality of edges": "Normality, edges (Anderson-Darling)",
     "error structure": "Error structure",
-    "rival forms": "Competing forms (cross-validation)",
+    "competing forms": "Competing forms (cross-validation)",
     "time exponent": "Equal time exponents of edges",
     "time between edges": "Time exponent between and within edges (Mundlak)",
     "time within edges": "Offset of time (term in 1/t)",

@@ -375,7 +375,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "normality": _of_residuals(lambda _, rows: normality(rows), 0),
     "normality of edges": _of_residuals(lambda _, edges: normality(edges), 1),
     "error structure": _error_structure,
-    "rival forms": lambda given: compare_forms(given.law, given.runs) if given.law.form == "power" else None,
+    "competing forms": lambda given: compare_forms(given.law, given.runs) if given.law.form == "power" else None,
     "number of edges": lambda given: number_of_edges(given.asked, given.runs),
     "gauge error": _gauge,
     "agreement": lambda given: found if isinstance(found := compare_estimates(given.law), Check) else None,

@@ -98,18 +98,18 @@ def test_edges_with_exponents_of_their_own_have_the_density_of_random_slopes():
 
 @pytest.mark.parametrize("form", FORMS)
 def test_the_true_form_is_preferred_and_its_draws_pass_the_gate(form):
-    rival = posterior_of_form(law_of(form, seed=1), form, draws=2000)
-    assert rival.convergence.passed, rival.convergence.reasons
-    assert rival.better, rival.words
-    assert "it is preferred" in rival.words
-    assert rival.difference == pytest.approx(rival.leave_out.elpd - rival.power.elpd, abs=1e-9)
+    other_form = posterior_of_form(law_of(form, seed=1), form, draws=2000)
+    assert other_form.convergence.passed, other_form.convergence.reasons
+    assert other_form.better, other_form.words
+    assert "it is preferred" in other_form.words
+    assert other_form.difference == pytest.approx(other_form.leave_out.elpd - other_form.power.elpd, abs=1e-9)
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_where_the_power_law_is_true_no_rival_is_preferred(form):
-    rival = posterior_of_form(law_of(seed=2), form, draws=2000)
-    assert not rival.better, rival.words
-    assert "the power law is kept" in rival.words
+def test_where_the_power_law_is_true_no_other_form_is_preferred(form):
+    other_form = posterior_of_form(law_of(seed=2), form, draws=2000)
+    assert not other_form.better, other_form.words
+    assert "the power law is kept" in other_form.words
 
 
 def test_the_truth_of_added_wear_is_recovered():
@@ -121,41 +121,42 @@ def test_the_truth_of_added_wear_is_recovered():
 
 
 def test_in_natural_units_both_forms_have_errors_that_add():
-    rival = posterior_of_form(law_of(FORMS[1], seed=4, error="additive"), draws=1000)
-    assert rival.density.natural
-    assert rival.sample.method == "importance"
-    assert rival.better
+    other_form = posterior_of_form(law_of(FORMS[1], seed=4, error="additive"), draws=1000)
+    assert other_form.density.natural
+    assert other_form.sample.method == "importance"
+    assert other_form.better
 
 
 def test_forms_linear_in_logarithms_are_drawn_exactly_as_chains_would():
-    rival = posterior_of_form(law_of(seed=5), FORMS[0])
-    assert rival.sample.method == "exact"
-    other = chains(rival.density, 3)
-    found = compare_draws((rival.draws, 1), (rival.density.parameters(other.phi), other.chains), rival.names)
+    other_form = posterior_of_form(law_of(seed=5), FORMS[0])
+    assert other_form.sample.method == "exact"
+    chain = chains(other_form.density, 3)
+    parameters = other_form.density.parameters(chain.phi)
+    found = compare_draws((other_form.draws, 1), (parameters, chain.chains), other_form.names)
     assert found.agrees, found.words
 
 
 def test_left_out_edges_are_predicted_as_if_never_seen():
     """Against drawing the form again without each edge in turn, rows of the law fitted anew to the others."""
     law = law_of(seed=6, edges=10)
-    rival = posterior_of_form(law, FORMS[0], draws=4000)
-    for g, name in enumerate(rival.density.units):
+    other_form = posterior_of_form(law, FORMS[0], draws=4000)
+    for g, name in enumerate(other_form.density.units):
         rows = law.edge != name
         order = np.argsort(law.edge.astype(str), kind="stable")
         keep = rows[order]
-        sizes = rival.density.sizes[:-1]
+        sizes = other_form.density.sizes[:-1]
         without = replace(
-            rival.density,
-            Z=rival.density.Z[keep],
-            y=rival.density.y[keep],
+            other_form.density,
+            Z=other_form.density.Z[keep],
+            y=other_form.density.y[keep],
             starts=np.arange(9) * 6,
             sizes=sizes,
-            labels=rival.density.labels[:-1],
+            labels=other_form.density.labels[:-1],
         )
         phi = exact(without, np.random.default_rng(g), 20000).phi
-        seen = rival.density.by_unit(phi)[:, g]
+        seen = other_form.density.by_unit(phi)[:, g]
         expected = np.logaddexp.reduce(seen) - np.log(len(seen))
-        assert rival.leave_out.pointwise[g] == pytest.approx(expected, abs=0.25)
+        assert other_form.leave_out.pointwise[g] == pytest.approx(expected, abs=0.25)
 
 
 def test_same_seed_same_draws():
