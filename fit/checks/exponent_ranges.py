@@ -280,3 +280,47 @@ def built_up_edge(law: LawFit, name: str) -> str:
         f"{law.response} rises with {name} up to about {at} and then falls, as with a built-up edge: fit the tests "
         "below and above the maximum separately"
     )
+
+
+CUT = {"V": 1.0, "n": 1.0, "f": 0.75, "fz": 0.75, "d": 1.0, "ae": 1.0}  # exponents of the power of the cut
+BETTER = 2.0  # by which the variance about a power with a part in air must be smaller than that about the law
+SURE = 4.0  # standard errors of the part in air
+
+
+def power_in_air(law: LawFit) -> str:
+    """What shows that a power contains the power in air, which does not depend on the cut; "" where nothing does.
+
+    All exponents are then below the range of a cut, and ``P = P0 + b V f^0.75 d`` follows the rows better than the law
+    with its exponents. Both are compared by relative residuals.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "P", ["V", "f", "d"])
+    >>> power_in_air(law)
+    ''
+    """
+    low = {name: _POWER[SAME.get(name, name)].usual[0] for name in law.factors if name in CUT}
+    if law.form != "power" or law.rows is None or len(low) < len(law.factors) or len(low) < 2 or law.df < 2:
+        return ""
+    if any(float(law.params[name]) >= least for name, least in low.items()):
+        return ""
+    cut = np.prod([law.X[:, j] ** CUT[name] for j, name in enumerate(law.factors)], axis=0)
+    A = np.column_stack([np.ones(law.nobs), cut]) / law.observed[:, None]
+    inverse = np.linalg.pinv(A.T @ A)
+    air, slope = inverse @ A.sum(axis=0)
+    s2 = float(np.sum((1 - A @ [air, slope]) ** 2)) / (law.nobs - 2)
+    of_law = float(np.sum(np.log(law.observed / law.fitted) ** 2)) / law.df_resid
+    if not (slope > 0 and SURE * np.sqrt(s2 * inverse[0, 0]) < air < law.observed.min() and BETTER * s2 < of_law):
+        return ""
+    at = int(np.argmax(cut))
+    low_by = 100 * (1 - float(law.fitted[at]) / (air + slope * cut[at]))
+    powers = " ".join(f"{name}^{CUT[name]:g}" if CUT[name] != 1 else name for name in law.factors)
+    found = ", ".join(f"{name} {float(law.params[name]):.2g} (usual from {least:g})" for name, least in low.items())
+    size = f"{air:.2g} {law.units.get(law.response, '')}".rstrip()
+    return (
+        f"{law.response} rises less than that of a cut, exponents {found}, and {size} + b {powers} follows the rows "
+        f"better (scatter {100 * np.sqrt(s2):.2g} % instead of {100 * np.sqrt(of_law):.2g} %): the power in air is "
+        f"probably in it, and at the largest cut the law is {abs(low_by):.2g} % too {'low' if low_by > 0 else 'high'}. "
+        f"Subtract the power measured in air, about {size}: --correct 'all:{law.response}-{air:.2g}'."
+    )

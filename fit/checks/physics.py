@@ -21,8 +21,8 @@ from ...datasets.vocabulary import ROLES, WEAR
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import Check
-from .exponent_ranges import SAME, Exponent, Range, local_exponents, usual_exponents
-from .strata import NO_ROWS
+from .exponent_ranges import SAME, Exponent, Range, local_exponents, power_in_air, usual_exponents
+from .strata import NO_ROWS, is_computed
 
 Found = tuple[int, str]  # contribution to the verdict, and the sentence
 
@@ -58,7 +58,8 @@ def _exponents(law: LawFit, runs: Runs | None) -> Check | NotAvailable:
     ranges = {name: one for name, one in ranges.items() if name in intervals}
     said = [_judged(law, name, one, intervals[name]) for name, one in ranges.items()]
     null = f"the interval of each exponent reaches the range that occurs in {where}"
-    found = list(filter(None, [*said, _feed_above_speed(law, ranges)]))
+    air = power_in_air(law) if law.response == "P" and not is_computed("P", runs) else ""
+    found = list(filter(None, [*said, _feed_above_speed(law, ranges), (1, air) if air else None]))
     return _check(null, found, _passed(ranges, intervals, where))
 
 
