@@ -80,6 +80,24 @@ def test_an_interval_outside_the_usual_range_is_not_said_to_reach_it():
     assert exponents(law, runs).verdict.endswith("each exponent (V, f, d) reaches the range usual in cutting.")
 
 
+@pytest.mark.parametrize(
+    ("response", "c0", "f", "d", "found"),
+    [
+        ("Fc", 1900, 1.0, 0.74, "Fc depends more on f (exponent 1) than on d (0.7"),
+        ("Ra", 20, 0.0, 1.5, "Ra depends more on d (exponent 1.5) than on f ("),
+        ("Fc", 1900, 0.76, 0.97, ""),
+        ("Fc", 1900, 0.92, 0.9, ""),
+        ("Ra", 20, 1.4, 0.1, ""),
+        ("Ra", 20, 0.4, 0.4, ""),
+    ],
+)
+def test_feed_and_depth_exchanged_are_seen_by_their_exponents(response, c0, f, d, found):
+    law, runs = law_of(response, c0, {"V": 0.0, "f": f, "d": d}, sd=0.02)
+    check = exponents(law, runs)
+    assert ("are exchanged or varied together" in check.verdict) == bool(found)
+    assert found in check.verdict
+
+
 def power_law_of(air, seed, mechanical=POWER):
     """The law of a power measured at 27 settings, with a part that does not depend on the cut."""
     V, f, d = np.array(np.meshgrid((100.0, 150, 200), (0.1, 0.2, 0.3), (1.0, 2, 3), indexing="ij")).reshape(3, -1)

@@ -21,7 +21,7 @@ from ...datasets.vocabulary import ROLES, WEAR
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import Check
-from .exponent_ranges import SAME, Exponent, Range, local_exponents, power_in_air, usual_exponents
+from .exponent_ranges import ROUGHNESS, SAME, Exponent, Range, local_exponents, power_in_air, usual_exponents
 from .strata import NO_ROWS, is_computed
 
 Found = tuple[int, str]  # contribution to the verdict, and the sentence
@@ -59,7 +59,7 @@ def _exponents(law: LawFit, runs: Runs | None) -> Check | NotAvailable:
     said = [_judged(law, name, one, intervals[name]) for name, one in ranges.items()]
     null = f"the interval of each exponent reaches the range that occurs in {where}"
     air = power_in_air(law) if law.response == "P" and not is_computed("P", runs) else ""
-    found = list(filter(None, [*said, _feed_above_speed(law, ranges), (1, air) if air else None]))
+    found = list(filter(None, [*said, _reversed_order(law, ranges), (1, air) if air else None]))
     return _check(null, found, _passed(ranges, intervals, where))
 
 
@@ -130,25 +130,36 @@ def _range(ends: Range) -> str:
     return f"{ends[0]:.3g} to {ends[1]:.3g}"
 
 
-def _feed_above_speed(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | None:
-    """Wear, or life, that depends more on the feed than on the speed."""
+_SPEED, _FEED = ("V", "n"), ("f", "fz")
+# of responses: the condition on which they depend more, the other one, and by how much the exponents may be reversed
+_ORDER: tuple[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], float], ...] = (
+    ((*WEAR, "T"), _SPEED, _FEED, 0.0),
+    (("Fc", "P", "M"), ("d",), _FEED, 0.1),
+    (ROUGHNESS, _FEED, ("d",), 0.3),
+)
+
+
+def _reversed_order(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | None:
+    """A response that depends more on one condition than on another, where in cutting it is the other way round."""
     from scipy.special import stdtrit
 
-    speed = next(filter(ranges.__contains__, ("V", "n")), None)
-    feed = next(filter(ranges.__contains__, ("f", "fz")), None)
-    if law.form != "power" or law.response not in (*WEAR, "T") or speed is None or feed is None:
-        return None
-    sign = -1 if law.response == "T" else 1
-    at = [law.names.index(name) for name in (speed, feed)]
-    cov = law.covariance()[np.ix_(at, at)]
-    b_speed, b_feed = (float(law.params[name]) for name in (speed, feed))
-    se = float(np.sqrt(max(cov[0, 0] + cov[1, 1] - 2 * cov[0, 1], 0.0)))
-    if sign * (b_feed - b_speed) <= stdtrit(max(law.df, 1), 0.975) * se:
-        return None
-    return 1, (
-        f"{law.response} depends more on {feed} (exponent {b_feed:.2g}) than on {speed} ({b_speed:.2g}), in cutting it "
-        f"depends more on speed: check whether {speed} and {feed} are exchanged or varied together."
-    )
+    for responses, larger, smaller, least in _ORDER:
+        more, less = (next(filter(ranges.__contains__, names), None) for names in (larger, smaller))
+        if law.form != "power" or law.response not in responses or more is None or less is None:
+            continue
+        sign = -1 if law.response == "T" else 1
+        at = [law.names.index(name) for name in (more, less)]
+        cov = law.covariance()[np.ix_(at, at)]
+        b_more, b_less = (float(law.params[name]) for name in (more, less))
+        se = float(np.sqrt(max(cov[0, 0] + cov[1, 1] - 2 * cov[0, 1], 0.0)))
+        if sign * (b_less - b_more) > max(stdtrit(max(law.df, 1), 0.975) * se, least):
+            in_cutting = "speed" if more in _SPEED else {"d": "depth"}.get(more, "feed")
+            return 1, (
+                f"{law.response} depends more on {less} (exponent {b_less:.2g}) than on {more} ({b_more:.2g}), in "
+                f"cutting it depends more on {in_cutting}: check whether {more} and {less} are exchanged or varied "
+                "together."
+            )
+    return None
 
 
 # of each form: name of its slope, sign, what has it, and why; roughness by force is inverted by force control
