@@ -763,3 +763,33 @@ def test_a_wear_of_new_edges_beside_worn_ones_is_in_one_unit(read):
     frame = pd.DataFrame(columns | {"vc [m/min]": np.repeat(np.linspace(90.0, 200, 6), 6), "VB [mm]": VB})
     doubts = read(frame.to_csv(index=False)).doubts
     assert not [doubt for doubt in doubts if "times as large" in doubt.sentence]
+
+
+def finish(tmp_path, name, factor, low=0.12):
+    """Roughness of turned tests as a multiple of the geometric one, with a scatter of 10 %, at two nose radii."""
+    rng = np.random.default_rng(7)
+    rows = [(V, f, re) for V in (120, 180) for f in (low, 2 * low, 2.5 * low) for re in (0.4, 0.8)]
+    share = 32 if name == "Ra" else 8
+    cells = [1000 * f**2 / (share * re) * factor * rng.lognormal(0, 0.1) for _, f, re in rows]
+    path = tmp_path / "finish.csv"
+    lines = [f"{V},{f},{re},{value:.3g}" for (V, f, re), value in zip(rows, cells, strict=True)]
+    path.write_text("\n".join([f"V,f,re [mm],{name} [um]", *lines]) + "\n", "utf-8")
+    return [doubt for doubt in datasets.read_runs(path).doubts if "1000 f^2" in doubt.sentence]
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "remedy"), [("Ra", 5.0, '--map "Rz=col4"'), ("Rz", 0.3, '--map "Ra=col4"'), ("Ra", 0.25, "")]
+)
+def test_a_roughness_is_compared_with_that_of_feed_and_nose_radius(tmp_path, name, factor, remedy):
+    (doubt,) = finish(tmp_path, name, factor)
+    assert doubt.remedy == remedy
+    assert ("wiper" in doubt.sentence) == (factor < 1)
+
+
+@pytest.mark.parametrize(("name", "factor", "low"), [("Ra", 1.4, 0.12), ("Ra", 2.4, 0.12), ("Rz", 1.2, 0.12)])
+def test_sound_roughness_is_not_doubted(tmp_path, name, factor, low):
+    assert not finish(tmp_path, name, factor, low)
+
+
+def test_edge_build_up_at_small_feeds_is_not_doubted(tmp_path):
+    assert not finish(tmp_path, "Ra", 6.0, low=0.03)

@@ -30,6 +30,9 @@ MOST_ABOVE = 0.9  # share of rows with Ff or Fp above Fc
 MAIN_FORCE = {"f": 0.75, "d": 1.0}  # usual exponents of a cutting force: Kienzle's 1 - mc, and 1
 SPARE = 2  # rows beyond the coefficients of a force
 CLEARLY = 0.2  # by which the exponents of another force are nearer to these
+PROFILES = {"Ra": 32, "Rz": 8}  # roughness of the geometry: 1000 f^2/(32 re) and 1000 f^2/(8 re) um, re the nose radius
+DOMINANT = 4.0  # um of geometric Rz above which edge build-up, wear and chatter add a smaller part
+ROUGHER, SMOOTHER = 3.0, 0.6  # of the geometric roughness: Ra of no sound test in every row, and wiper inserts alone
 NEAR = 0.02  # by which an engagement may exceed the tool
 
 Array = NDArray[np.float64]
@@ -77,6 +80,8 @@ def check_columns(draft: Draft, options: ReadOptions) -> None:
         _compare(draft, _ROUGHNESSES, _over(values["Rz"], values["Ra"]), options)
     if turning and "Fc" in measured:
         _compare_components(draft, values)
+    if turning and "f" in measured:
+        _compare_geometry(draft, values, options)
     _compare_force(draft, values, options)
     _compare_torque(draft, options)
     _compare_engagement(draft, options)
@@ -165,6 +170,33 @@ def _compare_specific_force(draft: Draft, values: dict[str, Array], area: Array,
     name = f"{role}/(f d)"
     of = _Ratio((role, "f", "d"), name, SPECIFIC_POSSIBLE, SPECIFIC_POSSIBLE, SPECIFIC_USUAL, "N/mm2")
     _compare(draft, of, _over(values[role], area), options)
+
+
+def _compare_geometry(draft: Draft, values: dict[str, Array], options: ReadOptions) -> None:
+    """Doubt a roughness against that which feed and nose radius leave: Rz named Ra, or Ra named Rz."""
+    known = known_of(draft.data, draft.notes, options)
+    roles = [role for role in PROFILES if role in values and role not in (*options.map, *options.units)]
+    if len(roles) != 1 or not known.has("re"):
+        return
+    role, f, re = roles[0], values["f"], np.asarray(known.value("re"), dtype=float)
+    highest = np.where(f <= re, _over(1000 * f**2, PROFILES["Rz"] * re * np.ones(len(f))), np.nan)
+    ratio = _over(values[role], highest * PROFILES["Rz"] / PROFILES[role])
+    ratio = ratio[(highest >= DOMINANT) & np.isfinite(ratio)]
+    if len(ratio) < FEWEST:
+        return
+    low, high, middle = float(ratio.min()), float(ratio.max()), float(np.median(ratio))
+    formula = f"{role}/(1000 f^2/({PROFILES[role]} re))"
+    number = next(use.number for use in draft.uses if use.role == role)
+    if role == "Ra" and low >= ROUGHER and high <= ROUGHER * PROFILES["Ra"] / PROFILES["Rz"]:
+        head = f"{formula} is {format_decimal(low)} to {format_decimal(high)} in {len(ratio)} rows (usual 1 to 2)"
+        sentence = f"{head}, and the values are usual for Rz: Rz under the name of Ra, another nose radius, or chatter"
+        draft.doubts.append(Doubt(("Ra",), sentence, f'--map "Rz=col{number}"'))
+    elif np.mean(ratio < SMOOTHER) > MOST_ABOVE:
+        head = f"{formula} is {format_decimal(middle)} in the middle of {len(ratio)} rows, where the geometry gives 1"
+        named = role == "Rz" and middle * PROFILES["Ra"] / PROFILES["Rz"] >= SMOOTHER
+        other = "Ra under the name of Rz, " if named else ""
+        sentence = f"{head}: {other}another nose radius or unit, or a wiper insert, whose finish is smoother"
+        draft.doubts.append(Doubt((role,), sentence, f'--map "Ra=col{number}"' if named else ""))
 
 
 def _compare_engagement(draft: Draft, options: ReadOptions) -> None:
