@@ -5,7 +5,9 @@ Every book is written by a library nobody here wrote (openpyxl, xlwt, odfpy) and
 
 import datetime
 import io
+import re
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -219,6 +221,36 @@ def test_formulas_without_values_are_named(tmp_path):
 
 
 # Formats
+
+
+def with_sheet(tmp_path, change):
+    """A workbook with the XML of its sheet changed."""
+    path, out = book(tmp_path, Data=lambda page: fill(page, [HEADER, *ROWS])), tmp_path / "changed.xlsx"
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(out, "w") as new:
+        for one in old.infolist():
+            data = old.read(one)
+            new.writestr(one, change(data.decode()).encode() if one.filename.endswith("sheet1.xml") else data)
+    return out
+
+
+def shuffled(tag, xml):
+    """All but the first of the elements of a row, or of the cells of each row, in another order."""
+    if tag == "c":
+        return re.sub(r"(<row [^>]*>)(.*?)</row>", lambda row: row[1] + shuffled("cells", row[2]) + "</row>", xml)
+    found = re.findall(r"<row .*?</row>" if tag == "row" else r"<c .*?</c>", xml)
+    return xml.replace("".join(found), "".join([found[-1], *found[:1], *reversed(found[1:-1])]))
+
+
+@pytest.mark.parametrize("tag", ["row", "c"])
+def test_rows_and_cells_in_another_order_stand_at_their_places(tmp_path, tag):
+    """ISO/IEC 29500 numbers rows and cells; some writers do not write them in ascending order."""
+    check(read_runs(with_sheet(tmp_path, lambda xml: shuffled(tag, xml))))
+
+
+def test_a_row_that_is_there_twice_is_refused(tmp_path):
+    path = with_sheet(tmp_path, lambda xml: xml.replace('<row r="4"', '<row r="3"'))
+    with pytest.raises(DataError, match=r"row 3 of sheet 'Data' is there twice"):
+        read_runs(path)
 
 
 def as_xls(path):

@@ -37,6 +37,7 @@ class _Parser(WorkSheetParser):
             timedelta_formats=book._timedelta_formats,
         )
         self.book = book
+        self.is_ascending = True  # the cells of the row
         self.places: dict[str, int] = {}
         self.formulas: list[Place] = []
         self.merged: list[str] = []
@@ -59,9 +60,12 @@ class _Parser(WorkSheetParser):
                 element.clear()
 
     def parse_row(self, row: Any) -> tuple[int, Any]:  # noqa: ANN401
-        """Number and cells of a row."""
+        """Number of a row, and its cells in the order of their columns."""
         cells: Any
+        self.is_ascending = True
         number, cells = super().parse_row(row)
+        if not self.is_ascending:
+            cells = sorted(dict(cells).items())
         if row.get("hidden") not in _TRUE:
             self.row_dimensions.pop(str(number), None)
         if not 1 <= number <= ROWS or (cells and cells[-1][0] > COLUMNS):
@@ -77,6 +81,8 @@ class _Parser(WorkSheetParser):
         else:
             name = reference.rstrip("0123456789")
             column = self.places.get(name) or self.places.setdefault(name, _number(name))
+            if column <= self.col_counter:
+                self.is_ascending = False
             self.col_counter = column
         value = element.findtext(VALUE_TAG)
         if value:
@@ -156,16 +162,18 @@ class XlsxBook:
             filled = size = 0
             for number, cells in parser.parse():
                 row = _row(cells)
-                if not row or number <= len(rows):
+                if not row:
                     continue
+                if number <= len(rows) and rows[number - 1]:
+                    raise ValueError(f"row {number} of sheet {title!r} is there twice")
                 size += len(row)
                 if size > MOST_CELLS:
                     raise DataError(
                         f"{self._name}, sheet {title!r}: has more than {MOST_CELLS} cells with the empty ones between "
                         f"them; at most {MOST_CELLS} are read. Save the sheet as .csv."
                     )
-                rows.extend(() for _ in range(number - 1 - len(rows)))
-                rows.append(row)
+                rows.extend([()] * (number - len(rows)))
+                rows[number - 1] = row
                 filled += 1
                 if most is not None and filled >= most:
                     break
