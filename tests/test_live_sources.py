@@ -403,13 +403,24 @@ def test_a_socket_that_ends_is_lost_and_connected_again(tmp_path, monkeypatch, f
     assert "bad" not in kinds(items)
 
 
-def test_standard_input_ends(tmp_path):
-    code = (
-        "from fitmodels.live.sources import *\n"
-        "print([getattr(i, 'kind', '') or i.loads for i in open_source('-', SourceOptions(loads={'P': 'kW'}))])"
-    )
-    run = subprocess.run([sys.executable, "-c", code], input="t,P [kW]\n0,1\n.1,2\n", capture_output=True, text=True)
-    assert run.stdout == "['connected', {'P': 1.0}, 'connected', {'P': 2.0}, 'end']\n", run.stderr
+READ_STANDARD_INPUT = (
+    "from fitmodels.live.sources import *\n"
+    "print([getattr(i, 'kind', '') or i.loads for i in open_source('-', SourceOptions(loads={'P': 'kW'}))])"
+)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "", "\r"])
+def test_standard_input_ends_with_its_last_line(end):
+    words = [sys.executable, "-c", READ_STANDARD_INPUT]
+    run = subprocess.run(words, input=f"t,P [kW]\n0,1\n.1,2{end}".encode(), capture_output=True)
+    assert run.stdout == b"['connected', {'P': 1.0}, 'connected', {'P': 2.0}, 'end']\n", run.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a POSIX shell closes its standard input")
+def test_standard_input_that_is_closed_is_refused():
+    shell = ["sh", "-c", 'exec "$0" -c "$1" <&-', sys.executable, READ_STANDARD_INPUT]
+    run = subprocess.run(shell, capture_output=True, text=True, timeout=60)
+    assert "UsageError: standard input cannot be read: bad file descriptor. Give it a file or a pipe." in run.stderr
 
 
 @pytest.mark.parametrize("words", ["tcp://192.168.0.10:5000", "tcp://127.0.0.1", "tcp://127.0.0.1:0", "tcp://a.b:5"])

@@ -1,8 +1,10 @@
 """Lines from standard input, or from a socket of this computer, of CSV or JSON."""
 
+import errno
 import os
 import select
 import socket
+import sys
 import time
 from collections.abc import Callable
 from typing import Final
@@ -24,7 +26,13 @@ Opener = Callable[[], int]  # gives the descriptor of an open stream, or raises 
 
 def standard_input(options: SourceOptions) -> Items:
     """Readings from standard input, until it ends."""
-    return _lines("standard input", lambda: os.dup(0), options, ends=True)
+    return _lines("standard input", _standard_input, options, ends=True)
+
+
+def _standard_input() -> int:
+    if sys.__stdin__ is None:  # it was closed at the start: another file may have its number now
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+    return os.dup(0)
 
 
 def from_socket(words: str, options: SourceOptions) -> Items:
@@ -70,10 +78,15 @@ def _lines(name: str, opener: Opener, options: SourceOptions, *, ends: bool = Fa
                     file = opener()
                     feed.restart()
                 except OSError as error:
-                    yield from feed.lose(os.strerror(error.errno).lower() if error.errno else str(error))
+                    why = os.strerror(error.errno).lower() if error.errno else str(error)
+                    if ends:
+                        raise UsageError(f"{name} cannot be read: {why}. Give it a file or a pipe.") from None
+                    yield from feed.lose(why)
             data = _read(file)
             if data == b"":
                 if ends:
+                    if pending.strip():  # a last line without its end
+                        yield from feed.take(pending.removesuffix(b"\r"), arrival_time())
                     yield Notice(time.time(), "end", f"{name} is at its end")
                     return
                 os.close(file)
