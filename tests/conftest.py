@@ -37,18 +37,29 @@ def pytest_configure(config):
     if home == ROOT:
         return
     packages = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]["packages"]
-    folders = [name.removeprefix("fitmodels").lstrip(".").replace(".", "/") for name in packages]
-    for directory in folders:
-        here = {path.name for path in (ROOT / directory).glob("*.py")}
-        there = {path.name for path in (home / directory).glob("*.py")}
-        _, differ, odd = filecmp.cmpfiles(ROOT / directory, home / directory, here & there, shallow=False)
-        stale = sorted({*(here ^ there), *differ, *odd})
-        if stale:
-            pytest.exit(
-                f"the installed fitmodels differs from this checkout ({directory or '.'}: {', '.join(stale)}): "
-                "install again (rm -rf build; pip install .)",
-                returncode=3,
-            )
+    folders = {name.split(".")[1] for name in packages if "." in name}
+    if stale := stale_files(ROOT, home, folders):
+        pytest.exit(
+            f"the installed fitmodels differs from this checkout ({', '.join(stale[:10])}): "
+            "install again (rm -rf build; pip install .)",
+            returncode=3,
+        )
+
+
+def stale_files(tree, home, folders):
+    """Files of a package that differ from those of the tree, or are only in one of both: Python, templates, data."""
+
+    def files(root):
+        found = [path.relative_to(root) for one in sorted(folders) for path in (root / one).rglob("*.*")]
+        found += [path.relative_to(root) for path in root.glob("*.py")]
+        hidden = (path for path in found if any(part.startswith((".", "__pycache__")) for part in path.parts))
+        return {path.as_posix() for path in {*found} - {*hidden} if (root / path).is_file()}
+
+    there = files(home)
+    kinds = {Path(name).suffix for name in there}  # others, such as copies that an editor keeps, are not installed
+    here = {name for name in files(tree) if Path(name).suffix in kinds}
+    _, differ, odd = filecmp.cmpfiles(tree, home, sorted(here & there), shallow=False)
+    return sorted({*(here ^ there), *differ, *odd})
 
 
 @pytest.fixture(autouse=True)

@@ -175,3 +175,23 @@ def test_wheel_and_sdist_hold_what_is_needed_and_install(tmp_path):
     file, rows = run.stdout.decode().split()
     assert Path(file).is_relative_to(target)
     assert rows == "16"
+
+
+@pytest.mark.parametrize("name", ["a.py", "app/templates/page.html", "controllers/exports/loop.st", "core/data.csv"])
+def test_a_file_that_was_changed_after_the_installation_is_seen(tmp_path, name, pytestconfig):
+    """The guard of `conftest`: templates and sources in C or structured text are data of the package."""
+    guard = next(each for each in pytestconfig.pluginmanager.get_plugins() if hasattr(each, "stale_files"))
+    tree, home = tmp_path / "tree", tmp_path / "home"
+    for root in (tree, home):
+        for one in ("a.py", "app/b.py", "app/templates/page.html", "controllers/exports/loop.st", "core/data.csv"):
+            (root / one).parent.mkdir(parents=True, exist_ok=True)
+            (root / one).write_text("1")
+    folders = ("app", "controllers", "core")
+    (tree / "core" / "data.csv~").write_text("kept by an editor")
+    (home / "core" / "__pycache__").mkdir()
+    (home / "core" / "__pycache__" / "b.pyc").write_text("")
+    assert guard.stale_files(tree, home, folders) == []
+    (tree / name).write_text("2")
+    assert guard.stale_files(tree, home, folders) == [name]
+    (tree / name).unlink()
+    assert guard.stale_files(tree, home, folders) == [name]
