@@ -187,7 +187,10 @@ def _force(rec: "Record", args: argparse.Namespace, pf: "ParameterFile | None") 
         )
     turn = None if args.spindle is None else 60 / args.spindle
     number = args.teeth or (None if pf is None else teeth_of(pf))
-    fit = force_process_fit(rec.centred(), drive=args.drive_pole, revolution=turn, teeth=number, **given)
+    known = {name: given.get(name) for name in ("m", "k", "d")}
+    fit = force_process_fit(
+        rec.centred(), m=known["m"], k=known["k"], d=known["d"], drive=args.drive_pole, revolution=turn, teeth=number
+    )
     if not fit.ratios[0] > 0 and fit.fit < POOR:
         raise IdentError(
             f"{rec.output} does not follow {rec.input}: the model explains {max(fit.fit, 0):.0f} % of it, less than "

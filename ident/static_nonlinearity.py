@@ -15,12 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Array
+from ..core.verdict import DO_NOT_USE, RESERVATIONS
 from ..datasets.records.record import Record
-from .estimators.high_order_arx import LongArx, golden, lagged_rows, long_arx, rss_of
+from .estimators.high_order_arx import LongArx, golden, lagged_rows, long_arx, offsets_of, rss_of
 
 LAGS = np.array([1, 2, 4, 7, 11, 16, 22, 30, 40, 55])  # of g: dense near, wide apart for slow plants and long delays
 FALSE_ALARM = 1e-3  # of all candidates together; with 1e-4 a dead zone of 20 % is named in .78 of records, not .83
 WIDTHS = (0.05, 0.1, 0.2, 0.35)  # of dead zone and backlash, of half the range of u
+SURE, SMALL_OFFSET = 3.0, 0.05  # standard errors; of the range of the output: smaller offsets are not judged
+OFFSET, LARGE_OFFSET = 0.15, 0.3  # of the larger mean: an offset named, and one that no usual cut has
 LEVELS = (0.5, 0.7, 0.85)  # of saturation, of half the range of u from its middle
 REFINED = 8  # evaluations of the width or level
 CLIPPED = 0.01  # share of repeated samples
@@ -253,3 +256,36 @@ def clipped(values: Array) -> tuple[float, float] | None:
         return None
     level = max(at, key=lambda v: at[v])
     return level, float((values == level).mean())
+
+
+def off_proportion(rec: Record, inverse_gain: float, error: float) -> Iterator[tuple[int, str]]:
+    """Level and sentence on an output that is not proportional to the input at the operating point of a record.
+
+    The line of the gain through the means of a record meets no input at an offset of the output: an edge force, or the
+    zero of the sensor. A force in proportion to the power 1 - m of the feed (Kienzle) has one of the share m, usually
+    0.15 to 0.3.
+
+    Parameters
+    ----------
+    rec : Record
+        With its operating point, in its values or, of a centred record, in its offsets.
+    inverse_gain, error : float
+        Input per output, and its standard error.
+    """
+    centred = all(abs(rec.u[s].mean()) <= 1e-6 * float(np.ptp(rec.u)) for s in rec.stretches)
+    u, y = map(float, offsets_of(rec).mean(axis=0) if centred else (rec.u.mean(), rec.y.mean()))
+    by_gain = u / inverse_gain
+    offset = y - by_gain
+    share = abs(offset) / max(abs(y), abs(by_gain), 1e-300)
+    uncertain = max(SURE * abs(by_gain) * error / inverse_gain, SMALL_OFFSET * float(np.ptp(rec.y)))
+    if share <= OFFSET or abs(offset) <= uncertain:
+        return
+    unit = f" {rec.unit_y}".rstrip()
+    yield (
+        DO_NOT_USE if share > LARGE_OFFSET else RESERVATIONS,
+        f"The {rec.output} is not proportional to the {rec.input}: at a mean of {u:.4g} {rec.unit_u or '1'} it is "
+        f"{y:.4g}{unit}, and by the estimated gain {by_gain:.4g}{unit}. {offset:+.4g}{unit} at no {rec.input} are the "
+        "zero of the sensor, an edge force, or a command recorded as a deviation. A control takes both as "
+        "proportional, so that its feeds are wrong: deduct the offset from force and set points, in the control too, "
+        "or record both from their zeros.",
+    )

@@ -144,11 +144,29 @@ def test_samples_at_the_same_angles_of_the_teeth_are_no_mean_force(rate, rpm, st
     t = np.arange(len(rec)) / rate
     ripple = 1 + 0.6 * np.cos(2 * np.pi * teeth * rpm / 60 * t + 1)
     rec = Record(u=rec.u, y=rec.y * ripple, sample_time=rec.sample_time, input="f_r", output="F", unit_y="N")
-    fit = force_process_fit(rec, revolution=60 / rpm, teeth=stated)
+    fit = force_process_fit(rec, revolution=60 / rpm, teeth=stated, proportional=False)
     assert [found for found, _ in fit.doubts] == ([level] if level else [])
     assert fit.verdict.level >= level
     if level == 2:
         assert "do not give the mean force of a cutter with" in fit.verdict.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("share", "level"),
+    [(0.0, 0), (0.08, 0), (0.2, 1), (-0.25, 1), (0.5, 2), (-0.5, 2)],  # of the mean force by the gain
+)
+def test_a_force_that_is_not_proportional_to_the_feed_is_a_doubt(share, level):
+    """An edge force, or the zero of a sensor: the mean of the record itself contradicts dc/k."""
+    rec = run(noise=0.02)
+    offset = share * float(rec.u.mean()) / TRUTH[2]
+    moved = Record(u=rec.u, y=rec.y + offset, sample_time=rec.sample_time, input="f_r", output="F", unit_y="N")
+    fit = force_process_fit(moved.centred())
+    assert [found for found, _ in fit.doubts] == ([level] if level else [])
+    assert fit.verdict.level == level
+    if level:
+        assert f"{offset:+.2g}"[:2] in fit.verdict.reasons[0]
+        assert "not proportional to the f_r" in fit.verdict.reasons[0]
+    assert not force_process_fit(moved.centred(), proportional=False).doubts
 
 
 def test_another_form_is_reported():

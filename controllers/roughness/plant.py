@@ -332,7 +332,7 @@ def _response(rec: "Record", *, of_force: bool) -> _Response:
     except IdentError:  # no steps
         if not of_force:
             raise
-        fit = force_process_fit(rec.centred())
+        fit = force_process_fit(rec.centred(), proportional=False)
         gain, delay, time = 1 / float(fit.ratios[2]), 0.0, math.nan
         lags = () if np.abs(fit.poles.imag).max() > 0 else tuple(-1 / fit.poles.real)
     if not gain > 0:

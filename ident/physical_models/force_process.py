@@ -27,6 +27,7 @@ from ...datasets.records.resampling import aliased_teeth, aliased_words, samples
 from ..continuous import ContinuousModel, to_continuous
 from ..estimators.prediction_error import output_error
 from ..model import Model
+from ..static_nonlinearity import off_proportion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -194,6 +195,7 @@ def force_process_fit(
     drive: Faster | None = None,
     revolution: float | None = None,
     teeth: int | None = None,
+    proportional: bool = True,
 ) -> ForceProcess:
     """Fit LYAP's drive and process (eq. 2.1-2.4) to a run of feed command f_r and cutting force F.
 
@@ -211,6 +213,8 @@ def force_process_fit(
         over a revolution, in whole samples; a record with fewer than two in it is not averaged.
     teeth : int or None
         Of the cutter: whether the samples of a revolution give its mean force (`aliased_teeth`).
+    proportional : bool
+        Whether the control takes the force in proportion to the feed, so that an offset between them is a doubt.
 
     Raises
     ------
@@ -241,12 +245,14 @@ def force_process_fit(
         raise IdentError(f"drive {drive!r}: 'faster' or 'slower', its pole d/m relative to the process pole c.")
 
     rec = rec if isinstance(rec, Record) else join_records(rec)
-    doubts = [*_of_sampling(rec, revolution, teeth)]
+    doubts, recorded = [*_of_sampling(rec, revolution, teeth)], rec
     window = 0 if revolution is None else round(revolution / rec.sample_time)
     window = window if window > 1 else 0
     rec = averaged_over(rec, window) if window else rec
     discrete = output_error(rec, nb=2, nf=2, nk=1)
     ratios, cov, zero = _ratios(discrete)
+    if proportional and ratios[2] > 0:
+        doubts += off_proportion(recorded, float(ratios[2]), float(np.sqrt(cov[2, 2])))
     values, errors = parameters_of(ratios, cov, given, drive)
     simulated, fit = _free_run(rec, ratios)
     s = max(rec.stretches, key=lambda s: s.stop - s.start)
