@@ -295,11 +295,17 @@ def _check_scaling(args: argparse.Namespace) -> None:
 def _check_limits(pf: "ParameterFile", args: argparse.Namespace) -> None:
     """Raise UsageError where the limits of the command leave nothing, alone or of the feed limits of the file."""
     from ..parameters.messages import in_unit
+    from ..parameters.sections.load_line import is_feed
 
     if None not in (args.low, args.high) and args.low >= args.high:
         raise UsageError(f"--low {args.low:g} must lie below --high {args.high:g}; interchange them?")
     line = pf.load_line
     factor = None if line is None or args.unit is None else in_unit(1.0, line.unit_feed, args.unit)
+    if line is not None and factor is None and is_feed(line.unit_feed) and is_feed(args.unit or ""):
+        raise UsageError(
+            f"--unit {args.unit}: the feed limits of the file are in {line.unit_feed}, and the spindle speed between "
+            f"both is not part of the control. Give --unit {line.unit_feed}, with --scaling and the limits in it."
+        )
     if line is None or factor is None:
         return
     low, high = line.lower.value * factor, line.upper.value * factor

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fitmodels import ident, parameters
 from fitmodels.cli import main
+from fitmodels.controllers import check_control
 from fitmodels.ident import Model
 from fitmodels.ident.pi.loop import loop_of
 from fitmodels.parameters.file import sealed
@@ -48,6 +49,20 @@ def test_the_verdict_of_the_dynamics_is_printed_first(file, capsys):
     code, out, _ = tune(capsys, "--settle", "8", "--force")
     assert code == 0
     assert out.startswith("Verdict on the dynamics: do not use for control. The simulation fit is 30 %, below 50 %.")
+
+
+def test_a_feed_per_revolution_is_refused_where_the_limits_are_per_minute(file, capsys):
+    """Limits of 521 to 1034 mm/rev were "usable" and exported: mm/rev and mm/min were not compared."""
+    pf = parameters.write(sealed(published("CLM-2023"), pi=None), "q.json") and parameters.read("q.json")
+    words = ["tune", "q.json", "--settle", "8", "--scaling", "1533", "--low", "521", "--high", "1034", "--force"]
+    assert main([*words, "--unit", "mm/rev"]) == 2
+    assert "the feed limits of the file are in mm/min" in capsys.readouterr().err
+    assert parameters.read("q.json") == pf
+    gains = {**published("CLM-2023").pi.model_dump(), "unit_u": "mm/rev"}
+    found = check_control(sealed(pf, pi=gains)).findings
+    assert [(finding.passed, finding.words.partition(":")[0]) for finding in found] == [
+        (False, "No control can be exported")
+    ]
 
 
 def test_a_share_may_be_given_in_percent(file, capsys):

@@ -14,6 +14,7 @@ from ...core.errors import ParameterError
 from ...datasets.units import is_unit, same_dimension
 from ...parameters.checks.report import VERDICT, FileFinding
 from ...parameters.exports.names import plain, plain_unit
+from ...parameters.sections.load_line import is_feed
 from ...parameters.setting_words import above_upper_limit, narrowed_words
 from ..constant_load_milling.cut_model import unit_factor
 
@@ -113,7 +114,8 @@ def dynamics_slope(pi: "PiSection", model: "DynamicsSection", line: "LoadLineSec
 def in_units_of_the_loop(pi: "PiSection", line: "LoadLineSection") -> bool:
     """Whether gains can be converted to the units of the settings; others run in a controller of their own."""
     pairs = [(pi.unit_y, line.unit_load)]
-    pairs += [] if pi.unit_u in ("%", "1", "override") else [(pi.unit_u, line.unit_feed)]
+    feeds = is_feed(pi.unit_u) and is_feed(line.unit_feed)  # per revolution and per minute: a contradiction
+    pairs += [] if feeds or pi.unit_u in ("%", "1", "override") else [(pi.unit_u, line.unit_feed)]
     return all(is_unit(one) and is_unit(other) and same_dimension(one, other) for one, other in pairs)
 
 

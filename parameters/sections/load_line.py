@@ -348,6 +348,15 @@ class LimitsSection(Section):
         return [bound for bound in (self.power, self.force, self.wear) if bound is not None]
 
 
+def is_feed(unit: str) -> bool:
+    """Whether a unit is one of a feed: per minute, per revolution or per tooth.
+
+    >>> is_feed("mm/rev"), is_feed("m/min"), is_feed("V")
+    (True, True, False)
+    """
+    return any(in_unit(1.0, unit, feed) is not None for feed in ("mm/min", "mm/rev", "mm/tooth"))
+
+
 def feed_in(value: float, unit: str, to: str, spindle_speed: float | None) -> float | None:
     """A feed per revolution or a feed rate in a unit of either; None where it does not convert.
 
