@@ -239,7 +239,8 @@ def test_the_closed_loop_of_adaptive_force_through_the_exported_code_is_the_repl
     [
         ({"feed": 5.08}, "above 1.5 mm/rev"),  # 0.2 inch per revolution, converted twice
         ({"override_high": 100.0}, "above 1.5 mm/rev"),
-        ({"override_high": 100.0, "nose_radius": 0.8}, "above 0.8 mm/rev: the nose radius"),
+        ({"override_high": 100.0, "nose_radius": 0.8}, "above the nose radius of 0.8 mm"),
+        ({"override_high": 2.1, "nose_radius": 0.8}, "is too large. Ideal feed marks at"),
         ({"force_per_feed": 2781.0 / 25.4}, "check the units"),
         ({"force_per_feed": 2781.0 * 25.4}, "check the units"),
         ({"depth": 0.001}, "specific cutting force"),

@@ -34,7 +34,6 @@ DRAWS, SPREAD = 20, 0.3  # of the cut; relative, uniform
 WRONG: Final = 0.05  # share of draws
 HELD: Final = 0.04  # of the reference: deviation of the mean force at rest
 LIMITED: Final = 0.95  # of the upper limit of the feed: a mean command so near it rests on it
-PLAUSIBLE: Final = 1.5  # mm/rev: a larger feed is none of turning, where the nose radius is not known
 USUAL: Final = 1.5  # times the programmed feed
 _NEEDED: Final = "feed", "sample_time", "servo_time", "process_time", "force_per_feed"
 BRIDGED: Final = 1.25  # times the feed before: the law on the last valid reading, until a fault is found
@@ -188,13 +187,6 @@ def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
     yield FileFinding("roughness", True, AGREE)
     section, control = settings_of(pf), ConstantRoughness.from_parameters(pf)
     gain, tc, ts = section.force_per_feed or 0.0, section.process_time or 0.0, section.servo_time or 0.0
-    bound, why = (
-        (PLAUSIBLE, "no feed of turning is larger; state the nose radius where it is")
-        if section.nose_radius is None
-        else (section.nose_radius, "the nose radius, beyond which the profile is not that of the nose")
-    )
-    if control.high > bound:
-        yield _failed("limits", f"The upper feed limit {control.high:.4g} mm/rev is above {bound:.4g} mm/rev: {why}.")
     if control.high > WIDEST * control.low:
         words = f"The feed limits {control.low:.4g} to {control.high:.4g} mm/rev are more than {WIDEST:g}-fold apart"
         yield _failed("limits", f"{words}; raise override_low or lower override_high.")

@@ -19,7 +19,7 @@ from ...parameters.sections.force_control import RoughnessSection
 from .controller import FLOOR
 from .inverse import ForceOfRoughness, inverse_force
 from .plant import Cut, Measured, loop_theory
-from .plausible import check_plausible, check_readings, gain_off_law
+from .plausible import BEYOND, NEARLY, WIPER, check_plausible, check_readings, gain_off_law, large_feed
 from .reference import (
     Reading,
     feed_of_force,
@@ -38,10 +38,7 @@ if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
 
 OVERRIDE: Final = 1.5  # of the programmed feed: the highest of SURF's lathe
-BEYOND: Final = 1.5  # times the largest tested feed, or that of ideal marks, beyond which a reason is needed
 STIFF: Final = 0.5  # of the programmed feed: the highest lower limit that is assumed
-WIPER: Final = 2.0  # times the feed of ideal marks: no edge, not even a wiper, gives the roughness beyond it
-NEARLY: Final = 1 + 1e-9
 SAMPLE: Final = 0.01  # s, SURF
 SLOWEST_SAMPLE: Final = 0.5  # of the shorter time constant: a longer sample time is refused
 LONGEST_WAIT: Final = 10.0  # s
@@ -249,15 +246,15 @@ class _Draft:
     def limits(self) -> None:
         """Override range: given, or from the tests; no feed beyond them without a reason, none that cannot cut."""
         cut, feed, tested = self.cut, self.values["feed"], self.tested
-        formed, why = largest_feed(cut.nose_radius, cut.depth)
+        formed, _ = largest_feed(cut.nose_radius, cut.depth)
         low, high = cut.override or self._tested_override(feed, formed)
         if cut.override is not None:
             self.put("override_low", low, "given")
             self.put("override_high", high, "given")
         top = max(high, 1.0) * feed
         words = f"The largest feed {top:.4g} mm/rev"
-        if top > formed * NEARLY:
-            raise UsageError(f"{words} is above {why}: it cannot form the surface. Lower the feed or the override.")
+        if impossible := large_feed(top, cut.roughness, cut.nose_radius, cut.depth, WIPER):
+            raise UsageError(impossible)
         if tested is None:
             if high > BEYOND * NEARLY:
                 untested = f"{words} is {high:.4g} times the programmed one, and no tests of feed are known."
@@ -272,12 +269,9 @@ class _Draft:
                 self.beyond(beyond, f"Stay within {BEYOND:g} times the tests")
             else:
                 self.note(f"EXTRAPOLATED: {beyond}")
-        marks = math.inf if cut.nose_radius is None else feed_of_ideal_roughness(cut.roughness, cut.nose_radius)
-        if top > BEYOND * marks * NEARLY:
-            words = f"{words} is too large. {ideal_marks(top, cut.nose_radius or 1.0, cut.roughness)}"
-            if top > WIPER * marks * NEARLY:
-                raise UsageError(f"{words} Lower the feed or the override.")
-            self.beyond(words, "Lower the feed or the override")
+        if rough := large_feed(top, cut.roughness, cut.nose_radius, cut.depth, BEYOND):
+            remedy = "Lower the feed or the override"
+            self.beyond(rough.removesuffix(f" {remedy}."), remedy)
 
     def _tested_override(self, feed: float, formed: float) -> tuple[float, float]:
         """Override range of the tested feeds, at most 150 % and what the nose forms; its values are put."""

@@ -7,7 +7,16 @@ from ...core.errors import UsageError
 from ...datasets.plausibility.ranges import KC, plausible
 from ...parameters.sections.force_control import ROUNDING
 from .plant import Cut
-from .reference import force_at, force_law_of, law_of, settings_of
+from .reference import (
+    feed_of_ideal_roughness,
+    force_at,
+    force_law_of,
+    ideal_marks,
+    largest_feed,
+    law_of,
+    settings_of,
+    tested_feeds,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -15,6 +24,9 @@ if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
     from ...parameters.sections.force_control import RoughnessSection
 
+BEYOND: Final = 1.5  # times the largest tested feed, or that of ideal marks, beyond which a reason is needed
+WIPER: Final = 2.0  # times the feed of ideal marks: no edge, not even a wiper, gives the roughness beyond it
+NEARLY: Final = 1 + 1e-9
 TIMES_POSSIBLE: Final = (1e-3, 10.0)  # s, of servo and process
 HIGHEST_READING: Final = 20.0  # times the reference force: a valid reading beyond, of either sign, is refused
 AGREE: Final = (
@@ -78,6 +90,30 @@ def check_readings(low: float, high: float, threshold: float, reference: float, 
         )
 
 
+def large_feed(top: float, roughness: float, nose_radius: float | None, depth: float | None, times: float) -> str:
+    """What is wrong with a largest feed that the nose does not form, or whose marks are rougher; empty where nothing.
+
+    Parameters
+    ----------
+    top, roughness, nose_radius, depth : float
+        mm/rev, um, mm and mm.
+    times : float
+        The feed of ideal marks, beyond which it is too large.
+
+    Examples
+    --------
+    >>> large_feed(0.3, 1.6, 0.8, None, WIPER), large_feed(0.42, 1.6, 0.8, None, WIPER)[:44]
+    ('', 'The largest feed 0.42 mm/rev is too large. I')
+    """
+    words, remedy = f"The largest feed {top:.4g} mm/rev", "Lower the feed or the override."
+    formed, why = largest_feed(nose_radius, depth)
+    if top > formed * NEARLY:
+        return f"{words} is above {why}: it cannot form the surface. {remedy}"
+    if nose_radius is None or top <= times * feed_of_ideal_roughness(roughness, nose_radius) * NEARLY:
+        return ""
+    return f"{words} is too large. {ideal_marks(top, nose_radius, roughness)} {remedy}"
+
+
 def gain_off_law(cut: "Cut", law: "LawSection | None", gain: float, feed: float) -> str:
     """Sentence on a given kc a, N per mm/rev, far from that of the force law; empty where it is near."""
     if law is None or (cut.force_per_feed is None and cut.kc is None):
@@ -106,7 +142,9 @@ def contradictions(pf: "ParameterFile") -> "Iterator[tuple[str, str]]":
         check_plausible(times=times)
     except UsageError as error:
         yield "times", f"{str(error)[:1].upper()}{str(error)[1:]}"
-    yield from () if accepted else _off_force_law(section, force_law_of(pf, law.factors[0].symbol))
+    force_law = force_law_of(pf, law.factors[0].symbol)
+    yield from _off_feeds(section, tested_feeds(pf, force_law), accepted=accepted)
+    yield from () if accepted else _off_force_law(section, force_law)
 
 
 def _off_reference(section: "RoughnessSection") -> "Iterator[tuple[str, str]]":
@@ -119,6 +157,19 @@ def _off_reference(section: "RoughnessSection") -> "Iterator[tuple[str, str]]":
     if max(-low, high) > most:
         words = f"Valid readings from {low:.4g} to {high:.4g} N go beyond {most:.4g} N, {HIGHEST_READING:g} times the "
         yield "readings", f"{words}reference, so that none is invalid; narrow them (valid=-50:3000N)."
+
+
+def _off_feeds(
+    section: "RoughnessSection", tested: tuple[float, float] | None, *, accepted: bool
+) -> "Iterator[tuple[str, str]]":
+    """The largest feed against the nose, the marks that it leaves, and the tests."""
+    top = max(section.override_high, 1.0) * (section.feed or 0.0)
+    times = WIPER if accepted else BEYOND
+    if words := large_feed(top, section.roughness, section.nose_radius, section.depth, times):
+        yield "limits", words
+    elif tested is not None and top > BEYOND * tested[1] * NEARLY and not accepted:
+        words = f"The largest feed {top:.4g} mm/rev is more than {BEYOND:g} times the tested ones, "
+        yield "limits", f"{words}{tested[0]:g} to {tested[1]:g} mm/rev: lower it."
 
 
 def _off_force_law(section: "RoughnessSection", force_law: "LawSection | None") -> "Iterator[tuple[str, str]]":
