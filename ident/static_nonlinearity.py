@@ -16,8 +16,20 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Array
 from ..core.verdict import DO_NOT_USE, RESERVATIONS
+from ..datasets.records.reading import clipped as runs_into
 from ..datasets.records.record import Record
-from .estimators.high_order_arx import LongArx, golden, lagged_rows, long_arx, offsets_of, rss_of
+from .estimators.high_order_arx import (
+    EXACT,
+    LongArx,
+    golden,
+    input_lags,
+    lagged_rows,
+    long_arx,
+    offsets_of,
+    order_of,
+    rss_of,
+    spread,
+)
 
 LAGS = np.array([1, 2, 4, 7, 11, 16, 22, 30, 40, 55])  # of g: dense near, wide apart for slow plants and long delays
 FALSE_ALARM = 1e-3  # of all candidates together; with 1e-4 a dead zone of 20 % is named in .78 of records, not .83
@@ -26,6 +38,7 @@ SURE, SMALL_OFFSET = 3.0, 0.05  # standard errors; of the range of the output: s
 OFFSET, LARGE_OFFSET = 0.15, 0.3  # of the larger mean: an offset named, and one that no usual cut has
 LEVELS = (0.5, 0.7, 0.85)  # of saturation, of half the range of u from its middle
 REFINED = 8  # evaluations of the width or level
+LEAST_CLIPPED = 3  # times that an output runs into the end of its range
 CLIPPED = 0.01  # share of repeated samples
 LOSS = (-1.0, -0.6, 0.6)  # change of the gain, relative; -1 where the input is lost
 CHANGES = {"dead zone": LOSS, "backlash": (-1.0,), "saturation": LOSS, "curvature": (-0.3, -0.1, 0.1, 0.3)}
@@ -289,3 +302,41 @@ def off_proportion(rec: Record, inverse_gain: float, error: float) -> Iterator[t
         "proportional, so that its feeds are wrong: deduct the offset from force and set points, in the control too, "
         "or record both from their zeros.",
     )
+
+
+def limits_reached(rec: Record, averaged: Record, period: int) -> Iterator[tuple[int, str]]:
+    """Level and sentence on an output at the end of its range and on a saturated input.
+
+    Parameters
+    ----------
+    rec : Record
+        As recorded.
+    averaged : Record
+        The record without the ripple of ``period`` samples; every half of them is tested for saturation.
+    """
+    highest, lowest = float(rec.y.max()), float(rec.y.min())
+    own = rec.y + offsets_of(rec)[:, 1]
+    extreme = highest if own.max() >= -own.min() else lowest  # a force of zero between teeth is no end of a range
+    times, samples = runs_into(rec.y, extreme)
+    if times >= LEAST_CLIPPED:
+        at = f"{float(own.max() if extreme == highest else own.min()):.4g} {rec.unit_y}".rstrip()
+        yield (
+            DO_NOT_USE,
+            f"The {rec.output} runs into {at} and stays there, in {samples} samples, as at the end of the range of a "
+            "sensor: the gain is not known. Use another range or less load.",
+        )
+    part = spread(averaged.decimated(max(period // 2, 1)))
+    if not (order := order_of(part)):
+        return
+    fit = long_arx(part, order, input_lags(part, order))
+    if fit.rss <= EXACT * float(part.y @ part.y):  # no noise, against which a nonlinearity is tested
+        return
+    found = nonlinearity(fit, part, part.u + offsets_of(part)[:, 0], np.empty((len(part), 0)))
+    if found is not None and found.kind == "saturation":
+        sides = ((found.low, "below"), (found.high, "above"))
+        where = " and ".join(f"{side} {end:.3g} {rec.unit_u}".rstrip() for end, side in sides if np.isfinite(end))
+        yield (
+            RESERVATIONS,
+            f"The {rec.output} hardly responds to a {rec.input} {where}, {100 * found.beyond:.0f} % of the samples, as "
+            "where the command is limited: the gain is understated. Record a smaller range, or the limited command.",
+        )

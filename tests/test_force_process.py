@@ -151,6 +151,31 @@ def test_samples_at_the_same_angles_of_the_teeth_are_no_mean_force(rate, rpm, st
         assert "do not give the mean force of a cutter with" in fit.verdict.reasons[0]
 
 
+def milled(limit=np.inf, command=np.inf, teeth=lambda angle: 1 + 0.3 * np.sin(angle), seed=1):
+    """Force of two teeth at 3000 1/min, sampled at 1 kHz; the command is 250 +- 100 mm/min."""
+    t = np.arange(6000) / 1000
+    u = 250 + 100 * np.sin(2 * np.pi * (0.1 + 0.4 * t) * t)
+    F = sampled([0.8 * 625], [1.0, 62.5, 625.0], 0.001).simulate(np.minimum(u, command) - 250) + 200
+    F = F * teeth(2 * np.pi * 100 * t) + 2 * np.random.default_rng(seed).standard_normal(len(t))
+    y = np.minimum(F.round(2), limit)
+    rec = Record(u=u, y=y, sample_time=0.001, input="feed", output="force", unit_u="mm/min", unit_y="N")
+    return force_process_fit(rec.centred(), revolution=0.02, teeth=2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_limited_command_and_a_clipped_force_are_named(seed):
+    """The gain was wrong by 20 %, at a clean verdict."""
+    assert milled(seed=seed).doubts == ()
+    interrupted = milled(teeth=lambda angle: np.maximum(np.pi * np.sin(angle), 0), seed=seed)
+    assert interrupted.doubts == ()
+    ((level, words), *_) = milled(limit=300.0, seed=seed).doubts
+    assert level == 2
+    assert words.startswith("The force runs into 300 N and stays there")
+    ((level, words), *_) = milled(command=280.0, seed=seed).doubts
+    assert level == 1
+    assert words.startswith("The force hardly responds to a feed above 2")
+
+
 @pytest.mark.parametrize(
     ("share", "level"),
     [(0.0, 0), (0.08, 0), (0.2, 1), (-0.25, 1), (0.5, 2), (-0.5, 2)],  # of the mean force by the gain

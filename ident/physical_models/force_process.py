@@ -27,7 +27,7 @@ from ...datasets.records.resampling import aliased_teeth, aliased_words, samples
 from ..continuous import ContinuousModel, to_continuous
 from ..estimators.prediction_error import output_error
 from ..model import Model
-from ..static_nonlinearity import off_proportion
+from ..static_nonlinearity import limits_reached, off_proportion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -251,6 +251,7 @@ def force_process_fit(
     rec = averaged_over(rec, window) if window else rec
     discrete = output_error(rec, nb=2, nf=2, nk=1)
     ratios, cov, zero = _ratios(discrete)
+    doubts += limits_reached(recorded, rec, window)
     if proportional and ratios[2] > 0:
         doubts += off_proportion(recorded, float(ratios[2]), float(np.sqrt(cov[2, 2])))
     values, errors = parameters_of(ratios, cov, given, drive)
