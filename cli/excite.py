@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..core.errors import UsageError
+from ..datasets.units import canonical
 from .arguments import Parser, parameter_file, seed
 from .output import Printer, output_options, print_json
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from ..ident import Model
 
 KINDS = ("chirp", "logarithmic", "prbs", "multisine", "steps")
+NEAR = 1e-9  # of a period
 PRINTED = 6  # frequencies at which the predicted errors are printed
 
 
@@ -35,7 +37,7 @@ def parser() -> Parser:
         "--max-rate", type=float, metavar="PER_S", help="largest permitted change per second (default: none)"
     )
     p.add_argument("--seed", type=seed, default=1, metavar="N", help="of the two levels of prbs (default: 1)")
-    p.add_argument("--unit", default="V", metavar="UNIT", help="unit of the input (default: V)")
+    p.add_argument("--unit", metavar="UNIT", help="unit of the input (default: that of --like, otherwise V)")
     p.add_argument(
         "--like", metavar="FILE", help="params.json with dynamics, the guess of the plant (default: no prediction)"
     )
@@ -58,6 +60,8 @@ def run(args: argparse.Namespace) -> int:
     """Make the excitation, print its description and predicted errors, and write it."""
     from .. import ident
 
+    guess = None if args.like is None else _guess(args)
+    args.unit = args.unit or (guess and guess.unit_u) or "V"
     u = _made(args)
     low, high = _band(args.band)
     crest = float(abs(u - args.offset).max() / max(float((u - args.offset).std()), 1e-300))
@@ -65,8 +69,13 @@ def run(args: argparse.Namespace) -> int:
         f"{args.kind}: {len(u)} samples at {args.rate:g} Hz, {len(u) / args.rate:g} s, {low:g} to {high:g} Hz, "
         f"{u.min():.4g} to {u.max():.4g} {args.unit}, crest factor {crest:.2f}"
     ]
-    if args.like is not None:
-        lines.append(_predicted(args, u - args.offset, _guess(args)))
+    if low * args.duration < 1 - NEAR:
+        lines.append(
+            f"A period of {low:g} Hz takes {1 / low:.4g} s, longer than the {args.duration:g} s of the signal: below "
+            f"{1 / args.duration:.3g} Hz it determines no response. Give a longer --duration, or a higher --band."
+        )
+    if guess is not None:
+        lines.append(_predicted(args, u - args.offset, guess))
     path = None
     if args.out is not None:
         path = ident.write_excitation(u, args.rate, Path(args.out), args.form, args.unit, force=args.force)
@@ -128,6 +137,11 @@ def _guess(args: argparse.Namespace) -> "Model":
     d = parameter_file(args.like).dynamics
     if d is None:
         raise UsageError(f"{args.like} contains no dynamics; identify them first: fitmodels ident run.csv.")
+    if args.unit is not None and d.unit_u and canonical(args.unit) != canonical(d.unit_u):
+        raise UsageError(
+            f"--unit {args.unit}: the input of the dynamics in {args.like} is in {d.unit_u}; leave --unit out, and "
+            f"give the amplitude in {d.unit_u}."
+        )
     if abs(d.sample_time * args.rate - 1) > 1e-6:
         raise UsageError(f"the dynamics are sampled at {1 / d.sample_time:g} Hz; give --rate {1 / d.sample_time:g}.")
     return model_of(d)

@@ -305,6 +305,12 @@ def test_every_kind_stays_within_its_level(run, tmp_path, kind):
 def test_the_errors_to_come_are_reported_before_cutting(run, german):
     assert run(german.name, "--out", "fit")[0] == 0
     short = run("excite", "--like", "fit/params.json", "--noise", "0.005")[1]
+    unit = parameters.read("fit/params.json").dynamics.unit_u
+    assert f"-2.5 to 2.5 {unit}, crest" in short
+    code, _, err = run("excite", "--like", "fit/params.json", "--noise", "0.005", "--unit", "furlong")
+    assert (code, f"is in {unit}; leave --unit out" in err) == (2, True)
+    assert "takes 100 s, longer than the 15 s" in run("excite", "--band", "0.01:2")[1]
+    assert "takes" not in run("excite", "--band", "0.1:2", "--duration", "10")[1]
     long = run("excite", "--like", "fit/params.json", "--noise", "0.005", "--duration", "60")[1]
     assert "the predicted standard error of the gain is" in short
 
