@@ -22,6 +22,7 @@ from ..core.threads import one_thread
 from ..core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ..datasets.records.gaps import without_short
 from ..datasets.records.record import Record, join_records
+from ..datasets.records.timing import DELAY_UNCERTAIN
 from .closed_loop import Feedback, LoopCheck, check_loop, checked_feedback, feedback
 from .estimators.bias_checks import causality, warn_of_bias
 from .estimators.input_checks import check_varies
@@ -191,6 +192,7 @@ class Identification(Plottable):
             *held,
             *self.disturbances.reservations,
             *([(RESERVATIONS, self.by_choice)] if self.by_choice else []),
+            *((RESERVATIONS, note) for note in self.notes if note.startswith(DELAY_UNCERTAIN)),
             *self.loop.reservations,
             *loop,
         ]

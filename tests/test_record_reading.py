@@ -212,6 +212,7 @@ def test_uneven_samples_of_a_tone_become_even_ones(read, rate):
     assert rec.u[30:-30] == pytest.approx(np.sin(2 * np.pi * at)[30:-30], abs=3e-3)
     assert rec.y[30:-30] == pytest.approx(np.cos(2 * np.pi * at)[30:-30], abs=3e-3)
     assert "samples are interpolated linearly" in reported(rec)
+    assert ("the delay is uncertain by 0.005 s" in reported(rec)) == (rate > 20.0)
 
 
 def test_no_line_is_drawn_over_a_gap(read):

@@ -14,6 +14,8 @@ from .record import Record
 from .resampling import GAP, interpolated
 from .sampling import Rows, TimeAxis, run_starts, time_axis
 
+DELAY_UNCERTAIN = "the delay is uncertain by"  # begins a note on uneven samples that are not much denser than the rate
+DENSE = 4.0  # uneven samples in one of the record, beyond which the times between them do not matter
 SIGNALS = ("input", "output", "reference")
 
 
@@ -129,6 +131,14 @@ def _even(samples: Samples, axis: TimeAxis, asked: RecordOptions) -> Record:
     return record.resampled(asked.resample) if asked.resample is not None else record
 
 
+def _uncertain(step: float) -> str:
+    """Note on the input between uneven samples, a step apart in s."""
+    return (
+        f"{DELAY_UNCERTAIN} {step / 2:.2g} s beyond its standard error, half of the median step: between uneven "
+        "samples the input is not known, and a held command is no straight line. Record at a fixed rate"
+    )
+
+
 def _only(reference: Sequence[Array]) -> Array | None:
     """The reference, if there is one."""
     return reference[0] if reference else None
@@ -164,6 +174,7 @@ def _uneven(samples: Samples, seconds: float, name: str, rate: float, notes: tup
     assumptions = (
         f"{name} is not uniform (steps {steps[inside].min():.4g} to {steps[inside].max():.4g} s): samples are "
         f"interpolated linearly at {rate * times_denser:g} Hz",
+        *([_uncertain(middle)] if middle * rate * DENSE > 1 else []),
         *([f"{count(gaps.size, 'gap')} of more than {GAP:g} median steps left open"] if gaps.size else []),
     )
     u, y, *reference = values.T
