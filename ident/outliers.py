@@ -29,6 +29,7 @@ SKIP = 30.0  # median errors of the prediction of a smooth input at samples that
 SKIP_LAGS, SKIP_NEAR, SKIP_AFTER = 6, 60, 6  # lags of the prediction; samples before it, and after it that must agree
 MOST_SKIPS, LONGEST_SKIP = 5, 25  # more places are edges of the input; samples missing at one place
 FEWEST_HELD, CHANCE = 4, 1e-3  # equal readings of a held output, and their probability in a record without one
+FEWEST_READINGS, REGULAR, UNEVEN = 20, 0.9, 4  # readings, share of equal intervals, and intervals that may vary by 1
 AGREES = 0.2  # of the difference that remains
 MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
@@ -152,6 +153,25 @@ def held(rec: Record, scatter: float) -> list[tuple[int, int]]:
     rare = len(rec) * np.minimum(np.maximum(chance, others), 1.0) ** (counts - 1) < CHANCE
     runs = zip(at[rare].tolist(), counts[rare].tolist(), strict=True)
     return [(k, n) for k, n in runs if n >= FEWEST_HELD and np.ptp(rec.u[k : k + n])]
+
+
+def repeats(rec: Record) -> int:
+    """Samples from one reading of a slow sensor to the next, where each is repeated as often; 1 of any other output.
+
+    >>> repeats(Record(u=np.arange(200.0), y=np.repeat(np.sin(np.arange(50.0)), 4), sample_time=0.01))
+    4
+    """
+    change = np.diff(rec.y)
+    change[[s.start - 1 for s in rec.stretches[1:]]] = 0.0
+    at = np.flatnonzero(change)
+    if len(at) < FEWEST_READINGS or len(np.unique(np.abs(change[at]))) < len(at) / 2:  # a coarse one has few steps
+        return 1
+    gaps = np.diff(at)
+    usual = int(np.median(gaps))
+    apart = np.abs(gaps - usual) <= (
+        1 if usual >= UNEVEN else 0
+    )  # with a clock of its own it is a sample late or early
+    return usual if usual > 1 and apart.mean() > REGULAR else 1
 
 
 def _missing(u: Array, k: int) -> int:

@@ -24,7 +24,7 @@ from .additive_disturbances import (
     relative_size,
 )
 from .estimators.high_order_arx import EXACT, LongArx, input_lags, long_arx, middle, offsets_of, order_of, spread
-from .outliers import JUMP, MOST_SPIKES, held, innovations, jumps, skips, without_spikes
+from .outliers import JUMP, MOST_SPIKES, held, innovations, jumps, repeats, skips, without_spikes
 from .static_nonlinearity import Nonlinearity, clipped, nonlinearity, quantum
 
 RELEVANT = 0.02  # of the standard deviation of y: smaller drift and lines are named without a reservation
@@ -43,7 +43,7 @@ class Disturbance:
     ----------
     kind : str
         ``spikes``, ``heavy tails``, ``jump``, ``drift``, ``line``, ``dead zone``, ``backlash``, ``saturation``,
-        ``curvature``, ``held output``, ``missing samples``, ``quantisation``, or ``clipped output``.
+        ``curvature``, ``held output``, ``slow sensor``, ``missing samples``, ``quantisation``, or ``clipped output``.
     size : float
         In ``unit``: amplitude of a line, range of a drift, largest spike or jump, width of a dead zone, level of a
         saturation, number of missing samples or of equal readings.
@@ -151,6 +151,9 @@ def disturbances(rec: Record, *, closed: bool = False) -> Disturbances:
     order = order_of(rec)
     if not order:
         return Disturbances((), rec, remark=f"{len(rec)} samples are too few")
+    if (every := repeats(rec)) > 1:
+        slow = _of_slow_sensor(rec, every)
+        return Disturbances((slow, *_of_missing_samples(rec)), rec, remark=f"{rec.output} repeats its readings")
     least = int(closed or rec.reference is not None)
     clean, replaced, heavy = _spikes(rec, order, least)
     part = middle(clean)
@@ -247,6 +250,15 @@ def _of_missing_samples(rec: Record) -> list[Disturbance]:
         "missing, though the times go on: the acquisition loses samples. Record again, with times from its clock"
     )
     return [Disturbance("missing samples", float(most), "", place, words)]
+
+
+def _of_slow_sensor(rec: Record, every: int) -> Disturbance:
+    rate = rec.rate / every
+    words = (
+        f"the sensor of {rec.output} gives a new reading every {every} samples only: the model has up to "
+        f"{plain(1 / rate, 2)} s of delay from that. Read it faster, or resample at its rate (--resample {rate:.4g})"
+    )
+    return Disturbance("slow sensor", float(every), "", "all samples", words)
 
 
 def _of_held(rec: Record, fit: LongArx) -> list[Disturbance]:

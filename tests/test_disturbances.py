@@ -10,7 +10,7 @@ from fitmodels.ident.continuous import ContinuousModel
 from fitmodels.ident.estimators.high_order_arx import input_lags, long_arx
 from fitmodels.ident.estimators.prediction_error import output_error
 from fitmodels.ident.figures import structure_chart
-from fitmodels.ident.outliers import skips
+from fitmodels.ident.outliers import repeats, skips
 from fitmodels.ident.record_disturbances import disturbances
 from fitmodels.ident.static_nonlinearity import Nonlinearity, backlash
 from fitmodels.parameters.gather.control import dynamics_section
@@ -268,6 +268,25 @@ def test_repeated_readings_of_a_coarse_or_slow_sensor_are_not_held(step):
     y = np.repeat(whole.y[::5], 5) if slow else np.round(whole.y / (step * np.std(whole.y))) * step * np.std(whole.y)
     found = disturbances(Record(u=whole.u, y=y, sample_time=T)).found
     assert "held output" not in [item.kind for item in found]
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+def test_a_sensor_that_is_slower_than_the_record_has_no_spikes(every):
+    whole = record(CLM)
+    found = disturbances(Record(u=whole.u, y=np.repeat(whole.y[::every], every)[:750], sample_time=T))
+    (item,) = found.found
+    assert (item.kind, item.size, found.replaced.size) == ("slow sensor", every, 0)
+    assert f"a new reading every {every} samples only" in item.sentence
+    assert f"--resample {50 / every:.4g})" in item.sentence
+    assert found.remark == "y repeats its readings"
+
+
+def test_a_sensor_with_a_clock_of_its_own_is_slow_and_other_outputs_are_not():
+    at = np.floor(np.arange(750) / 7.3).astype(int)
+    assert repeats(Record(u=np.arange(750.0), y=np.random.default_rng(1).standard_normal(750)[at], sample_time=T)) == 7
+    ramp = np.floor(np.arange(750) / 7.0)  # a coarse sensor of a ramp
+    for y in (record(CLM).y, ramp, np.round(record(CLM).y, 1)):
+        assert repeats(Record(u=np.arange(750.0), y=y, sample_time=T)) == 1
 
 
 def test_a_slow_plant_is_not_taken_for_a_drift():
