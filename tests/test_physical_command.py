@@ -176,6 +176,16 @@ def test_the_order_is_that_of_the_plant(run, tmp_path):
     assert "try order 2" in " ".join(first.verdict.reasons)
 
 
+def test_a_drift_under_the_steps_is_named():
+    """Another order, which the record had refused already, was the advice."""
+    t, u, _ = steps_of(0)
+    y = ContinuousModel(np.array([1.0]), np.array([0.1, 1.0])).sampled(0.01).simulate(u)
+    slope = 0.01 * np.random.default_rng(3).standard_normal(len(t)) + 1.5 * np.std(y) * t / t[-1]
+    reasons = " ".join(step_response_fit(_record(u, y + slope), None).verdict.reasons)
+    assert "the output drifts by" in reasons
+    assert "try order" not in reasons
+
+
 def test_a_drive_gets_a_section_of_its_own(run, moved, tmp_path):
     t, F, x = moved
     name = written(tmp_path / "axis.csv", ("time [s]", "force [N]", "position [mm]"), t, F, x)

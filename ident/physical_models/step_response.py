@@ -27,6 +27,7 @@ from ..outliers import MAD
 from .step_shapes import (
     SHAPES,
     Stretch,
+    drift,
     one_step,
     overshoot,
     ramp_rate,
@@ -393,8 +394,7 @@ def _of_fit(fit: "StepFit") -> Iterator[tuple[int, str]]:
         )
     if fit.fit < GOOD and (fit.rate_limit is None or fit.fit < POOR):
         level, limit = (RESERVATIONS, GOOD) if fit.fit >= POOR else (DO_NOT_USE, POOR)
-        yield (
-            level,
-            f"The fit of order {fit.order} is {fit.fit:.0f} %, less than {limit:.0f} %: look at the figure, and try "
-            f"order {3 - fit.order}.",
-        )
+        tried = any("chosen by the record" in note for note in fit.notes)
+        other = "look at the figure" if tried else f"look at the figure, and try order {3 - fit.order}"
+        advice = drift(fit.runs, fit.fitted, fit.unit_y) or other
+        yield level, f"The fit of order {fit.order} is {fit.fit:.0f} %, less than {limit:.0f} %: {advice}."

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from ...core.display import Displayable
 from ...core.errors import IdentError
 from ...datasets import Record
-from ..estimators.filters import ROUNDING
+from ..estimators.filters import ROUNDING, squares
 
 Array = NDArray[np.float64]
 PLATEAU = 8  # samples between edges, on average: below it the input is not a sequence of steps
 INTEGRATES = (0.1, 0.67)  # largest loss by the integral of the input: of the output, and of that of the lag
+DRIFTS = 0.5  # of the squares of the residuals, explained by a straight line in time
 LEFTOVER = 0.05  # rms deviation from the plateaus as a share of the range: noise of a measured input
 
 
@@ -176,6 +177,23 @@ def guesses(order: int, runs: Sequence[Stretch], delay: float | None) -> list[tu
             out += [([2 * zeta / lag, zeta], late) for zeta in (0.5, 1.0, 2.0)]
             out += _from_overshoot(z, t, late)
     return out
+
+
+def drift(runs: Sequence[Stretch], fitted: Sequence[Array], unit: str) -> str:
+    """Advice where a straight line in time is most of what is left of the output; empty otherwise."""
+    total, left, largest = 0.0, 0.0, (0.0, 0.0)
+    for run, model in zip(runs, fitted, strict=True):
+        e = run.y - model - (run.y - model).mean()
+        line = np.polyval(np.polyfit(run.time, e, 1), run.time)
+        total, left = total + squares(e), left + squares(e - line)
+        largest = max(largest, (float(abs(line[-1] - line[0])), float(run.time[-1] - run.time[0])))
+    if left > (1 - DRIFTS) * total:
+        return ""
+    size = f"{largest[0]:.2g} {unit}".rstrip()
+    return (
+        f"the output drifts by {size} within {largest[1]:.3g} s. Warm up the machine, or correct the offset of the "
+        "sensor, and record again; or identify a transfer function (without --as), which estimates a drift as well"
+    )
 
 
 def overshoot(runs: Sequence[Stretch]) -> float:
