@@ -2,7 +2,7 @@
 
 import argparse
 import shlex
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from .output import output_options
 from .plan import write_table
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     import pandas as pd
 
     from ..datasets import Runs
@@ -85,28 +87,39 @@ def run(args: argparse.Namespace) -> int:
     plan = next_runs(
         law, args.runs, candidates=candidates, decision=direct, durations=ends, longest=args.longest, seed=args.seed
     )
-    notes = [f"plan: {plan.attrs['words']}"]
-    if extrapolated:
+    units, readings = dict(plan.attrs["units"]), plan.attrs["readings"]
+    statistics = plan.attrs["words"]
+    if "t" in law.factors:
+        plan["t"], units["t"] = [test["t"][-1] for test in readings], law.units.get("t", "")
+    of = f" of {runs.tool} on {runs.work}" if {"tool", "work"} & set(runs.data) else ""
+    minutes = f", {plan['t'].sum():.4g} min in cut" if "t" in plan else ""
+    what = f"{len(plan)} more {'edges' if law.edge is not None else 'tests'}{minutes}"
+    notes = [f"plan: {what}, for the law of {law.response}{of}; cut in the order of run."]
+    if decision is not None:
+        within = None if args.within is None else args.within / 100
+        notes += narrowing(law, decision, readings, within).words
+    notes += [f"No interval of a decision: {why}"] if why else []
+    notes += _how_long(law, longest if extrapolated else None, readings)
+    notes.append(f"Statistics: {statistics}")
+    notes += [DELTA] if decision is not None and decision.name.startswith("tool life to") else []
+    plan.attrs = {"units": {name: unit for name, unit in units.items() if unit}}
+    write_table(_for_machine(plan, runs), args, notes)
+    return 0
+
+
+def _how_long(law: "LawFit", longest: float | None, readings: "Sequence[Mapping[str, list[Any]]]") -> list[str]:
+    """When the edges end and are measured; ``longest`` of tests beyond those so far, in min."""
+    notes = []
+    if longest is not None:
         notes.append(
             f"Tool life is extrapolated: these tests last until the criterion, at most {longest:.3g} min; they are at "
             "the conditions of the decision, or where the law expects the criterion to be reached in this time."
         )
-    if decision is not None:
-        within = None if args.within is None else args.within / 100
-        notes += narrowing(law, decision, plan.attrs["readings"], within).words
-        notes += [DELTA] if decision.name.startswith("tool life to") else []
-    notes += [f"No interval of a decision: {why}"] if why else []
-    units, readings = dict(plan.attrs["units"]), plan.attrs["readings"]
     if "t" in law.factors:
-        plan["t"], units["t"] = [test["t"][-1] for test in readings], law.units.get("t", "")
-        notes.append(f"{plan['t'].sum():.4g} min in cut; stop an edge that reaches the wear criterion before its time.")
+        notes.append("Stop an edge that reaches the wear criterion before its time.")
         if len(readings[0]["t"]) > 1:
             notes.append(f"{len(readings[0]['t'])} readings of each edge, as so far, at equal steps of its time t.")
-    of = f" of {runs.tool} on {runs.work}" if {"tool", "work"} & set(runs.data) else ""
-    notes.append(f"for the law of {law.response}{of}; cut in the order of run")
-    plan.attrs = {"units": {name: unit for name, unit in units.items() if unit}}
-    write_table(_for_machine(plan, runs), args, notes)
-    return 0
+    return notes
 
 
 def _one_pair(args: argparse.Namespace) -> "Runs":

@@ -197,7 +197,9 @@ def test_the_command_gives_settings_of_a_milling_machine_and_minutes(tmp_path, c
 def test_the_command_gives_minutes_of_tests_for_the_law_as_a_whole(tmp_path, capsys):
     assert main(["next", str(datasets.bundled("gc435_709m40")), "--law", "AW", "--criterion", "0.15", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert "D-optimal" in found["notes"][0]
+    assert found["notes"][0] == "plan: 4 more edges, 80 min in cut, for the law of AW; cut in the order of run."
+    assert "expected after 4 more tests" in found["notes"][1]  # what it gains comes before how it was chosen
+    assert [note.startswith("Statistics: ") and "D-optimal" in note for note in found["notes"]].index(True) > 2
     assert [row["t"] for row in found["rows"]] == [20.0] * 4  # the longest so far
     assert found["units"]["t"] == "min"
 
