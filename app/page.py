@@ -22,7 +22,7 @@ from .command_words import command
 from .file_page import FilePage
 from .jobs import Job
 from .page_base import language_of
-from .project import Entry
+from .project import Entry, safe_name
 from .results import PICTURES, answer_of, facts_of_laws, files_of_tests, verdicts, written
 
 SHOWN_STEPS: Final = 30
@@ -79,12 +79,19 @@ class Page(FilePage):
     async def _add(self, request: Request) -> Response:
         async with request.form(max_files=MOST_FILES, max_fields=5) as form:
             given = [part for part in form.getlist("file") if not isinstance(part, str) and part.filename]
+            known = {one.name for one in self.project.files}
             added = [await asyncio.to_thread(self.project.add, part.filename or "", part.file) for part in given]
         if not added:
             raise UsageError("no file was chosen: choose a table of tests or a record.")
         for entry in added:
             self._show(entry)
         target = f"/files/{quote(added[0].name)}" if len(added) == 1 else "/"
+        if (
+            len(added) == 1
+            and added[0].name in known
+            and (named := safe_name(given[0].filename or "")) != added[0].name
+        ):
+            target += f"?same={quote(named)}"
         if "hx-request" in request.headers:
             return Response(headers={"HX-Redirect": target})
         return RedirectResponse(target, HTTPStatus.SEE_OTHER)

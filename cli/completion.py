@@ -85,11 +85,12 @@ def _factors(args: argparse.Namespace) -> list[str]:
     try:
         from ..parameters import read
 
-        laws = read(args.file).laws
+        pf = read(args.file)
     except (AttributeError, TypeError, FitmodelsError):
         return [f"{name}=" for name in ROLES]
-    symbols = dict.fromkeys(f.symbol for law in laws.values() for f in law.factors)
-    return [name for name in (*(f"{name}=" for name in symbols), *laws) if printable(name) == name]
+    symbols = dict.fromkeys(f.symbol for law in pf.laws.values() for f in law.factors)
+    responses = dict.fromkeys((*pf.laws, *(("T",) if pf.tool_life is not None else ())))
+    return [name for name in (*(f"{name}=" for name in symbols), *responses) if printable(name) == name]
 
 
 def _roles(_: argparse.Namespace) -> list[str]:

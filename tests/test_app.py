@@ -1098,6 +1098,15 @@ def test_a_fit_that_was_cancelled_is_started_again_on_the_page(client):
     assert "AW = " in client.until_done("/files/gc.csv/laws")
 
 
+def test_a_file_that_is_there_under_another_name_is_said_to_be_the_same(client):
+    """The page of the former name opened without a word, as if the new file had been lost."""
+    client.upload("gc.csv", BUNDLED)
+    place = client.upload("copy <b>.csv", BUNDLED)[1]
+    assert place == "/files/gc.csv?same=copy_b.csv"
+    assert "copy_b.csv has the same content as gc.csv" in client.get(place)
+    assert client.upload("gc.csv", BUNDLED)[1] == "/files/gc.csv"
+
+
 def test_each_form_states_what_was_done(tmp_path):
     commands = [
         ("settings PARAMS --worn 0.28 --force", 0),

@@ -427,5 +427,5 @@ def test_a_shell_completes_commands_options_values_and_files(shell, place, consu
     assert found[0] == ["predict"], job.stderr
     assert [word.rsplit("/", 1)[-1] for word in found[1]] == ["params.json"]
     assert found[2] == ["mean"]
-    assert {"V=", "f=", "d=", "t="} <= {*found[3]}
+    assert {"V=", "f=", "d=", "t=", "T"} <= {*found[3]}
     assert found[4:] == [["--quiet"], ["settings"]]
