@@ -90,6 +90,7 @@ def assign(
     uses: list[ColumnUse] = []
     data: dict[str, Values] = {}
     assumed: list[str] = []
+    _only_readable([claim for claim in claims if claim.role is not None and chosen.get(claim.role) is claim])
     for claim in claims:
         role = ROLES[claim.role] if claim.role is not None and chosen.get(claim.role) is claim else None
         unit, converted = "", False
@@ -341,12 +342,23 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
     return convert(np.asarray(column.values, dtype=float), unit, role.unit), unit, True
 
 
+def _only_readable(claims: list[_Claim]) -> None:
+    """Refuse columns of numbers with cells that are none, all at once, and name the option that leaves them out."""
+    bad = [(claim.column, ROLES[claim.role]) for claim in claims if claim.role and claim.column.bad]
+    bad = [(column, role) for column, role in bad if role.kind != "label"]
+    words = [
+        f"column {column.name!r} ({role.quantity} {role.symbol}) contains text instead of numbers: "
+        f"{column.bad_cells()}. " + (_remedy(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
+        for column, role in bad
+    ]
+    if all(column.bad_count == len(column.bad) for column, _ in bad):
+        lines = ",".join(map(str, sorted({line for column, _ in bad for line, _ in column.bad})))
+        words += [f"Or leave these rows out: --leave-out 'lines {lines}'."] if words else []
+    if words:
+        raise DataError(" ".join(words))
+
+
 def _only_numbers(column: Column, role: Role) -> None:
-    if column.bad:
-        raise DataError(
-            f"column {column.name!r} ({role.quantity} {role.symbol}) contains text instead of numbers: "
-            f"{column.bad_cells()}. " + (_remedy(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
-        )
     if not column.is_numeric:
         shown = next((str(v) for v in column.values if v != ""), "")
         remedy = _remedy(shown, role)

@@ -12,6 +12,7 @@ from .tables.numerals import parse_number
 from .vocabulary import ROLES, role_of
 
 _LONGEST = 10_000  # rows of a wide table with a column for each edge
+_TEXTS = 5  # of a column of numbers that may be such a row
 _NAMES_ABOVE = 12  # rows of names and conditions above it
 
 
@@ -88,7 +89,7 @@ def _leading_texts(column: Column) -> dict[int, str]:
     """Texts of the first rows of a column, by row; of a numeric column its cells that are no numbers."""
     if not column.is_numeric:
         return {0: str(column.values[0])} if len(column.values) and column.values[0] else {}
-    if not column.bad or column.bad_count > len(column.bad):
+    if not column.bad or column.bad_count > _TEXTS:
         return {}
     empty = np.flatnonzero(np.isnan(column.values))[: len(column.bad)].tolist()
     return dict(zip(empty, (text for _, text in column.bad), strict=False))

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
 from .draft import Draft, line_spans
+from .tables import Column
 from .vocabulary import UNNAMED
 
 _LINES = re.compile(r"(?:lines?|rows?)\s++(?P<lines>[\d\s,-]++)(?:(?<=\s)of\s++(?P<edges>.+))?", re.IGNORECASE)
@@ -99,6 +100,24 @@ class RowsOf:
                 f"{option}: line {line} holds rows of the edges {', '.join(edges[:_SHOWN])}"
                 f"{', ...' if len(edges) > _SHOWN else ''}; name the edge too, as in 'lines {line} of {edges[0]}'."
             )
+
+
+def readable_but_for(columns: tuple[Column, ...], left_out: Sequence[str]) -> tuple[Column, ...]:
+    """The columns without the unreadable cells of the lines that are left out, as they are not used.
+
+    >>> column = Column(1, "VB", "mm", np.array([0.1, np.nan]), True, ((3, "120?"),), 1)
+    >>> readable_but_for((column,), ["lines 3-5"])[0].bad_count
+    0
+    """
+    named = [(text, match) for text in left_out if (match := _LINES.fullmatch(text.strip())) and not match["edges"]]
+    spans = [span for text, match in named for span in _ranges(match["lines"], f"--leave-out {text}")]
+
+    def without(column: Column) -> Column:
+        bad = tuple(cell for cell in column.bad if not any(first <= cell[0] <= last for first, last in spans))
+        unseen = column.bad_count - len(column.bad)
+        return column if unseen and not bad else replace(column, bad=bad, bad_count=unseen + len(bad))
+
+    return tuple(without(column) if spans and column.bad else column for column in columns)
 
 
 def _like(name: str, names: Sequence[str]) -> str:

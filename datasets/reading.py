@@ -24,6 +24,7 @@ from .edges.assignment import settle_edges
 from .edges.checks import check_edges
 from .edges.merged_cells import fill_down
 from .headers import is_known, with_latin_headers
+from .named_rows import readable_but_for
 from .notes import given_values
 from .notes import pair_name as pair_name
 from .options import ReadOptions
@@ -232,7 +233,7 @@ def _assemble(
     judge: bool = True,
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
-    columns = _without_text_left_out(columns, options.leave_out)
+    columns = readable_but_for(columns, () if sample else options.leave_out)
     _refuse_second_table(columns, lines)
     check_edge_option(columns, options.edge)
     columns, means = (columns, ()) if sample else with_means(columns, options.columns)
@@ -253,20 +254,6 @@ def _assemble(
     if judged:
         check_values(draft, options)
     return _finished(draft, source, options, judged=judge)
-
-
-def _without_text_left_out(columns: tuple[Column, ...], leave_out: Sequence[str]) -> tuple[Column, ...]:
-    """The columns without the texts in lines that are left out; one with more texts than are listed is unchanged."""
-    numbers = [one.strip()[5:].removeprefix("s") for one in leave_out if re.match(r"lines?\s[\s\d,-]+$", one.strip())]
-    spans = [tuple(map(int, part.split("-"))) for one in numbers for part in one.split(",") if part.strip("- ")]
-    if not spans:
-        return columns
-    out = []
-    for column in columns:
-        bad = tuple(one for one in column.bad if not any(span[0] <= one[0] <= span[-1] for span in spans))
-        known = column.bad_count == len(column.bad)
-        out.append(replace(column, bad=bad, bad_count=len(bad)) if known and len(bad) < len(column.bad) else column)
-    return tuple(out)
 
 
 def _refuse_second_table(columns: tuple[Column, ...], lines: NDArray[np.intp]) -> None:

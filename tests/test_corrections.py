@@ -8,7 +8,7 @@ import pytest
 from fitmodels import datasets
 from fitmodels.cli import main
 from fitmodels.cli.corrections import corrected
-from fitmodels.core.errors import FitmodelsError, UsageError
+from fitmodels.core.errors import DataError, FitmodelsError, UsageError
 from fitmodels.fit.checks.check import Suspect
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -215,3 +215,24 @@ def test_any_text_is_a_correction_or_refused_in_a_sentence(correct, leave_out):
     except FitmodelsError as error:
         said = str(error)
     assert said.count("as asked") in (0, len(correct) + len(leave_out))
+
+
+def test_rows_with_unreadable_cells_are_named_at_once_and_can_be_left_out(tmp_path):
+    """One cell was named at a time, and the row that was left out stopped the reading as before."""
+    text = datasets.bundled("gc435_709m40").read_text("utf-8").splitlines()
+    at = [k for k, line in enumerate(text) if line.startswith("E")][3:30:9]
+    for k, cell in zip(at, ("120?", "x1", "y"), strict=True):
+        words = text[k].split(",")
+        words[6 if cell == "120?" else 7] = cell
+        text[k] = ",".join(words)
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(text), encoding="utf-8")
+    lines = ",".join(str(k + 1) for k in at)
+    with pytest.raises(DataError, match=f"120[?].*x1.*Or leave these rows out: --leave-out 'lines {lines}'"):
+        datasets.read_runs(path)
+    with pytest.raises(DataError, match="'x1'"):
+        datasets.read_runs(path, leave_out=[f"lines {at[0] + 1}"])
+    assert (
+        len(datasets.read_runs(path, leave_out=[f"lines {lines}"]))
+        == len(datasets.read_runs(datasets.bundled("gc435_709m40"))) - 3
+    )

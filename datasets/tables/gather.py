@@ -26,7 +26,7 @@ from .numerals import (
 )
 from .plain import NumberBlock, stretches
 
-_LISTED = 5  # bad cells kept per column
+_LISTED = 40  # bad cells kept per column
 _NEAR = 3.0  # factor within which a number lies among the others of its column
 
 
@@ -45,7 +45,7 @@ class Column:
     is_numeric : bool
         Fewer than half of the filled cells fail to be numbers.
     bad : tuple of (int, str)
-        Line and text of the first five cells of a numeric column that are not numbers.
+        Line and text of the first 40 cells of a numeric column that are not numbers.
     bad_count : int
         Number of all such cells.
     marks : tuple of (int, Mark)
