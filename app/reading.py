@@ -270,13 +270,13 @@ AS_ASKED = ("left out as asked", "corrected as asked")
 
 def assumptions(look: Mapping[str, Any], options: Sequence[str]) -> list[str]:
     """What was assumed, without what was asked for; numbers of tests that were taken as edges among them."""
-    said = [words for words in look.get("assumed", ()) if not words.startswith(AS_ASKED)]
+    found = [words for words in look.get("assumed", ()) if not words.startswith(AS_ASKED)]
     for one in look.get("columns", ()):
         is_asked = "--edge" in options or any(word.startswith("edge=") for word in options)
         is_named = any(word in one["header"].casefold() for word in EDGE_WORDS)
-        if one["role"] == "edge" and not (is_asked or is_named) and not any("edges" in words for words in said):
-            said.append(f"column {one['header']!r} numbers the cutting edges: rows of equal number are of one edge")
-    return said
+        if one["role"] == "edge" and not (is_asked or is_named) and not any("edges" in words for words in found):
+            found.append(f"column {one['header']!r} numbers the cutting edges: rows of equal number are of one edge")
+    return found
 
 
 def option_of_change(form: Mapping[str, str], columns: Sequence[Mapping[str, Any]]) -> tuple[str, str]:

@@ -135,8 +135,9 @@ def surface_blocks(laws: Sequence[LawFit]) -> list[RenderableType]:
             shown = display_of(found)
             table = [] if shown.table is None else [_table(shown.table)]
             facts = [Text(f"{name}: {value}", style="dim") for name, value in shown.facts]
-            said = [words for words in shown.sentences if words not in law.notes]
-            blocks.append(_block(Text(f"{law.response}  tests of its terms", "bold"), *table, *facts, *_texts(said)))
+            sentences = [words for words in shown.sentences if words not in law.notes]
+            head = Text(f"{law.response}  tests of its terms", "bold")
+            blocks.append(_block(head, *table, *facts, *_texts(sentences)))
     return blocks
 
 
@@ -206,7 +207,7 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
     head.append(f"   {len(rec)} samples at {rec.rate:g} Hz{runs}   ", style="not bold")
     head.append_text(_verdict_text(model.verdict))
     facts = [item for item in model.facts if not item.name.startswith("SHA-256")]
-    said = [
+    sentences = [
         line
         for line in found.verdicts
         if sentence(line) not in model.verdict.reasons and not line.startswith("Converged after")
@@ -214,10 +215,10 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
     form = "" if found.form is None or found.by_choice else found.form.words
     kept = [line for line in model.sentences if line != form and not line.startswith("Converged after")]
     if found.amplitudes is not None and not found.amplitudes.level:
-        said.append(sentence(found.amplitudes.sentence))
+        sentences.append(sentence(found.amplitudes.sentence))
     checked = f"Checked: {', '.join(model.verdict.checked)}" if model.verdict.checked else ""
     left = f"Not checked: {'; '.join(model.verdict.not_checked)}" if model.verdict.not_checked else ""
-    lines = [found.argument, *kept, fact_line(facts), *said, *filter(None, (checked, left))]
+    lines = [found.argument, *kept, fact_line(facts), *sentences, *filter(None, (checked, left))]
     words = _texts(line if line.endswith(".") else f"{line}." for line in dict.fromkeys(lines))
     table = _table(coefficient_table(model.coefficients))
     sizes = [] if found.amplitudes is None else [_table(found.amplitudes.table)]
@@ -234,14 +235,14 @@ def _summary(found: "Identification") -> str:
     ends = f"settles in {settled:.3g} s" if math.isfinite(settled) else "does not settle"
     noise = math.sqrt(model.noise_variance or 0.0)
     low, high = model.band or (math.nan, math.nan)
-    said = (
+    parts = (
         f"simulation fit {fit:.0f} % ({found.validated_on})" if math.isfinite(fit) else "",
         f"{rec.output} {ends} after a step of {rec.input}",
         f"delay {model.nk * model.sample_time:.3g} s",
         f"noise {noise:.2g} {model.unit_y}".rstrip() if noise else "",
         f"valid from {low:.2g} to {high:.2g} Hz" if model.band else "",
     )
-    return sentence("; ".join(filter(None, said)))
+    return sentence("; ".join(filter(None, parts)))
 
 
 def physical_block(
@@ -264,11 +265,11 @@ def physical_block(
     half = float(stdtrit(fit.df, 0.975)) * fit.bse
     low, high = ((fit.params + sign * half).tolist() for sign in (-1, 1))
     table = estimates(names, fit.params, fit.bse, low, high, units=[fit.units[str(n)] for n in fit.params.index])
-    said = [words for words in (*fit.remarks, held_out) if words not in verdict.reasons]
+    sentences = [words for words in (*fit.remarks, held_out) if words not in verdict.reasons]
     checked = [f"Checked: {', '.join(verdict.checked)}."]
     left = [f"Not checked: {'; '.join(verdict.not_checked)}."] if verdict.not_checked else []
     notes = [sentence(note) for note in fit.notes]
-    return _block(head, *map(_item, verdict.reasons), _table(table), *_texts([*said, *checked, *left, *notes]))
+    return _block(head, *map(_item, verdict.reasons), _table(table), *_texts([*sentences, *checked, *left, *notes]))
 
 
 def _law_block(law: LawPart, command: Command) -> RenderableType:

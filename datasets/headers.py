@@ -219,7 +219,7 @@ def with_latin_headers(table: Table) -> Table:
     ['V', 'ap [mm]']
     """
     columns = list(table.columns)
-    said: list[str] = []
+    sentences: list[str] = []
     for i, column in enumerate(columns):
         if column.name.isascii() and column.unit_cell.isascii():
             continue
@@ -228,8 +228,8 @@ def with_latin_headers(table: Table) -> Table:
         cell = _latin(cell) if cell and not is_unit(cell) and is_unit(_latin(cell)) else cell
         if (name, cell) != (column.name, column.unit_cell):
             columns[i] = replace(column, name=name, unit_cell=cell)
-            said.append(f"Column {column.number}: {name!r} is written with letters of another script.")
-    return replace(table, columns=tuple(columns), warnings=(*table.warnings, *said)) if said else table
+            sentences.append(f"Column {column.number}: {name!r} is written with letters of another script.")
+    return replace(table, columns=tuple(columns), warnings=(*table.warnings, *sentences)) if sentences else table
 
 
 def _gains(text: str) -> bool:

@@ -1,7 +1,6 @@
 """Read a laboratory file or a DataFrame as `Runs`: columns get roles and units, every assumption is recorded."""
 
 import os
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path

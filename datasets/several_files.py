@@ -94,10 +94,10 @@ def joined_tables(tables: Sequence[Table], path: Path, others: Sequence[str] = (
     _refuse_misfits(parts, keys, given)
     doubts: list[Doubt] = []
     columns = [_stacked(key, parts, number, doubts) for number, key in enumerate(keys, start=1)]
-    said = [f"{len(parts)} files are read as one table: {listed([part.name for part in parts], _LISTED)}"]
+    sentences = [f"{len(parts)} files are read as one table: {listed([part.name for part in parts], _LISTED)}"]
     if given:
         columns += [_stacked(role, parts, len(keys) + i, doubts) for i, role in enumerate(given, start=1)]
-    said += _places(parts)
+    sentences += _places(parts)
     doubts += _copies(columns, parts)
     columns, named = _with_edges(columns, parts)
     columns, pairs = _with_pairs(columns, parts)
@@ -110,7 +110,7 @@ def joined_tables(tables: Sequence[Table], path: Path, others: Sequence[str] = (
         notes=tuple(_by_file(parts, "notes")),
         warnings=(*warnings, *_by_file(parts, "warnings")),
         dialect=parts[0].table.dialect,
-        assumed=(*said, *named, *pairs, *_by_file(parts, "assumed")),
+        assumed=(*sentences, *named, *pairs, *_by_file(parts, "assumed")),
         doubts=(*(replace(d, sentence=f"{p.name}: {d.sentence}") for p in parts for d in p.table.doubts), *doubts),
     )
 
@@ -344,7 +344,7 @@ def _times(part: _Part) -> NDArray[np.float64]:
 
 def _with_pairs(columns: list[Column], parts: Sequence[_Part]) -> tuple[list[Column], list[str]]:
     """Columns of tool and work where the notes of the files name different ones."""
-    added, said = [], []
+    added, sentences = [], []
     for role in UNNAMED:
         names = [part.pair.get(role, "") for part in parts]
         if len(set(names)) < 2 or any(role in part.columns for part in parts):
@@ -352,8 +352,8 @@ def _with_pairs(columns: list[Column], parts: Sequence[_Part]) -> tuple[list[Col
         texts = np.repeat(np.array(names, dtype=object), [part.table.n_rows for part in parts])
         added.append(Column(0, role, "", texts, False))
         known = listed(list(dict.fromkeys(filter(None, names))), _LISTED)
-        said.append(f"{role} is read from the notes of each file: {known}")
-    return [*columns, *added], said
+        sentences.append(f"{role} is read from the notes of each file: {known}")
+    return [*columns, *added], sentences
 
 
 def _places(parts: Sequence[_Part]) -> list[str]:

@@ -230,17 +230,17 @@ class FormComparison(Plottable):
 
     def _of_form(self, form: ComparedForm) -> str:
         """Predictions of a form that cutting contradicts."""
-        said = []
+        sentences = []
         if form.not_positive:
-            said.append(
+            sentences.append(
                 f"predicts {self.response} of zero or less for {form.not_positive} of {self.rows} rows when their "
                 f"{self.left_out} is left out"
             )
         if form.turns:
-            said.append(
+            sentences.append(
                 f"falls and rises again over {', '.join(form.turns)} within the tested range: does the process?"
             )
-        return f"{form.name} {'; it '.join(said)}.".replace("?.", "?") if said else ""
+        return f"{form.name} {'; it '.join(sentences)}.".replace("?.", "?") if sentences else ""
 
     def _more_rows(self) -> str:
         """Rows that only some forms can have, such as those at zero wear, and how well these predict them."""

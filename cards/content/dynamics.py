@@ -284,17 +284,18 @@ def _held(pi: PiSection) -> tuple[FactPart, ...]:
 
 
 def _sentences(pi: PiSection, dynamics: DynamicsSection | None) -> list[str]:
-    said = [CHOSEN.get(pi.method, f"chosen by {pi.method}")] if pi.method else []
+    notes = [CHOSEN.get(pi.method, f"chosen by {pi.method}")] if pi.method else []
     if pi.verdict is not None and pi.verdict.concern:
-        said.append(" ".join([f"verdict on the gains: {pi.verdict.level}.", *pi.verdict.reasons]))
+        notes.append(" ".join([f"verdict on the gains: {pi.verdict.level}.", *pi.verdict.reasons]))
     if pi.forced:
-        said.append(f"FORCED: these gains do not meet their specification and were written nevertheless ({pi.forced})")
+        notes.append(f"FORCED: these gains do not meet their specification and were written nevertheless ({pi.forced})")
     if pi.figures is None:
-        said.append("the file holds no performance of these gains: tune them, or simulate the loop before it is closed")
+        words = "the file holds no performance of these gains: tune them, or simulate the loop before it is closed"
+        notes.append(words)
     elif not pi.figures.stable:
-        said.append("the loop is NOT stable on the dynamics of the file: do not close it")
+        notes.append("the loop is NOT stable on the dynamics of the file: do not close it")
     else:
-        said.append("all figures are computed on the dynamics of the file, not measured on a machine")
+        notes.append("all figures are computed on the dynamics of the file, not measured on a machine")
     if dynamics is None:
-        said.append("the file holds no dynamics, so the gains cannot be checked")
-    return [*said, *pi.notes]
+        notes.append("the file holds no dynamics, so the gains cannot be checked")
+    return [*notes, *pi.notes]

@@ -218,12 +218,12 @@ def _exponents(law: LawPart) -> list[CoefficientPart]:
 
 
 def _of_exponents(tables: dict[str, list[CoefficientPart]]) -> str:
-    said = [
+    parts = [
         f"{name}: " + ", ".join(f"{c.name} {c.estimate.text} ({c.low.text} to {c.high.text})" for c in lines)
         for name, lines in tables.items()
         if lines
     ]
-    return f"Exponents as points with bars. {'; '.join(said)}."
+    return f"Exponents as points with bars. {'; '.join(parts)}."
 
 
 def _value(law: ProfiledLawPart, found: Value) -> str:

@@ -34,17 +34,17 @@ def summary(pf: ParameterFile) -> str:
 
 def _holds(pf: ParameterFile) -> list[str]:
     laws = [f"{law.quantity} {law.response}" for law in pf.laws.values()]
-    said = [("law of " if len(laws) == 1 else "laws of ") + join_words(laws)] if laws else []
-    said += [f"a dynamic model of {pf.dynamics.output} from {pf.dynamics.input}"] if pf.dynamics else []
-    said += ["inertia and friction of a feed drive"] if pf.drive else []
-    said += ["PI gains"] if pf.pi else []
+    parts = [("law of " if len(laws) == 1 else "laws of ") + join_words(laws)] if laws else []
+    parts += [f"a dynamic model of {pf.dynamics.output} from {pf.dynamics.input}"] if pf.dynamics else []
+    parts += ["inertia and friction of a feed drive"] if pf.drive else []
+    parts += ["PI gains"] if pf.pi else []
     force = "settings" if pf.adaptive_force is not None and pf.adaptive_force.Kd is not None else "estimates"
-    said += [name for name, section in (
+    parts += [name for name, section in (
         ("settings of constant load", pf.load_line),
         ("settings of constant roughness", pf.roughness),
         (f"{force} of adaptive force", pf.adaptive_force),
     ) if section]  # fmt: skip
-    return said
+    return parts
 
 
 def _from(pf: ParameterFile) -> str:
@@ -92,34 +92,34 @@ def _of_law(law: LawSection) -> str:
 
 def intended(pf: ParameterFile) -> tuple[str, ...]:
     """Uses supported by the sections of the file."""
-    pair, said, refused = f"{pf.identity.tool} on {pf.identity.work}", [], _refused(pf)
+    pair, sentences, refused = f"{pf.identity.tool} on {pf.identity.work}", [], _refused(pf)
     usable = [response for response in pf.laws if response not in refused]
     if usable:
-        said.append(
+        sentences.append(
             f"To choose conditions and to predict {', '.join(usable)} for {pair}, inside the ranges of the tests, "
             "each prediction with its interval."
         )
     if pf.tool_life and not refused.keys() & {TOOL_LIFE, pf.tool_life.wear}:
-        said.append(
+        sentences.append(
             f"To plan tool changes at {pf.tool_life.wear} {pf.tool_life.criterion:g} {pf.tool_life.unit_of_wear}."
         )
     if pf.dynamics and DYNAMICS not in refused:
-        said.append(f"To simulate {pf.dynamics.output} from {pf.dynamics.input} and to tune a controller for it.")
+        sentences.append(f"To simulate {pf.dynamics.output} from {pf.dynamics.input} and to tune a controller for it.")
     if pf.drive and DRIVE not in refused:
-        said.append("To simulate the motion of the feed drive from its force, and to size its feed-forward.")
+        sentences.append("To simulate the motion of the feed drive from its force, and to size its feed-forward.")
     if pf.pi and GAINS not in refused:
-        said.append(
+        sentences.append(
             "To set up a PI controller with the form, sample time and limits given here, after the checks below."
         )
     if pf.load_line and pf.load_line.law not in refused:
-        said.append("To mill at constant load with the reference and the feed limits given here.")
+        sentences.append("To mill at constant load with the reference and the feed limits given here.")
     if pf.roughness and pf.roughness.law not in refused:
-        said.append("To turn at constant roughness through the reference force given here.")
+        sentences.append("To turn at constant roughness through the reference force given here.")
     if pf.adaptive_force and ADAPTIVE_FORCE not in refused:
         rates = " and rates" if pf.adaptive_force.Kd is not None else ""
         chosen = "" if rates else ", once its rates and gains are chosen"
-        said.append(f"To start an adaptive force controller from the estimates{rates} given here{chosen}.")
-    return tuple(said) or (f"As a record of {pair}: the file holds nothing to compute with yet.",)
+        sentences.append(f"To start an adaptive force controller from the estimates{rates} given here{chosen}.")
+    return tuple(sentences) or (f"As a record of {pair}: the file holds nothing to compute with yet.",)
 
 
 def _refused(pf: ParameterFile) -> dict[str, str]:
@@ -129,49 +129,49 @@ def _refused(pf: ParameterFile) -> dict[str, str]:
 
 def out_of_scope(pf: ParameterFile) -> tuple[str, ...]:
     """Uses that the numbers do not support."""
-    said = [f"Control and choice of conditions by {name}: {reason}" for name, reason in _refused(pf).items()]
-    said += ["Other tools, other work, another machine or set-up: these were not tested."]
+    uses = [f"Control and choice of conditions by {name}: {reason}" for name, reason in _refused(pf).items()]
+    uses += ["Other tools, other work, another machine or set-up: these were not tested."]
     if pf.laws:
-        said.append("Conditions outside the ranges or outside the tested region: there the laws are extrapolations.")
-        said.append(
+        uses.append("Conditions outside the ranges or outside the tested region: there the laws are extrapolations.")
+        uses.append(
             "Sudden failure (chipping, breakage) and built-up edge: the laws describe gradual change and its scatter."
         )
     if pf.dynamics:
         band = pf.dynamics.band
         where = f" ({band[0]:.3g} to {band[1]:.3g} Hz)" if band else ""
-        said.append(
+        uses.append(
             f"Dynamics outside the excited band{where}, or far from the operating point they were identified at."
         )
     if pf.identity.simulated:
-        said.append("Any machine: the numbers come from a simulation, made for testing methods.")
+        uses.append("Any machine: the numbers come from a simulation, made for testing methods.")
     if pf.identity.simulated is None:
-        said.append("Any machine, before it is known that the tests were measured: the file does not say.")
-    said.append("Computing from the rounded numbers of this card: use the equations or params.json.")
-    return tuple(said)
+        uses.append("Any machine, before it is known that the tests were measured: the file does not say.")
+    uses.append("Computing from the rounded numbers of this card: use the equations or params.json.")
+    return tuple(uses)
 
 
 def safety(pf: ParameterFile) -> tuple[str, ...]:
     """A plain warning, and what a person must check first."""
-    said = []
+    sentences = []
     if pf.identity.simulated:
-        said.append("NOT MEASURED: these numbers come from a simulation. Do not run a machine with them.")
-    said.append(
+        sentences.append("NOT MEASURED: these numbers come from a simulation. Do not run a machine with them.")
+    sentences.append(
         "These numbers are estimates from a limited number of tests; about one in twenty cuts may lie outside a 95 % "
         "prediction interval even under the conditions of the tests. They are not a safety function and do not "
         "replace guards."
     )
-    said.append(
+    sentences.append(
         "Before a machine moves, a person who knows it checks: the hard limits of spindle power, torque, force, feed "
         "and speed in the control itself; clamping and overhang; that tool, work and units are those of this card; "
         "that the emergency stop works."
     )
     if _acts(pf):
-        said += _of_a_loop(pf)
+        sentences += _of_a_loop(pf)
     else:
-        said.append(
+        sentences.append(
             "Approach new conditions from the safe side, in steps, and stop when load or sound is not as expected."
         )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def _acts(pf: ParameterFile) -> bool:
@@ -179,7 +179,7 @@ def _acts(pf: ParameterFile) -> bool:
 
 
 def _of_a_loop(pf: ParameterFile) -> list[str]:
-    said = [
+    sentences = [
         "A controller with these settings changes the feed automatically. First run it without cutting, then with low "
         "limits of feed and feed rate, with the emergency stop within reach; set the limits in the control, not only "
         "in the file.",
@@ -189,14 +189,14 @@ def _of_a_loop(pf: ParameterFile) -> list[str]:
     pi = pf.pi
     if pi is not None and pi.forced:
         miss = f"FORCED GAINS: they do not meet their specification ({pi.forced})."
-        said.insert(0, f"{miss} Do not close the loop without a new check.")
+        sentences.insert(0, f"{miss} Do not close the loop without a new check.")
     if pi is not None and (pi.low is None or pi.high is None):
-        said.append(
+        sentences.append(
             "The file lacks a lower or upper limit of the command: set both in the control before the loop is closed."
         )
     if pi is not None and pf.dynamics is None:
-        said.append("The file holds no dynamics, so these gains could not be checked: start with a tenth of them.")
-    return said
+        sentences.append("The file holds no dynamics, so these gains could not be checked: start with a tenth of them.")
+    return sentences
 
 
 def next_commands(pf: ParameterFile, verdicts: Sequence[VerdictPart], path: str) -> list[tuple[tuple[str, ...], str]]:

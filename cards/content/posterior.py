@@ -70,10 +70,11 @@ def _sentences(law: LawSection, of: LawPosterior) -> list[str]:
         if name in law.coefficients and not name.startswith("ln ")
     ]
     how = f"{of.method}, {of.draws} draws" + (", Student-t errors" if of.errors == "student" else "")
-    said = [f"Posterior ({how}, {of.prior_set} priors): {100 * of.level:g} % credible intervals {', '.join(shown)}."]
+    level = f"{100 * of.level:g} %"
+    sentences = [f"Posterior ({how}, {of.prior_set} priors): {level} credible intervals {', '.join(shown)}."]
     if of.verified is not None:
-        said.append(f"Verified by MCMC: {of.verified}.")
-    return [*said, *wider(law, of), *_prior_sensitivity(of), *(f"Posterior: {note}." for note in of.notes)]
+        sentences.append(f"Verified by MCMC: {of.verified}.")
+    return [*sentences, *wider(law, of), *_prior_sensitivity(of), *(f"Posterior: {note}." for note in of.notes)]
 
 
 def _prior_sensitivity(of: LawPosterior) -> list[str]:

@@ -112,12 +112,12 @@ def _predictions(life: ToolLifeSection, law: LawSection | None, where: Mapping[s
 
 def _interval_words(found: tuple[Prediction, ...]) -> str:
     """Intervals of the life at the middle, of the law and of one new edge."""
-    said = []
+    intervals = []
     for one, of in zip(found, ("for the law", "for one new edge"), strict=False):
         high = float(one.high)
         ends = _ends((float(one.low), high if high < float("inf") else None)).strip(" ()")
-        said.append(f"{ends} {'for one row' if 'one row' in one.of else of}")
-    return f" (95 % interval {'; '.join(said)})" if said else ""
+        intervals.append(f"{ends} {'for one row' if 'one row' in one.of else of}")
+    return f" (95 % interval {'; '.join(intervals)})" if intervals else ""
 
 
 def _bounds(found: tuple[Prediction, ...], unit: str) -> dict[str, NumberPart]:

@@ -117,7 +117,7 @@ def load_line_window(line: LoadLineSection, pf: ParameterFile) -> WindowPart:
     ]  # fmt: skip
     by = f", {line.by}" if line.by else ""
     title = f"Constant load, from the law of {line.law}{by}"
-    return WindowPart(title=title, facts=facts, sentences=tuple(sentence(text) for text in sentences))
+    return WindowPart(title=title, facts=facts, sentences=tuple(map(sentence, sentences)))
 
 
 def _engagement(given: Engagement | None, units: dict[str, str]) -> tuple[FactPart, ...]:
@@ -152,7 +152,7 @@ def roughness_window(r: RoughnessSection, pf: ParameterFile) -> WindowPart:
         *_reaches(r, pf),
         *r.notes,
     ]
-    return WindowPart(title="Constant roughness", facts=facts, sentences=tuple(sentence(text) for text in sentences))
+    return WindowPart(title="Constant roughness", facts=facts, sentences=tuple(map(sentence, sentences)))
 
 
 def drive_window(d: DriveSection) -> WindowPart:
@@ -332,14 +332,14 @@ def _window(found: "VisibleRegion", pf: ParameterFile) -> WindowPart:
     )
     held = ", bounded by " + " and ".join(best.held_by) if best.held_by else ""
     tested = "" if best.tested else "; this point lies outside the tested region, so verify it before use"
-    said = [
+    sentences = [
         *law_cautions(pf, best.values),
         f"{at}, the maximum metal removal rate within the limits is {quantity(_removal(best.MRR))}{held}{tested}",
         "the window uses median predictions: at a limit about half of all tools exceed it, so keep a margin according "
         "to the intervals",
         *found.notes,
     ]
-    return WindowPart(title=TITLE, facts=(*_best(best), *corners), sentences=tuple(sentence(text) for text in said))
+    return WindowPart(title=TITLE, facts=(*_best(best), *corners), sentences=tuple(map(sentence, sentences)))
 
 
 def _best(best: "OperatingPoint") -> tuple[FactPart, ...]:

@@ -301,9 +301,11 @@ def legend(card: Card) -> list[str]:
             brackets.setdefault(words, []).append(law.response)
         if law.scatter is not None:
             scatters.setdefault(law.scatter.words, []).append(law.response)
-    said = [_each(name, found) for name, found in (("In brackets", brackets), ("Scatter", scatters)) if found]
+    sentences = [_each(name, found) for name, found in (("In brackets", brackets), ("Scatter", scatters)) if found]
     on_wear = [law.response for law in card.laws if len(law.worked) > 1]
-    return said + ([f"{join_words(on_wear)} at two wears; each interval is that at the wear shown."] if on_wear else [])
+    if on_wear:
+        sentences.append(f"{join_words(on_wear)} at two wears; each interval is that at the wear shown.")
+    return sentences
 
 
 def _each(name: str, found: Mapping[str, Sequence[str]]) -> str:
@@ -358,8 +360,8 @@ def value_texts(answer: Value) -> tuple[str, str, str]:
 
 def _running_title(title: str) -> str:
     """The title at the head of every printed page, as a CSS string that holds letters, digits and escapes alone."""
-    said = SPACES.sub(" ", title)[:80]
-    safe = "".join(c if c.isascii() and (c.isalnum() or c in " .,-()") else f"\\{ord(c):06x}" for c in said)
+    name = SPACES.sub(" ", title)[:80]
+    safe = "".join(c if c.isascii() and (c.isalnum() or c in " .,-()") else f"\\{ord(c):06x}" for c in name)
     return f'\n@page{{@top-left{{content:"{safe}"}}}}\n'
 
 

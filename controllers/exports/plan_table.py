@@ -106,7 +106,8 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
     if not plan.rows:
         raise GateError(f"not exported: {no_pair(plan.life, plan.extrapolated)}")
     laws = plan.laws
-    said = (*require_checked(pf, laws, job.accept_verdict), *require_near_tests(pf, [laws], job.turning.beyond_tests))
+    sentences = require_checked(pf, laws, job.accept_verdict)
+    sentences = (*sentences, *require_near_tests(pf, [laws], job.turning.beyond_tests))
     view = view_of_laws(pf, (laws.wear.response, *(terms.response for _, terms in laws.limited)), job.accept_verdict)
     low, high = _diameters(pf, job, plan)
     caps, words = _caps(pf, job, plan, low, high)
@@ -129,7 +130,7 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
         "slowest": _slowest(plan),
         "wear_state": int(plan.life.rules.wear == "wear_state"),
     }
-    return PlanControl(view, plan, settings, rows, (*said, *_about(plan, settings), *words))
+    return PlanControl(view, plan, settings, rows, (*sentences, *_about(plan, settings), *words))
 
 
 def period_of(job: ExportJob) -> float:

@@ -141,7 +141,7 @@ def cautions(pf: "ParameterFile", *names: str) -> list[str]:
 
     ``names`` are responses of laws, ``dynamics``, ``drive``, ``pi`` and ``adaptive_force``; all parts without them.
     """
-    said = []
+    sentences = []
     for part in judged_parts(pf):
         kind, _, law = part.where.partition(".")
         if names and (law or kind) not in names:
@@ -152,10 +152,10 @@ def cautions(pf: "ParameterFile", *names: str) -> list[str]:
             else {"dynamics": "dynamics", "drive": "drive", "pi": "gains"}.get(kind, "force process")
         )
         if part.verdict is None:
-            said.append(f"No verdict on the {what}: it is not known how far it can be used; {part.remedy}.")
+            sentences.append(f"No verdict on the {what}: it is not known how far it can be used; {part.remedy}.")
         elif part.verdict.concern > USABLE:
-            said.append(" ".join([f"Verdict on the {what}: {part.verdict.level}.", *part.verdict.reasons]))
-    return said
+            sentences.append(" ".join([f"Verdict on the {what}: {part.verdict.level}.", *part.verdict.reasons]))
+    return sentences
 
 
 def require_verdicts(

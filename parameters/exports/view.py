@@ -202,29 +202,29 @@ def _limit_words(loop: LoadLoop) -> str:
 def _basis(pf: ParameterFile) -> tuple[str, ...]:
     """Lines on what a control comes from: load limit, tool change, tested ranges of its law, and what gains meet."""
     line, pi = pf.load_line, pf.pi
-    said = []
+    sentences = []
     if line is not None:
         assumed = ", assumed" if window_assumed(line) else ""
         unit = plain_unit(line.unit_load)
-        said = [
+        sentences = [
             f"Load limit of a worn tool {line.worn:g} {unit}, safety factor {line.safety_factor:g}.",
             f"Tool change at a wear of {line.window[0]:g} to {line.window[1]:g} {plain_unit(line.unit_wear)}{assumed}.",
         ]
         if line.probability is not None:
             share = f"{100 * line.probability:.0f} %"
-            said.append(
+            sentences.append(
                 f"Of further tools, {share} have a wear in it when they reach the lower feed limit, by the law."
             )
-        said += [_tested(pf.laws[line.law])] if line.law in pf.laws else []
+        sentences += [_tested(pf.laws[line.law])] if line.law in pf.laws else []
     if pi is not None and pi.probability is not None and pi.specification is not None:
         asked = pi.specification
         times = ((name, getattr(asked, f"{name}_time")) for name in ("rise", "settling"))
         limits = [f"{name} time {limit:g} s" for name, limit in times if limit is not None]
         limits += [] if asked.overshoot is None else [f"overshoot {100 * asked.overshoot:g} %"]
         share = f"{100 * pi.probability:.0f} % over the uncertainty of the dynamics"
-        said.append(f"Gains for {', '.join(limits)}, with probability {share}.")
-        said += [note for note in pi.notes if note.startswith("Scaling ")]
-    return tuple(_in_full(words) for words in said)
+        sentences.append(f"Gains for {', '.join(limits)}, with probability {share}.")
+        sentences += [note for note in pi.notes if note.startswith("Scaling ")]
+    return tuple(_in_full(words) for words in sentences)
 
 
 def _in_full(words: str) -> str:
