@@ -134,11 +134,11 @@ def _without_source(args: argparse.Namespace, monitor: "Monitor", asked: list[di
         _restore(folder, monitor)
     if monitor.refused:
         raise UsageError(" ".join(monitor.refused))
-    said = monitor.take_said()
+    messages = monitor.take_messages()
     source = {"name": monitor.source, "state": "not watched by this command", "text": "", "age": None}
     facts = facts_of(monitor, Reading(time=monitor.time, state="stopped", source=source))
     if not args.json:
-        print_lines(said, quiet=args.quiet)
+        print_lines(messages, quiet=args.quiet)
     _print_state(args, facts)
     return 0
 

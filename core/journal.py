@@ -132,12 +132,12 @@ def _restore_formers(parent: Path) -> None:
             try:
                 os.rename(former, folder)  # noqa: PTH104 - all calls that change files are made to fail in tests
             except OSError as failure:
-                _say(f"{folder}: its replacement was interrupted; it is {former}, not renamed back: {cause(failure)}.")
+                _warn(f"{folder}: its replacement was interrupted; it is {former}, not renamed back: {cause(failure)}.")
                 continue
             synchronised_folder(parent)
-            _say(f"{folder}: its replacement was interrupted; the former folder was restored.")
+            _warn(f"{folder}: its replacement was interrupted; the former folder was restored.")
         elif os.path.lexists(parent / f"{token}.tmp" / MADE):
-            _say(
+            _warn(
                 f"{folder}: its replacement was interrupted, and another folder was put in its place since; the former "
                 f"one is {former}. Move one of the two elsewhere."
             )
@@ -145,7 +145,7 @@ def _restore_formers(parent: Path) -> None:
             remove_tree(former)
 
 
-def _say(sentence: str) -> None:
+def _warn(sentence: str) -> None:
     """Log a warning, which Python prints to standard error where nothing else is arranged."""
     logging.getLogger("fitmodels").warning("fitmodels: %s", printable_message(sentence))
 
@@ -355,7 +355,7 @@ def _complete_journal(folder: Path) -> None:
             "was written. Remove the cause, and run again: the change is then completed."
         ) from None
     remove_tree(folder / journal["stage"])
-    _say(f"{folder}: a change of its files was interrupted; it was completed.")
+    _warn(f"{folder}: a change of its files was interrupted; it was completed.")
 
 
 def _read_journal(path: Path) -> dict[str, Any] | None:

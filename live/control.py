@@ -113,7 +113,7 @@ class ControlOutlet:
             unit = session.controller.loop.unit_feed
             session.request(high=float(convert(np.array([feeds[-1]["settings"]["f"] * n]), "mm/min", unit)[0]))
 
-    def say(self, facts: Callable[[], Mapping[str, Any]], sentences: Sequence[str], time: float | None) -> None:
+    def report(self, facts: Callable[[], Mapping[str, Any]], sentences: Sequence[str], time: float | None) -> None:
         """Nothing: `show` follows."""
 
     def close(self) -> None:

@@ -179,14 +179,14 @@ class Cuts:
         yield from found
         self._mute = 0.0 if block.loads else self._mute + block.seconds + SILENT * bool(found)
         if not block.loads and self._unseen(block):
-            yield from self._unheard(block)
+            yield from self._by_state_alone(block)
             return
         if self._cut and not self._lead and block.loads:
             yield from self._end()
         if not self._cut:
             self._at_speed(block)
         if self._believed and block.phase in ("off", "idle"):
-            yield from self._said(block)
+            yield from self._stated_stop(block)
         elif self._cut:
             yield from self._in_cut(block)
         elif self._stopped or self._started:
@@ -200,8 +200,8 @@ class Cuts:
             return True
         return not self._cut and block.phase == "feed" and self._mute > SILENT
 
-    def _unheard(self, block: Block) -> Iterator[Found]:
-        """What the machine says of its feed is all there is, and all of it counts."""
+    def _by_state_alone(self, block: Block) -> Iterator[Found]:
+        """No load is read: the stated feed of the machine decides alone, and all of its time counts."""
         if block.phase == "feed":
             if not self._cut:
                 self._cut, self._lead = True, ""
@@ -210,8 +210,8 @@ class Cuts:
         elif self._cut:
             yield from self._end()
 
-    def _said(self, block: Block) -> Iterator[Found]:
-        """The machine says that it does not cut: so it is, unless the load contradicts for long."""
+    def _stated_stop(self, block: Block) -> Iterator[Found]:
+        """The machine states that it does not cut; it is believed unless the load contradicts for long."""
         if self._cut:
             yield from self._end()
         self._span, self._started = [], []

@@ -74,7 +74,7 @@ class Monitor:
         self.notes: list[dict[str, Any]] = []
         self.requests: list[str] = []
         self.refused: list[str] = []  # requests that could not be used, and why
-        self._said: list[str] = []
+        self._messages: list[str] = []
         self.label = ""
         self.finished: list[dict[str, Any]] = []
         self.edge = Edge()
@@ -117,10 +117,10 @@ class Monitor:
             text = f"contact is not counted, and the wear is not known: {reason}"
             self._alarm({"time": self.time, "kind_of_alarm": "conditions", "text": text})
 
-    def take_said(self) -> list[str]:
+    def take_messages(self) -> list[str]:
         """Sentences that are new since they were last taken."""
-        said, self._said = self._said, []
-        return said
+        messages, self._messages = self._messages, []
+        return messages
 
     # what records do -------------------------------------------------------------------------------------------------
 
@@ -256,7 +256,7 @@ class Monitor:
         if [one["text"] for one in self.alarms if one["kind"] == alarm["kind"]][-1:] == [alarm["text"]]:
             return
         self.alarms = [*self.alarms[1 - ALARMS :], alarm]
-        self._said.append(f"ALARM {alarm['text']}")
+        self._messages.append(f"ALARM {alarm['text']}")
         if alarm["kind"] == "load" and self.conditions:
             self._decide()
 
@@ -281,7 +281,7 @@ class Monitor:
         """Keep a note; the same text again renews its time."""
         others = [one for one in self.notes if one["text"] != text]
         self.notes = [*others[1 - SHOWN :], {"time": time, "text": text}]
-        self._said.append(text)
+        self._messages.append(text)
 
     @property
     def load_lost(self) -> bool:
@@ -329,7 +329,7 @@ class Monitor:
             self.decisions[-1] = {**decision, "time": last["time"]}
         else:
             self.decisions = [*self.decisions[1 - SHOWN :], decision]
-            self._said.append(text)
+            self._messages.append(text)
         past = float(self.estimate.probability_past())
         if past > PAST:
             criterion = f"{self.laws.wear.symbol} {format_plain(self.estimate.criterion)} {self.laws.wear.unit}"

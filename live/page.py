@@ -143,7 +143,7 @@ class Page:
         self._remember(facts)
         self._server.content = json_text(described(facts, self._history)).encode()
 
-    def say(self, facts: Callable[[], Facts], sentences: Sequence[str], _: float | None) -> None:
+    def report(self, facts: Callable[[], Facts], sentences: Sequence[str], _: float | None) -> None:
         """Show at once what is new."""
         if sentences:
             self.show(facts())

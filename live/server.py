@@ -142,7 +142,7 @@ class OpcUaServer:
             self._busy = True
             self._last = asyncio.run_coroutine_threadsafe(self._publish(dict(facts)), self._loop)
 
-    def say(self, facts: Callable[[], Facts], sentences: Sequence[str], _: float | None) -> None:
+    def report(self, facts: Callable[[], Facts], sentences: Sequence[str], _: float | None) -> None:
         """Publish at once where something is new."""
         if sentences:
             self.show(facts())

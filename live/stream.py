@@ -30,7 +30,7 @@ class JsonLines:
     --------
     >>> lines = []
     >>> stream = JsonLines(lines.append)
-    >>> stream.say(lambda: {"state": "cutting"}, ["Go on."], 12.0)
+    >>> stream.report(lambda: {"state": "cutting"}, ["Go on."], 12.0)
     >>> lines
     ['{"state":"cutting","said":["Go on."]}\n']
     """
@@ -47,7 +47,7 @@ class JsonLines:
         if time.monotonic() - self._last >= EACH:
             self._line(facts, ())
 
-    def say(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
+    def report(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
         """Write a line where there are new sentences, or ten seconds of the source have passed."""
         late = time is not None and (self._next is None or not self._next - OF_SOURCE <= time < self._next)
         if late and time is not None:

@@ -215,7 +215,7 @@ class PlainLines:
     def show(self, facts: Facts) -> None:
         """Do nothing: lines follow the clock of the source."""
 
-    def say(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
+    def report(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
         """Print new sentences, and the state where a minute has passed."""
         for sentence in sentences:
             self._write(f"{clock(time)}  {one_line(sentence)}")
@@ -255,7 +255,7 @@ class ScreenView:
         """Renew the view."""
         self._live.update(screen(facts), refresh=True)
 
-    def say(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
+    def report(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
         """Renew the view where something is new."""
         if sentences:
             self.show(facts())

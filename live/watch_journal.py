@@ -261,7 +261,7 @@ def replay(records: Sequence[Mapping[str, Any]], monitor: "Monitor") -> None:
             f"record {record['n']} of the journal ({record.get('kind')}) is damaged or was changed by hand "
             f"({fault!r}): restore the file, or give another folder with --journal."
         ) from None
-    monitor.take_said()
+    monitor.take_messages()
     monitor.refused.clear()
 
 

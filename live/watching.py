@@ -45,7 +45,7 @@ class Outlet(Protocol):
     def show(self, facts: Facts) -> None:
         """Take the description of now, at most twice a second."""
 
-    def say(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
+    def report(self, facts: Callable[[], Facts], sentences: Sequence[str], time: float | None) -> None:
         """Take sentences that are new after a record: decisions, alarms, notes; often there are none."""
 
     def close(self) -> None:
@@ -111,16 +111,16 @@ class Watch:
             self.show()
 
     def record(self, kind: str, **facts: Any) -> None:  # noqa: ANN401
-        """Write a record to the journal and change the state by it; what follows from it is said."""
+        """Write a record to the journal and change the state by it; what follows from it is reported."""
         record = {"kind": kind, **facts}
         if self.journal is not None:
             self.journal.append(record)
         self.monitor.apply(record)
-        said = self.monitor.take_said()
+        messages = self.monitor.take_messages()
         if self.journal is not None:
-            for each in said:
+            for each in messages:
                 self.journal.append({"kind": "said", "time": self.monitor.time, "text": each})
-        self._each(lambda outlet: outlet.say(self.facts, said, self.monitor.time))
+        self._each(lambda outlet: outlet.report(self.facts, messages, self.monitor.time))
         if self.journal is not None:
             if kind == "edge":
                 self.journal.rotate(self.monitor.as_json())
@@ -284,7 +284,7 @@ class Watch:
         self.now.state = "stopped"
 
     def _each(self, act: Callable[[Outlet], None]) -> None:
-        """Let each outlet act; one that fails is left out from then on, and said."""
+        """Let each outlet act; one that fails is left out from then on, and reported."""
         for outlet in list(self.outlets):
             try:
                 act(outlet)

@@ -139,7 +139,7 @@ def test_a_note_is_said_whatever_was_noted_before():
     found = monitor()
     for k in range(30):
         found.note(1.0 * k, f"note {k}")
-        assert found.take_said() == [f"note {k}"]
+        assert found.take_messages() == [f"note {k}"]
     assert len(found.notes) == 12
 
 

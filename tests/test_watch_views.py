@@ -67,7 +67,7 @@ def test_plain_lines_follow_the_clock_of_the_source(facts):
     lines = []
     plain = PlainLines(lines.append)
     for time in (0.0, 10.0, 59.0, 61.0, 62.0):
-        plain.say(lambda: facts, ["Go on."] if time == 10.0 else [], time)
+        plain.report(lambda: facts, ["Go on."] if time == 10.0 else [], time)
     assert len(lines) == 3
     assert lines[1] == "0:00:10  Go on."
 
@@ -131,7 +131,7 @@ def test_the_curve_of_wear_is_bounded(facts):
 
 def test_a_stream_is_lines_of_json_without_control_characters(facts, tmp_path):
     stream = JsonLines(file_writer(tmp_path / "s.jsonl"))
-    stream.say(lambda: facts, ["Go on."], 1.0)
+    stream.report(lambda: facts, ["Go on."], 1.0)
     stream.show(facts)
     (line,) = (tmp_path / "s.jsonl").read_text("utf-8").splitlines()
     assert line.isprintable()

@@ -33,7 +33,7 @@ class Said:
     def show(self, facts):
         self.facts = json.loads(json.dumps(facts, allow_nan=False))
 
-    def say(self, facts, sentences, time):
+    def report(self, facts, sentences, time):
         self.sentences += sentences
 
     def close(self):
