@@ -62,7 +62,7 @@ def entry() -> int:
 def keep_running() -> None:
     """Enable garbage collection for a command that runs for days, of what is made from now on.
 
-    What was imported is left out: a collection that looked through it would stop a controller for a tenth of a second.
+    What was imported is left out: a collection over it would stop a controller for a tenth of a second.
     """
     gc.freeze()
     gc.enable()

@@ -30,7 +30,7 @@ class Advice:
     text : str
         One sentence with its numbers.
     probability : float
-        That the wear is past the criterion at the end of the cut that the text speaks of.
+        That the wear is past the criterion at the end of the cut that the text is about.
     settings : mapping of float
         V in m/min and f in mm/rev that are advised.
     """

@@ -1,4 +1,4 @@
-"""The whole way of a batch: the same numbers wherever it runs, nothing fitted twice, everything in its place."""
+"""A whole batch: the same numbers wherever it runs, nothing fitted twice, all results written."""
 
 import dataclasses
 import re

@@ -175,9 +175,9 @@ def test_predicted_errors_are_those_of_fits():
     found = predicted_errors(PLANT, u, sd, frequency=f)
     g = np.stack([m.response(f) for m in models])
     # a standard deviation of 150 draws has a standard error of 6 %
-    foretold = found.response.to_numpy().T
-    assert 100 * np.std(np.abs(g), axis=0) / foretold[0] == pytest.approx(foretold[1], rel=0.2)
-    assert np.degrees(np.std(np.angle(g / PLANT.response(f)), axis=0)) == pytest.approx(foretold[3], rel=0.2)
+    predicted = found.response.to_numpy().T
+    assert 100 * np.std(np.abs(g), axis=0) / predicted[0] == pytest.approx(predicted[1], rel=0.2)
+    assert np.degrees(np.std(np.angle(g / PLANT.response(f)), axis=0)) == pytest.approx(predicted[3], rel=0.2)
     assert np.std([m.theta for m in models], axis=0) == pytest.approx(found.params.se.to_numpy(), rel=0.25)
     assert found.snr == pytest.approx(20 * np.log10(1 / 0.03))
 

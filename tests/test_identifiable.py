@@ -83,7 +83,7 @@ def test_the_border_lies_between_a_computed_and_a_measured_column(noise, kept):
     assert keep == ([0, 1] if kept else [0])
 
 
-def test_a_line_speaks_of_sums():
+def test_lines_name_sums():
     rng = np.random.default_rng(3)
     fm = rng.uniform(500, 1000, 12)
     _, out = identifiable(["fm", "VB"], np.column_stack([fm, 1 - 1e-3 * fm]), np.empty((12, 0)), logs=False)

@@ -96,7 +96,7 @@ def test_a_plan_on_many_edges_is_that_plan_on_one_edge_after_the_other(refit, ru
 
 
 def test_odd_signs_change_nothing_in_that(refit):
-    """Wear exponents of power and force of either sign: no shortcut leans on them."""
+    """Wear exponents of power and force of either sign: no shortcut depends on them."""
     pf, draws = refit
     laws, few = life_laws(pf), {name: Draws(of.names, of.values[:30].copy()) for name, of in draws.items()}
     for name in ("P", "Fxz"):

@@ -1,4 +1,4 @@
-"""The plain least-squares door against statsmodels' OLS and numpy's lstsq, and its refusals."""
+"""Plain least squares against statsmodels' OLS and numpy's lstsq, and its refusals."""
 
 import numpy as np
 import pytest

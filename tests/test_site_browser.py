@@ -186,7 +186,7 @@ def test_a_reference_marks_the_pairs_that_differ_by_construction(opened, made):
         assert float(row.get_attribute("data-adjusted")) == pytest.approx(together, rel=DIGITS)
         assert kinds[slug] == ("all" if together < 0.05 else "one" if alone < 0.05 else "plain")
     alone = sum(one < 0.05 for one in p)
-    assert tab.locator("#told").inner_text() == (
+    assert tab.locator("#comparison").inner_text() == (
         f"10 of 49 differ from insert 1 on work P, adjusted for 49 comparisons (Holm). Unadjusted {alone} differ, "
         "of which about 2.5 are expected by chance if all were equal."
     )
@@ -211,7 +211,7 @@ def test_only_those_that_differ_can_be_shown_and_filters_count_in_holm(opened, m
     tab = opened[0](f"compare.html#reference={reference}&group=S")
     assert tab.locator("#more").get_attribute("open") is not None
     assert len(drawn(tab)) == 11
-    assert tab.locator("#told").inner_text().startswith("10 of 10 differ from insert 1 on work P")
+    assert tab.locator("#comparison").inner_text().startswith("10 of 10 differ from insert 1 on work P")
     tab.locator("#group").select_option("P")
     tab.locator("#shown").select_option("one")
     assert all(kind != "plain" for _, kind in drawn(tab))

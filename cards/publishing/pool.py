@@ -48,7 +48,7 @@ def each(work: Callable[[T], R], pieces: Sequence[T], jobs: int, progress: Calla
     pool = ProcessPoolExecutor(min(jobs, len(pieces)), get_context("spawn"), gc.disable)
     results: list[R] = []
     try:
-        with _deaf():
+        with _ignoring_interrupts():
             begun = pool.map(partial(_done, work), pieces, chunksize=AT_ONCE)
         for result in begun:
             results.append(result)
@@ -79,8 +79,8 @@ def _done(work: Callable[[T], R], piece: T) -> R:
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
-    """Processes begun in here do not hear an interrupt from the keyboard: who waits for them does, and ends them."""
+def _ignoring_interrupts() -> Iterator[None]:
+    """Processes started inside ignore an interrupt from the keyboard: the process that waits for them ends them."""
     if current_thread() is not main_thread():
         yield
         return

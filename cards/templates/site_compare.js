@@ -110,7 +110,7 @@
     const ticks = [];
     for (let k = Math.ceil(low / step); k * step <= high; k++) ticks.push(k * step);
     const at = (x) => (100 * (x - low)) / (high - low);
-    return { low, high, ticks, at, told: (x) => (Number(x.toFixed(decimals)) || 0).toFixed(decimals).replace("-", "−") };
+    return { low, high, ticks, at, formatted: (x) => (Number(x.toFixed(decimals)) || 0).toFixed(decimals).replace("-", "−") };
   };
 
   const share = (x) => `${x.toFixed(3)}%`;
@@ -153,7 +153,7 @@
   const line = (r, axis, reference) => {
     const name = element("span", { class: "name" }, element("a", { href: `cards/${r.pair.slug}/index.html` }, r.pair.title));
     if (r.pair.simulated) name.append(" ", element("span", { class: "fine" }, "simulated"));
-    const told = element("span", { class: "number" }, element("b", {}, r.text), ` (${r.interval})`);
+    const value = element("span", { class: "number" }, element("b", {}, r.text), ` (${r.interval})`);
     const button = element("button", { type: "button", "aria-pressed": String(r.kind === "reference") }, "reference");
     button.setAttribute("aria-label", `reference: ${r.pair.title}`);
     button.addEventListener("click", () => {
@@ -169,12 +169,12 @@
       item.dataset.adjusted = r.found.adjusted;
       last.firstChild.title = `t ${r.found.t.toFixed(2)} on ${r.found.df.toFixed(1)} degrees of freedom`;
     }
-    item.append(name, element("span", { class: "lane" }, track(r, axis, reference)), told, last);
+    item.append(name, element("span", { class: "lane" }, track(r, axis, reference)), value, last);
     return item;
   };
 
   const few = (x) => (x < 10 ? String(Math.round(10 * x) / 10) : String(Math.round(x)));
-  const tell = (reference, found, shown) => {
+  const summarise = (reference, found, shown) => {
     if (!reference) return [`${shown} pair${shown === 1 ? "" : "s"}. Choose a reference to see which exponents differ from it.`];
     const one = found.filter((r) => r.found.p < LEVEL).length;
     const all = found.filter((r) => r.found.adjusted < LEVEL).length;
@@ -213,9 +213,9 @@
       shown.unshift(reference);
     }
     $("forest").replaceChildren(...shown.map((r) => line(r, axis, reference)));
-    $("told").replaceChildren(...(others.length ? tell(reference, found, others.length) : ["No pair matches the filters."]));
+    $("comparison").replaceChildren(...(others.length ? summarise(reference, found, others.length) : ["No pair matches the filters."]));
     $("axis").replaceChildren(
-      ...axis.ticks.map((x) => draw("text", { x: share(axis.at(x)), y: "70%", "text-anchor": "middle" }, axis.told(x))),
+      ...axis.ticks.map((x) => draw("text", { x: share(axis.at(x)), y: "70%", "text-anchor": "middle" }, axis.formatted(x))),
     );
     remember();
   };

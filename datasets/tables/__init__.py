@@ -4,7 +4,7 @@ decode     bytes -> lines of text              dialect   lines -> delimiter and 
 numerals   a cell -> a number, or not          layout    which row is header, units, data, footer
 workbook   a book -> sheets -> rows of cells   body      the rows of data, block by block
 sheets     which sheet holds the table         header_rows  several rows -> names and units
-gather     blocks -> columns                   read      the whole way, and what was found on it
+gather     blocks -> columns                   read      all steps in order, with warnings and doubts
 """
 
 from .gather import Column, column_of_texts

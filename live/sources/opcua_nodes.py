@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 MACHINE_TOOL: Final = "http://opcfoundation.org/UA/MachineTool/"
 _ID = re.compile(r"(?:nsu=(?P<uri>[^;]+);|ns=\d+;)?[isgb]=.+")
-_DEPTH, _MOST = 8, 3000  # levels and nodes that are looked through
+_DEPTH, _MOST = 8, 3000  # levels and nodes that are searched
 _MODEL: Mapping[str, tuple[str, ...]] = {
     "state": ("ChannelState", "IsRotating"), "override": ("FeedOverride",), "tool": ("ToolId", "ControlIdentifier1"),
 }  # fmt: skip
