@@ -53,7 +53,7 @@ class Cell:
 
     @property
     def words(self) -> str:
-        """What the ready value is, with its cell."""
+        """The ready value in words, with its cell."""
         return f"{self.symbol} in line {self.line} from {self.value:.6g} {self.unit} to {self.ready:.6g} {self.unit}"
 
 
@@ -135,7 +135,7 @@ class Cells:
         return cell, float(one.apply(np.array([cell.value]))[0])
 
     def worded(self, text: str) -> str:
-        """What a correction of one cell does, in words; empty for another one."""
+        """A correction of one cell in words; empty for another one."""
         found = self.corrected(text)
         if found is None:
             return ""

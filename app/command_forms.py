@@ -52,7 +52,7 @@ class Input:
 
     @property
     def placeholder(self) -> str:
-        """What an empty field shows: its default, or an example marked as one."""
+        """Text of an empty field: its default, or an example marked as one."""
         return f"empty: {self.default}" if self.default else f"e.g. {self.hint}" if self.hint else ""
 
 
@@ -86,7 +86,7 @@ class Action:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What the forms are about: a file, its parameter file, and the other files of the project."""
+    """Subject of the forms: a file, its parameter file, and the other files of the project."""
 
     stem: str
     params: str

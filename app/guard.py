@@ -1,4 +1,4 @@
-"""Who may ask: the browser of this machine that opened the address with the token, and no page of another site.
+"""Access control: only the browser of this machine that opened the address with the token, no page of another site.
 
 - The host must be the loopback by name, so that no name of the web that leads here is answered (DNS rebinding).
 - The token of the address is exchanged for a cookie that scripts cannot read and other sites cannot send.

@@ -75,7 +75,7 @@ class Job:
 
     @property
     def state(self) -> Literal["waiting", "running", "done", "cancelled"]:
-        """Where it stands."""
+        """State of the job."""
         if self.code is None:
             return "running" if self.started else "waiting"
         return "cancelled" if self.cancelled else "done"

@@ -79,7 +79,7 @@ NAME: Final = re.compile(  # a name that is a word, too, at the beginning of an 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """What a message of a command can lead to on the page.
+    """Places of the page to which a message of a command can lead.
 
     Attributes
     ----------

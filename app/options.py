@@ -40,7 +40,7 @@ def words(options: Sequence[tuple[str, str]]) -> list[str]:
 
 
 def _key(name: str, value: str) -> tuple[str, str]:
-    """What an option sets, which it sets once."""
+    """Key of an option that is given once."""
     if name in BY_ROLE:
         return name, value.partition("=")[0]
     return (name, value) if name in (*OF_ROWS, "--law") else (name, "")

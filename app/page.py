@@ -194,7 +194,7 @@ class Page(FilePage):
         )
 
     def _after(self, entry: Entry, job: Job) -> dict[str, Any]:
-        """What a command has changed on the page beside its answer."""
+        """Changes of the page by a command, besides its answer."""
         path = next((word for word in job.words if word.endswith("params.json")), "")
         subject = self._subject(entry, path)[1] if path in self.project.parameter_files(entry) else None
         return stages.after(self.project, entry, subject, job)

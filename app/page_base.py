@@ -1,4 +1,4 @@
-"""What every part of the page needs: the project, its commands, its templates, and what a message leads to."""
+"""Base of every part of the page: the project, its commands, its templates, and the places that messages lead to."""
 
 import asyncio
 import shlex
@@ -111,7 +111,7 @@ class PageBase:
         return [job for job in shown if job is not None]
 
     def _places(self, entry: Entry, own: str = "") -> messages.Places:
-        """What messages on a file can lead to: the forms of its laws, the menus of its columns."""
+        """Places that messages on a file can lead to: the forms of its laws, the menus of its columns."""
         now = self._shown.get(entry.name)
         try:
             forms = actions(self._subject(entry, "")[1])

@@ -245,7 +245,7 @@ def safe_name(name: str) -> str:
 
 
 def _below(folder: Path) -> list[Path]:
-    """What is below a folder, sorted; nothing where a command replaces it at this moment."""
+    """Entries of a folder, sorted; nothing where a command replaces it at this moment."""
     try:
         return sorted(folder.rglob("*"))
     except OSError:

@@ -269,7 +269,7 @@ AS_ASKED = ("left out as asked", "corrected as asked")
 
 
 def assumptions(look: Mapping[str, Any], options: Sequence[str]) -> list[str]:
-    """What was assumed, without what was asked for; numbers of tests that were taken as edges among them."""
+    """Assumptions, without those that were asked for; numbers of tests that were taken as edges among them."""
     found = [words for words in look.get("assumed", ()) if not words.startswith(AS_ASKED)]
     for one in look.get("columns", ()):
         is_asked = "--edge" in options or any(word.startswith("edge=") for word in options)

@@ -1,4 +1,4 @@
-"""What the results of a file offer: cards, laws, rows in doubt and remedies; and the JSON of its reading."""
+"""Results of a file on the page: cards, laws, rows in doubt and remedies; and the JSON of its reading."""
 
 import json
 import mimetypes
@@ -64,7 +64,7 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
 
 
 def rows_left_out(contents: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """What each target that was left out holds, as the parameter files list it.
+    """Contents of each target that was left out, as the parameter files list it.
 
     >>> words = "assumed: left out as asked, --leave-out lines 15: 1 row (line 15), which holds fm 850, I 0.02"
     >>> rows_left_out([{"design": {"understood": [words]}}])

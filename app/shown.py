@@ -1,4 +1,4 @@
-"""What a page shows, as checksums that its forms carry: a request of a page that is out of date runs nothing."""
+"""Checksums of the content of a page, which its forms carry: a request of a page that is out of date runs nothing."""
 
 import hashlib
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What was done on a parameter file: forms with their state and last values, and what a new fit has lost."""
+"""Commands run on a parameter file: forms with their state and last values, and what a new fit has lost."""
 
 import dataclasses
 import shlex
@@ -46,7 +46,7 @@ def colour(level: str) -> str:
 
 
 def _parts(words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """What each argument of a command sets, and its words.
+    """Each argument of a command by the option that it sets, with its words.
 
     >>> list(_parts(["P=7kW", "--idle", "0.12", "--today", "V=100", "--force"]))
     [('P', ('P=7kW',)), ('--idle', ('--idle', '0.12')), ('--today V', ('--today', 'V=100')), ('--force', ('--force',))]
@@ -237,7 +237,7 @@ def has_added(project: Project, entry: Entry) -> bool:
 
 
 def time_of(path: Path) -> float:
-    """When a file was written, s since 1970; 0 where a command has removed it since."""
+    """Time at which a file was written, s since 1970; 0 where a command has removed it since."""
     try:
         return path.stat().st_mtime
     except OSError:
@@ -318,7 +318,7 @@ def _counts(step: Step, entry: Entry, name: str) -> bool:
 def _why_outdated(
     steps: Sequence[Step], entry: Entry, of: Subject, name: str, titles: Mapping[str, str]
 ) -> str:  # fmt: skip
-    """Why the result of a form is outdated by the commands that were run after it; empty where it is not."""
+    """Reason why the result of a form is outdated by the commands that were run after it; empty where it is not."""
     if name not in SECTIONS and any(_is_fit(step, entry) for step in steps):
         return "the laws were fitted again after it"
     later = [step.words[0] for step in steps if step.code == 0 and of.params in step.words]
@@ -364,7 +364,7 @@ def _of_section(name: str, section: Mapping[str, Any]) -> str:
 
 
 def after(project: Project, entry: Entry, of: Subject | None, job: Job) -> dict[str, Any]:
-    """What a command has changed on the page: states, files, limits of gains, records, and the form that follows."""
+    """Changes of the page by a command: states, files, limits of gains, records, and the form that follows."""
     found: dict[str, Any] = {"following": None, "gains": [], "records": None, "states": {}}
     found.update(files_of(project, entry, project.results(entry)))
     if of is None:

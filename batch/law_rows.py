@@ -166,7 +166,7 @@ def renumbered(table: pd.DataFrame, numbers: Sequence[int] | Ints) -> pd.DataFra
 
 
 def fitted(table: pd.DataFrame) -> NDArray[np.bool_]:
-    """Which rows are laws, shape (n,); the others have a reason."""
+    """Mask of the rows that are laws, shape (n,); the others have a reason."""
     return (table["reason"] == "").to_numpy(dtype=bool)
 
 

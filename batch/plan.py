@@ -34,7 +34,7 @@ class Pair(Displayable):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Reading(ReadOptions):
-    """How a source is read, as in `ReadOptions`, and which of its columns group the pairs.
+    """Reading of a source, as in `ReadOptions`, and which of its columns group the pairs.
 
     Attributes
     ----------

@@ -142,7 +142,7 @@ def surface_blocks(laws: Sequence[LawFit]) -> list[RenderableType]:
 
 
 def forms_block(found: FormComparison) -> RenderableType:
-    """Which form of a law is preferred; each form with its errors and weight; what forms predict at tested settings."""
+    """The preferred form of a law; each form with its errors and weight; what forms predict at tested settings."""
     head = Text(f"{found.response} of {', '.join(found.factors)}", style="bold")
     edges = f" of {found.units} edges" if found.left_out == "edge" else ", no edges"
     head.append(f"   {found.rows} rows{edges}", style="not bold")
@@ -227,7 +227,7 @@ def identification_block(found: "Identification", pf: ParameterFile) -> Renderab
 
 
 def _summary(found: "Identification") -> str:
-    """What an engineer needs of a model: fit to samples not fitted, settling, delay, noise and band."""
+    """Summary of a model for an engineer: fit to samples not fitted, settling, delay, noise and band."""
     from ..ident.validation.model_validation import settling_time
 
     model, rec, fit = found.model, found.record, found.validation.fit
@@ -312,7 +312,7 @@ def _item(sentence: str) -> RenderableType:
 
 
 def _suspect_lines(suspect: SuspectPart, command: Command) -> list[RenderableType]:
-    """What is suspected, and on a line of its own the command that corrects it or leaves it out."""
+    """The suspects, and on a line of its own the command that corrects it or leaves it out."""
     lines = lines_of(command(suspect.remedy)).split("\n")
     shown = Text("\n".join(f"{'':6}{line}" for line in lines), style="bold", no_wrap=True, overflow="ignore")
     return [_item(f"{suspect.words}:"), shown]

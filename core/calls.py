@@ -105,7 +105,7 @@ def check_share(name: str, value: float, error: type[FitmodelsError] = UsageErro
 
 @dataclass(frozen=True, slots=True)
 class Takes:
-    """What a prediction needs: the law in words, the unit of each factor, the category, the error to raise."""
+    """Needs of a prediction: the law in words, the unit of each factor, the category, the error to raise."""
 
     law: str
     units: Mapping[str, str]
@@ -194,7 +194,7 @@ def _signature(function: Callable[..., object]) -> Signature:
 
 @lru_cache(maxsize=2048)
 def _wanted(function: Callable[..., object], name: str) -> Wanted | None:
-    """What an argument has to be; None where everything is accepted, or the function checks it itself."""
+    """Type that an argument must have; None where everything is accepted, or the function checks it itself."""
     parameter = _signature(function).parameters[name]
     if parameter.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL):
         return None
@@ -312,7 +312,7 @@ PLAIN: Mapping[object, Wanted | None] = {
 
 
 def _wrong_names(function: Callable[..., object], args: tuple[object, ...], kwargs: Mapping[str, object]) -> str:
-    """What is wrong about the names or the number of the arguments."""
+    """Fault in the names or the number of the arguments."""
     known = _signature(function).parameters
     for name in kwargs:
         if name not in known:
@@ -358,14 +358,14 @@ def _value_words(name: str, value: object, words: str) -> str:
 
 
 def _contents(value: object) -> str:
-    """What a list holds."""
+    """Contents of a list."""
     if not isinstance(value, list | tuple):
         return ""
     return f" of {', '.join(dict.fromkeys(type(item).__name__ for item in value)) or 'nothing'}"
 
 
 def _held(value: object, words: str) -> str:
-    """Where a result holds the one that is wanted."""
+    """Place in a result of the one that is wanted."""
     wanted = next((name for name in HELD_AS if re.match(rf"(an? )?{name}\b", words)), "")
     places = (at for at in HELD_AS.get(wanted, ()) if hasattr(type(value), at.removesuffix("[0]")))
     place = next(places, "")

@@ -89,7 +89,7 @@ class TextTable:
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """What is shown of a result: ``head`` with its main numbers and units, then tables, facts and sentences."""
+    """Display of a result: ``head`` with its main numbers and units, then tables, facts and sentences."""
 
     head: str
     facts: tuple[tuple[str, str], ...] = ()
@@ -114,7 +114,7 @@ def by_fields(result: object) -> Display:
 
 @singledispatch
 def display_of(result: object) -> Display:
-    """What is shown of a result; registered per class, `by_fields` otherwise."""
+    """Display of a result; registered per class, `by_fields` otherwise."""
     return by_fields(result)
 
 

@@ -169,7 +169,7 @@ class Formula(Displayable):
 
     @property
     def fault(self) -> str:
-        """What contradicts the form in factors, terms or centres, in words; empty where nothing does."""
+        """Contradiction of the form by factors, terms or centres, in words; empty where nothing does."""
         form, k = self.form, len(self.factors)
         strange = [name for name, _ in self.fixed if name not in self.factors]
         if strange or (self.fixed and not (form.log_response and self.first_order and self.linearisable)):

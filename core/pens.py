@@ -1,4 +1,4 @@
-"""What draws panels: the interface of a pen, and a pen for PNG pictures by Pillow.
+"""Pens that draw panels: the interface of a pen, and a pen for PNG pictures by Pillow.
 
 `PngPen` draws shapes three times as fine as they are written, and words at the size of the picture.
 """
@@ -42,7 +42,7 @@ OUTLINES: dict[str, list[Point]] = {  # of markers, with half their size as the 
 
 
 class Pen(Protocol):
-    """What draws: everything in pt from the left and from the top."""
+    """Interface of a pen: everything in pt from the left and from the top."""
 
     def line(self, points: Array, color: str, width: float, dashes: Dashes = ()) -> None:
         """A line through points (n, 2); ``dashes`` are multiples of its width."""

@@ -176,7 +176,7 @@ class Prediction(Plottable):
         return [f"EXTRAPOLATED: {self.unreached}"] if self.unreached else []
 
     def _upper_end(self, i: int) -> str:
-        """Where the upper end of the interval of a tool life is longer than any test."""
+        """Places where the upper end of the interval of a tool life is longer than any test."""
         if self.longest is None or float(_one(self.high, i)) <= self.longest:
             return ""
         return f", but the upper end is EXTRAPOLATED: the longest test lasted {_with(plain(self.longest), self.unit)}"

@@ -34,7 +34,7 @@ MARKS: Final[Mapping[int | None, Mark]] = {  # level of a result -> its mark; No
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Verdict(Displayable):
-    """How far a result can be used.
+    """Verdict on the use of a result.
 
     Attributes
     ----------

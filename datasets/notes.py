@@ -1,4 +1,4 @@
-"""What the notes of a file, its name and its headers state: pair, conditions, constants, response and unit of time."""
+"""Statements of notes, name and headers of a file: pair, conditions, constants, response and unit of time."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping

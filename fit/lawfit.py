@@ -133,7 +133,7 @@ class LawFit(Predicts, RowAccess, LawFigures):
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Which elements of ``theta`` were estimated, shape (p,); the others are fixed."""
+        """Mask of the elements of ``theta`` that were estimated, shape (p,); the others are fixed."""
         return self.formula.free(len(self.theta) - len(self.formula.names))
 
     @property
@@ -194,7 +194,7 @@ class LawFit(Predicts, RowAccess, LawFigures):
 
     @property
     def not_least_squares(self) -> str:
-        """Why the law is not that of least squares of its rows, so that these do not check it; empty where it is."""
+        """Reason why the law is not that of least squares of its rows, which then do not check it, or empty."""
         if self.life is None or self.life.least_squares:
             return ""
         known = f"{self.life.run_outs + self.life.earlier} of {self.nobs} lives are known by a bound alone"

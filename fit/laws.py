@@ -66,7 +66,7 @@ class LawForm(Formula):
             return np.log(value), G / value[:, None]
 
     def free(self, shifts: int) -> NDArray[np.bool_]:
-        """Which elements of theta are estimated, shape (p,), with that number of shifts at the end."""
+        """Mask of the elements of theta that are estimated, shape (p,), with that number of shifts at the end."""
         return np.array([*self.estimated, *([True] * shifts)])
 
     def start(self, shifts: int) -> Array:

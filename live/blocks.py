@@ -220,7 +220,7 @@ def derived(conditions: dict[str, float]) -> dict[str, float]:
 
 
 def _phase(samples: Sequence[Sample], conditions: Mapping[str, float]) -> State:
-    """What the last sample says, or what a speed or feed of zero says."""
+    """Phase by the last sample, or by a speed or feed of zero."""
     said = samples[-1].state
     if said == "off" or any(conditions.get(name) == 0 for name in ("V", "n")):
         return "off"
@@ -344,7 +344,7 @@ class EarlyFeed:
         return [NEVER_IDLE.format(self.seconds / 60)] if self.seconds >= 60 else []
 
     def cut(self, number: int) -> tuple[Window, CutEnd, Notice]:
-        """What was cut: a window without loads, its end, and a notice."""
+        """The cut so far: a window without loads, its end, and a notice."""
         minutes = self.seconds / 60
         window = Window(self._start, self._end, minutes, dict(self._conditions), {}, number)
         end = CutEnd(self._end, 0.0, number, unseen=True)

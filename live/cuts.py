@@ -116,7 +116,7 @@ class Cuts:
         return "off" if self._stopped else "idle" if known else "starting"
 
     def add(self, item: Sample | Notice) -> list[Found]:
-        """What is found with a sample, or with a notice that the source is lost, jumped in time, changed or ended.
+        """Findings with a sample, or with a notice that the source is lost, jumped in time, changed or ended.
 
         Gaps and readings that are missing show in the samples: a short gap in a cut counts as cutting.
         """
@@ -145,7 +145,7 @@ class Cuts:
         self.lost.resume(data.get("lost", {}))
 
     def close(self) -> list[Found]:
-        """What is left at the end of a source: a cut that has not ended is lost; the loads, where there was no cut."""
+        """Findings at the end of a source: a cut that has not ended is lost; the loads, where there was no cut."""
         found = list(self._lost())
         if not self.number:
             for text in self._early.sentences() or self._seen.sentences():

@@ -205,7 +205,7 @@ def _clipped(value: float, limit: float) -> float:
 
 
 class Detection:
-    """What is watched beside the estimate of an edge, over windows and over edges.
+    """Detection of events besides the estimate of an edge, over windows and over edges.
 
     Examples
     --------

@@ -317,7 +317,7 @@ class EdgeEstimate:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was assumed for this edge, what is extrapolated, and what loads cannot show."""
+        """Notes on this edge: assumptions, extrapolations, and properties that loads cannot show."""
         found = [*self.distrusted.values(), *self._assumed.values(), *self.laws.beyond(self._last, self.minutes)]
         if self.criterion > self.laws.largest_wear * (1 + 1e-6):
             most = f"{self.laws.largest_wear:.3g} {self.laws.wear.unit}"

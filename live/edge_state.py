@@ -65,7 +65,7 @@ class LawDeviation:
 
 @dataclass(slots=True)
 class LoadTrust:
-    """Which loads of an edge are loads of its laws at all; others say nothing of the wear.
+    """Trust in the loads of an edge: those that its laws do not describe carry no information on the wear.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a watch shows: one description for terminal, page, OPC UA server and JSON stream."""
+"""Facts of a watch: one description for terminal, page, OPC UA server and JSON stream."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ CALENDAR: Final = 1e8  # s: larger times are since 1970, smaller ones since the 
 
 @dataclass(slots=True)
 class Reading:
-    """What was read last; it is shown and not kept.
+    """The last reading; it is shown and not kept.
 
     Attributes
     ----------

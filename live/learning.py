@@ -295,7 +295,7 @@ def _posterior(
 
 
 def _lines(pf: "ParameterFile", found: "Mapping[str, Learned]", version: int) -> list[str]:
-    """What changed: each law before and after, the distance of the new edges, the verdict."""
+    """Changes: each law before and after, the distance of the new edges, the verdict."""
     lines = []
     for name, of in found.items():
         before, after = pf.laws[name], of.section

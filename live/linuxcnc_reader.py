@@ -68,7 +68,7 @@ class Reader:
         return bool(self._beats) and now - self._changed > STALE
 
     def state(self) -> str | None:
-        """What the machine says of itself: off, idle, feed; None where it does not."""
+        """State that the machine reports: off, idle, feed; None where it does not."""
         on, motion = self.get("spindle.0.on"), self.get("motion.motion-type")
         if on is None or motion is None:
             return None

@@ -183,7 +183,7 @@ class Block:
 
 
 class Seen(Protocol):
-    """What the windows of a stream have shown of its loads."""
+    """Loads of a stream as its windows have shown them."""
 
     number: int
     proved: bool
@@ -223,7 +223,7 @@ class LostLoads:
         self._fed, self._longest = 0.0, 0.0  # s of feed without contact: since the last cut, and at most before
 
     def as_json(self) -> dict[str, Any]:
-        """What `resume` takes over."""
+        """State that `resume` takes over."""
         return {"floors": dict(self.floors), "longest": self._longest}
 
     def resume(self, data: Mapping[str, Any]) -> None:

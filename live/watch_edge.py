@@ -18,7 +18,7 @@ GAUGE_SD: Final = 0.03  # of ln wear, of a gauge reading that is taken in again
 
 @dataclass(frozen=True, slots=True)
 class WatchSettings:
-    """What was asked of a watch.
+    """Settings of a watch.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class WatchSettings:
 
 @dataclass(slots=True)
 class Edge:
-    """What is known of the edge in use besides its estimate.
+    """The edge in use, besides its estimate.
 
     Attributes
     ----------

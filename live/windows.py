@@ -90,7 +90,7 @@ class SeenLoads:
             self.ranges[name] = min(low, value), max(high, value)
 
     def sentences(self) -> list[str]:
-        """What was seen of each load in a minute or more."""
+        """Sentences on each load in a minute or more."""
         if self.minutes < 1:
             return []
         return [NONE.format(self.minutes, name, *ends) for name, ends in self.ranges.items()]
@@ -160,7 +160,7 @@ def plain_mean(parts: Sequence[Sequence[float]]) -> PlainMean:
 
 
 def _near(values: Array) -> NDArray[np.bool_]:
-    """Which values are no outliers; all of them where many lie far off, as in an interrupted cut."""
+    """Values that are no outliers, as a mask; all of them where many lie far off, as in an interrupted cut."""
     off = np.abs(values - np.median(values))
     near: NDArray[np.bool_] = off <= OUTLYING * MAD * float(np.median(off))
     return near if near.mean() >= 1 - FREQUENT else np.ones(len(values), dtype=np.bool_)

@@ -50,7 +50,7 @@ class NumberedRows:
     ends: dict[str, tuple[Array, Array]]
 
     def patterns(self) -> Iterator[tuple[Held, Ints]]:
-        """What pairs hold, as far as it decides on their laws, and the pairs for which it is just this."""
+        """Contents of pairs as far as they decide on their laws, and the pairs with the same contents."""
         settings = {name: low < high for name, (low, high) in self.ends.items() if name in SETTINGS}
         names, K = [*self.held, *settings], len(self.pairs)
         flags = np.array([*self.held.values(), *settings.values()], dtype=bool).reshape(len(names), K).T
@@ -161,7 +161,7 @@ def _codes(column: "pd.Series[str]") -> tuple[Ints, "pd.Index[str]"]:
 
 
 def _there(column: "pd.Series[str]") -> Flags:
-    """Where a column holds something, shape (n,): a number, or a text that is not empty."""
+    """Mask of the rows in which a column is filled, shape (n,): a number, or a text that is not empty."""
     if _is_numeric(column):
         return column.notna().to_numpy(dtype=bool)
     code, unique = pd.factorize(column)
@@ -223,7 +223,7 @@ def is_stacked(asked: Asked, options: BatchOptions) -> bool:
 
 
 def infinite(runs: Runs, names: Collection[str] = ROLES) -> str:
-    """Which value of these columns is infinite, or nothing; no law can be fitted to it.
+    """The first infinite value of these columns, or nothing; no law can be fitted to it.
 
     Examples
     --------

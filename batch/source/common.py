@@ -1,4 +1,4 @@
-"""What all kinds of sources share: suffixes, limits, blocks of pairs, names in a sentence."""
+"""Common to all kinds of sources: suffixes, limits, blocks of pairs, names in a sentence."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path

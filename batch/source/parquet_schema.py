@@ -175,7 +175,7 @@ def interpret_columns(
 
 
 def _row_by_row(derived: tuple[Derived, ...]) -> tuple[Derived, ...]:
-    """What is computed from the columns; sums along an edge, which need its rows together, are refused."""
+    """Quantities computed from the columns; sums along an edge, which need its rows together, are refused."""
     for one in derived:
         if one.equation.endswith(SUMMED):
             raise DataError(

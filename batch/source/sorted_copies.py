@@ -82,7 +82,7 @@ def _file_name(block: int) -> str:
 
 @dataclass(slots=True)
 class _Copy:
-    """What is copied; ``rows`` are those written of each block."""
+    """The data that are copied; ``rows`` are those written of each block."""
 
     index: Index
     ranges: tuple[range, ...]

@@ -58,7 +58,7 @@ class Head:
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """What a text of the head may be: a unit, a name of a known quantity.
+    """Meaning of a text of the head: a unit, a name of a known quantity.
 
     >>> Words(no_units, no_units).is_unit("mm")
     False

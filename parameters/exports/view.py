@@ -183,7 +183,7 @@ def first_lines(view: ExportView, loop: LoadLoop, *of_limits: str) -> tuple[str,
 
 
 def _fault_words(loop: LoadLoop) -> str:
-    """What a fault does, and of constant load the choice."""
+    """Effect of a fault, and of constant load the choice."""
     if loop.stop_on_fault:
         return "On a fault the feed stops: --on-fault stop was chosen."
     choice = "; to stop: fitmodels settings --on-fault stop" if loop.law == "pi" else ""
@@ -291,7 +291,7 @@ def require_check(pf: ParameterFile) -> tuple[str, ...]:
 
 
 def _not_checked(pf: ParameterFile) -> tuple[str, ...]:
-    """What an export assumes because the file does not hold what would show it."""
+    """Assumptions of an export because the file does not hold what would show it."""
     line, pi = pf.load_line, pf.pi
     unknown = line is not None and line.law not in pf.laws
     untried = pi is not None and pf.dynamics is None
