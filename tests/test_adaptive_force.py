@@ -430,7 +430,7 @@ def test_every_second_reading_lost_is_a_fault(pf):
 
 
 @pytest.mark.parametrize("depth", DEPTHS)
-def test_a_plant_ten_times_stiffer_is_told_and_kept_within_limits(pf, depth):
+def test_a_plant_ten_times_stiffer_is_reported_and_kept_within_limits(pf, depth):
     trace, _, control = faulty(pf, FAULTS["ten times stiffer"], depth)
     s = control.settings
     assert s.low <= trace.command.min() <= trace.command.max() <= s.high
@@ -516,7 +516,7 @@ def test_gains_in_other_units_are_refused(pf):
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_replay_tells_depths_steps_proof_and_what_is_assumed(pf):
+def test_a_replay_reports_depths_steps_proof_and_assumptions(pf):
     assert report.lacks(pf) == ""
     found = report.replayed(pf, {}, 1)
     assert all(found.facts["depths"][i]["steady_error_share"] < 0.02 for i in range(3))
@@ -539,7 +539,7 @@ def test_a_replay_without_gains_says_so(pf):
     assert any("no PI gains" in line for line in found.assumed)
 
 
-def test_a_file_without_what_it_takes_is_told(pf):
+def test_a_file_without_the_needed_sections_is_refused_with_the_reason(pf):
     assert "no adaptive_force section" in report.lacks(parameters.collect(tool="GC435", work="709M40"))
     assert "no estimates with the depth" in report.lacks(changed(pf, depth=None))
     assert "alpha + Kd is not above lambda m" in report.lacks(changed(pf, lam=1e3))

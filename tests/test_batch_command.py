@@ -103,7 +103,7 @@ def program(code, *words, **more):
 # --- what is printed, and where
 
 
-def test_the_first_run_tells_everything_and_the_second_that_nothing_is_new(shop, capsys):
+def test_the_first_run_reports_everything_and_the_second_that_nothing_is_new(shop, capsys):
     assert main(["batch", str(shop), *FAST]) == 0
     said = capsys.readouterr().out
     for words in (

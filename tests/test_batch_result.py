@@ -862,7 +862,7 @@ def test_what_compare_gives_is_understood():
     assert [one.tool for one in made if one.concerns] == ["T40"]
 
 
-def test_every_kind_that_fitting_tells_has_its_place():
+def test_every_kind_of_concern_of_fitting_has_its_place():
     """A kind that is not in the list would come last, however grave."""
     from pathlib import Path
 

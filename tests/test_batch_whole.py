@@ -106,7 +106,7 @@ def fits(monkeypatch):
 # --- the same numbers
 
 
-def test_a_batch_tells_what_it_made(whole, shop):
+def test_a_batch_reports_its_results(whole, shop):
     assert [len(block.pairs) for block in whole.plan.blocks] == [2, 1]
     assert (whole.pairs, whole.with_law, whole.effort.fitted, whole.effort.kept) == (3, 3, 3, 0)
     assert whole.results["tool"].tolist() == [f"T{i}" for i in range(PAIRS)]

@@ -131,7 +131,7 @@ def half_a_digit(text):
     return 0.5 * 10.0 ** (zeros - len(decimals) + int(power or 0)) * (1 + 1e-9)
 
 
-def tells(n):
+def is_rounded_value(n):
     """Whether a text is its value, rounded."""
     if n.value is None:
         return not re.search(r"\d", n.text)
@@ -146,24 +146,24 @@ def tells(n):
 @pytest.mark.parametrize("name", FILES)
 def test_every_text_is_its_value_rounded(files, name):
     numbers = list(parts(compose(files[name])))
-    assert [n for n in numbers if not tells(n)] == []
+    assert [n for n in numbers if not is_rounded_value(n)] == []
 
 
 @given(FINITE, st.floats(1e-9, 1e9))
 @example(32768.6875, 1.0)  # a tie
-def test_a_number_told_by_any_uncertainty_is_its_value_rounded(value, uncertainty):
+def test_a_number_rounded_by_any_uncertainty_is_its_value(value, uncertainty):
     last = 0.5 * 10.0 ** -decimals(uncertainty) * (1 + 1e-9)  # half of the second digit of the uncertainty
     for n in (number(value, uncertainty), spread(value, uncertainty)):
         assert abs(float(n.text) - n.value) <= max(last, half_a_digit(n.text)), n
     for n in (figure(value), places(value, 3), count(value)):
-        assert tells(n), n
+        assert is_rounded_value(n), n
 
 
 @given(st.floats(0, 1))
-def test_shares_are_told_in_per_cent(share):
-    assert tells(percent(share))
+def test_shares_are_written_in_per_cent(share):
+    assert is_rounded_value(percent(share))
     assert percent(share).value == 100 * share
-    assert tells(probability(share))
+    assert is_rounded_value(probability(share))
 
 
 def test_what_cannot_be_had_has_neither_number_nor_text():
@@ -171,7 +171,7 @@ def test_what_cannot_be_had_has_neither_number_nor_text():
     assert [number(None, 1.0), spread(1.0, None), figure(nan), places(nan, 2), probability(nan)] == [NumberPart()] * 5
 
 
-def test_the_card_tells_the_law_as_the_file_has_it(pf, card):
+def test_the_card_states_the_law_as_the_file_has_it(pf, card):
     for part, law in zip(card.laws, pf.laws.values(), strict=True):
         estimates = {c.name: c.estimate.value for c in part.coefficients}
         assert estimates == dict(law.coefficients)
@@ -217,7 +217,7 @@ def test_intervals_of_the_table_are_those_of_the_fit(pf, card):
             np.testing.assert_allclose([c.low.value, c.high.value], expected.loc[c.name], rtol=1e-9)
 
 
-def test_the_markdown_card_tells_the_same_texts(pf, card):
+def test_the_markdown_card_has_the_same_texts(pf, card):
     text = markdown(pf)
     for part in card.laws:
         for c in part.coefficients:
@@ -287,7 +287,7 @@ def test_the_card_of_the_nasa_set(measurements):
     assert "levels" in card.empty["tool_life"]
     assert card.profiler.laws[0].by == "material 1"
     assert not card.profiler.removal
-    assert all(tells(n) for n in parts(card))
+    assert all(is_rounded_value(n) for n in parts(card))
 
 
 def test_the_card_of_a_drive_with_gains(files):
@@ -432,7 +432,7 @@ def test_a_band_is_of_a_new_edge_only_where_edges_are_known(card):
         assert next(f for f in each.figures if f.name == "responses").caption.endswith(f"the band of {of} (95 %)")
 
 
-def test_the_summary_tells_the_rows_of_the_laws_and_not_those_of_the_file():
+def test_the_summary_counts_the_rows_of_the_laws_and_not_those_of_the_file():
     runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
     few = runs.data.assign(P=runs.data["P"].where(runs.data["t"] > 5))
     laws = [fit.power_law(replace(runs, data=few), name, ["V", "f", "d"]) for name in ("AW", "P")]
@@ -441,7 +441,7 @@ def test_the_summary_tells_the_rows_of_the_laws_and_not_those_of_the_file():
     assert f"from {laws[1].nobs} to 239 rows of 24 edges" in compose(pf).summary
 
 
-def test_a_publication_is_told_and_what_it_lacks_is_said(pf):
+def test_a_publication_is_shown_with_what_it_lacks(pf):
     card = compose(pf, publication=PublicationPart(title="My wear tests", license="CC-BY-4.0"))
     assert card.title == "My wear tests"
     assert card.empty["publication"] == "Missing: authors, contact; add them in card.toml."

@@ -383,7 +383,7 @@ def test_names_of_any_letters_come_back_from_the_head(small, name):
         ("LicenseRef-House", {"license": "other", "license_name": "LicenseRef-House"}),
     ],
 )
-def test_a_licence_is_told_in_the_words_of_the_hub(card, spdx, said):
+def test_a_licence_is_written_in_the_words_of_the_hub(card, spdx, said):
     head = hub_metadata(card.model_copy(update={"publication": PublicationPart(license=spdx)}))
     assert {name: value for name, value in head.items() if name.startswith("license")} == said
 
@@ -506,7 +506,7 @@ def test_names_of_any_letters_come_back_from_a_citation(small, name):
         ("Doe, J. 0000-0002-1825-009X", "Doe", "0000-0002-1825-009X"),
     ],
 )
-def test_authors_are_persons_where_both_names_are_told(written, family, orcid):
+def test_authors_are_persons_where_both_names_are_given(written, family, orcid):
     assert (author(written).family, author(written).orcid) == (family, orcid)
 
 
@@ -546,7 +546,7 @@ def test_a_remedy_stands_with_its_reason_in_every_form(small):
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_every_number_is_told_by_the_same_text_in_all_forms(files, name):
+def test_every_number_has_the_same_text_in_all_forms(files, name):
     card = compose(files[name])
     readme, browsed = (
         shown(rendered(body(card_markdown(card)))),
@@ -571,7 +571,7 @@ def test_two_runs_give_identical_bytes(files, name, tmp_path):
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_no_form_tells_where_it_was_written(files, name, tmp_path):
+def test_no_form_holds_the_path_where_it_was_written(files, name, tmp_path):
     cards.write(files[name], tmp_path / "a")
     assert not [p for p in (tmp_path / "a").iterdir() if str(tmp_path) in p.read_text("utf-8")]
 
@@ -583,7 +583,7 @@ def test_lines_of_a_caller_stand_where_the_file_does_not_tell_its_tests(files, t
     assert "design" not in card.empty
 
 
-def test_the_public_name_tells_a_file_in_markdown(pf):
+def test_the_public_name_renders_a_file_in_markdown(pf):
     assert markdown(pf) == card_markdown(compose(pf))
 
 

@@ -136,7 +136,7 @@ def test_the_template_asks_for_exactly_what_is_missing(pf, toml):
     assert tomllib.loads(card_toml_template(published(pf, read_toml(toml(COMPLETE))))) == {}
 
 
-def test_a_template_that_nobody_filled_in_tells_nothing(pf, toml):
+def test_a_template_that_nobody_filled_in_adds_nothing(pf, toml):
     reported = read_toml(toml(card_toml_template(compose(pf))))
     assert reported.applied(pf) is pf
     assert [item.field for item in missing_fields(published(pf, reported))] == ASKED
@@ -154,7 +154,7 @@ def test_no_name_gets_out_of_a_comment_of_the_template(name):
     assert all(not value for value in tomllib.loads(text).values())
 
 
-def test_what_card_toml_tells_stands_in_the_card_and_is_marked(pf, toml):
+def test_contents_of_card_toml_stand_in_the_card_and_are_marked(pf, toml):
     card = published(pf, read_toml(toml(COMPLETE)))
     i = card.identity
     assert (i.machine, i.iso513, i.setup) == ("Colchester Mascot lathe", "P20", "dry, overhang 30 mm")

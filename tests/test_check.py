@@ -402,7 +402,7 @@ def test_thousands_of_damaged_files_are_named_errors_or_valid_files(pf):
 # --- the command --------------------------------------------------------------------------------------
 
 
-def test_the_command_tells_every_finding(pf, tmp_path, capsys):
+def test_the_command_prints_every_finding(pf, tmp_path, capsys):
     path = write(pf, tmp_path / "params.json")
     assert main(["check", str(path)]) == 0
     out = capsys.readouterr().out

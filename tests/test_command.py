@@ -780,7 +780,7 @@ def test_next_plans_runs_that_read_back(tmp_path, capsys):
     assert "there are laws of AW, Fxz, P" in capsys.readouterr().err
 
 
-def test_confirm_tells_runs_of_the_same_laws_from_others(tmp_path, capsys):
+def test_confirm_distinguishes_runs_of_the_same_laws_from_others(tmp_path, capsys):
     assert main([BUNDLED, "--out", str(tmp_path / "fit")]) == 0
     (params,) = (tmp_path / "fit").rglob("params.json")
     same, other = tmp_path / "same.csv", tmp_path / "other.csv"

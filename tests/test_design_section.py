@@ -76,7 +76,7 @@ def test_the_section_is_read_back_as_it_was_written(pf, tmp_path):
     assert parameters.check(again).ok
 
 
-def test_what_was_understood_is_what_the_command_tells(runs, pf):
+def test_the_file_holds_the_reading_that_the_command_prints(runs, pf):
     assert list(pf.design.understood) == reading_notes(runs, pf.laws)
     assert pf.design.understood[0].startswith("edge: cutting edge, column 1 'edge': 24 values (E02")
 

@@ -134,7 +134,7 @@ def test_the_same_file_gives_the_same_bytes_at_any_time(constant_load_file):
     assert first[124:128] in (b"\x00\x01IM", b"\x01\x00MI")  # version and byte order, as the format has them
 
 
-def test_a_file_without_dynamics_or_gains_still_tells_its_numbers(constant_load_file):
+def test_a_file_without_dynamics_or_gains_still_gives_its_numbers(constant_load_file):
     struct = loaded(mat_of(constant_load_file(dynamics=None, pi=None)))
     assert {"plant", "pi"}.isdisjoint(struct.dtype.names)
     assert float(struct["quantities"].item()["safety_factor"].item()) == 0.85

@@ -75,7 +75,7 @@ def test_the_feed_stays_inside_its_limits_and_above_zero(loop, name, lasts):
 
 @pytest.mark.parametrize("share", [0.5, 0.9])
 @pytest.mark.parametrize("name", LOOPS)
-def test_a_sensor_that_saturates_below_the_set_point_is_told_and_leaves_the_feed_inside_its_limits(name, share):
+def test_a_sensor_that_saturates_below_the_set_point_is_reported_and_leaves_the_feed_inside_its_limits(name, share):
     controller, plant, dt, (low, high) = LOOPS[name]()
     settled = controllers.replay(controller, plant, duration=START, dt=dt).measurement[-1]
     controller, plant, *_ = LOOPS[name]()
@@ -88,7 +88,7 @@ def test_a_sensor_that_saturates_below_the_set_point_is_told_and_leaves_the_feed
 
 
 @pytest.mark.parametrize("name", ["not a number", "infinite", "wrong sign"])
-def test_a_reading_that_cannot_be_is_told_when_it_comes(loop, name):
+def test_an_impossible_reading_is_reported_when_it_comes(loop, name):
     controller, plant, dt, _ = loop
     faulty = FaultyPlant(plant, FAULTS[name], START)
     trace = controllers.replay(controller, faulty, duration=START + 4, dt=dt)
@@ -133,7 +133,7 @@ def test_a_fast_move_on_one_reading_is_a_stuck_sensor_until_the_reading_changes(
     assert seen[39] == "known"
 
 
-def test_a_slow_creep_on_one_reading_is_told_in_the_end():
+def test_a_slow_creep_on_one_reading_is_reported_in_the_end():
     step = 0.0002  # 0.005 in 25 samples: a quarter of the least move
     seen = list(states([0.2] * 2000, [1.0 + step * k for k in range(2000)]))
     assert seen.index("stuck") == pytest.approx(CREEP * 0.02 / step, abs=2)

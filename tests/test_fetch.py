@@ -109,7 +109,7 @@ def test_an_unknown_name_is_reported_what_there_is(name, hint):
         datasets.fetch(name)
 
 
-def test_every_set_tells_its_licence_and_either_an_address_or_how_it_was_made():
+def test_every_set_states_its_licence_and_either_an_address_or_how_it_was_made():
     for name, known in SETS.items():
         assert known.what, name
         assert known.licence, name

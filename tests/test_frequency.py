@@ -74,7 +74,7 @@ def test_a_record_sampled_needlessly_fast_gives_the_same_response():
     assert (found.gain_error < 0.03).all()
 
 
-def test_coherence_tells_how_much_is_noise():
+def test_coherence_is_the_share_that_is_not_noise():
     clean, loud = (frequency_response(recorded(chirp(), snr, 1), F[1:4]).coherence for snr in (40, 0))
     assert (clean > 0.999).all()
     assert (loud < clean).all()

@@ -129,7 +129,7 @@ def test_one_edge_has_no_scatter_over_edges():
     assert "+-" not in result.words
 
 
-def test_an_edge_that_tells_nothing_is_left_out_without_doubt():
+def test_an_edge_without_information_is_left_out_without_doubt():
     by_unit, _ = edges_about_a_mean(400)
     by_unit[:, 4] = -2.5
     result = leave_one_out(by_unit, NAMES)

@@ -167,7 +167,7 @@ def test_a_life_longer_than_what_is_computed_is_counted_as_such(refit):
     assert found.unended == 20
 
 
-def test_the_summary_tells_both_readings_with_their_bands_and_figures(refit):
+def test_the_summary_has_both_readings_with_their_bands_and_figures(refit):
     pf, draws = refit
     small = {name: Draws(of.names, of.values[:200]) for name, of in draws.items()}
     reported = replayed("recursion", pf, small, SEED)

@@ -394,7 +394,7 @@ def test_a_spindle_that_stops_between_cuts_and_idles_only_briefly_loses_no_cut(r
     assert sum(each.contact for each in (*windows(found), *ends(found))) == pytest.approx(4.0, abs=0.15)
 
 
-def test_a_load_that_falls_in_the_cut_and_one_whose_idle_level_is_uncertain_are_told_apart():
+def test_a_load_that_falls_in_the_cut_and_one_whose_idle_level_is_uncertain_are_distinguished():
     reversed_sign = [(15, -0.5, "idle"), (30, -2.0, "feed"), (15, -0.5, "idle")]
     times, states = with_states(reversed_sign)
     assert any("--scale P=-1" in text for text in texts(watch(Cuts(), times, state=states)))

@@ -104,7 +104,7 @@ def test_highest_value_of_a_wander_with_a_trend_is_that_of_simulated_ones(slope)
     )
 
 
-def test_greater_load_means_more_wear_and_a_gauge_reading_tells_the_level(laws):
+def test_greater_load_means_more_wear_and_a_gauge_reading_gives_the_level(laws):
     edge, normal = EdgeEstimate(laws, 0.3), EdgeEstimate(laws, 0.3)
     cut(edge, 60), cut(normal, 60)
     level = edge.level_correlations()

@@ -414,7 +414,7 @@ def result(request):
     return made(request.param)
 
 
-def test_a_line_tells_it_and_no_array_is_dumped(result):
+def test_the_repr_is_a_line_and_dumps_no_array(result):
     said = repr(result)
     assert said.startswith(f"{type(result).__name__}: ")
     assert len(said.splitlines()) <= 4

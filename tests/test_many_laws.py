@@ -242,7 +242,7 @@ def test_no_rows_are_no_pairs():
     assert len(many_power_laws(pair_rows("A", 1).iloc[:0], "AW", FACTORS, pair="tool", edge="edge").table) == 0
 
 
-def test_it_tells_and_draws_itself():
+def test_it_has_a_display_and_a_figure():
     many = many_power_laws(pd.concat(ugly_pairs(), ignore_index=True), "AW", FACTORS, pair="tool", edge="edge")
     assert "pairs" in repr(many)
     assert "fitted singly" in many.summary()

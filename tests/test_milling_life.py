@@ -285,7 +285,7 @@ def test_draws_of_the_exponent_of_time_keep_the_minutes_of_the_law():
 # ---- what is reported
 
 
-def test_the_summary_tells_change_regulation_gain_and_scaling(pf):
+def test_the_summary_states_change_regulation_gain_and_scaling(pf):
     assert replays.lacks("constant-load", pf) == ""
     reported = replays.replayed("constant-load", pf, {}, 1)
     text = " ".join(reported.lines)
@@ -300,7 +300,7 @@ def test_the_summary_tells_change_regulation_gain_and_scaling(pf):
     assert all("Simulated" in figure.axes[0].get_title() for figure in reported.figures.values())
 
 
-def test_with_draws_it_tells_a_band(pf):
+def test_with_draws_it_has_a_band(pf):
     law = pf.laws["I"].coefficients
     rng = np.random.default_rng(1)
     rows = np.column_stack([np.full(500, law["A"]), np.full(500, law["B"]), law["k1"] * rng.normal(1, 0.05, 500)])

@@ -48,7 +48,7 @@ def test_package_data_names_every_file_that_is_not_python():
     assert (ROOT / "py.typed").is_file()
 
 
-def test_version_is_told_alike_everywhere():
+def test_version_is_the_same_everywhere():
     version = PROJECT["project"]["version"]
     assert fitmodels.__version__ == version
     assert f"version: {version}" in (ROOT / "CITATION.cff").read_text("utf-8")

@@ -208,7 +208,7 @@ def test_a_family_too_small_to_moderate_keeps_its_errors():
     assert used["df_used"].tolist() == [3, 4, 5]
 
 
-def test_it_tells_itself():
+def test_it_has_a_display():
     reported = pooled_exponents(as_table(*SCHOOLS), "V").summary()
     assert "8 pairs in 1 families" in reported
     assert "half-t" in reported

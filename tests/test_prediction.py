@@ -127,7 +127,7 @@ def handed_over(law, tmp_path):
 
 
 @pytest.mark.parametrize("name", FITS)
-def test_the_file_tells_every_interval_of_the_fit(name, tmp_path):
+def test_the_file_gives_every_interval_of_the_fit(name, tmp_path):
     make, at, category = FITS[name]
     law = make()
     assert bool(law.edges) == ("by edge" in name)
@@ -154,7 +154,7 @@ def test_the_file_tells_every_interval_of_the_fit(name, tmp_path):
 
 
 @pytest.mark.parametrize("error", ["multiplicative", "additive"])
-def test_the_other_error_structure_in_the_file_tells_its_own(error, tmp_path):
+def test_the_other_error_structure_in_the_file_gives_its_own(error, tmp_path):
     law = wear_law(error)
     other = handed_over(law, tmp_path).alternative
     band = law.alternative.predict(CONDITIONS, "tolerance", edge="same", centre="smeared").to_frame()
@@ -174,7 +174,7 @@ def earlier(section):
     return LawSection.model_validate({**data, "alternative": None})
 
 
-def test_an_earlier_file_tells_what_it_can_and_names_what_it_lacks(tmp_path):
+def test_an_earlier_file_gives_what_it_can_and_names_what_it_lacks(tmp_path):
     law = wear_law()
     section = earlier(handed_over(law, tmp_path))
     for kind in ("mean", "prediction"):

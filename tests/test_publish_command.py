@@ -681,7 +681,7 @@ def test_what_a_card_does_not_tell_is_said(pairs, capsys):
     assert out.endswith(f"Not stated, and needed to publish the card: {fields}; state it in card.toml.")
 
 
-def test_a_card_that_tells_something_else_is_replaced_by_force_alone(pairs, capsys):
+def test_a_card_with_other_content_is_replaced_by_force_alone(pairs, capsys):
     command("card", capsys, "pairs/one/params.json")
     (pairs / "one" / "README.md").write_text("my own words")
     before = content(pairs)

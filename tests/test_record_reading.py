@@ -240,7 +240,7 @@ def test_a_given_rate_stands_in_for_times_that_are_too_coarse(read):
     assert "is not used, the rate given is" in reported(rec)
 
 
-def test_a_rate_tells_lost_samples_from_coarse_times(read):
+def test_a_rate_distinguishes_lost_samples_from_coarse_times(read):
     keep = np.delete(np.arange(N), np.arange(10, 190, 9))
     content = text((TIME / 2)[keep], U[keep], Y[keep])
     with pytest.raises(DataError, match="whether some are lost cannot be determined"):

@@ -377,7 +377,7 @@ def test_a_category_is_asked_for_and_understood_as_a_number():
         law.values({**at, "batch": 3})
 
 
-def test_the_summary_tells_what_was_fitted():
+def test_the_summary_states_what_was_fitted():
     text = " ".join(fit.power_law(gc435(), "AW", CONDITIONS).summary().split())
     assert text.startswith("Law fit: AW [mm] = ")
     for fact in ("R2 0.89", "239 rows of 24 edges", "power, multiplicative errors (log scale)", "by edge (CR3), df 23"):

@@ -100,7 +100,7 @@ def test_verdicts_stand_before_the_replay(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_the_same_seed_tells_the_same(capsys):
+def test_the_same_seed_prints_the_same(capsys):
     said = []
     for seed in ("1", "1", "2"):
         assert main(["replay", "SURF", "--json", "--seed", seed]) == 0

@@ -610,7 +610,7 @@ def test_another_papers_file_cannot_drive_it_and_the_published_one_can(pf):
     assert replays.lacks("roughness", pf) == ""
 
 
-def test_a_replay_tells_the_reference_force_the_roughness_and_the_reconstructions(pf):
+def test_a_replay_reports_the_reference_force_the_roughness_and_the_reconstructions(pf):
     told = replays.replayed("roughness", pf, {}, 1)
     text = "\n".join(told.lines)
     for words in ("558 N", "mean Ra 1.62 um", "peak-to-peak", "17.9/s, not stable", "eight simulations", "No draws"):
@@ -632,7 +632,7 @@ def test_draws_give_a_band_and_the_force_that_is_safe(pf):
     assert facts["F_safe_N"] == pytest.approx(pf.roughness.force - 1.645 * 0.05 / 0.0034, abs=1.5)
 
 
-def test_a_file_of_another_work_is_told_without_the_papers_table(pf):
+def test_a_file_of_another_work_is_replayed_without_the_papers_table(pf):
     own = sealed(pf, provenance={**pf.provenance.model_dump(), "options": {}})
     assert "table" not in replays.replayed("roughness", own, {}, 1).facts
 

@@ -121,7 +121,7 @@ def test_fieller_is_the_delta_method_where_the_slope_is_known_well():
         assert limit.interval.high - limit.interval.low == pytest.approx(2 * half, rel=1e-4)
 
 
-def test_a_slope_that_is_not_told_from_zero_leaves_no_interval():
+def test_a_slope_that_is_not_distinct_from_zero_leaves_no_interval():
     line = parameters.settings(of(line_of(n=5, seed=1, noise=0.04)), 0.28, wear_limit=0.18)
     assert isinstance(line.upper.interval, NoInterval)
     assert "B does not differ from zero" in line.upper.interval.reason
@@ -326,7 +326,7 @@ def test_what_the_command_refuses(params, arguments, code, words, capsys):
     assert params.read_bytes() == before
 
 
-def test_intervals_are_told(tmp_path, capsys):
+def test_intervals_are_printed(tmp_path, capsys):
     path = write(of(line_of()), tmp_path / "params.json")
     assert main(["settings", str(path), "--worn", "0.28", "--wear-limit", "200um", "--dwell", "2"]) == 0
     out = capsys.readouterr().out
@@ -483,7 +483,7 @@ def test_a_reference_rounded_above_its_factor_says_so_and_names_the_option(param
         assert "above the safety factor" not in settled(params, capsys, "--force", *options)
 
 
-def test_a_programmed_feed_above_the_upper_limit_is_told_the_safety_factor_that_allows_it(params, capsys):
+def test_a_programmed_feed_above_the_upper_limit_is_refused_with_the_safety_factor_that_allows_it(params, capsys):
     """The factor and the limit that the refusal names are those that the command then computes."""
     feed = ["--feed-programmed", "1060"]
     said = settled(params, capsys, *feed, code=2)

@@ -596,7 +596,7 @@ def test_everything_is_refused_in_one_go_and_what_is_missing_is_asked_for(tmp_pa
     assert publishing.check(pairs).problems == report.problems
 
 
-def test_what_none_of_many_tells_is_asked_for_once_above_them(tmp_path):
+def test_what_all_of_many_lack_is_asked_for_once_above_them(tmp_path):
     pairs = tmp_path / "pairs"
     for number, name in enumerate(("a", "b", "c")):
         (add(pairs, name, law(0.5 + 0.1 * number)) / "card.toml").unlink()

@@ -69,7 +69,7 @@ def test_the_standard_error_is_of_sums_by_edge():
     assert (found.unit, found.units) == ("edge", 16)
 
 
-def test_a_law_that_hardly_changes_tells_nothing():
+def test_a_law_that_hardly_changes_gives_no_information():
     """Where the response spans a few per cent the two structures are the same, and the sentence says so."""
     frame = cut("multiplicative", noise=0.001, edges=4, seed=3).data.copy()
     frame["F"] = 100 * (frame["F"] / 100) ** 0.01

@@ -68,7 +68,7 @@ def test_arviz_finds_the_same_diagnostics(az, post):
     assert by_name(tail, post.names) == pytest.approx(table["ess_tail"].to_list(), rel=tolerance(post, SAME, 0.02))
 
 
-def test_its_summary_tells_the_same(az, post):
+def test_its_summary_is_the_same(az, post):
     reported, table = az.summary(post.to_arviz()), post.table()
     assert list(reported.index) == list(post.names)
     assert np.abs(reported["mean"].astype(float) - table["mean"]).max() <= 0.05 * table["sd"].max()

@@ -158,7 +158,7 @@ def test_the_region_has_the_six_corners_of_figure_4_with_b_the_best(region):
     assert {corner.V for corner in region.corners} >= {50.0, 200.0}  # to the last digit
 
 
-def test_a_point_tells_what_the_laws_predict(paper, region):
+def test_a_point_has_the_predictions_of_the_laws(paper, region):
     point = region.at(120.0, 0.3)
     AW = paper.laws["AW"].values(V=120.0, f=0.3, d=2.5, t=10.0)
     assert point.values["AW"] == pytest.approx(AW)
@@ -546,7 +546,7 @@ def test_the_same_seed_gives_the_same_answer(paper):
 # --- what is told
 
 
-def test_the_replay_tells_the_optimum_the_paper_s_points_and_the_risk(paper):
+def test_the_replay_reports_the_optimum_the_paper_s_points_and_the_risk(paper):
     found = replay_of_region.replayed(paper, {}, 1)
     words = "\n".join(found.lines)
     assert found.lines[0].startswith(
@@ -561,7 +561,7 @@ def test_the_replay_tells_the_optimum_the_paper_s_points_and_the_risk(paper):
         assert any("alculated" in text for text in texts)
 
 
-def test_a_file_that_cannot_drive_the_system_is_told_why():
+def test_a_file_that_cannot_drive_the_system_is_refused_with_the_reason():
     assert "no limit of a response" in replay_of_region.lacks(file(POWER))
     zero = [*OF_WEAR["factors"][:3], {**OF_WEAR["factors"][3], "low": 0.0}]  # no middle in logarithms
     assert "needs AW" in replay_of_region.lacks(file({**OF_WEAR, "factors": zero}, limits=kW(5.0)))
