@@ -86,7 +86,7 @@ class FirstScreen:
         return MARKS[level].ascii if self.ascii else MARKS[level].icon
 
     def input_lines(self, runs: Runs, remedy: Sequence[str] = ()) -> list[Text]:
-        """What was read, units that are assumed, and the doubts in red with the command that removes the first.
+        """Lines on the input: columns, assumed units, and the doubts in red with the command that removes the first.
 
         ``remedy`` is that command as words of a shell.
         """
@@ -148,7 +148,7 @@ class FirstScreen:
         return [line]
 
     def _legend(self) -> Text:
-        """What the icons of a table mean."""
+        """Legend of the icons of a table."""
         line = Text()
         for level in (USABLE, RESERVATIONS, DO_NOT_USE):
             words = MARKS[level].words.removesuffix(" inside the tested region").removesuffix(" for control")
@@ -190,7 +190,7 @@ def _unused(runs: Runs, pf: ParameterFile, screen: FirstScreen) -> Form:
 
 
 def _dropped(law: LawSection) -> str:
-    """How many rows a law leaves out, and why: ``VB 30 (VB empty 21, lines 3, 4, ...; VB 0 9)``."""
+    """Number of rows that a law leaves out, with reasons: ``VB 30 (VB empty 21, lines 3, 4, ...; VB 0 9)``."""
     reasons = []
     for rows in law.dropped_rows:
         why = rows.reason.replace("missing", "empty").replace("zero or negative", "0 or less")

@@ -41,7 +41,7 @@ BLANK = 2.5  # cost of leaving out the blank lines between its sections
 
 
 def reading_notes(runs: Runs, command: Command) -> RenderableType:
-    """How the file was read, before anything is fitted; ``command`` makes the whole command of a remedy."""
+    """Notes on the reading of the file, before anything is fitted; ``command`` makes the whole command of a remedy."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim", no_wrap=True)
     table.add_column()
@@ -149,7 +149,7 @@ def first_line(what: str, sentences: Sequence[str], width: int) -> list[Text]:
 
 
 def assumed_lines(assumed: Sequence[str], width: int) -> list[Text]:
-    """What was assumed besides units: what a computed quantity is in full, and the first of the others."""
+    """Assumptions besides units: computed quantities in full, and the first of the others."""
     computed = [words for words in assumed if ", computed from " in words]
     others = [words for words in assumed if words not in computed and not words.startswith(OTHER_ASSUMED)]
     others = [words for words in others if not RUN_OUTS.search(words)]

@@ -61,7 +61,7 @@ def complete(commands: tuple[str, ...]) -> None:
 
 
 def _completer(action: argparse.Action, commands: tuple[str, ...]) -> Callable[..., Iterable[str]]:
-    """What completes the value of an option or argument: known words, or files."""
+    """Completion of the value of an option or argument: known words, or files."""
     of_files = import_module("argcomplete").FilesCompleter
     files: Callable[..., Iterable[str]] = of_files()
     documents: Callable[..., Iterable[str]] = of_files(("json",))

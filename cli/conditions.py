@@ -152,7 +152,7 @@ def _column(line: str) -> Column | None:
 
 
 def criterion_of(pf: "ParameterFile", name: str) -> str:
-    """What to do where a response is given as a condition: of the wear of a tool life, its criterion."""
+    """Remedy where a response is given as a condition: of the wear of a tool life, its criterion."""
     life = pf.tool_life
     if life is None or life.wear != name:
         return "Leave it out."
@@ -189,7 +189,7 @@ def _check_unit(value: Value, role: str, column: Column | None) -> None:
 
 
 def _renamed(value: Value, factor: "Factor", column: Column | None) -> str:
-    """Which factor a name stands for."""
+    """The factor that a name stands for."""
     of = f", column {column.header!r} of the fitted file" if column is not None else ""
     unit = "" if value.unit or not factor.unit else f" in {factor.unit}"
     return f"{value.text} is taken as {factor.symbol} ({factor.quantity}){unit}{of}."

@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def facts(runs: "Runs") -> dict[str, Any]:
-    """How the file was understood, for programs."""
+    """The reading of the file, for programs."""
     from dataclasses import asdict
 
     return {
@@ -182,7 +182,7 @@ def _first_rows(path: Path, options: "ReadOptions") -> dict[str, Any]:
 
 
 def _picture_path(args: argparse.Namespace) -> Path:
-    """Where the picture goes; a file there that is not such a picture is not replaced."""
+    """Path of the picture; a file there that is not such a picture is not replaced."""
     from ..core.errors import UsageError
 
     path = Path(args.out or f"{stem(args.file)}-look.png")

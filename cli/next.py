@@ -153,7 +153,7 @@ def _one_pair(args: argparse.Namespace) -> "Runs":
 
 
 def _constants(runs: "Runs") -> dict[str, float]:
-    """What was the same in all tests, of the constants of the process besides speed and feed."""
+    """Constants of the process besides speed and feed that were the same in all tests."""
     from ..datasets.planning import PROCESSES
 
     process = PROCESSES.get(runs.process or "")

@@ -236,7 +236,7 @@ def _show_commit(repository: "HubRepository", commit: "HubCommit | None", args: 
 
 
 def _not_uploaded(repository: "HubRepository", args: argparse.Namespace) -> "Iterator[str]":
-    """What to type for the upload, unless there are obstacles."""
+    """Command of the upload, unless there are obstacles."""
     if repository.obstacles:
         yield "Nothing was uploaded."
         return

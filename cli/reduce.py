@@ -124,7 +124,7 @@ def _options(args: argparse.Namespace) -> "ReduceOptions":
 
 
 def _report(found: "Reduction", notes: list[str], remarks: list[str], most: int | None) -> list[str]:
-    """What was found and what is to be judged, at most so many records and remarks."""
+    """Findings, and what a person is to judge, at most so many records and remarks."""
     records = found.records
     cuts = sum(len(record.cuts) for record in records)
     what = f"{count(cuts, 'cut')} in {count(len(records), 'record')}"

@@ -297,7 +297,7 @@ def _watch(
 
 
 def _outlets(args: argparse.Namespace, out: Printer, stack: ExitStack) -> "tuple[list[Outlet], list[str]]":
-    """What shows and passes on the state, and lines that say where."""
+    """Outlets that show and pass on the state, and lines that name their places."""
     from ..live.stream import JsonLines, file_writer
     from ..live.view import PlainLines
 
@@ -334,7 +334,7 @@ def _screen(out: Printer, stack: ExitStack) -> "Outlet":
 
 
 def _first_lines(args: argparse.Namespace, monitor: "Monitor") -> Iterator[str]:
-    """What is watched and what is assumed."""
+    """First lines: the watched source and the assumptions."""
     from ..live.facts import SHADOW
 
     laws, identity = monitor.laws, monitor.identity

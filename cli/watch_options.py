@@ -154,7 +154,7 @@ def check_options(args: argparse.Namespace) -> None:
 
 
 def requests_of(args: argparse.Namespace, pf: "ParameterFile") -> list[dict[str, Any]]:
-    """What is asked of the edge in use, as requests of the journal."""
+    """Requests of the journal on the edge in use."""
     from ..live.live_laws import LiveLaws
 
     asked: list[dict[str, Any]] = []

@@ -296,7 +296,7 @@ def _left(left: "Sequence[Path]", runs: "Runs") -> str:
 
 
 def _failure(pair: "PairAnalysis", folder: "Folder | None") -> str:
-    """Why a pair has no laws, or no complete folder; empty for one that has both."""
+    """Reason why a pair has no laws, or no complete folder; empty for one that has both."""
     if pair.failed:
         return f"{pair.name}: {pair.failed}{_kept(pair, folder)}"
     if pair.parameters is not None:

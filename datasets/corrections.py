@@ -46,7 +46,7 @@ class Correction:
 
     @property
     def factor(self) -> float | None:
-        """What the values are multiplied by, None for a sum."""
+        """Factor of the values, None for a sum."""
         return {"*": self.number, "/": 1 / self.number}.get(self.sign) if self.sign in "*/" else None
 
     def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -195,7 +195,7 @@ def _copied(draft: Draft) -> Draft:
 
 
 def _no_such(trial: Draft, symbol: str, known: Sequence[str]) -> str:
-    """Why a symbol cannot be corrected, and what may be meant."""
+    """Reason why a symbol cannot be corrected, and a suggestion."""
     for use in trial.uses:
         if symbol.casefold() in (use.name.casefold(), use.header.casefold()) and use.role in known:
             return f"column {use.header!r} is {use.role}; write {use.role}."
@@ -284,7 +284,7 @@ def _compute_anew(draft: Draft, options: ReadOptions, corrected: set[str]) -> No
 
 
 def _sentence(draft: Draft, one: Correction, rows: Rows) -> str:
-    """What a correction changed, with old and new values."""
+    """Changes by a correction, with old and new values."""
     new = np.asarray(draft.data[one.symbol], dtype=float)[rows]
     old = new / one.factor if one.factor is not None else new - (one.apply(np.zeros(1))[0])
     n, unit = int(rows.sum()), ROLES[one.symbol].unit
@@ -303,7 +303,7 @@ def _span(values: NDArray[np.float64]) -> str:
 
 
 def _left_out(trial: Draft, target: str, rows: Rows) -> str:
-    """Which rows a target leaves out, with the values of a single one."""
+    """Rows that a target leaves out, with the values of a single one."""
     n = int(rows.sum())
     words = (
         f"left out as asked, --leave-out {target.strip()}: {n} row{'s' * (n != 1)} ({lines_text(trial.lines[rows])})"

@@ -213,7 +213,7 @@ def _composite_notes(
 
 
 def block_sentences(points: DesignPoints, names: Sequence[str]) -> tuple[str, ...]:
-    """What the blocks of a design cost, and how far their differences are confounded with squares."""
+    """Cost of the blocks of a design, and the confounding of their differences with squares."""
     number = np.unique(points.block)
     if len(number) == 1:
         return ()

@@ -213,7 +213,7 @@ def _products(columns: list[Floats]) -> Floats:
 
 
 def alias_sentences(coded: Floats, names: Sequence[str]) -> tuple[str, ...]:
-    """What a design cannot separate: factors, their products of two and, of three levels or more, their squares.
+    """Sentences on aliases of a design: factors, products of two and, of three levels or more, squares.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ OF_ROWS = ("--correct", "--leave-out")  # and once for each target
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ReadOptions(Displayable):
-    """How a file of tests is read, as in `datasets.read_runs`.
+    """Options of reading a file of tests, as in `datasets.read_runs`.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ DIGITS = 4
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """What is set in a process: factors that can be varied, of which the first are usual."""
+    """Settings of a process: factors that can be varied, of which the first are usual."""
 
     usual: tuple[str, ...]
     factors: tuple[str, ...]

@@ -252,7 +252,7 @@ def _life_exponent(law: LawFit) -> float:
 
 
 def _of_range(value: float, law: LawFit) -> list[str]:
-    """How far a life lies beyond the times of the tests; whether its exponent of time can be zero."""
+    """Sentences on a life beyond the times of the tests; whether its exponent of time can be zero."""
     (first, longest), unit = law.domain["t"], law.units["t"]
     out = []
     if value > longest:

@@ -68,12 +68,12 @@ class Held:
 
     @classmethod
     def of(cls, has: Has, varies: Has | None = None, process: Process | None = None) -> "Held":
-        """What is held, where only names are known."""
+        """Contents by names alone."""
         return cls(has, varies or (lambda name: has(name) and name not in WHERE_VARIED), process)
 
     @classmethod
     def of_runs(cls, runs: Runs) -> "Held":
-        """What runs hold: columns with a value, of roles and others, and those with several values."""
+        """Contents of runs: columns with a value, of roles and others, and those with several values."""
         known = {str(name): runs.data[name].dropna() for name in runs.data}
         held = frozenset(name for name, values in known.items() if len(values))
         varying = frozenset(name for name in held if _several(known[name].to_numpy()))

@@ -212,7 +212,7 @@ def of_forms(found: CompetingModels) -> Display:
 
 @display_of.register
 def of_form_comparison(found: FormComparison) -> Display:
-    """Which form is preferred; each form with its errors, weight and verdict; remarks."""
+    """The preferred form; each form with its errors, weight and verdict; remarks."""
     return Display(found.verdict, (), forms_table(found), found.remarks)
 
 

@@ -157,7 +157,7 @@ class FormComparison(Plottable):
 
     @property
     def verdict(self) -> str:
-        """Which form is preferred and why, in a sentence."""
+        """The preferred form with the reason, in a sentence."""
         default, preferred, others = self[self.default], self.preferred, len(self.forms) - 1
         if not others:
             return f"{self.response}: no other form than {self.default} can be fitted to these rows."
@@ -180,7 +180,7 @@ class FormComparison(Plottable):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What else should be known before a form is chosen, one sentence each."""
+        """Remarks to know before a form is chosen, one sentence each."""
         return tuple(
             filter(
                 None,
@@ -211,7 +211,7 @@ class FormComparison(Plottable):
         )
 
     def _agreement(self) -> str:
-        """How far the supported forms differ at the tested settings, beside the scatter of one row."""
+        """Difference of the supported forms at the tested settings, beside the scatter of one row."""
         names = [form.name for form in self.supported]
         if len(names) < 2:
             return ""

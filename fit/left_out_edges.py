@@ -336,7 +336,7 @@ def _refitted_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
 
 
 def left_out_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
-    """What a law predicts for each row when its unit is left out of the fit, shape (n,), in the unit of the response.
+    """Predictions of a law for each row when its unit is left out of the fit, shape (n,), in the unit of the response.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ def narrowing(law: LawFit, decision: Decision, tests: Sequence[Points], within: 
 
 
 def estimated(law: LawFit) -> NDArray[np.bool_]:
-    """Which parameters are estimated, shape (p,): not those whose value is fixed, which have no variance."""
+    """Mask of the parameters that are estimated, shape (p,): not those whose value is fixed, which have no variance."""
     return np.asarray(np.diag(law.covariance()) > 0)
 
 

@@ -241,7 +241,7 @@ def identifiable(
 
 
 def constant_reason(first: float, low: float, high: float, n: int, *, log: bool) -> str:
-    """Why a factor counts as constant, by its first, least and greatest value in n rows; empty where it varies.
+    """Reason why a factor counts as constant, by its first, least and greatest value in n rows; empty where it varies.
 
     >>> constant_reason(np.log(80), np.log(79.98), np.log(80), 27, log=True)
     'constant (79.98 to 80 in all 27 rows)'

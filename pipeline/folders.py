@@ -131,7 +131,7 @@ def _holds(folder: Path, runs: Runs, recorded: Mapping[str, Any]) -> bool:
 
 
 def _not_replaceable(folder: Path, runs: Runs, recorded: Mapping[str, Any]) -> str:
-    """Why a folder is not the untouched result of a former reading of the same file; empty where it is."""
+    """Reason why a folder is not the untouched result of a former reading of the same file; empty where it is."""
     try:
         pf = parameters.read(folder / "params.json")
     except ParameterError:
@@ -150,7 +150,7 @@ def _not_replaceable(folder: Path, runs: Runs, recorded: Mapping[str, Any]) -> s
 
 
 def _fault(pf: "parameters.ParameterFile", folder: Path) -> str:
-    """Which checksum of a result is not valid; empty where all are."""
+    """The checksum of a result that is not valid; empty where all are."""
     if fault := seal_fault(pf):
         return f"params.json: {fault}"
     try:
@@ -165,7 +165,7 @@ def _changed_file(name: str | None, runs: Runs) -> str:
 
 
 def _edited(folder: Path, pf: "parameters.ParameterFile") -> str:
-    """Which file of a result is not as fitmodels writes it; empty where all of them are."""
+    """The file of a result that is not as fitmodels writes it; empty where all are."""
     from ..cards.content.card import compose
     from ..cards.folder import card_files
     from ..parameters.file import as_bytes

@@ -84,7 +84,7 @@ class PairAnalysis(Displayable):
 
     @property
     def failed(self) -> str:
-        """Which verification failed, so that there is no parameter file; empty otherwise."""
+        """The verification that failed, so that there is no parameter file; empty otherwise."""
         differing = [one.sentence for one in self.comparisons if not one.agrees]
         disagreement = (
             f"The laws differ from statsmodels: {' '.join(differing)} Nothing was written." if differing else ""
@@ -93,7 +93,7 @@ class PairAnalysis(Displayable):
 
     @property
     def reason(self) -> str:
-        """Why there is no parameter file; empty where there is one."""
+        """Reason why there is no parameter file; empty where there is one."""
         if self.parameters is not None:
             return ""
         return self.failed or " ".join(item.reason for item in self.refused) or "no law fits these columns."

@@ -190,7 +190,7 @@ def _drawn(pf: ParameterFile, parts: Sequence[LawPart]) -> Iterator[FigurePart]:
 
 
 def _wear_caption(laws: Sequence[DrawnLaw]) -> str:
-    """Which curve is which, where a law is on a wear that has its own law."""
+    """Caption of the curves, where a law is on a wear that has its own law."""
     found = next((of.own.response for of in laws if of.own is not None), "")
     return f" ({OWN.format(found)}; dashed: {found} held)" if found else ""
 

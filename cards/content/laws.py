@@ -269,7 +269,7 @@ def _cautions(law: LawSection) -> list[str]:
 
 
 def _centred(law: LawSection) -> str:
-    """What the coefficients of a law of second order are."""
+    """Meaning of the coefficients of a law of second order."""
     units = {f.symbol: f.unit for f in law.factors}
     at = ", ".join(f"{name} {value:g} {units[name]}".rstrip() for name, value in law.centres.items())
     kind, by = ("exponent", "ln(factor / this value)") if law.logarithmic else ("slope", "the factor less this value")

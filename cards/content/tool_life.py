@@ -194,7 +194,7 @@ def fitted_by(law: LawSection) -> str:
 
 
 def no_tool_life(pf: ParameterFile) -> str:
-    """Why the file has no tool life at a criterion."""
+    """Reason why the file has no tool life at a criterion."""
     if "T" in pf.laws:
         return "The tool life has a law of its own, that of T, fitted to measured lives."
     wear = next((law for name, law in pf.laws.items() if name in FLANK_WEAR), None)

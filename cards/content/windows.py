@@ -121,7 +121,7 @@ def load_line_window(line: LoadLineSection, pf: ParameterFile) -> WindowPart:
 
 
 def _engagement(given: Engagement | None, units: dict[str, str]) -> tuple[FactPart, ...]:
-    """What the file states of engagement and monitoring."""
+    """Statements of the file on engagement and monitoring."""
     if given is None:
         return ()
     facts = (

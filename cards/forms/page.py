@@ -109,7 +109,7 @@ def page_html(card: Card, pf: ParameterFile | None = None, *, json_ld: str = "",
 
 
 def profiler_context(card: Card) -> dict[str, object]:
-    """What the template of the profiler needs: the card, its data, and predictions at a few points."""
+    """Context of the template of the profiler: the card, its data, and predictions at a few points."""
     profiler = card.profiler
     return {
         "card": card,
@@ -292,7 +292,7 @@ def data_words(card: Card) -> str:
 
 
 def legend(card: Card) -> list[str]:
-    """What stands in brackets after the worked predictions, and what the scatter is, each once for all laws."""
+    """Legend of the brackets after the worked predictions and of the scatter, each once for all laws."""
     brackets: dict[str, list[str]] = {}
     scatters: dict[str, list[str]] = {}
     for law in card.laws:

@@ -130,7 +130,7 @@ def _real(place: str, name: str) -> Path:
 
 
 def unreplaced(folder: Path, make: Callable[[], Made]) -> Made:
-    """What ``make`` reads from the folder of a pair, again where another command replaced files meanwhile.
+    """Contents that ``make`` reads from the folder of a pair, again where another command replaced files meanwhile.
 
     Raises
     ------

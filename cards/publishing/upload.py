@@ -145,7 +145,7 @@ def _mute() -> None:
 
 
 def _refusal(error: "HfHubHTTPError", name: str) -> str:
-    """Why the hub refused, with the remedy and the HTTP status."""
+    """Refusal of the hub, with the remedy and the HTTP status."""
     status = error.response.status_code
     if status in STATUS:
         return f"{STATUS[status].format(name=name)} (HTTP {status})"

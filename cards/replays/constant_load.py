@@ -87,7 +87,7 @@ def _settings(line: "LoadLineSection") -> str:
 
 
 def _monitoring(loop: "LoadLoop") -> str:
-    """What is a fault and what it does, with the time from the first wrong reading to the safe state."""
+    """Faults and their effects, with the time from the first wrong reading to the safe state."""
     causes = [f"invalid for {loop.lost_after:g} s"]
     causes += [f"equal for {loop.stuck_after:g} s in the cut"] if loop.stuck_after else []
     causes += [f"without a heartbeat for {loop.heartbeat:g} s"] if loop.heartbeat else []

@@ -26,7 +26,7 @@ LOWEST, HIGHEST = 0.001, 20.0  # of the search, as multiples of the median life
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ChangeInterval(Displayable):
-    """When to change an edge before it fails.
+    """Interval after which an edge is changed before it fails.
 
     Attributes
     ----------

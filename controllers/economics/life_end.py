@@ -49,7 +49,7 @@ class LifeSource(Displayable):
 
     @property
     def words(self) -> str:
-        """Where the life comes from."""
+        """Source of the life in words."""
         if self.criterion is None:
             return "tool life by the law of lives T"
         return f"tool life to {self.law.response} {self.criterion:g} {self.law.unit}, by the wear law"

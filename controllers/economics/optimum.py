@@ -308,7 +308,7 @@ def _saving(
 
 
 def _beyond(problem: PartProblem, pair: Mapping[str, float], life: float) -> tuple[str, ...]:
-    """What of a pair and of the depth lies outside the tests of the law of the life, and of the depths of the file."""
+    """Values of a pair and of the depth outside the tests of the law of the life, and the depths of the file."""
     out = []
     law, longest = problem.source.law, problem.source.longest
     values = {**pair, "d": problem.setting.d}
@@ -329,7 +329,7 @@ def _beyond(problem: PartProblem, pair: Mapping[str, float], life: float) -> tup
 
 
 def _change(problem: PartProblem, best: PricedSetting) -> tuple[ChangeInterval | None, tuple[str, ...]]:
-    """When to change an edge at a setting, and why that is not known."""
+    """Interval of changing an edge at a setting, or the reason why it is not known."""
     costs = problem.costs
     if costs.failure is None:
         return None, ("The change interval needs the cost of a failed edge: failure=.",)

@@ -207,7 +207,7 @@ def _air(bench: Bench, span: Span, loop: "LoadLoop", line: Line) -> Iterator[str
 
 
 def _held(bench: Bench, span: Span, loop: "LoadLoop", line: Line, design: bool) -> Iterator[str]:
-    """What is wrong in the cut after settling, at one wear."""
+    """Faults of the cut after settling, at one wear."""
     controller = bench.controller
     if controller.fault or controller.overload:
         return
@@ -236,7 +236,7 @@ def _held(bench: Bench, span: Span, loop: "LoadLoop", line: Line, design: bool) 
 
 
 def _whole(bench: Bench, spans: list[Span], loop: "LoadLoop", design: bool) -> Iterator[str]:
-    """What is wrong over the life of the tool."""
+    """Faults over the life of the tool."""
     controller = bench.controller
     if controller.overload:
         yield (
@@ -310,7 +310,7 @@ def faults_of(loop: "LoadLoop", held: float) -> tuple[Fault, ...]:
 
 
 def simulate_fault(loop: "LoadLoop", middle: Bench, fault: Fault) -> str:
-    """What is wrong in the answer to a fault in mid-cut, as a sentence; empty where it is safe."""
+    """Failure of the answer to a fault in mid-cut, as a sentence; empty where it is safe."""
     bench = copy.deepcopy(middle)
     before = bench.controller.command
     allowed = fault.detection + 3 * loop.sample_time

@@ -101,7 +101,7 @@ class Derived:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What rules may use: columns by role, constants, roles that are not wanted, and the process."""
+    """Inputs of rules: columns by role, constants, roles that are not wanted, and the process."""
 
     data: dict[str, Values]
     given: dict[str, Given]
@@ -164,7 +164,7 @@ def fy_is_cutting(known: Known) -> bool:
 
 
 def known_of(data: dict[str, Values], notes: Iterable[str], options: ReadOptions) -> Known:
-    """What the rules may use of a table."""
+    """Inputs of rules from a table."""
     notes = tuple(notes)
     unwanted = frozenset(role for role, name in options.map.items() if name.strip().lower() == NONE)
     given = {role: one for role, one in given_values(options.constants, notes).items() if role not in data}

@@ -41,7 +41,7 @@ def may_be_edge(use: ColumnUse) -> bool:
 
 @lru_cache(maxsize=1024)
 def meant_by(name: str) -> str:
-    """What a name may number: ``edge``, ``tool``, ``run``, ``other``, or "" where it numbers nothing of a test.
+    """Kind of thing that a name numbers: ``edge``, ``tool``, ``run``, ``other``, or "" for others.
 
     >>> meant_by("Schneide"), meant_by("tool no."), meant_by("N° outil"), meant_by("Ecke"), meant_by("VB")
     ('edge', 'tool', 'tool', 'other', '')
@@ -83,7 +83,7 @@ def is_numbering(names: Sequence[str]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Tests:
-    """What the rows say of edges.
+    """Evidence of the rows on edges.
 
     Attributes
     ----------

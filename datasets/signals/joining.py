@@ -66,7 +66,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """How cuts find their rows: ``rows`` of each file in order, or None where only the order of all counts."""
+    """Assignment of cuts to rows: ``rows`` of each file in order, or None where only the order of all counts."""
 
     how: str
     rows: dict[str, tuple[int, ...]] | None
@@ -114,7 +114,7 @@ def column_values(table: Table, symbol: str) -> Array | None:
 
 
 def assignment(plan: Plan, files: Sequence[Path], join: str | None) -> Assignment:
-    """How the cuts of these files are assigned to rows.
+    """Assignment of the cuts of these files to rows.
 
     Raises
     ------

@@ -16,7 +16,7 @@ DRIVEN = ("P", "M", "I")  # loads that an idle spindle has too: off, idle and cu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReduceOptions:
-    """How records are reduced to rows.
+    """Options of reducing records to rows.
 
     Attributes
     ----------

@@ -160,7 +160,7 @@ class Judgement(Plottable):
 
     @property
     def verdict(self) -> Verdict:
-        """How far the law can be used; the highest ``concern`` of its checks decides.
+        """Verdict on the use of the law; the highest ``concern`` of its checks decides.
 
         Of equal concern, wrong rows and edges stand first: other findings may follow from them.
         """

@@ -259,7 +259,7 @@ EM_STEPS = 20
 
 
 def standing_apart(size: Array, most: int, floor: float) -> int:
-    """How many of the largest values stand apart from the others, at most ``most``.
+    """Number of the largest values that stand apart from the others, at most ``most``.
 
     >>> standing_apart(np.array([1.0, 1.2, 0.3, 30.0, 28.0, 0.8]), 3, 1.0)
     2

@@ -237,7 +237,7 @@ def _suspect(rows: TimeRows, found: Shift) -> Suspect:
 
 
 def _sentence(law: LawFit, one: Suspect) -> str:
-    """What the search found, in words."""
+    """Result of the search in words."""
     if one.offset is None:
         size = f"in another unit ({one.cause})"
     else:

@@ -69,7 +69,7 @@ def run_outs(law: LawFit) -> Check:
 
 
 def _beyond_ended(law: LawFit) -> str:
-    """Where several run-outs lie beyond all lives that ended, with the remedy; empty where they do not."""
+    """Sentence on several run-outs beyond all lives that ended, with the remedy; empty without them."""
     side = _side(law)
     if law.rows is None or not (side == ENDED).any():
         return ""

@@ -220,7 +220,7 @@ def _set_but_left_out(law: LawFit, runs: Runs) -> list[Array]:
 
 
 def _few_edges(law: LawFit, runs: Runs | None) -> str:
-    """What limits inference by edge, empty where nothing does."""
+    """Limit of inference by edge, empty where there is none."""
     n = law.n_edges
     tools = "" if runs is None or n is not None else tools_of_rows(runs)
     if runs is not None and tools:

@@ -355,7 +355,7 @@ def _hypothesis(model: EdgeModel, tested: Sequence[int], out: Collection[int]) -
 
 
 def error_of(model: EdgeModel, columns: Sequence[int]) -> str:
-    """What a term of these columns is tested against."""
+    """Error that a term of these columns is tested against."""
     if not model.n_edges:
         return ROWS
     return WITHIN if model.within[list(columns)].all() else EDGES

@@ -1,4 +1,4 @@
-"""What the tests of a file say of its other parts.
+"""Checks of the other parts of a file against its tests.
 
 The record of the dynamics against the load tests: ranges of load, static gain and slope, scaling of the command. Limits
 of machine, tool and work: possible, usual, and near the tests.

@@ -218,7 +218,7 @@ def _assumed_window(line: LoadLineSection) -> list[str]:
 
 
 def _assumed_choices(line: LoadLineSection, given: Engagement, loop: LoadLoop) -> list[str]:
-    """What the file leaves open besides the numbers of the engagement."""
+    """Choices that the file leaves open besides the numbers of the engagement."""
     programmed = f"feed_programmed {loop.feed_programmed:.6g} {loop.unit_feed}, the upper feed limit"
     return [
         *([programmed] if given.feed_programmed is None else []),
