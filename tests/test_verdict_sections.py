@@ -1,13 +1,16 @@
 """Verdicts in the parameter file: those of judge, of an identification and of a force process, and their use."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import get_args
 
 import numpy as np
 import pytest
 from fitmodels import datasets, fit, ident, parameters
+from fitmodels.cards.content.verdicts import _first_remedy
 from fitmodels.core.errors import GateError
 from fitmodels.core.verdict import LEVELS, Verdict
+from fitmodels.datasets.doubts import Doubt
 from fitmodels.fit.checks.check import Check, Suspect
 from fitmodels.fit.checks.judgement import Judgement
 from fitmodels.ident.model import Model
@@ -35,6 +38,13 @@ def record(n=750, noise=0.01, seed=1):
 
 
 # --- the section
+
+
+def test_the_remedy_of_a_doubt_is_its_own():
+    doubts = [Doubt(("t",), "column 'tc' may be t", '--map "t=col9"'), Doubt(("Fz",), "remarks on 3 of 6 rows", "")]
+    pf = SimpleNamespace(reading=SimpleNamespace(doubts=doubts))
+    assert _first_remedy(pf, "Doubts of the reading: remarks on 3 of 6 rows.") == ""
+    assert _first_remedy(pf, "Doubts of the reading: column 'tc' may be t.") == '--map "t=col9"'
 
 
 def test_levels_of_the_file_are_those_of_verdicts():

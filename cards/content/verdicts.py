@@ -167,10 +167,10 @@ def with_remedies(
     return verdict.model_copy(update={"remedies": remedies})
 
 
-def _first_remedy(pf: ParameterFile) -> str:
-    """Options that settle the first doubt of the reading that has such options; empty without one."""
+def _first_remedy(pf: ParameterFile, reason: str) -> str:
+    """Options that settle the first doubt of the reading in a reason that has such options; empty without one."""
     doubts = () if pf.reading is None else pf.reading.doubts
-    return next((one.remedy for one in doubts if one.remedy), "")
+    return next((one.remedy for one in doubts if one.remedy and one.sentence.rstrip(".") in reason), "")
 
 
 def _remedy_of(pf: ParameterFile, reason: str, name: str, check: LawCheck | None) -> RemedyPart | None:
@@ -182,7 +182,7 @@ def _remedy_of(pf: ParameterFile, reason: str, name: str, check: LawCheck | None
         words = "If the record confirms it" if name.startswith("time") else "Fit the law so"
         refitted = "" if option[0].startswith(("--correct", "--leave-out")) else " --force"  # not a former reading
         return RemedyPart(words=f"{words}: {option[0]}.", command=f"{_command(pf)} {option[0]}{refitted}")
-    if name == "reading" and (option_of_doubt := _first_remedy(pf)):
+    if name == "reading" and (option_of_doubt := _first_remedy(pf, reason)):
         words = f"If this is so, read the file with {option_of_doubt}."
         return RemedyPart(words=words, command=f"{_command(pf)} {option_of_doubt}")
     if name == "number of edges" and (column := reason.removesuffix(".").partition("name its edges with --edge ")[2]):
