@@ -557,6 +557,15 @@ def test_a_condition_that_no_law_takes_is_said(tmp_path):
     assert "is in no law" in card.read_text("utf-8")
 
 
+def test_a_speed_proportional_to_that_of_the_laws_is_not_proposed(tmp_path):
+    rows = [(V, round(318.31 * V / 58, 0), f, 900 * f**0.7) for V in (100, 160, 220) for f in (0.1, 0.2, 0.3)]
+    path = write(tmp_path / "a.csv", [(*row[:3], row[3] * (1 + 0.01 * (i % 3))) for i, row in enumerate(rows)],
+                 header=("V", "n", "f", "Fc"))  # fmt: skip
+    result = run(path, "--out", tmp_path / "out")
+    assert result.code == 0
+    assert "is in no law" not in result.out
+
+
 # Several pairs, and names
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.rounding import count
 from ..sections.law import LawSection
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from ...datasets import Runs
     from ...datasets.columns import ColumnUse
 
+ROUNDED = 0.005  # in the logarithm: by which a setting differs from the product that it is rounded from
 NAMED = 4  # labels of a column that are named
 Labels = Callable[[str], list[str]]
 
@@ -108,12 +110,25 @@ def unused_conditions(runs: "Runs", laws: Mapping[str, LawSection]) -> list[str]
         if role is None or role.kind != "condition" or role.symbol in contained:
             continue
         values = runs.values(role.symbol)
-        if len(values) and np.fmin.reduce(values) < np.fmax.reduce(values):
+        if len(values) and np.fmin.reduce(values) < np.fmax.reduce(values) and not _is_product(runs, values, taken):
             one = next(iter(laws), "R")
             out.append(
                 f'{role.symbol}, {role.quantity}, varies but is in no law: --law "{one} ~ + {role.symbol}" adds it.'
             )
     return out
+
+
+def _is_product(runs: "Runs", values: NDArray[np.float64], taken: set[str]) -> bool:
+    """Whether values are a product of powers of settings in the laws, as n is of V at one diameter."""
+    from ...datasets.vocabulary import ROLES
+
+    settings = [role for role in taken if role in ROLES and ROLES[role].kind == "condition" and runs.has(role)]
+    table = np.column_stack([values, *(runs.values(role) for role in settings)])
+    table = np.unique(table[(table > 0).all(axis=1)], axis=0)
+    if len(table) < len(settings) + 3:
+        return False
+    y, X = np.log(table[:, 0]), np.column_stack([np.ones(len(table)), np.log(table[:, 1:])])
+    return bool(np.abs(y - X @ np.linalg.lstsq(X, y, rcond=None)[0]).max() < ROUNDED)
 
 
 def _contained(runs: "Runs", taken: set[str]) -> set[str]:
