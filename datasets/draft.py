@@ -170,6 +170,7 @@ _ENDED = re.compile(
     r"(failed|failure|fail|worn|worn out|ended|end|event|dead|broken|exact|end of life|reached|f|ausgefallen|"
     r"verschlissen|standzeitende|ende|erreicht|usé|défaillant|atteint|fallo|falla|desgastado|alcanzado)\b"
 )
+_BROKEN = re.compile(r"bruch\b|gebrochen|broken?\b|breakage|fractur|chipp|cass[ée]|rotura\b", re.IGNORECASE)
 _STATUS = re.compile(
     r"(status|state|outcome|result|event|zustand|ergebnis|statut|état|résultat|estado|resultado)\b", re.I
 )
@@ -187,6 +188,7 @@ def mark_run_outs(draft: Draft) -> None:
         return
     name, run_out = given
     lives = np.asarray(draft.data["T"], dtype=float)
+    _doubt_broken(draft, name, ~run_out & np.isfinite(lives))
     rows = np.flatnonzero(run_out & np.isfinite(lives))
     if not rows.size:
         return
@@ -215,6 +217,19 @@ def mark_run_outs(draft: Draft) -> None:
                 f'ended; if it is the reverse, give --map "{other}={name}"',
             )
         )
+
+
+def _doubt_broken(draft: Draft, name: str, ended: NDArray[np.bool_]) -> None:
+    """Doubt lives that a column says ended by breakage: they are no lives to a wear criterion."""
+    cells = next(column.labels() for column in draft.columns if column.name == name)
+    rows = np.flatnonzero(ended & np.array([bool(_BROKEN.search(str(cell))) for cell in cells]))
+    if 0 < rows.size < np.count_nonzero(ended) / 2:  # more: breakage is the end that was waited for
+        lives = "1 life" if rows.size == 1 else f"{rows.size} lives"
+        sentence = (
+            f"T: {lives} ended by breakage by column {name!r} ({lines_of(draft.lines[rows])}), and a breakage counts "
+            "as the end of life; if T is the life to a wear criterion, it is a run-out"
+        )
+        draft.doubts.append(Doubt(("T",), sentence))
 
 
 def _stated_run_outs(draft: Draft) -> tuple[str, NDArray[np.bool_]] | None:

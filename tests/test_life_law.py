@@ -420,3 +420,12 @@ def test_lives_that_ended_long_before_the_wear_of_the_others_are_named():
     assert "--leave-out 'lines " in check.verdict
     whole = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": 0.2, "T": T, "VB": np.linspace(0.27, 0.33, len(V))}))
     assert fit.judge(fit.life_law(whole, ["V"]), runs=whole).checks["longest lives"].concern == 0
+
+
+@pytest.mark.parametrize(("word", "doubted"), [("Bruch", True), ("chipped", True), ("VB", False)])
+def test_a_life_that_a_breakage_ended_is_doubted(word, doubted):
+    frame = pd.DataFrame({"V": [100, 100, 150, 150, 200, 200, 250, 250] * 2, "f": [0.1, 0.2] * 8})
+    frame["T"] = 60.0 * (frame["V"] / 100) ** -2.5
+    frame["end"] = ["not reached"] * 2 + [word] + ["VB"] * 13
+    found = [one for one in datasets.runs_from_frame(frame).doubts if "ended by breakage" in one.sentence]
+    assert len(found) == doubted
