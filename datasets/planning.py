@@ -289,6 +289,8 @@ def _check(
     for name, value in constants.items():
         if not _is_positive(value):
             raise UsageError(f"{name} {value:g}: a constant of the process is above zero.")
+    if process == "milling" and (wide := [x for x in ranges.get("ae", ()) if float(x) > constants.get("Dc", np.inf)]):
+        raise UsageError(f"ae {wide[0]:g} mm: the width of cut is at most the diameter, Dc {constants['Dc']:g} mm.")
 
 
 def _check_times(ranges: Mapping[str, Levels], duration: tuple[float, ...] | None, readings: int) -> None:
@@ -313,10 +315,9 @@ def _check_process(ranges: Mapping[str, Levels], process: str, constants: Mappin
     strange = [name for name in ranges if name in ROLES and ROLES[name].kind != "label" and name not in known.factors]
     strange += [name for name in constants if name in ROLES and name not in known.constants]
     if strange:
-        may = ", ".join(known.factors)
         raise UsageError(
-            f"{strange[0]} ({ROLES[strange[0]].quantity}) is not set in {process}; its factors are {may}, its "
-            f"constants {', '.join(known.constants)}."
+            f"{strange[0]} ({ROLES[strange[0]].quantity}) is not set in {process}; its factors are "
+            f"{', '.join(known.factors)}, its constants {', '.join(known.constants)}."
         )
 
 

@@ -189,6 +189,10 @@ def test_a_process_without_ranges_names_its_factors(process):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (
+            {"ranges": {"V": (100, 200), "ae": (2, 12)}, "process": "milling", "constants": {"Dc": 10}},
+            r"ae 12 mm: the width of cut is at most the diameter, Dc 10 mm",
+        ),
         ({"ranges": {"f": (0.1, 0.2)}, "process": "milling"}, r"f \(feed\) is not set in milling"),
         ({"ranges": TURNING, "process": "turning", "constants": {"z": 4.0}}, "z .* is not set in turning"),
         ({"ranges": TURNING, "process": "sawing"}, "process 'sawing'"),
