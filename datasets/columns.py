@@ -30,7 +30,10 @@ SIZES = {"re": (1e-3, 50.0), "kappa": (5.0, 180.0), "lead": (-60.0, 90.0), "sigm
 LARGEST = 1e30  # in any unit of the field; its reciprocal is the smallest
 _FACTOR_LABEL = re.compile(r"[A-K]\s*[:.)=-]\s*(?P<name>\w.*)")  # A: Speed, B - Feed, in plans
 _BOUND = re.compile(r"\s*[<>≤≥]")
-_DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[.-][A-Za-zäé]{3,4}\.?(?:[.-]\d{2,4})?")  # 2024-02-01, 1-Feb, 01.Feb
+_DATE = re.compile(  # 2024-02-01, 1-Feb, 01. Feb, 01.02.2024, Feb-01
+    r"\d{4}-\d\d-\d\d|\d{1,2}(?:[.-]\s?|\s)[A-Za-zäéû]{3,4}\.?(?:[.\s-]\d{2,4})?|\d{1,2}([./])\d{1,2}\1\d{2,4}|"
+    r"[A-Za-zäéû]{3,4}\.?[\s-]\d{2,4}"
+)
 _WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:[^\W\d_]|[%°\"'])\D*")
 NONE = "none"  # --map P=none: no column of this file is the power
 DECIDED = ("edge", "tool", "run")  # roles that several columns may claim: `edges` decides by their content

@@ -549,6 +549,14 @@ def test_a_number_turned_into_a_date_is_explained(tmp_path):
         read_runs(book(tmp_path, Data=[HEADER, *rows]))
 
 
+@pytest.mark.parametrize("text", ["01. Mai", "May-01", "01.05.2026", "1-Feb", "5/1/2026"])
+def test_a_text_that_a_spreadsheet_made_of_a_number_is_explained(tmp_path, text):
+    rows = [list(row) for row in ROWS]
+    rows[5][3] = text
+    with pytest.raises(DataError, match="A spreadsheet has turned a number into a date"):
+        read_runs(book(tmp_path, Data=[HEADER, *rows]))
+
+
 # A sheet for each test
 
 
