@@ -52,7 +52,7 @@ COMPUTED = " is computed, not measured: "  # of the note of a law
 STATISTICS = re.compile(r" \((?=[^()]*(?:\bp\b|\bF\(|\bt\(|chi2|R2|score))(?:[^()]|\([^()]*\))*\)")
 WEAR = ("AW", "VB", "T")  # predicted before other responses
 OUTSIDE = "outside the tested region: do not rely on it"
-RED, YELLOW, BOLD, DIM = "bold red", "yellow", "bold", "dim"
+RED, YELLOW, BOLD = "bold red", "yellow", "bold"
 
 
 @dataclass(slots=True)

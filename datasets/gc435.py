@@ -45,7 +45,7 @@ def _law(response: str, unit: str) -> SimulatedLaw:
     return SimulatedLaw(response, unit, c0, MappingProxyType(exponents), sd_edge, sd_row, digits=3)
 
 
-LAWS = AW, P, FXZ = tuple(_law(response, unit) for response, unit in _UNITS.items())
+LAWS = tuple(_law(response, unit) for response, unit in _UNITS.items())
 
 NOTES = (
     "simulated: no real measurement; drawn from the published laws of Alaskari and Oraby, "

@@ -249,7 +249,6 @@ class HalLink:
         self._problem = ""
         self._last: tuple[float, dict[str, Any]] | None = None
         self._process: subprocess.Popen[str] | None = None
-        self.source_heartbeat = False
         try:
             self._process = subprocess.Popen(  # noqa: S603  the user names the program
                 [python, "-u", __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
@@ -308,9 +307,7 @@ class HalLink:
     def _take(self, answer: dict[str, Any]) -> None:
         if "values" in answer:
             self._last = (time.monotonic(), answer["values"])
-        elif "connected" in answer:
-            self.source_heartbeat = answer["source_heartbeat"]
-        else:
+        elif "connected" not in answer:
             self._problem = self._problem or answer.get("error") or answer.get("refused") or "unknown answer"
 
 
