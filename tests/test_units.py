@@ -246,6 +246,8 @@ def test_threads_convert_at_once():
         "to = {'m/s': 'm/min', 'sfm': 'm/min', 'in': 'mm', 'mil': 'mm', 'kN': 'N', 'lbf': 'N', 'hp': 'kW'}\n"
         "names = 3 * list(to)\n"
         "with ThreadPoolExecutor(8) as pool:\n"
-        "    list(pool.map(lambda name: units.convert(np.ones(1), name, to[name]), names))\n"
+        "    found = list(pool.map(lambda name: units.convert(np.ones(1), name, to[name])[0], names))\n"
+        "exact = [60.0, 0.3048, 25.4, 0.0254, 1000.0, 4.4482216152605, 0.74569987158227022]\n"
+        "np.testing.assert_allclose(found, 3 * exact, rtol=1e-12)\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, timeout=60)

@@ -592,7 +592,7 @@ CURVED = ["second_order", "second_order_original", "linear", "exponential", "pow
 
 
 @pytest.fixture(scope="module")
-def tests_of_two_laws():
+def runs_of_two_laws():
     """A central composite design of 24 edges at 5 times: wear and power with known curvature."""
     rng = np.random.default_rng(3)
     plan = central_composite({"V": (60.0, 200.0), "f": (0.1, 0.5), "d": (1.0, 3.0)}, seed=3)
@@ -614,8 +614,8 @@ def file_of(runs, **forms):
 
 
 @pytest.mark.parametrize("form", CURVED)
-def test_the_best_pair_within_curves_is_feasible_and_no_grid_finds_a_better(form, tests_of_two_laws):
-    pf = file_of(tests_of_two_laws, AW=form, P=form)
+def test_the_best_pair_within_curves_is_feasible_and_no_grid_finds_a_better(form, runs_of_two_laws):
+    pf = file_of(runs_of_two_laws, AW=form, P=form)
     region = visible_region(pf, d=1.7, t=5.0)
     best, less = region.best, region.least_wear(0.05)
     assert region.curved
@@ -634,9 +634,9 @@ def test_the_best_pair_within_curves_is_feasible_and_no_grid_finds_a_better(form
     assert all("limited to where it was tested" in note for note in region.notes)
 
 
-def test_a_power_law_as_a_curve_has_the_region_of_its_half_planes(tests_of_two_laws):
+def test_a_power_law_as_a_curve_has_the_region_of_its_half_planes(runs_of_two_laws):
     """A second-order law without terms of second order is a power law: corners and best pair to 1e-8."""
-    pf = file_of(tests_of_two_laws, AW="power", P="power")
+    pf = file_of(runs_of_two_laws, AW="power", P="power")
     exact = visible_region(pf, d=1.7, t=5.0)
     data = pf.model_dump()
     for law in data["laws"].values():
@@ -657,8 +657,8 @@ def test_a_power_law_as_a_curve_has_the_region_of_its_half_planes(tests_of_two_l
     np.testing.assert_allclose(chances[0], chances[1], atol=1e-9)
 
 
-def test_limits_of_further_responses_bound_from_above_and_below(tests_of_two_laws):
-    pf = file_of(tests_of_two_laws, AW="second_order", P="power")
+def test_limits_of_further_responses_bound_from_above_and_below(runs_of_two_laws):
+    pf = file_of(runs_of_two_laws, AW="second_order", P="power")
     limits = {"power": None, "wear": None, "responses": {"P": {"low": 2.0, "high": 5.0, "unit": "kW"}}}
     region = visible_region(pf, limits=limits, d=1.7, t=5.0)
     assert {limit.words for limit in region.limits[:2]} == {"P at least 2 kW", "P at most 5 kW"}
@@ -670,8 +670,8 @@ def test_limits_of_further_responses_bound_from_above_and_below(tests_of_two_law
     assert chance.at(*region.best.xy) == pytest.approx(0.5, abs=0.15)
 
 
-def test_limits_that_curves_exclude_are_named_with_the_best_value(tests_of_two_laws):
-    pf = file_of(tests_of_two_laws, AW="second_order", P="second_order")
+def test_limits_that_curves_exclude_are_named_with_the_best_value(runs_of_two_laws):
+    pf = file_of(runs_of_two_laws, AW="second_order", P="second_order")
     region = visible_region(pf, limits={"power": 0.2}, d=1.7, t=5.0)
     assert region.empty
     assert "P at most 0.2 kW" in region.conflict
