@@ -9,6 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from ..core.errors import UsageError
+from ..fit.form_choice import CHOICES
 from . import messages, options, reading, shown, stages
 from .cells import Cells, cells_of
 from .jobs import Job
@@ -80,7 +81,9 @@ class FilePage(PageBase):
             return self._waiting(entry, job, "fitting", f"/files/{quote(entry.name)}/laws")
         facts = await asyncio.to_thread(facts_of_laws, self.project, entry)
         cells = await self._cells_when_read(entry) if facts["suspects"] else None
-        return self._render("laws.html", entry=entry, job=job, to=self._places(entry), cells=cells, **facts)
+        return self._render(
+            "laws.html", entry=entry, job=job, to=self._places(entry), cells=cells, forms=CHOICES, **facts
+        )
 
     async def _cells_when_read(self, entry: Entry) -> Cells | None:
         """Cells of a file, once its reading has ended."""

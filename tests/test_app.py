@@ -36,6 +36,7 @@ from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.corrections import parse_correction
 from fitmodels.datasets.tables import Column
+from fitmodels.fit.form_choice import CHOICES
 from fitmodels.parameters.published import published
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -365,6 +366,12 @@ def test_what_a_page_shows_outlasts_any_number_of_commands(client, monkeypatch):
     assert jobs.get(later[0].id) is None
     assert client.get("/files/gc.csv/laws") == laws
     assert client.get("/files/gc.csv/reading") == reading
+
+
+def test_the_menu_of_forms_holds_all_forms(client):
+    client.upload("gc.csv", BUNDLED)
+    menu = re.search(r'<select id="set-form".*?</select>', client.until_done("/files/gc.csv/laws"), re.DOTALL)[0]
+    assert re.findall(r"<option>([\w-]+)</option>", menu) == list(CHOICES)
 
 
 def test_rows_are_left_out_with_a_reason_and_taken_in_again(client):
