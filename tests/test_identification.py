@@ -60,6 +60,15 @@ def test_uneven_samples_make_the_delay_uncertain(tmp_path):
     assert [one for one in found.verdict.reasons if one.startswith("The delay is uncertain by 0.005 s")]
 
 
+@pytest.mark.parametrize(("units", "named"), [(("mm/s", "m/min"), True), (("V", "mm/s"), False), (("", ""), False)])
+def test_a_reversed_actual_value_is_named(units, named):
+    """A command of 100 mm/s and an actual speed of -98 mm/s; in V the sign of a speed is a matter of the wiring."""
+    rec = run(30)
+    found = identify(replace(rec, y=-rec.y, unit_u=units[0], unit_y=units[1]))
+    reasons = [one for one in found.verdict.reasons if "u rises; check the sign of the sensor" in one]
+    assert bool(reasons) == named
+
+
 def test_the_band_is_what_the_chirp_excites(at_30_db):
     low, high = at_30_db.model.band
     assert low < 0.15

@@ -14,6 +14,7 @@ from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE
 from ...datasets.records.record import Record
+from ...datasets.units import is_unit, same_dimension
 from ..closed_loop import feedback
 from ..estimators.bias_checks import response_error
 from ..model import Model
@@ -319,7 +320,7 @@ def gain_reservations(model: Model) -> list[tuple[int, str]]:
         return [(DO_NOT_USE, f"the model is not stable, a pole at radius {radius:.6g}: record it in closed loop")]
     gain, error = model.dc_gain, float(response_error(model, np.zeros(1))[0])
     unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
-    if gain < -CERTAIN * error and model.unit_y in LOADS:
+    if gain < -CERTAIN * error and (model.unit_y in LOADS or _same_quantity(model)):
         words = f"the static gain is negative, {gain:.3g}{unit}: {model.output} falls when {model.input} rises"
         return [(RESERVATIONS, f"{words}; check the sign of the sensor and the columns")]
     if abs(gain) >= SURE * error:
@@ -331,6 +332,12 @@ def gain_reservations(model: Model) -> list[tuple[int, str]]:
             "longer or with more amplitude",
         )
     ]
+
+
+def _same_quantity(model: Model) -> bool:
+    """Whether input and output have units of one dimension, as a command and its actual value."""
+    u, y = model.unit_u, model.unit_y
+    return bool(u and y) and is_unit(u) and is_unit(y) and same_dimension(u, y)
 
 
 def _of_integrator(model: Model) -> list[tuple[int, str]]:
