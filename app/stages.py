@@ -188,10 +188,11 @@ def older(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[s
     """
     top, made = f"{entry.stem}-fit/", {name: time_of(path) for name, path in results.items()}
     fitted = [name for name in made if name.startswith(top) and name.endswith("/params.json")]
-    found = [name for name, time in made.items() if not name.startswith(top) and any(time < made[of] for of in fitted)]
+    newest = max((made[name] for name in fitted), default=0.0)
+    others = [name for name in made if not name.startswith(top) and name != f"{entry.stem}-look.png"]
     cards = {name.replace("params.json", card): name for name in fitted for card in ("card.html", "card.json")}
-    old = {name: ("card", of, "--force") for name, of in cards.items() if name in made and made[name] < made[of]}
-    return {name: _command_of(project, name) for name in found if name != f"{entry.stem}-look.png"} | old
+    old = {name: ("card", of, "--force") for name, of in cards.items() if made.get(name, made[of]) < made[of]}
+    return {name: _command_of(project, name) for name in others if made[name] < newest} | old
 
 
 def _command_of(project: Project, result: str) -> tuple[str, ...]:

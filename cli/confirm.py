@@ -103,24 +103,29 @@ def _verdicts(new: "Runs", old: "Runs", args: argparse.Namespace) -> tuple[dict[
 
 def _other_conditions(new: "Runs", old: "Runs", factors: "Collection[str]") -> str:
     """Sentence on conditions that were one value in all earlier tests and another in new ones; else empty."""
-    import numpy as np
-
     from ..fit.defaults import SETTINGS
 
-    said = []
+    said: list[str] = []
     for role in (*SETTINGS, "kappa"):
-        if role == "D" or role in factors or not (new.has(role) and old.has(role)):
-            continue
-        before, now = old.values(role), new.values(role)
-        tested, unit = float(np.nanmean(before)), old.units.get(role, "")
-        differ = np.abs(now - tested) > AGREE * abs(tested)
-        if np.nanmax(np.abs(before - tested)) <= AGREE * abs(tested) and differ.any():
-            low, high = (f"{end:.4g}" for end in (np.nanmin(now[differ]), np.nanmax(now[differ])))
-            shown = low if low == high else f"{low} to {high}"
-            said.append(f"{role} is {shown} here and {tested:.4g} {unit if unit != '1' else ''}".rstrip())
+        if role != "D" and role not in factors and new.has(role) and old.has(role):
+            said += _other_value(role, new, old)
     if not said:
         return ""
     return f" {', and '.join(said)} in all tests of the law, which does not describe this influence."
+
+
+def _other_value(role: str, new: "Runs", old: "Runs") -> list[str]:
+    """Words on a condition that is one value in all earlier tests and another in new ones; none otherwise."""
+    import numpy as np
+
+    before, now = old.values(role), new.values(role)
+    tested, unit = float(np.nanmean(before)), old.units.get(role, "")
+    differ = np.abs(now - tested) > AGREE * abs(tested)
+    if np.nanmax(np.abs(before - tested)) > AGREE * abs(tested) or not differ.any():
+        return []
+    low, high = (f"{end:.4g}" for end in (np.nanmin(now[differ]), np.nanmax(now[differ])))
+    shown = low if low == high else f"{low} to {high}"
+    return [f"{role} is {shown} here and {tested:.4g} {unit if unit != '1' else ''}".rstrip()]
 
 
 def _name(runs: "Runs") -> str:

@@ -63,19 +63,7 @@ def run(args: argparse.Namespace) -> int:
     guess = None if args.like is None else _guess(args)
     args.unit = args.unit or (guess and guess.unit_u) or "V"
     u = _made(args)
-    low, high = _band(args.band)
-    crest = float(abs(u - args.offset).max() / max(float((u - args.offset).std()), 1e-300))
-    lines = [
-        f"{args.kind}: {len(u)} samples at {args.rate:g} Hz, {len(u) / args.rate:g} s, {low:g} to {high:g} Hz, "
-        f"{u.min():.4g} to {u.max():.4g} {args.unit}, crest factor {crest:.2f}"
-    ]
-    if low * args.duration < 1 - NEAR:
-        lines.append(
-            f"A period of {low:g} Hz takes {1 / low:.4g} s, longer than the {args.duration:g} s of the signal: below "
-            f"{1 / args.duration:.3g} Hz it determines no response. Give a longer --duration, or a higher --band."
-        )
-    if guess is not None:
-        lines.append(_predicted(args, u - args.offset, guess))
+    lines = [*_described(args, u), *([] if guess is None else [_predicted(args, u - args.offset, guess)])]
     path = None
     if args.out is not None:
         path = ident.write_excitation(u, args.rate, Path(args.out), args.form, args.unit, force=args.force)
@@ -89,6 +77,22 @@ def run(args: argparse.Namespace) -> int:
     if path is not None:
         out.wrote(f"Written: {path}", path)
     return 0
+
+
+def _described(args: argparse.Namespace, u: Array) -> list[str]:
+    """Sentences on a signal: its size, and where its band has a period longer than itself."""
+    low, high = _band(args.band)
+    crest = float(abs(u - args.offset).max() / max(float((u - args.offset).std()), 1e-300))
+    lines = [
+        f"{args.kind}: {len(u)} samples at {args.rate:g} Hz, {len(u) / args.rate:g} s, {low:g} to {high:g} Hz, "
+        f"{u.min():.4g} to {u.max():.4g} {args.unit}, crest factor {crest:.2f}"
+    ]
+    if low * args.duration < 1 - NEAR:
+        lines.append(
+            f"A period of {low:g} Hz takes {1 / low:.4g} s, longer than the {args.duration:g} s of the signal: below "
+            f"{1 / args.duration:.3g} Hz it determines no response. Give a longer --duration, or a higher --band."
+        )
+    return lines
 
 
 def _made(args: argparse.Namespace) -> Any:  # noqa: ANN401

@@ -133,20 +133,21 @@ def _one_pair(args: argparse.Namespace) -> "Runs":
     from ..core.errors import UsageError
 
     several = tuple(read(args.file, argparse.Namespace(**{**vars(args), "tool": None, "work": None})).pairs())
-    if len(several) == 1:
-        return (
-            several[0]
-            if args.tool is args.work is None
-            else read(args.file, argparse.Namespace(**{**vars(args), "quiet": True}))
-        )
+    if len(several) == 1 and (args.tool or args.work):
+        return read(args.file, argparse.Namespace(**{**vars(args), "quiet": True}))
     found = [one for one in several if (args.tool or one.tool, args.work or one.work) == (one.tool, one.work)]
     if len(found) == 1:
         return found[0]
+    raise UsageError(_to_choose(args, several, found))
+
+
+def _to_choose(args: argparse.Namespace, several: "Sequence[Runs]", found: "Sequence[Runs]") -> str:
+    """The message on a file of several pairs, of which not exactly one is named."""
     roles = [role for role in ("tool", "work") if len({getattr(one, role) for one in several}) > 1]
     pairs = [" ".join(f"--{role} {shlex.quote(getattr(one, role))}" for role in roles) for one in found or several]
     shown = "; ".join(pairs[:MOST]) + (f"; and {len(pairs) - MOST} more" if len(pairs) > MOST else "")
     asked = "" if found else f", none of them {args.tool or 'any tool'} on {args.work or 'any work material'}"
-    raise UsageError(
+    return (
         f"{args.file} has tests of {len(several)} pairs of tool and work material{asked}, and each has laws of its "
         f"own: name the one to plan for. {shown}."
     )

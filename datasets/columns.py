@@ -251,12 +251,11 @@ def _refuse_two_tables(claims: list[_Claim]) -> None:
     start = _second_table(claims)
     mapped = {claim.role for claim in claims if claim.mapped}
     used = [claim for claim in claims if claim.role and (claim.mapped or claim.role not in mapped)]
-    left = [claim for claim in used if claim.column.number < start]
-    right = [claim for claim in used if claim.column.number >= start]
-    if not start or not left or not right:
+    if not start or len({claim.column.number < start for claim in used}) < 2:
         return
-    first = [claim for claim in claims if claim.column.number < start and claim.column.name]
-    second = [claim for claim in claims if claim.column.number >= start and claim.column.name]
+    headed = [claim for claim in claims if claim.column.name]
+    first = [claim for claim in headed if claim.column.number < start]
+    second = [claim for claim in headed if claim.column.number >= start]
     raise DataError(
         f"columns {_span(first)} and columns {_span(second)} are two tables side by side: the same names stand in both "
         "above other values. Save each as a file or sheet of its own, or read one of them: "
@@ -347,8 +346,10 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
 
 def _only_readable(claims: list[_Claim]) -> None:
     """Refuse columns of numbers with cells that are none, all at once, and name the option that leaves them out."""
-    bad = [(claim.column, ROLES[claim.role]) for claim in claims if claim.role and claim.column.bad]
-    bad = [(column, role) for column, role in bad if role.kind != "label"]
+    roles = [(claim.column, ROLES[claim.role]) for claim in claims if claim.role]
+    bad = [(column, role) for column, role in roles if column.bad and role.kind != "label"]
+    if not bad:
+        return
     words = [
         f"column {column.name!r} ({role.quantity} {role.symbol}) contains text instead of numbers: "
         f"{column.bad_cells()}. " + (_remedy(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
@@ -356,9 +357,8 @@ def _only_readable(claims: list[_Claim]) -> None:
     ]
     if all(column.bad_count == len(column.bad) for column, _ in bad):
         lines = ",".join(map(str, sorted({line for column, _ in bad for line, _ in column.bad})))
-        words += [f"Or leave these rows out: --leave-out 'lines {lines}'."] if words else []
-    if words:
-        raise DataError(" ".join(words))
+        words.append(f"Or leave these rows out: --leave-out 'lines {lines}'.")
+    raise DataError(" ".join(words))
 
 
 def _only_numbers(column: Column, role: Role) -> None:

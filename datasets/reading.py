@@ -263,13 +263,13 @@ def _refuse_second_table(columns: tuple[Column, ...], lines: NDArray[np.intp]) -
     DataError
     """
     found: dict[int, list[tuple[str, str]]] = {}
-    for column in columns:
-        for line, text in column.bad:
-            if is_known(text):
-                found.setdefault(line, []).append((column.name, text))
-    line, cells = next(((line, cells) for line, cells in sorted(found.items()) if len(cells) > 1), (0, []))
+    names = [(line, column.name, text) for column in columns for line, text in column.bad if is_known(text)]
+    for line, name, text in names:
+        found.setdefault(line, []).append((name, text))
+    line = min((line for line, cells in found.items() if len(cells) > 1), default=0)
     if not line:
         return
+    cells = found[line]
     shown = ", ".join(repr(text) for _, text in cells[:4])
     if all(name == text for name, text in cells):
         raise DataError(f'line {line} holds the names of the columns again ({shown}): --leave-out "lines {line}".')

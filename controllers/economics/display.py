@@ -77,24 +77,25 @@ def _comparison(found: EconomicSettings) -> Iterator[str]:
         band = f" ({found.level:.0%} interval {low:.3g} … {high:.3g})" if found.draws else ""
         cost = f"{abs(saving):.3g} {costs.currency} {'less' if saving >= 0 else 'more'} per {costs.of}"
         yield f"The least-cost setting costs {cost} than today's{band}."
-    small = found.not_knowing is not None and found.not_knowing < SMALL * found.least_cost.cost
-    if found.not_knowing is not None and found.least_cost.beyond:
-        amount = f"{found.not_knowing:.2g} {costs.currency} per {costs.of}"
+    if found.not_knowing is not None:
+        yield _not_knowing(found, found.not_knowing)
+
+
+def _not_knowing(found: EconomicSettings, cost: float) -> str:
+    """The sentence on the cost of coefficients that are not known exactly, per part."""
+    small, amount = cost < SMALL * found.least_cost.cost, f"{cost:.2g} {found.costs.currency} per {found.costs.of}"
+    if found.least_cost.beyond:
         lost = f"less than {SMALL:.2%} of the cost" if small else amount
-        yield (
+        return (
             f"If the laws held outside the tests, not knowing their coefficients exactly would cost {lost} on average; "
             "whether they hold there, only tests at this setting show."
         )
-    elif small:
-        yield (
+    if small:
+        return (
             "With the limits as estimated the best pair is the same in nearly all draws of the tool life: a more exact "
             "life would not change it."
         )
-    elif found.not_knowing is not None:
-        yield (
-            f"Not knowing the laws exactly costs {found.not_knowing:.2g} {costs.currency} per {costs.of} on average: "
-            "further tests are worth no more than that."
-        )
+    return f"Not knowing the laws exactly costs {amount} on average: further tests are worth no more than that."
 
 
 def _change(found: EconomicSettings) -> Iterator[str]:

@@ -337,17 +337,25 @@ def _beyond_words(factor: "Factor", values: Array) -> tuple[str, str]:
     return f"{factor.symbol} {span} {factor.unit}", f"{factor.low:.4g} to {factor.high:.4g} {factor.unit}"
 
 
+def _not_applied(
+    limits: "LimitsSection", laws: LifeLaws
+) -> tuple[dict[str, tuple[float | None, float | None, str]], str]:
+    """Least and largest value and unit of the limits that a plan by these laws does not apply, and what to do."""
+    stated = {name: (bound.low, bound.high, bound.unit) for name, bound in limits.responses.items()}
+    remedy = "Use `fitmodels optimum` or the system region, which apply it"
+    for what, terms in (("power", laws.power), ("force", laws.force)):
+        bound = getattr(limits, what)
+        if bound is not None and terms is None:
+            stated[bound.of or what] = (None, bound.value, bound.unit)
+            remedy = f"The file has no law of {bound.of or what}: fit one"
+    return stated, remedy
+
+
 def require_checked(pf: "ParameterFile", laws: LifeLaws, accept: bool) -> tuple[str, ...]:
     """Raise for limits that a plan by these laws does not apply; where they are accepted, the words that name them."""
     if pf.limits is None:
         return ()
-    stated = {name: (bound.low, bound.high, bound.unit) for name, bound in pf.limits.responses.items()}
-    remedy = "Use `fitmodels optimum` or the system region, which apply it"
-    for what, terms in (("power", laws.power), ("force", laws.force)):
-        bound = getattr(pf.limits, what)
-        if bound is not None and terms is None:
-            stated[bound.of or what] = (None, bound.value, bound.unit)
-            remedy = f"The file has no law of {bound.of or what}: fit one"
+    stated, remedy = _not_applied(pf.limits, laws)
     if not stated:
         return ()
     names = ", ".join(stated)

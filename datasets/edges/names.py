@@ -85,6 +85,15 @@ def _alike(tests: Tests | None, codes: Codes, one: int, other: int) -> bool:
     return not len(a) or not len(b) or not any(differs(x[a[:1]], x[b[:1]])[0] for x in tests.settings.values())
 
 
+def _texts_in(draft: Draft, lines: set[int]) -> list[str]:
+    """Texts of the column of edges in these lines; none unless each of them holds one, and no other line does."""
+    for column, use in zip(draft.columns, draft.uses, strict=True):
+        if use.role == "edge" and column.bad_count == len(column.bad) == len(lines):
+            texts = [text for line, text in column.bad if line in lines]
+            return texts if len(texts) == len(lines) else []
+    return []
+
+
 def _name_the_unnamed(draft: Draft) -> None:
     """Rows without an edge become edges of their own: as one edge named "" they would be rows of many edges."""
     edge = draft.data["edge"]
@@ -97,9 +106,7 @@ def _name_the_unnamed(draft: Draft) -> None:
     edge[blank] = [f"line {line}" for line in draft.lines[blank]]
     draft.data["edge"] = edge
     lines = set(draft.lines[blank].tolist())
-    column = next((one for one, use in zip(draft.columns, draft.uses, strict=True) if use.role == "edge"), None)
-    texts = [text for line, text in column.bad if line in lines] if column is not None else []
-    if texts and column is not None and column.bad_count == len(column.bad) == len(texts) == len(lines):
+    if texts := _texts_in(draft, lines):
         shown = ", ".join(map(repr, texts))
         target = f"lines {','.join(line_spans(sorted(lines)))}"
         where = lines_text(draft.lines[blank])
