@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _described(args: argparse.Namespace, u: Array) -> list[str]:
+def _described(args: argparse.Namespace, u: "Array") -> list[str]:
     """Sentences on a signal: its size, and where its band has a period longer than itself."""
     low, high = _band(args.band)
     crest = float(abs(u - args.offset).max() / max(float((u - args.offset).std()), 1e-300))

@@ -793,3 +793,24 @@ def test_sound_roughness_is_not_doubted(tmp_path, name, factor, low):
 
 def test_edge_build_up_at_small_feeds_is_not_doubted(tmp_path):
     assert not finish(tmp_path, "Ra", 6.0, low=0.03)
+
+
+@pytest.mark.parametrize(
+    ("digits", "copied", "found"),
+    [
+        (0, (0, 0), ""),
+        (0, (5, 9), "lines 29, 30, 31 and 32"),
+        (-2, (0, 0), ""),
+    ],
+)
+def test_rows_pasted_again_in_a_table_without_edges_are_named(read, digits, copied, found):
+    """Rows of single tests counted twice in silence; tests repeated at the centre have readings of their own."""
+    plan, rng = planned(), np.random.default_rng(9)
+    frame = pd.DataFrame({name: plan[name] for name in ("V [m/min]", "f [mm/rev]", "d [mm]")})
+    frame = pd.concat([frame, frame.iloc[slice(*copied)], *[frame.iloc[[13]]] * 5], ignore_index=True)
+    Fc = 1700 * frame["f [mm/rev]"] ** 0.74 * frame["d [mm]"] * np.exp(rng.normal(0, 0.03, len(frame)))
+    frame["Fc [N]"] = Fc.round(digits)
+    frame.loc[27 : 26 + copied[1] - copied[0], "Fc [N]"] = frame["Fc [N]"].to_numpy()[slice(*copied)]
+    said = [doubt.sentence for doubt in read(frame.to_csv(index=False)).doubts if "count twice" in doubt.sentence]
+    assert len(said) == bool(found)
+    assert all(one.startswith(f"{found} repeat the settings and readings of earlier rows") for one in said)

@@ -13,7 +13,7 @@ from ..plausibility.unused_columns import COUNTS, of_counts
 from ..vocabulary import MEASURED, ROLES
 from .columns import Array, Codes, Flags, differs
 from .merged_cells import lines_text
-from .rows import FEW, EdgeRows, by_edge, listed, median
+from .rows import FEW, EdgeRows, by_edge, listed, median, of_equal_tests
 from .times import begun_anew, doubts_of_time
 
 MOST_ROWS = 100_000  # of a table whose edges are checked cell by cell
@@ -51,6 +51,7 @@ def check_edges(draft: Draft) -> None:
     copies = _copies(draft, numbers)
     draft.doubts += _of_copies(draft, copies)
     if "edge" not in draft.data:
+        draft.doubts += [] if "t" in draft.data else of_equal_tests(draft, numbers, MEASURED)
         return
     edges = by_edge(draft)
     if edges.several == 0:

@@ -1,13 +1,17 @@
-"""Rows of a draft sorted by cutting edge, for the checks within edges."""
+"""Rows of a draft sorted by cutting edge, for the checks within edges, and single tests that are copies of others."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..doubts import Doubt
 from ..draft import Draft
+from ..vocabulary import ROLES
 from .columns import Array, Codes, Flags
+from .merged_cells import lines_text
 
 FEW = 0.3  # share of the edges above which something is a property of the tests, not a slip
 LISTED = 3  # cells that a sentence names
@@ -92,3 +96,59 @@ def listed(cells: Iterable[str]) -> str:
     texts = list(cells)
     more = len(texts) - LISTED
     return "; ".join(texts[:LISTED]) + (f"; and {more} more" if more > 0 else "")
+
+
+SCATTER = 0.02  # of a reading, from one test to the next at the same settings, at least: the smallest in cutting
+CHANCE = 1e-3  # that as many readings are equal by chance
+
+
+def equal_readings(settings: Array, readings: Array) -> Flags:
+    """Rows with the settings and readings of an earlier row, where there are more than chance explains; shape (n,).
+
+    Readings of two tests at the same settings are equal with a probability that follows from the smallest step between
+    readings and their scatter.
+
+    Parameters
+    ----------
+    settings, readings : ndarray, shape (n, k) and (n, m)
+
+    Examples
+    --------
+    >>> V, F = np.repeat([[100.0], [150.0], [200.0]], 2, axis=0), np.array([[512.0, 512, 731, 731, 733, 733]]).T
+    >>> equal_readings(V, F).tolist(), bool(equal_readings(V, F.round(-2)).any())
+    ([False, True, False, True, False, True], False)
+    """
+    none = np.zeros(len(settings), dtype=bool)
+    known = np.isfinite(readings).all(axis=1) & (readings > 0).all(axis=1)
+    if not known.any():
+        return none
+    setting = np.unique(np.nan_to_num(settings, nan=-1.0), axis=0, return_inverse=True)[1].ravel()
+    rows = np.column_stack([setting, readings])
+    first = np.unique(rows[known], axis=0, return_index=True)[1]
+    again = none.copy()
+    again[np.delete(np.flatnonzero(known), first)] = True
+    equal, pairs = int(again.sum()), int(known.sum()) - len(np.unique(setting[known]))
+    step = np.array([np.diff(np.unique(one[known])).min(initial=np.inf) for one in readings.T])
+    same = np.minimum(step / (2 * np.sqrt(np.pi) * SCATTER * np.median(readings[known], axis=0)), 1.0)
+    p = float(np.prod(same))
+    chance = sum(comb(pairs, k) * p**k * (1 - p) ** (pairs - k) for k in range(equal, pairs + 1))
+    return again if equal and chance < CHANCE else none
+
+
+def of_equal_tests(draft: Draft, numbers: dict[str, Array], measured: tuple[str, ...]) -> Iterator[Doubt]:
+    """Single tests with the readings of an earlier test at the same settings, in more rows than chance explains."""
+    computed = {one.role for one in draft.derived}
+    read = [values for role, values in numbers.items() if ROLES[role].kind in measured and role not in computed]
+    labels = [np.unique(column.values.astype(str), return_inverse=True)[1].ravel() for column in draft.columns]
+    kept = [
+        codes.astype(float)
+        for codes, use in zip(labels, draft.uses, strict=True)
+        if len(np.unique(codes)) < len(codes) and (use.role is None or ROLES[use.role].kind not in measured)
+    ]
+    copies = equal_readings(np.column_stack(kept), np.column_stack(read)) if kept and read else None
+    if copies is not None and copies.any():
+        yield Doubt(
+            tuple(role for role in draft.data if role in ROLES),
+            f"{lines_text(draft.lines[copies])} repeat{'s' * int(copies.sum() == 1)} the settings and readings of "
+            "earlier rows, and would count twice in a fit; tests that are repeated differ: remove what was copied",
+        )
