@@ -10,6 +10,7 @@ from .arguments import Parser, parameter_file, seed
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
+    from ..core.arrays import Array
     from ..ident import Model
 
 KINDS = ("chirp", "logarithmic", "prbs", "multisine", "steps")
