@@ -156,7 +156,7 @@ class Cells:
         Where it compares columns, and one of ``others`` finds which of them jumps in a line, that cell is wrong.
         """
         symbols, sentence = [str(one) for one in doubt.get("columns") or ("",)], str(doubt["sentence"])
-        wrong = self._jumping(symbols, others) if len(symbols) > 1 else {}
+        wrong = self._jumping(symbols, others)
         lines, ratio = lines_in(sentence), ratios_in(sentence)
         found = [wrong.get(line) or cell for line in lines for cell in self._known(line, symbols[0])]
         return [
@@ -166,8 +166,8 @@ class Cells:
         ]  # fmt: skip
 
     def _jumping(self, symbols: Sequence[str], others: Sequence[Mapping[str, Any]]) -> dict[int, Cell]:
-        """Cells with a value to replace them, by line, that a doubt about one of these columns alone names."""
-        alone = [one for one in others if len(one["columns"]) == 1 and one["columns"][0] in symbols]
+        """Cells with a value to replace them, by line, that a doubt about one of several columns alone names."""
+        alone = [one for one in others if len(symbols) > len(one["columns"]) == 1 and one["columns"][0] in symbols]
         return {cell.line: cell for one in alone for cell in self.of_doubt(one) if cell.ready is not None}
 
     def of_target(self, target: str, symbol: str) -> list[Cell]:

@@ -102,12 +102,12 @@ def _limits(pf: ParameterFile) -> dict[str, float]:
 
 def _limits_with(pf: ParameterFile, highest: Mapping[str, float]) -> dict[str, Any]:
     """The limits of the file on responses, with these upper ones by symbol; that of the wear names its law."""
-    responses: dict[str, dict[str, Any]] = {name: {"high": value} for name, value in highest.items()}
+    responses: dict[str, dict[str, Any]] = {
+        name: {"high": value, "unit": pf.laws[name].unit} for name, value in highest.items()
+    }
     for symbol, side, value, _ in _bounds(pf)[0]:
         if side == "least":
-            responses.setdefault(symbol, {})["low"] = value
-    for name, ends in responses.items():
-        ends["unit"] = pf.laws[name].unit
+            responses.setdefault(symbol, {"unit": pf.laws[symbol].unit})["low"] = value
     limits: dict[str, Any] = {"power": None, "force": None, "wear": None, "responses": responses}
     wear = None if pf.limits is None or pf.limits.wear is None else pf.limits.wear.of
     if wear is not None and wear in highest:

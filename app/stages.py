@@ -190,9 +190,13 @@ def older(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[s
     fitted = [name for name in made if name.startswith(top) and name.endswith("/params.json")]
     newest = max((made[name] for name in fitted), default=0.0)
     others = [name for name in made if not name.startswith(top) and name != f"{entry.stem}-look.png"]
+    return {name: _command_of(project, name) for name in others if made[name] < newest} | _older_cards(made, fitted)
+
+
+def _older_cards(made: Mapping[str, float], fitted: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Cards that are older than the parameter file beside them, with the command that makes them again."""
     cards = {name.replace("params.json", card): name for name in fitted for card in ("card.html", "card.json")}
-    old = {name: ("card", of, "--force") for name, of in cards.items() if made.get(name, made[of]) < made[of]}
-    return {name: _command_of(project, name) for name in others if made[name] < newest} | old
+    return {name: ("card", of, "--force") for name, of in cards.items() if made.get(name, made[of]) < made[of]}
 
 
 def _command_of(project: Project, result: str) -> tuple[str, ...]:

@@ -62,9 +62,9 @@ def run(args: argparse.Namespace) -> int:
     from .. import ident
 
     guess = None if args.like is None else _guess(args)
-    args.unit = args.unit or (guess and guess.unit_u) or "V"
+    args.unit = args.unit or getattr(guess, "unit_u", "") or "V"
     u = _made(args)
-    lines = [*_described(args, u), *([] if guess is None else [_predicted(args, u - args.offset, guess)])]
+    lines = _described(args, u, guess)
     path = None
     if args.out is not None:
         path = ident.write_excitation(u, args.rate, Path(args.out), args.form, args.unit, force=args.force)
@@ -80,8 +80,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _described(args: argparse.Namespace, u: "Array") -> list[str]:
-    """Sentences on a signal: its size, and where its band has a period longer than itself."""
+def _described(args: argparse.Namespace, u: "Array", guess: "Model | None") -> list[str]:
+    """Sentences on a signal: its size, a period of its band that is longer than itself, and predicted errors."""
     low, high = _band(args.band)
     crest = float(abs(u - args.offset).max() / max(float((u - args.offset).std()), 1e-300))
     lines = [
@@ -93,7 +93,7 @@ def _described(args: argparse.Namespace, u: "Array") -> list[str]:
             f"A period of {low:g} Hz takes {1 / low:.4g} s, longer than the {args.duration:g} s of the signal: below "
             f"{1 / args.duration:.3g} Hz it determines no response. Give a longer --duration, or a higher --band."
         )
-    return lines
+    return lines if guess is None else [*lines, _predicted(args, u - args.offset, guess)]
 
 
 def _made(args: argparse.Namespace) -> Any:  # noqa: ANN401

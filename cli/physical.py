@@ -114,9 +114,12 @@ def teeth(text: str) -> int:
 
 def with_teeth(identity: "IdentitySection", number: int | None) -> "IdentitySection":
     """The identity with the number of teeth of the tool, where it is given."""
-    if number is None:
-        return identity
-    return identity.model_copy(update={"iso13399": {**identity.iso13399, "ZEFP": float(number)}})
+    return identity.model_copy(update={"iso13399": {**identity.iso13399, **_geometry(number)}})
+
+
+def _geometry(number: int | None) -> dict[str, float]:
+    """The number of teeth by its symbol of ISO 13399, where it is given."""
+    return {} if number is None else {"ZEFP": float(number)}
 
 
 def check_options(args: argparse.Namespace) -> None:
@@ -266,7 +269,7 @@ def _collected(
     return parameters.collect(
         tool=args.tool,
         work=args.work,
-        iso13399=None if args.teeth is None else {"ZEFP": float(args.teeth)},
+        iso13399=_geometry(args.teeth) or None,
         **section,
         data_file=args.file[0] if source is None else Path(source).name,
         data_sha256=records[0].sha256,

@@ -250,44 +250,39 @@ def _refuse_two_tables(claims: list[_Claim]) -> None:
     """Refuse columns of two tables that stand side by side: their rows are of different tests."""
     start = _second_table(claims)
     mapped = {claim.role for claim in claims if claim.mapped}
-    used = [claim for claim in claims if claim.role and (claim.mapped or claim.role not in mapped)]
-    if not start or len({claim.column.number < start for claim in used}) < 2:
-        return
-    headed = [claim for claim in claims if claim.column.name]
-    first = [claim for claim in headed if claim.column.number < start]
-    second = [claim for claim in headed if claim.column.number >= start]
-    raise DataError(
-        f"columns {_span(first)} and columns {_span(second)} are two tables side by side: the same names stand in both "
-        "above other values. Save each as a file or sheet of its own, or read one of them: "
-        f"{_alone(first, second)} or {_alone(second, first)}."
-    )
+    used = {
+        claim.column.number < start for claim in claims if claim.role and (claim.mapped or claim.role not in mapped)
+    }
+    if start and len(used) > 1:
+        headed = [claim for claim in claims if claim.column.name]
+        first = [claim for claim in headed if claim.column.number < start]
+        second = headed[len(first) :]
+        numbers = (one.column.number for one in (first[0], first[-1], second[0], second[-1]))
+        raise DataError(
+            "columns {} to {} and columns {} to {} are two tables side by side: the same names stand in both above "
+            "other values. Save each as a file or sheet of its own, or read one of them: ".format(*numbers)
+            + f"{_alone(first, second)} or {_alone(second, first)}."
+        )
 
 
 def _second_table(claims: list[_Claim]) -> int:
     """Number of the column where a second table begins: names of settings stand again there; 0 without one."""
     first: dict[str, _Claim] = {}
-    again: dict[str, tuple[int, int]] = {}
-    differ = False
-    for claim in claims:
-        role = role_of(claim.name, canonical(claim.unit_text) if claim.unit_text else None)
-        if role is None or ROLES[role].kind != "condition":
-            continue
+    again: dict[str, tuple[Column, Column]] = {}
+    for claim in filter(_is_setting, claims):
         before = first.setdefault(claim.column.name, claim)
         if before is not claim:
-            again[claim.column.name] = before.column.number, claim.column.number
-            differ = differ or not _equal(before.column, claim.column)
-    start = min((number for _, number in again.values()), default=0)
-    return start if differ and len(again) > 1 and all(number < start for number, _ in again.values()) else 0
+            again[claim.column.name] = before.column, claim.column
+    if len(again) < 2 or all(np.array_equal(one.labels(), other.labels()) for one, other in again.values()):
+        return 0
+    numbers = np.array([(one.number, other.number) for one, other in again.values()])
+    start = int(numbers[:, 1].min())
+    return start if numbers[:, 0].max() < start else 0
 
 
-def _equal(one: Column, other: Column) -> bool:
-    if not (one.is_numeric and other.is_numeric):
-        return bool(np.array_equal(one.labels(), other.labels()))
-    return bool(np.array_equal(one.values, other.values, equal_nan=True))
-
-
-def _span(claims: list[_Claim]) -> str:
-    return f"{claims[0].column.number} to {claims[-1].column.number}"
+def _is_setting(claim: _Claim) -> bool:
+    role = role_of(claim.name, canonical(claim.unit_text) if claim.unit_text else None)
+    return role is not None and ROLES[role].kind == "condition"
 
 
 def _alone(claims: list[_Claim], others: list[_Claim]) -> str:
@@ -355,8 +350,9 @@ def _only_readable(claims: list[_Claim]) -> None:
         f"{column.bad_cells()}. " + (_remedy(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
         for column, role in bad
     ]
-    if all(column.bad_count == len(column.bad) for column, _ in bad):
-        lines = ",".join(map(str, sorted({line for column, _ in bad for line, _ in column.bad})))
+    cells = [cell for column, _ in bad for cell in column.bad]
+    if len(cells) == sum(column.bad_count for column, _ in bad):
+        lines = ",".join(map(str, sorted(dict(cells))))
         words.append(f"Or leave these rows out: --leave-out 'lines {lines}'.")
     raise DataError(" ".join(words))
 

@@ -232,10 +232,8 @@ def _assemble(
     judge: bool = True,
 ) -> Runs:
     """Give the columns their roles, then complete and judge the draft step by step."""
-    columns = readable_but_for(columns, () if sample else options.leave_out)
-    _refuse_second_table(columns, lines)
+    columns, means = _of_tests(columns, lines, options) if not sample else (columns, ())
     check_edge_option(columns, options.edge)
-    columns, means = (columns, ()) if sample else with_means(columns, options.columns)
     columns, of_columns, clocks, of_times = clock_columns(columns, options)
     uses, data, assumed = assign(columns, options.columns, of_columns)
     units = {role: ROLES[role].unit for role in data if ROLES[role].unit}
@@ -255,6 +253,20 @@ def _assemble(
     return _finished(draft, source, options, judged=judge)
 
 
+def _of_tests(
+    columns: tuple[Column, ...], lines: NDArray[np.intp], options: ReadOptions
+) -> tuple[tuple[Column, ...], tuple[str, ...]]:
+    """The columns of one table, repeated readings as their means, and what was assumed for it."""
+    columns = readable_but_for(columns, options.leave_out)
+    _refuse_second_table(columns, lines)
+    return with_means(columns, options.columns)
+
+
+def _names_below(columns: tuple[Column, ...]) -> list[tuple[int, str, str]]:
+    """Line, column and text of cells of columns of numbers that hold the name of a quantity."""
+    return [(line, column.name, text) for column in columns for line, text in column.bad if is_known(text)]
+
+
 def _refuse_second_table(columns: tuple[Column, ...], lines: NDArray[np.intp]) -> None:
     """Refuse names of quantities among the numbers of several columns: a second table begins there.
 
@@ -263,8 +275,7 @@ def _refuse_second_table(columns: tuple[Column, ...], lines: NDArray[np.intp]) -
     DataError
     """
     found: dict[int, list[tuple[str, str]]] = {}
-    names = [(line, column.name, text) for column in columns for line, text in column.bad if is_known(text)]
-    for line, name, text in names:
+    for line, name, text in _names_below(columns):
         found.setdefault(line, []).append((name, text))
     line = min((line for line, cells in found.items() if len(cells) > 1), default=0)
     if not line:

@@ -325,7 +325,11 @@ def limits_reached(rec: Record, averaged: Record, period: int) -> Iterator[tuple
             f"The {rec.output} runs into {at} and stays there, in {samples} samples, as at the end of the range of a "
             "sensor: the gain is not known. Use another range or less load.",
         )
-    part = spread(averaged.decimated(max(period // 2, 1)))
+    yield from _saturated(rec, spread(averaged.decimated(max(period // 2, 1))))
+
+
+def _saturated(rec: Record, part: Record) -> Iterator[tuple[int, str]]:
+    """Level and sentence on a saturated input, found in a part of a record."""
     if not (order := order_of(part)):
         return
     fit = long_arx(part, order, input_lags(part, order))

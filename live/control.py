@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 
 from ..core.errors import UsageError
+from ..core.rounding import listed
 from ..datasets.units import convert
 from .controller import (
     CHANGED,
@@ -184,9 +185,9 @@ class ControlSession:
         elif read is None or now - read[0] > SILENT:
             if read is not None:
                 self._end("lost", f"no values of the controller's pins for {now - read[0]:.1f} s")
-        elif self.phase != "checking" and (missing := [pin for pin in (*STATUS, *CHANGED) if pin not in read[1]]):
-            others = " and others" if len(missing) > 3 else ""
-            self._end("lost", f"HAL no longer gives {', '.join(missing[:3])}{others}")
+        elif self.phase != "checking" and not {*STATUS, *CHANGED} <= set(read[1]):
+            missing = [pin for pin in (*STATUS, *CHANGED) if pin not in read[1]]
+            self._end("lost", f"HAL no longer gives {listed(missing, 3)}")
         else:
             getattr(self, f"_{self.phase}")(now, read[1])
         if self.phase not in ("refused", "lost"):

@@ -115,6 +115,12 @@ def real(value: float) -> str:
     return (mantissa if "." in mantissa else f"{mantissa}.0") + (f"E{exponent}" if exponent else "")
 
 
+def _pi(loop: LoadLoop, of: str) -> str:
+    """The statements of the PI; ``of`` is the signal that is averaged."""
+    control = _TEXT["incremental"] if loop.form == "incremental_sum" else _TEXT["position"]
+    return control.format(fill=indent(_TEXT["fill"], "    ") if of == "command" else "")
+
+
 def _law(loop: LoadLoop) -> str:
     """The statements, with the moving average where the loop has one."""
     of = loop.average_of if loop.average > 1 else ""
@@ -126,10 +132,8 @@ def _law(loop: LoadLoop) -> str:
     )
     average = indent(_TEXT["average"].format(of="target"), "  ") if of == "command" else ""
     if loop.law == "pi":
-        control = _TEXT["incremental"] if loop.form == "incremental_sum" else _TEXT["position"]
-        closed = control.format(fill=indent(_TEXT["fill"], "    ") if of == "command" else "")
         feed = _TEXT["feed"].format(average_command=average, air=_TEXT["air"], rates=_TEXT["rates"])
-        return read + _TEXT["watch"].format(anew="") + closed + feed
+        return read + _TEXT["watch"].format(anew="") + _pi(loop, of) + feed
     follow, closed = (
         _TEXT[name] for name in {"ratio": ("servo", "ratio"), "adaptive": ("revolution", "adaptive")}[loop.law]
     )

@@ -82,6 +82,14 @@ def check_adaptive_force(pf: "ParameterFile") -> tuple[FileFinding, ...]:
 
 
 @lru_cache(maxsize=16)
+def _of_control(pf: "ParameterFile") -> list[FileFinding]:
+    """Findings on margins, or where these are kept on the simulated control."""
+    if why := lacking(pf):
+        raise GateError(why)
+    machine(pf)
+    return list(_loops(pf)) or list(_simulated(pf))
+
+
 def _findings(same: FileKey) -> tuple[FileFinding, ...]:
     pf = same.pf
     try:
@@ -89,10 +97,7 @@ def _findings(same: FileKey) -> tuple[FileFinding, ...]:
             return (_failed("limits", why),)
         found = list(_order(pf))
         if not any(finding.passed is False for finding in found):
-            if why := lacking(pf):
-                raise GateError(why)
-            machine(pf)
-            found += list(_loops(pf)) or _simulated(pf)
+            found += _of_control(pf)
     except FitmodelsError as error:
         words = f"The adaptive force control was not simulated: {error}"
         return (FileFinding("control", None if incomplete(pf) else False, words),)

@@ -135,18 +135,21 @@ def equal_readings(settings: Array, readings: Array) -> Flags:
     return again if equal and chance < CHANCE else none
 
 
+def _kind(role: str | None) -> str:
+    return "" if role is None else ROLES[role].kind
+
+
 def of_equal_tests(draft: Draft, numbers: dict[str, Array], measured: tuple[str, ...]) -> Iterator[Doubt]:
     """Single tests with the readings of an earlier test at the same settings, in more rows than chance explains."""
     computed = {one.role for one in draft.derived}
     read = [values for role, values in numbers.items() if ROLES[role].kind in measured and role not in computed]
     labels = [np.unique(column.values.astype(str), return_inverse=True)[1].ravel() for column in draft.columns]
-    kept = [
-        codes.astype(float)
-        for codes, use in zip(labels, draft.uses, strict=True)
-        if len(np.unique(codes)) < len(codes) and (use.role is None or ROLES[use.role].kind not in measured)
-    ]
-    copies = equal_readings(np.column_stack(kept), np.column_stack(read)) if kept and read else None
-    if copies is not None and copies.any():
+    given = [codes for codes, use in zip(labels, draft.uses, strict=True) if _kind(use.role) not in measured]
+    kept = [codes.astype(float) for codes in given if len(np.unique(codes)) < len(codes)]
+    if not kept or not read:
+        return
+    copies = equal_readings(np.column_stack(kept), np.column_stack(read))
+    if copies.any():
         yield Doubt(
             tuple(role for role in draft.data if role in ROLES),
             f"{lines_text(draft.lines[copies])} repeat{'s' * int(copies.sum() == 1)} the settings and readings of "

@@ -117,19 +117,20 @@ def _compare_torque(draft: Draft, options: ReadOptions) -> None:
     _compare(draft, of, _over(8000 * M, f * D**2), options)
 
 
+def _above_cutting_force(values: dict[str, Array], role: str) -> tuple[int, int] | None:
+    """The number of rows with more of a force than of Fc, and of all; None unless they are nearly all."""
+    both = np.isfinite(values["Fc"]) & np.isfinite(values[role])
+    count, known = np.count_nonzero(values[role][both] > values["Fc"][both]), np.count_nonzero(both)
+    return (count, known) if known >= FEWEST and count > MOST_ABOVE * known else None
+
+
 def _compare_components(draft: Draft, values: dict[str, Array]) -> None:
     """Doubt a feed or passive force above the cutting force in nearly all rows: exchanged names.
 
     A passive force exceeds it in finishing and hard turning, and is doubted where it depends on feed and depth as a
     cutting force does, and the column of the cutting force does not.
     """
-    above = {}
-    for role in ("Ff", "Fp"):
-        if role in values:
-            both = np.isfinite(values["Fc"]) & np.isfinite(values[role])
-            count, known = np.count_nonzero(values[role][both] > values["Fc"][both]), np.count_nonzero(both)
-            if known >= FEWEST and count > MOST_ABOVE * known:
-                above[role] = count, known
+    above = {role: found for role in ("Ff", "Fp") if role in values and (found := _above_cutting_force(values, role))}
     off = {role: _off_main_force(values, role) for role in ("Fc", *above)}
     if "Fp" in above and not off["Fp"] + CLEARLY < off["Fc"]:
         del above["Fp"]
@@ -184,9 +185,14 @@ def _compare_geometry(draft: Draft, values: dict[str, Array], options: ReadOptio
     ratio = ratio[(highest >= DOMINANT) & np.isfinite(ratio)]
     if len(ratio) < FEWEST:
         return
+    number = next(use.number for use in draft.uses if use.role == role)
+    _doubt_geometry(draft, role, ratio, number)
+
+
+def _doubt_geometry(draft: Draft, role: str, ratio: Array, number: int) -> None:
+    """Doubt a roughness by its ``ratio`` to that of the geometry."""
     low, high, middle = float(ratio.min()), float(ratio.max()), float(np.median(ratio))
     formula = f"{role}/(1000 f^2/({PROFILES[role]} re))"
-    number = next(use.number for use in draft.uses if use.role == role)
     if role == "Ra" and low >= ROUGHER and high <= ROUGHER * PROFILES["Ra"] / PROFILES["Rz"]:
         head = f"{formula} is {format_decimal(low)} to {format_decimal(high)} in {len(ratio)} rows (usual 1 to 2)"
         sentence = f"{head}, and the values are usual for Rz: Rz under the name of Ra, another nose radius, or chatter"

@@ -301,10 +301,15 @@ def power_in_air(law: LawFit) -> str:
     ''
     """
     low = {name: _POWER[SAME.get(name, name)].usual[0] for name in law.factors if name in CUT}
-    if law.form != "power" or law.rows is None or len(low) < len(law.factors) or len(low) < 2 or law.df < 2:
+    if law.form != "power" or law.rows is None or law.df < 2 or not 2 <= len(low) == len(law.factors):
         return ""
     if any(float(law.params[name]) >= least for name, least in low.items()):
         return ""
+    return _with_air(law, low)
+
+
+def _with_air(law: LawFit, low: Mapping[str, float]) -> str:
+    """The sentence where a power in air and a cut follow the rows better than the law; ``low``: usual exponents."""
     cut = np.prod([law.X[:, j] ** CUT[name] for j, name in enumerate(law.factors)], axis=0)
     A = np.column_stack([np.ones(law.nobs), cut]) / law.observed[:, None]
     inverse = np.linalg.pinv(A.T @ A)

@@ -58,8 +58,7 @@ def _exponents(law: LawFit, runs: Runs | None) -> Check | NotAvailable:
     ranges = {name: one for name, one in ranges.items() if name in intervals}
     said = [_judged(law, name, one, intervals[name]) for name, one in ranges.items()]
     null = f"the interval of each exponent reaches the range that occurs in {where}"
-    air = power_in_air(law) if law.response == "P" and not is_computed("P", runs) else ""
-    found = list(filter(None, [*said, _reversed_order(law, ranges), (1, air) if air else None]))
+    found = list(filter(None, [*said, _reversed_order(law, ranges), _air(law, runs)]))
     return _check(null, found, _passed(ranges, intervals, where))
 
 
@@ -72,20 +71,22 @@ def _intervals(law: LawFit) -> dict[str, tuple[float, float, float]] | NotAvaila
     return NotAvailable(NO_ROWS) if law.rows is None else local_exponents(law)
 
 
+def _air(law: LawFit, runs: Runs | None) -> Found | None:
+    """A measured power that contains the power in air."""
+    words = power_in_air(law) if law.response == "P" and not is_computed("P", runs) else ""
+    return (1, words) if words else None
+
+
 def _passed(ranges: Mapping[str, Exponent], intervals: Mapping[str, tuple[float, float, float]], where: str) -> str:
     """The sentence where no exponent is doubted: those outside the usual range, and those that are uncertain."""
-    wide = [
-        f"{name} {intervals[name][0]:.2g}, {intervals[name][1]:.2g} to {intervals[name][2]:.2g} "
-        f"(usual {_range(one.usual)})"
-        for name, one in ranges.items()
-        if not one.limits[0] <= intervals[name][0] <= one.limits[1]
-    ]
-    beyond = [
-        f"{name} {b:.2g}, {low:.2g} to {high:.2g} (usual {_range(one.usual)}, doubted beyond {_range(one.limits)})"
-        for name, one in ranges.items()
-        for b, low, high in [intervals[name]]
-        if one.limits[0] <= b <= one.limits[1] and not (one.usual[0] <= high and low <= one.usual[1])
-    ]
+    wide, beyond = [], []
+    for name, one in ranges.items():
+        b, low, high = intervals[name]
+        words = f"{name} {b:.2g}, {low:.2g} to {high:.2g} (usual {_range(one.usual)}"
+        if not one.limits[0] <= b <= one.limits[1]:
+            wide.append(f"{words})")
+        elif max(one.usual[0], low) > min(one.usual[1], high):
+            beyond.append(f"{words}, doubted beyond {_range(one.limits)})")
     outside = f"Exponents outside the range usual in {where}, and not so far that they are doubted"
     said = [f"Exponents that are unusual but too uncertain to be judged: {'; '.join(wide)}."] if wide else []
     said += [f"{outside}: {'; '.join(beyond)}."] if beyond else []
@@ -139,20 +140,25 @@ _ORDER: tuple[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], float], .
 )
 
 
+def _error_of_difference(law: LawFit, one: str, other: str) -> float:
+    """Standard error of the difference of two coefficients."""
+    at = [law.names.index(name) for name in (one, other)]
+    cov = law.covariance()[np.ix_(at, at)]
+    return float(np.sqrt(max(cov[0, 0] + cov[1, 1] - 2 * cov[0, 1], 0.0)))
+
+
 def _reversed_order(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | None:
     """A response that depends more on one condition than on another, where in cutting it is the other way round."""
     from scipy.special import stdtrit
 
     for responses, larger, smaller, least in _ORDER:
-        more, less = (next(filter(ranges.__contains__, names), None) for names in (larger, smaller))
-        if law.form != "power" or law.response not in responses or more is None or less is None:
+        more, less = (next(filter(ranges.__contains__, names), "") for names in (larger, smaller))
+        if law.form != "power" or law.response not in responses or not (more and less):
             continue
         sign = -1 if law.response == "T" else 1
-        at = [law.names.index(name) for name in (more, less)]
-        cov = law.covariance()[np.ix_(at, at)]
         b_more, b_less = (float(law.params[name]) for name in (more, less))
-        se = float(np.sqrt(max(cov[0, 0] + cov[1, 1] - 2 * cov[0, 1], 0.0)))
-        if sign * (b_less - b_more) > max(stdtrit(max(law.df, 1), 0.975) * se, least):
+        error = stdtrit(max(law.df, 1), 0.975) * _error_of_difference(law, more, less)
+        if sign * (b_less - b_more) > max(error, least):
             in_cutting = "speed" if more in _SPEED else {"d": "depth"}.get(more, "feed")
             return 1, (
                 f"{law.response} depends more on {less} (exponent {b_less:.2g}) than on {more} ({b_more:.2g}), in "

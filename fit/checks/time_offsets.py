@@ -163,8 +163,7 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
     """
     tests = _tests(law, icc)
     rejected = {name: one for name, one in tests.items() if _rejects(one)}
-    rows = rows_of(law) if rejected else None
-    if not isinstance(rows, TimeRows):
+    if not rejected or not isinstance(rows := rows_of(law), TimeRows):
         return tests
     name = min(rejected, key=lambda one: rejected[one].pvalue or 0.0)
     named = _named(law, icc, rows)

@@ -208,9 +208,8 @@ def explained(deviation: float, ratios: Mapping[float, str], within: float) -> t
     >>> explained(2.25, forces, 0.2), explained(-2.3, forces, 0.2)
     ((0.1, 'a decimal mark'), (9.80665, 'kgf and N'))
     """
-    if 10.0 in ratios and KGF in ratios:
-        less = {10.0 if deviation > 0 else KGF: ratios[10.0 if deviation > 0 else KGF]}
-        ratios = {ratio: cause for ratio, cause in ratios.items() if ratio not in (10.0, KGF)} | less
+    if {10.0, KGF} <= set(ratios):
+        ratios = {ratio: cause for ratio, cause in ratios.items() if ratio != (KGF if deviation > 0 else 10.0)}
     known: list[tuple[float, float, str]] = [
         (abs(deviation + sign * math.log(ratio)), ratio**sign, cause)
         for ratio, cause in ratios.items()

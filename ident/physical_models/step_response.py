@@ -384,6 +384,11 @@ def _of_window(fit: "StepFit", window: float, settled: bool) -> Iterator[tuple[i
         yield USABLE, "No significant delay."
 
 
+def _other_order(fit: "StepFit") -> str:
+    tried = any("chosen by the record" in note for note in fit.notes)
+    return "look at the figure" if tried else f"look at the figure, and try order {3 - fit.order}"
+
+
 def _of_fit(fit: "StepFit") -> Iterator[tuple[int, str]]:
     error = float(fit.bse["gain"])
     if abs(fit.gain) < SURE * error:
@@ -394,7 +399,5 @@ def _of_fit(fit: "StepFit") -> Iterator[tuple[int, str]]:
         )
     if fit.fit < GOOD and (fit.rate_limit is None or fit.fit < POOR):
         level, limit = (RESERVATIONS, GOOD) if fit.fit >= POOR else (DO_NOT_USE, POOR)
-        tried = any("chosen by the record" in note for note in fit.notes)
-        other = "look at the figure" if tried else f"look at the figure, and try order {3 - fit.order}"
-        advice = drift(fit.runs, fit.fitted, fit.unit_y) or other
+        advice = drift(fit.runs, fit.fitted, fit.unit_y) or _other_order(fit)
         yield level, f"The fit of order {fit.order} is {fit.fit:.0f} %, less than {limit:.0f} %: {advice}."

@@ -311,6 +311,10 @@ def plausibility_remarks(model: Model, longest: float) -> tuple[str, ...]:
     return tuple(remarks)
 
 
+def _unit_of_gain(model: Model) -> str:
+    return f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
+
+
 def gain_reservations(model: Model) -> list[tuple[int, str]]:
     """Reservations about the stability and the static gain of a model."""
     if model.integrating:
@@ -319,7 +323,7 @@ def gain_reservations(model: Model) -> list[tuple[int, str]]:
         radius = float(np.abs(model.poles).max())
         return [(DO_NOT_USE, f"the model is not stable, a pole at radius {radius:.6g}: record it in closed loop")]
     gain, error = model.dc_gain, float(response_error(model, np.zeros(1))[0])
-    unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
+    unit = _unit_of_gain(model)
     if gain < -CERTAIN * error and (model.unit_y in LOADS or _same_quantity(model)):
         words = f"the static gain is negative, {gain:.3g}{unit}: {model.output} falls when {model.input} rises"
         return [(RESERVATIONS, f"{words}; check the sign of the sensor and the columns")]

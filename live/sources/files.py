@@ -75,15 +75,7 @@ class Tail:
         file = self._file
         assert file is not None  # noqa: S101  opened above
         try:
-            status = os.fstat(file.fileno())
-            if was_closed and (event := self._reopened(status)):
-                return [], event
-            if reason := self._changed(file, status.st_size):
-                return [], self._again(reason)
-            data = _bytes_at(file.fileno(), CHUNK, self._offset)
-            if data:
-                return self._taken(file, data, status.st_size)
-            return [], self._successor(status)
+            return self._added(file, was_closed=was_closed)
         except OSError as error:
             self.close()
             self.caught_up = False
@@ -104,6 +96,16 @@ class Tail:
         self._offset = 0
         self._head = self._before = self._pending = b""
         self._exhausted = self.caught_up = False
+
+    def _added(self, file: BinaryIO, *, was_closed: bool) -> tuple[list[bytes], str]:
+        """Result of `poll` for an open file."""
+        status = os.fstat(file.fileno())
+        if was_closed and (event := self._reopened(status)):
+            return [], event
+        if reason := self._changed(file, status.st_size):
+            return [], self._again(reason)
+        data = _bytes_at(file.fileno(), CHUNK, self._offset)
+        return self._taken(file, data, status.st_size) if data else ([], self._successor(status))
 
     def _open(self) -> bool:
         try:
