@@ -303,3 +303,14 @@ def places(forms: Sequence[Action], found: Mapping[str, Any], own: str = "") -> 
     """Places of a page with these forms and the JSON of its reading."""
     columns = {one["role"]: one["number"] for one in found.get("columns", ()) if one.get("role")}
     return Places({one.name: one for one in forms}, columns, own)
+
+
+def colour(level: str) -> str:
+    """Class of the style sheet in which a level of a verdict is shown, beside its words.
+
+    >>> colour("usable with reservations"), colour("do not use")
+    ('doubt', 'bad')
+    """
+    if "reservations" in level:
+        return "doubt"
+    return "bad" if level.startswith("do not") else "good" if level.startswith("usable") else ""

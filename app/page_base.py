@@ -20,8 +20,9 @@ from . import messages, options, reading
 from .cells import Cells
 from .command_forms import Subject, actions
 from .jobs import Job, Jobs, Runner
+from .messages import colour
 from .project import Entry, Project
-from .stages import colour, current_files
+from .stages import current_files
 
 PRELOAD: Final = ("fitmodels.app.warm", "fitmodels.datasets.overview")
 POLL: Final = 0.02  # s between looks at a command that is waited for

@@ -11,9 +11,10 @@ from typing import Any, Final
 from starlette.responses import FileResponse, HTMLResponse, Response
 
 from .jobs import Job
+from .messages import colour
 from .options import OF_OUTPUT, applied, pairs, typed, words
 from .project import Entry, Project
-from .stages import colour, current_files, files_of, time_of
+from .stages import current_files, files_of, time_of
 
 RECORD: Final = "is a record of one run"  # in a refusal of look
 PICTURES: Final = (".png", ".svg")

@@ -10,6 +10,7 @@ from typing import Any, Final
 from .command_forms import ENGAGEMENT, FOLLOWING, Action, Subject, actions, subject_of
 from .command_words import DEFAULT
 from .jobs import Job
+from .messages import colour
 from .options import command_of
 from .project import Entry, Project, Step
 
@@ -32,17 +33,6 @@ class State:
     words: str = "not done"
     colour: str = ""
     outdated: str = ""
-
-
-def colour(level: str) -> str:
-    """Class of the style sheet in which a level of a verdict is shown, beside its words.
-
-    >>> colour("usable with reservations"), colour("do not use")
-    ('doubt', 'bad')
-    """
-    if "reservations" in level:
-        return "doubt"
-    return "bad" if level.startswith("do not") else "good" if level.startswith("usable") else ""
 
 
 def _parts(words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:

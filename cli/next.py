@@ -141,15 +141,15 @@ def _one_pair(args: argparse.Namespace) -> "Runs":
     raise UsageError(_to_choose(args, several, found))
 
 
-def _options_of(runs: "Runs", roles: "Sequence[str]") -> str:
-    """The options that name a pair."""
+def _options_of(runs: "Runs", several: "Sequence[Runs]") -> str:
+    """The options that name a pair of several."""
+    roles = [role for role in ("tool", "work") if len({getattr(one, role) for one in several}) > 1]
     return " ".join(f"--{role} {shlex.quote(getattr(runs, role))}" for role in roles)
 
 
 def _to_choose(args: argparse.Namespace, several: "Sequence[Runs]", found: "Sequence[Runs]") -> str:
     """The message on a file of several pairs, of which not exactly one is named."""
-    differing = [one for one in ("tool", "work") if len({getattr(runs, one) for runs in several}) > 1]
-    pairs = [_options_of(one, differing) for one in found or several]
+    pairs = [_options_of(one, several) for one in found or several]
     shown = "; ".join(pairs[:MOST]) + (f"; and {len(pairs) - MOST} more" if len(pairs) > MOST else "")
     asked = "" if found else f", none of them {args.tool or 'any tool'} on {args.work or 'any work material'}"
     return (

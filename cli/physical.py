@@ -261,9 +261,9 @@ def _collected(
 
     section: dict[str, Any] = {SECTION[args.model]: found.section}
     if former is not None:
-        gains = {"pi": None} if args.model == STEP else {}
+        section |= {"pi": None} if args.model == STEP else {}
         identity, provenance = with_teeth(joined(former, records), args.teeth), traced(former, args.words)
-        return sealed(former, identity=identity, **section, **gains, provenance=provenance)
+        return sealed(former, identity=identity, **section, provenance=provenance)
     options = ("input", "output", "unit", "rate", "model", *OPTIONS[args.model])
     source = records[0].source
     return parameters.collect(
@@ -273,7 +273,7 @@ def _collected(
         **section,
         data_file=args.file[0] if source is None else Path(source).name,
         data_sha256=records[0].sha256,
-        simulated=True if disclaimers(note for rec in records for note in rec.notes) else None,
+        simulated=bool(disclaimers(note for rec in records for note in rec.notes)) or None,
         n_rows=sum(map(len, records)),
         command=typed(args.words),
         options={name: value for name in options if (value := getattr(args, name)) is not None},

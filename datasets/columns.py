@@ -250,19 +250,17 @@ def _refuse_two_tables(claims: list[_Claim]) -> None:
     """Refuse columns of two tables that stand side by side: their rows are of different tests."""
     start = _second_table(claims)
     mapped = {claim.role for claim in claims if claim.mapped}
-    used = {
-        claim.column.number < start for claim in claims if claim.role and (claim.mapped or claim.role not in mapped)
-    }
-    if start and len(used) > 1:
-        headed = [claim for claim in claims if claim.column.name]
-        first = [claim for claim in headed if claim.column.number < start]
-        second = headed[len(first) :]
-        numbers = (one.column.number for one in (first[0], first[-1], second[0], second[-1]))
-        raise DataError(
-            "columns {} to {} and columns {} to {} are two tables side by side: the same names stand in both above "
-            "other values. Save each as a file or sheet of its own, or read one of them: ".format(*numbers)
-            + f"{_alone(first, second)} or {_alone(second, first)}."
-        )
+    used = [claim for claim in claims if claim.role and (claim.mapped or claim.role not in mapped)]
+    if not start or len({claim.column.number < start for claim in used}) < 2:
+        return
+    first = [claim for claim in claims if claim.column.name and claim.column.number < start]
+    second = [claim for claim in claims if claim.column.name][len(first) :]
+    raise DataError(
+        f"columns {first[0].column.number} to {first[-1].column.number} and columns {second[0].column.number} to "
+        f"{second[-1].column.number} are two tables side by side: the same names stand in both above other values. "
+        f"Save each as a file or sheet of its own, or read one of them: {_alone(first, second)} or "
+        f"{_alone(second, first)}."
+    )
 
 
 def _second_table(claims: list[_Claim]) -> int:
@@ -339,17 +337,19 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
     return convert(np.asarray(column.values, dtype=float), unit, role.unit), unit, True
 
 
+def _unreadable(column: Column, role: Role) -> str:
+    name = f"column {column.name!r} ({role.quantity} {role.symbol})"
+    remedy = _remedy(column.bad[0][1], role) or "Write a number, or leave the cell empty."
+    return f"{name} contains text instead of numbers: {column.bad_cells()}. {remedy}"
+
+
 def _only_readable(claims: list[_Claim]) -> None:
     """Refuse columns of numbers with cells that are none, all at once, and name the option that leaves them out."""
     roles = [(claim.column, ROLES[claim.role]) for claim in claims if claim.role]
     bad = [(column, role) for column, role in roles if column.bad and role.kind != "label"]
     if not bad:
         return
-    words = [
-        f"column {column.name!r} ({role.quantity} {role.symbol}) contains text instead of numbers: "
-        f"{column.bad_cells()}. " + (_remedy(column.bad[0][1], role) or "Write a number, or leave the cell empty.")
-        for column, role in bad
-    ]
+    words = [_unreadable(column, role) for column, role in bad]
     cells = [cell for column, _ in bad for cell in column.bad]
     if len(cells) == sum(column.bad_count for column, _ in bad):
         lines = ",".join(map(str, sorted(dict(cells))))

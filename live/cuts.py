@@ -235,10 +235,6 @@ class Cuts:
             self._air.begin(block.end + RUN_UP)
             self._air.begun = block.end
         self._windows.proved |= block.phase == "idle" and bool(self._air.known)
-        yield from self._of_early_feed()
-
-    def _of_early_feed(self) -> Iterator[Found]:
-        """The feed before any idle level was known, judged once there is one."""
         if self._early.seconds and (self._stopped or self._windows.proved):
             early, self._early = self._early, EarlyFeed()
             yield from self._windows.early(early) if early.above(self.idle) else ()

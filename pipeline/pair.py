@@ -17,6 +17,7 @@ from ..datasets import Runs
 from ..datasets.vocabulary import FLANK_WEAR, USUAL_CRITERION
 from ..fit.available import computed
 from .options import FitOptions
+from .reading import pair_of_several
 
 if TYPE_CHECKING:
     from ..cards.forms.page import Profiler
@@ -305,16 +306,10 @@ def parameter_file(
         data_file=source.name,
         data_sha256=source.sha256,
         command=command,
-        options=options.recorded() | _of_several(pair.runs),
+        options=options.recorded() | pair_of_several(pair.runs),
         seed=options.seed,
         **identity,  # type: ignore[arg-type]
     )
-
-
-def _of_several(runs: "Runs") -> dict[str, dict[str, str]]:
-    """Names of the pair where its data hold others as well: a plan of further tests is of one pair."""
-    named = {role: name for role, name in (("tool", runs.tool), ("work", runs.work)) if role in runs.data}
-    return {"pair": named} if named and len(runs) < runs.source.rows else {}
 
 
 def _with_surface_words(law: "LawFit") -> "LawFit":

@@ -156,3 +156,9 @@ def _record(path: Path, look: "FileKind") -> DataError:
         f"{path.name} is a record of one run ({look.reason}): identify it with {_identify(path)}, or assign the "
         "columns of cutting tests with --map."
     )
+
+
+def pair_of_several(runs: "Runs") -> dict[str, dict[str, str]]:
+    """Names of the pair where its data hold others as well: a plan of further tests is of one pair."""
+    named = {role: name for role, name in (("tool", runs.tool), ("work", runs.work)) if role in runs.data}
+    return {"pair": named} if named and len(runs) < runs.source.rows else {}

@@ -270,7 +270,14 @@ def _refuse_two_units(draft: Draft, one: Quantity) -> None:
     if len(levels) < FEWEST_OF_UNITS or float(np.diff(levels).max()) < np.log(GAP_OF_UNITS):
         return
     cut = levels[int(np.diff(levels).argmax())]
-    low, high = np.flatnonzero(y <= cut), np.flatnonzero(y > cut)
+    _refuse_groups(draft, one, x, y, (np.flatnonzero(y <= cut), np.flatnonzero(y > cut)))
+
+
+def _refuse_groups(
+    draft: Draft, one: Quantity, x: Array, y: Array, groups: tuple[NDArray[np.intp], NDArray[np.intp]]
+) -> None:
+    """Refuse small and large values, ``y`` their logarithms, where the groups are a ratio of units apart."""
+    (low, high), levels = groups, y[np.isfinite(y)]
     share = min(len(low), len(high)) / len(levels)
     if share < FEW and one.lies_in(one.ranges.unusual):  # few edges of another order are doubted by name
         return
@@ -294,19 +301,30 @@ def _between(ends: tuple[float, float], value: float) -> bool:
     return ends[0] <= value <= ends[1]
 
 
+def _as_revolutions(draft: Draft, one: Quantity, options: ReadOptions, process: Process | None) -> bool:
+    """Whether the numbers of a speed are possible in m/min, and those of a spindle, which is not known."""
+    spindle = plausible("n", process)
+    if spindle is None or "n" in {*draft.data, *options.constants}:
+        return False
+    return one.lies_in(spindle.usual) and one.lies_in(one.ranges.unusual)
+
+
+def _is_fast(draft: Draft, options: ReadOptions) -> bool:
+    """Whether names or notes are of a material or a tool that is turned at high speed."""
+    labels = {str(label) for role in ("tool", "work") for label in draft.data.get(role, ())}
+    return bool(_FAST.search(" ".join([options.tool or "", options.work or "", *labels, *draft.notes]).casefold()))
+
+
 def _doubt_revolutions(draft: Draft, one: Quantity, options: ReadOptions, process: Process | None) -> bool:
     """Whether a speed without a unit may be that of the spindle, which then is doubted, and stays in m/min."""
-    spindle = plausible("n", process)
-    known = one.role != "V" or "n" in {*draft.data, *options.constants}
-    if known or spindle is None or not (one.lies_in(spindle.usual) and one.lies_in(one.ranges.unusual)):
+    if one.role != "V" or not _as_revolutions(draft, one, options, process):
         return False
     values = np.unique(np.asarray(draft.columns[one.place].values, dtype=float))
     levels, least = values[values > 0], (plausible("V", process or "turning") or one.ranges).usual[1]
     named = "n" in roles_named(draft.uses[one.place].name)  # "speed" may be either
     standard = len(levels) >= FEWEST_LEVELS and bool(np.isin(levels.round(), SPINDLE_SPEEDS).all())
-    labels = {str(label) for role in ("tool", "work") for label in draft.data.get(role, ())}
-    fast = _FAST.search(" ".join([options.tool or "", options.work or "", *labels, *draft.notes]).casefold())
-    if fast or not (np.median(levels) > least or (named and standard and not np.isin(levels, ROUND_SPEEDS).all())):
+    plan = named and standard and not np.isin(levels, ROUND_SPEEDS).all()
+    if not (plan or np.median(levels) > least) or _is_fast(draft, options):
         return False
     usual = f"usual {format_decimal(one.ranges.usual[0])} to {format_decimal(least)} m/min"
     spindles = "standard spindle speeds" if standard else "usual spindle speeds"

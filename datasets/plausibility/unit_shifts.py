@@ -4,6 +4,7 @@ Some edges whose feed stands in inches among edges in mm leave small residuals: 
 towards them. So minorities beyond a gap of the condition are moved by each ratio, and the regressions are compared.
 """
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -40,6 +41,7 @@ ISOLATED = 1.0
 ALONE, TINY = 0.02, 1e-9  # share of its own value that a row must not determine; of a column that others contain
 SEVERAL, MISSING = 2, 0.25  # edges of a planned level at least, and the share of its settings that may be missing
 PLACES = 6  # of the logarithm, to which levels are equal
+KGF = 9.80665  # N
 CLOSE = 4.6  # with less than this, 2 ln(10), between two ratios the data do not decide
 
 
@@ -142,3 +144,25 @@ def single_evidence(y: Array, columns: Array, among: slice) -> tuple[float, int]
     without = np.where(own > ALONE, rss - left[among] ** 2 / np.maximum(own, ALONE), rss)
     row = int(np.argmin(without))
     return len(own) * float(np.log(max(rss, 1e-300) / max(float(without[row]), 1e-300))), row
+
+
+def explained(deviation: float, ratios: Mapping[float, str], within: float) -> tuple[float, str]:
+    """Factor that corrects a deviation of a logarithm, with its cause; 0 where no ratio of units is within reach.
+
+    A force in kgf among those in N is too low by 9.8, so one that is too high by about 10 has a slipped decimal mark.
+
+    >>> explained(-3.2, {25.4: "inch and mm"}, 0.2)
+    (25.4, 'inch and mm')
+    >>> forces = {9.80665: "kgf and N", 10.0: "a decimal mark"}
+    >>> explained(2.25, forces, 0.2), explained(-2.3, forces, 0.2)
+    ((0.1, 'a decimal mark'), (9.80665, 'kgf and N'))
+    """
+    if {10.0, KGF} <= set(ratios):
+        ratios = {ratio: cause for ratio, cause in ratios.items() if ratio != (KGF if deviation > 0 else 10.0)}
+    known: list[tuple[float, float, str]] = [
+        (abs(deviation + sign * math.log(ratio)), ratio**sign, cause)
+        for ratio, cause in ratios.items()
+        for sign in (1, -1)
+    ]
+    best = min(known, default=(math.inf, 0.0, ""))
+    return (best[1], best[2]) if best[0] <= within else (0.0, "")

@@ -211,8 +211,11 @@ def _counted(
     if canonical(_unit_text(column) or "-") == "%" and _SHARE.search(column.name):
         more = "multiply it by the rated power or current, and add it as P [kW] or I [A]"
         return [Doubt((column.name,), f"column {column.name!r} is a share of a rated value and is not used: {more}")]
-    if not looks_numbered(values):
-        return None
+    return _numbered(column, suggestion, values) if looks_numbered(values) else None
+
+
+def _numbered(column: Column, suggestion: str | None, values: Array) -> list[Doubt] | None:
+    """Doubt of a column of whole numbers from 1 on that may be levels; None for other columns."""
     role = role_within(_LEVELS.sub(" ", column.name)) or suggestion
     named = role is not None and ROLES[role].kind == "condition"
     if not (_FACTOR.fullmatch(column.name) or (named and _LEVELS.search(column.name))):

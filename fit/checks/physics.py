@@ -151,9 +151,11 @@ def _reversed_order(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | None
     """A response that depends more on one condition than on another, where in cutting it is the other way round."""
     from scipy.special import stdtrit
 
+    if law.form != "power":
+        return None
     for responses, larger, smaller, least in _ORDER:
         more, less = (next(filter(ranges.__contains__, names), "") for names in (larger, smaller))
-        if law.form != "power" or law.response not in responses or not (more and less):
+        if not (law.response in responses and more and less):
             continue
         sign = -1 if law.response == "T" else 1
         b_more, b_less = (float(law.params[name]) for name in (more, less))

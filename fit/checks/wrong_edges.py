@@ -24,6 +24,7 @@ from ...datasets.plausibility.unit_shifts import (
     INSIDE,
     RATIOS,
     TIME_RATIOS,
+    explained,
     isolated,
     minorities,
     planned,
@@ -37,7 +38,7 @@ from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of
 from .robust_fit import tail_of_rows
 from .strata import EdgeLevels, Strata, edge_levels, is_computed, orthonormal
-from .wrong_rows import NEAR, explained, measured
+from .wrong_rows import NEAR, measured
 
 FEWEST, SPARE = 8, 4  # edges, and edges beyond the parameters that they determine
 MOST = 1 / 6  # of the edges

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.rounding import format_plain, listed
 from ...datasets import Runs
-from ...datasets.plausibility.unit_shifts import TIME_RATIOS, ratios_of
+from ...datasets.plausibility.unit_shifts import TIME_RATIOS, explained, ratios_of
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of
@@ -35,7 +35,6 @@ FAR = 4.8  # robust standard deviations beyond which a row is wrong where severa
 SMALL = 0.4  # of the logarithm of the response: rows closer to the law are no mistakes that no unit explains
 HARM = 0.2  # of the logarithm of a prediction: rows that move one by more forbid the use of the law
 NEAR = 3.0  # standard deviations between a deviation and the ratio of two units that explains it
-KGF = 9.80665  # N
 COMPUTED = "computed from other columns"
 FEW_ROWS = 40  # independent rows, up to which one is tested by its deleted residual
 NORMAL_LEVEL = 0.01  # of the level of other tests, as lives and heavy-tailed readings are no normal ones
@@ -195,28 +194,6 @@ def _suspects(
 def measured(law: LawFit) -> str:
     """The measured quantity of a response, which may be given over fixed powers of factors: Fc of ``Fc/d``."""
     return law.response.split("/")[0]
-
-
-def explained(deviation: float, ratios: Mapping[float, str], within: float) -> tuple[float, str]:
-    """Factor that corrects a deviation of a logarithm, with its cause; 0 where no ratio of units is within reach.
-
-    A force in kgf among those in N is too low by 9.8, so one that is too high by about 10 has a slipped decimal mark.
-
-    >>> explained(-3.2, {25.4: "inch and mm"}, 0.2)
-    (25.4, 'inch and mm')
-    >>> forces = {9.80665: "kgf and N", 10.0: "a decimal mark"}
-    >>> explained(2.25, forces, 0.2), explained(-2.3, forces, 0.2)
-    ((0.1, 'a decimal mark'), (9.80665, 'kgf and N'))
-    """
-    if {10.0, KGF} <= set(ratios):
-        ratios = {ratio: cause for ratio, cause in ratios.items() if ratio != (KGF if deviation > 0 else 10.0)}
-    known: list[tuple[float, float, str]] = [
-        (abs(deviation + sign * math.log(ratio)), ratio**sign, cause)
-        for ratio, cause in ratios.items()
-        for sign in (1, -1)
-    ]
-    best = min(known, default=(math.inf, 0.0, ""))
-    return (best[1], best[2]) if best[0] <= within else (0.0, "")
 
 
 def _sentence(law: LawFit, suspect: Suspect, r: Array, logs: bool) -> str:
