@@ -69,12 +69,11 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         path = ident.write_excitation(u, args.rate, Path(args.out), args.form, args.unit, force=args.force)
     if args.json:
-        print_json("excitation", {"file": args.out and str(path), "words": lines, "rate": args.rate,
+        print_json("excitation", {"file": None if path is None else str(path), "words": lines, "rate": args.rate,
                                   "samples": len(u), "unit": args.unit})  # fmt: skip
         return 0
     out = Printer(quiet=args.quiet)
-    for line in lines:
-        out.show(line)
+    out.show("\n".join(lines))
     if path is not None:
         out.wrote(f"Written: {path}", path)
     return 0

@@ -269,7 +269,7 @@ def _collected(
     return parameters.collect(
         tool=args.tool,
         work=args.work,
-        iso13399=_geometry(args.teeth) or None,
+        iso13399=_geometry(args.teeth),
         **section,
         data_file=args.file[0] if source is None else Path(source).name,
         data_sha256=records[0].sha256,

@@ -350,11 +350,15 @@ def _only_readable(claims: list[_Claim]) -> None:
     if not bad:
         return
     words = [_unreadable(column, role) for column, role in bad]
-    cells = [cell for column, _ in bad for cell in column.bad]
-    if len(cells) == sum(column.bad_count for column, _ in bad):
-        lines = ",".join(map(str, sorted(dict(cells))))
-        words.append(f"Or leave these rows out: --leave-out 'lines {lines}'.")
-    raise DataError(" ".join(words))
+    raise DataError(" ".join([*words, *_rows_to_leave_out([column for column, _ in bad])]))
+
+
+def _rows_to_leave_out(columns: list[Column]) -> list[str]:
+    """The option that leaves out all rows with cells that cannot be read; nothing where not all are known."""
+    cells = [cell for column in columns for cell in column.bad]
+    if len(cells) < sum(column.bad_count for column in columns):
+        return []
+    return [f"Or leave these rows out: --leave-out 'lines {','.join(map(str, sorted(dict(cells))))}'."]
 
 
 def _only_numbers(column: Column, role: Role) -> None:

@@ -185,14 +185,19 @@ class ControlSession:
         elif read is None or now - read[0] > SILENT:
             if read is not None:
                 self._end("lost", f"no values of the controller's pins for {now - read[0]:.1f} s")
-        elif self.phase != "checking" and not {*STATUS, *CHANGED} <= set(read[1]):
-            missing = [pin for pin in (*STATUS, *CHANGED) if pin not in read[1]]
-            self._end("lost", f"HAL no longer gives {listed(missing, 3)}")
         else:
-            getattr(self, f"_{self.phase}")(now, read[1])
+            self._go_on(now, read[1])
         if self.phase not in ("refused", "lost"):
             self.link.send(self.phase != "tripping", {})
         return (self.text,) if self.text != before else ()
+
+    def _go_on(self, now: float, values: Values) -> None:
+        """Advance by the values of the pins; all of them are needed once they were checked."""
+        missing = [pin for pin in (*STATUS, *CHANGED) if pin not in values]
+        if missing and self.phase != "checking":
+            self._end("lost", f"HAL no longer gives {listed(missing, 3)}")
+        else:
+            getattr(self, f"_{self.phase}")(now, values)
 
     def fail(self, reason: str) -> tuple[str, ...]:
         """End as lost for a reason; returns the sentence on it."""

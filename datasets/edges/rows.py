@@ -135,17 +135,19 @@ def equal_readings(settings: Array, readings: Array) -> Flags:
     return again if equal and chance < CHANCE else none
 
 
-def _kind(role: str | None) -> str:
-    return "" if role is None else ROLES[role].kind
+def _settings_of(draft: Draft, measured: tuple[str, ...]) -> list[Array]:
+    """Codes of each column that is no reading, and in which values repeat."""
+    labels = [np.unique(column.values.astype(str), return_inverse=True)[1].ravel() for column in draft.columns]
+    roles = [None if use.role is None else ROLES[use.role] for use in draft.uses]
+    given = [codes for codes, role in zip(labels, roles, strict=True) if role is None or role.kind not in measured]
+    return [codes.astype(float) for codes in given if len(np.unique(codes)) < len(codes)]
 
 
 def of_equal_tests(draft: Draft, numbers: dict[str, Array], measured: tuple[str, ...]) -> Iterator[Doubt]:
     """Single tests with the readings of an earlier test at the same settings, in more rows than chance explains."""
     computed = {one.role for one in draft.derived}
     read = [values for role, values in numbers.items() if ROLES[role].kind in measured and role not in computed]
-    labels = [np.unique(column.values.astype(str), return_inverse=True)[1].ravel() for column in draft.columns]
-    given = [codes for codes, use in zip(labels, draft.uses, strict=True) if _kind(use.role) not in measured]
-    kept = [codes.astype(float) for codes in given if len(np.unique(codes)) < len(codes)]
+    kept = _settings_of(draft, measured)
     if not kept or not read:
         return
     copies = equal_readings(np.column_stack(kept), np.column_stack(read))

@@ -132,7 +132,7 @@ def _compare_components(draft: Draft, values: dict[str, Array]) -> None:
     """
     above = {role: found for role in ("Ff", "Fp") if role in values and (found := _above_cutting_force(values, role))}
     off = {role: _off_main_force(values, role) for role in ("Fc", *above)}
-    if "Fp" in above and not off["Fp"] + CLEARLY < off["Fc"]:
+    if not off.get("Fp", -np.inf) + CLEARLY < off["Fc"]:
         del above["Fp"]
     if not above:
         return

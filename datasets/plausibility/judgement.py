@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import DataError
 from ...core.rounding import format_decimal
 from ..columns import NONE, ColumnUse
@@ -92,7 +93,7 @@ def check_signs(draft: Draft, options: ReadOptions) -> None:
             results.remove(use.role)
 
 
-def _reversed(use: ColumnUse, known: NDArray[np.float64]) -> str:
+def _reversed(use: ColumnUse, known: Array) -> str:
     """In how many rows a column is negative, and between which values."""
     share = "all" if (known < 0).all() else f"{np.count_nonzero(known < 0)} of {known.size}"
     low, high = format_decimal(float(known.min())), format_decimal(float(known[known < 0].max()))
@@ -284,10 +285,10 @@ def _refuse_groups(
     times = np.asarray(draft.data["t"], dtype=float) if "t" in draft.data else np.ones(len(x))
     apart, later = (float(np.nanmedian(of[high])) / max(float(np.nanmedian(of[low])), 1e-12) for of in (x, times))
     factor = next((step for step in (1000.0, 100.0) if 1 / NEARLY < apart / step < NEARLY), 0.0)
-    right = [rows for rows in (low, high) if _between(one.ranges.usual, float(np.median(x[rows])) * one.factor)]
-    if not factor or not 1 / NEARLY < later < NEARLY or len(right) != 1 or len(np.unique(y[low])) < FEWEST_LEVELS:
+    usual = [_between(one.ranges.usual, float(np.median(x[rows])) * one.factor) for rows in (low, high)]
+    if not factor or not 1 / NEARLY < later < NEARLY or sum(usual) != 1 or len(np.unique(y[low])) < FEWEST_LEVELS:
         return
-    wrong, step = (high, 1 / factor) if right[0] is low else (low, factor)
+    wrong, step = (high, 1 / factor) if usual[0] else (low, factor)
     shown = [" to ".join(format_decimal(float(end)) for end in (x[at].min(), x[at].max())) for at in (low, high)]
     cause = "um and mm, two units" if factor > CLOSE**2 else "a decimal mark, or mm and hundredths of mm"
     raise DataError(
@@ -317,21 +318,25 @@ def _is_fast(draft: Draft, options: ReadOptions) -> bool:
 
 def _doubt_revolutions(draft: Draft, one: Quantity, options: ReadOptions, process: Process | None) -> bool:
     """Whether a speed without a unit may be that of the spindle, which then is doubted, and stays in m/min."""
-    if one.role != "V" or not _as_revolutions(draft, one, options, process):
+    if one.role != "V" or not _as_revolutions(draft, one, options, process) or _is_fast(draft, options):
         return False
     values = np.unique(np.asarray(draft.columns[one.place].values, dtype=float))
     levels, least = values[values > 0], (plausible("V", process or "turning") or one.ranges).usual[1]
-    named = "n" in roles_named(draft.uses[one.place].name)  # "speed" may be either
     standard = len(levels) >= FEWEST_LEVELS and bool(np.isin(levels.round(), SPINDLE_SPEEDS).all())
-    plan = named and standard and not np.isin(levels, ROUND_SPEEDS).all()
-    if not (plan or np.median(levels) > least) or _is_fast(draft, options):
+    either = "n" in roles_named(draft.uses[one.place].name)  # "speed" may be either
+    if not (np.median(levels) > least or (either and standard and not np.isin(levels, ROUND_SPEEDS).all())):
         return False
+    _doubt_spindle(draft, one, least, standard=standard)
+    return True
+
+
+def _doubt_spindle(draft: Draft, one: Quantity, least: float, *, standard: bool) -> None:
+    """Doubt a speed that may be that of the spindle; ``least`` m/min are unusual."""
     usual = f"usual {format_decimal(one.ranges.usual[0])} to {format_decimal(least)} m/min"
     spindles = "standard spindle speeds" if standard else "usual spindle speeds"
     sentence = f"V {one.shown('')} has no unit and is taken as m/min ({usual}); in 1/min these are {spindles}"
     sentence += _confirmation("V", "m/min")
     draft.doubts.append(Doubt(("V",), sentence, f"--map n=col{draft.columns[one.place].number}"))
-    return True
 
 
 def _judge_unnamed(draft: Draft, one: Quantity, exchanged: dict[str, Quantity]) -> None:

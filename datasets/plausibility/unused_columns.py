@@ -198,16 +198,19 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
             draft.doubts.append(Doubt((column.name,), sentence, f'--map "{role}=col{column.number}"'))
 
 
+_TIMES = tuple(symbol for symbol, role in ROLES.items() if role.kind == "time")
+
+
 def _counted(
     draft: Draft, column: Column, suggestion: str | None, options: ReadOptions, values: Array
 ) -> list[Doubt] | None:
     """Doubt of a column of numbers of parts or of levels that is no quantity in its unit; None for other columns."""
     if COUNTS.search(column.name):
         role = role_within(COUNTS.sub(" ", column.name)) or suggestion
-        if role not in ("T", "t") or not _free(draft, role, options):
-            return None if role is None or ROLES[role].kind != "time" else []
-        sentence = f"column {column.name!r} is a number of parts, holes or passes and is not used: {of_counts(role)}"
-        return [Doubt((column.name,), sentence)]
+        if role in ("T", "t") and _free(draft, role, options):
+            words = f"column {column.name!r} is a number of parts, holes or passes and is not used: {of_counts(role)}"
+            return [Doubt((column.name,), words)]
+        return [] if role in _TIMES else None
     if canonical(_unit_text(column) or "-") == "%" and _SHARE.search(column.name):
         more = "multiply it by the rated power or current, and add it as P [kW] or I [A]"
         return [Doubt((column.name,), f"column {column.name!r} is a share of a rated value and is not used: {more}")]

@@ -308,6 +308,10 @@ def power_in_air(law: LawFit) -> str:
     return _with_air(law, low)
 
 
+def _power(name: str) -> str:
+    return name if CUT[name] == 1 else f"{name}^{CUT[name]:g}"
+
+
 def _with_air(law: LawFit, low: Mapping[str, float]) -> str:
     """The sentence where a power in air and a cut follow the rows better than the law; ``low``: usual exponents."""
     cut = np.prod([law.X[:, j] ** CUT[name] for j, name in enumerate(law.factors)], axis=0)
@@ -320,7 +324,7 @@ def _with_air(law: LawFit, low: Mapping[str, float]) -> str:
         return ""
     at = int(np.argmax(cut))
     low_by = 100 * (1 - float(law.fitted[at]) / (air + slope * cut[at]))
-    powers = " ".join(f"{name}^{CUT[name]:g}" if CUT[name] != 1 else name for name in law.factors)
+    powers = " ".join(map(_power, law.factors))
     found = ", ".join(f"{name} {float(law.params[name]):.2g} (usual from {least:g})" for name, least in low.items())
     size = f"{air:.2g} {law.units.get(law.response, '')}".rstrip()
     return (

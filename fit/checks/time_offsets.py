@@ -168,7 +168,7 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
     name = min(rejected, key=lambda one: rejected[one].pvalue or 0.0)
     named = _named(law, icc, rows)
     if named is None:
-        causes = _fallen(law, rows) or CAUSES[name].format(response=law.response)
+        causes = _fallen(law, rows, CAUSES[name].format(response=law.response))
         return {**tests, name: replace(rejected[name], verdict=f"{rejected[name].verdict} {causes}".rstrip())}
     others = {
         other: replace(one, concern=0, verdict=f"{one.verdict} {_explained(named)}") for other, one in rejected.items()
@@ -191,12 +191,12 @@ def _named(law: LawFit, icc: float, rows: TimeRows) -> Suspect | None:
 FALL, SHARE = 2 / 3, 0.5  # of a wear from row to row, and of the edges in which it falls so far
 
 
-def _fallen(law: LawFit, rows: TimeRows) -> str:
-    """Wear that falls far within most edges, which no offset explains; "" otherwise."""
+def _fallen(law: LawFit, rows: TimeRows, otherwise: str) -> str:
+    """Wear that falls far within most edges, which no offset explains; other causes ``otherwise``."""
     falls = (np.diff(rows.edge) == 0) & (np.diff(rows.y) < log(FALL))
     count = len(set(rows.edge[1:][falls].tolist()))
     if law.response not in WEAR or count < SHARE * len(rows.names):
-        return ""
+        return otherwise
     return (
         f"{law.response} falls by a third or more within {count} of {len(rows.names)} edges, where wear does not heal: "
         "several inserts may have one name."

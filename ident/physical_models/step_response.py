@@ -385,7 +385,7 @@ def _of_window(fit: "StepFit", window: float, settled: bool) -> Iterator[tuple[i
 
 
 def _other_order(fit: "StepFit") -> str:
-    tried = any("chosen by the record" in note for note in fit.notes)
+    tried = "chosen by the record" in " ".join(fit.notes)
     return "look at the figure" if tried else f"look at the figure, and try order {3 - fit.order}"
 
 
