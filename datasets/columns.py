@@ -11,7 +11,7 @@ from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import closest, did_you_mean
 from .headers import parse_header
-from .tables import STOPPED, Column, is_number
+from .tables import STOPPED, Column, is_number, rows_to_leave_out
 from .units import canonical, convert, same_dimension, suggest
 from .vocabulary import (
     ROLES,
@@ -249,9 +249,7 @@ def _find(columns: tuple[Column, ...], name: str, option: str = "--map") -> Colu
 def _refuse_two_tables(claims: list[_Claim]) -> None:
     """Refuse columns of two tables that stand side by side: their rows are of different tests."""
     start = _second_table(claims)
-    mapped = {claim.role for claim in claims if claim.mapped}
-    used = [claim for claim in claims if claim.role and (claim.mapped or claim.role not in mapped)]
-    if not start or len({claim.column.number < start for claim in used}) < 2:
+    if not start or len({number < start for number in _used(claims)}) < 2:
         return
     first = [claim for claim in claims if claim.column.name and claim.column.number < start]
     second = [claim for claim in claims if claim.column.name][len(first) :]
@@ -261,6 +259,12 @@ def _refuse_two_tables(claims: list[_Claim]) -> None:
         f"Save each as a file or sheet of its own, or read one of them: {_alone(first, second)} or "
         f"{_alone(second, first)}."
     )
+
+
+def _used(claims: list[_Claim]) -> list[int]:
+    """Numbers of the columns with a role, of a role that --map names those that it names."""
+    mapped = {claim.role for claim in claims if claim.mapped}
+    return [claim.column.number for claim in claims if claim.role and (claim.mapped or claim.role not in mapped)]
 
 
 def _second_table(claims: list[_Claim]) -> int:
@@ -350,15 +354,7 @@ def _only_readable(claims: list[_Claim]) -> None:
     if not bad:
         return
     words = [_unreadable(column, role) for column, role in bad]
-    raise DataError(" ".join([*words, *_rows_to_leave_out([column for column, _ in bad])]))
-
-
-def _rows_to_leave_out(columns: list[Column]) -> list[str]:
-    """The option that leaves out all rows with cells that cannot be read; nothing where not all are known."""
-    cells = [cell for column in columns for cell in column.bad]
-    if len(cells) < sum(column.bad_count for column in columns):
-        return []
-    return [f"Or leave these rows out: --leave-out 'lines {','.join(map(str, sorted(dict(cells))))}'."]
+    raise DataError(" ".join([*words, *rows_to_leave_out([column for column, _ in bad])]))
 
 
 def _only_numbers(column: Column, role: Role) -> None:

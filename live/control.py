@@ -191,7 +191,7 @@ class ControlSession:
             self.link.send(self.phase != "tripping", {})
         return (self.text,) if self.text != before else ()
 
-    def _go_on(self, now: float, values: Values) -> None:
+    def _go_on(self, now: float, values: Mapping[str, Any]) -> None:
         """Advance by the values of the pins; all of them are needed once they were checked."""
         missing = [pin for pin in (*STATUS, *CHANGED) if pin not in values]
         if missing and self.phase != "checking":

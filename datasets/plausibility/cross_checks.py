@@ -133,7 +133,7 @@ def _compare_components(draft: Draft, values: dict[str, Array]) -> None:
     above = {role: found for role in ("Ff", "Fp") if role in values and (found := _above_cutting_force(values, role))}
     off = {role: _off_main_force(values, role) for role in ("Fc", *above)}
     if not off.get("Fp", -np.inf) + CLEARLY < off["Fc"]:
-        del above["Fp"]
+        above.pop("Fp", None)
     if not above:
         return
     role = min(above, key=lambda one: off[one])

@@ -201,16 +201,19 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
 _TIMES = tuple(symbol for symbol, role in ROLES.items() if role.kind == "time")
 
 
+def _in_counts(column: Column, role: str, *, free: bool) -> list[Doubt]:
+    """Doubt of a time in parts, holes or passes, which would be that of its role."""
+    words = f"column {column.name!r} is a number of parts, holes or passes and is not used: {of_counts(role)}"
+    return [Doubt((column.name,), words)] if free and role in ("T", "t") else []
+
+
 def _counted(
     draft: Draft, column: Column, suggestion: str | None, options: ReadOptions, values: Array
 ) -> list[Doubt] | None:
     """Doubt of a column of numbers of parts or of levels that is no quantity in its unit; None for other columns."""
     if COUNTS.search(column.name):
         role = role_within(COUNTS.sub(" ", column.name)) or suggestion
-        if role in ("T", "t") and _free(draft, role, options):
-            words = f"column {column.name!r} is a number of parts, holes or passes and is not used: {of_counts(role)}"
-            return [Doubt((column.name,), words)]
-        return [] if role in _TIMES else None
+        return _in_counts(column, role, free=_free(draft, role, options)) if role in _TIMES else None
     if canonical(_unit_text(column) or "-") == "%" and _SHARE.search(column.name):
         more = "multiply it by the rated power or current, and add it as P [kW] or I [A]"
         return [Doubt((column.name,), f"column {column.name!r} is a share of a rated value and is not used: {more}")]

@@ -7,8 +7,8 @@ sheets     which sheet holds the table         header_rows  several rows -> name
 gather     blocks -> columns                   read      all steps in order, with warnings and doubts
 """
 
-from .gather import Column, column_of_texts
+from .gather import Column, column_of_texts, rows_to_leave_out
 from .numerals import STOPPED, is_number
 from .read import Table, no_units, read_table
 
-__all__ = ["STOPPED", "Column", "Table", "column_of_texts", "is_number", "no_units", "read_table"]
+__all__ = ["STOPPED", "Column", "Table", "column_of_texts", "is_number", "no_units", "read_table", "rows_to_leave_out"]

@@ -84,6 +84,18 @@ class Column:
         return cells + (f" and {self.bad_count - 3} more" if self.bad_count > 3 else "")
 
 
+def rows_to_leave_out(columns: Sequence[Column]) -> list[str]:
+    """The option that leaves out all rows with cells that cannot be read; nothing where not all are known.
+
+    >>> rows_to_leave_out([Column(1, "VB", "mm", np.array([0.1, np.nan]), True, ((3, "120?"),), 1)])
+    ["Or leave these rows out: --leave-out 'lines 3'."]
+    """
+    cells = [cell for column in columns for cell in column.bad]
+    if len(cells) < sum(column.bad_count for column in columns):
+        return []
+    return [f"Or leave these rows out: --leave-out 'lines {','.join(map(str, sorted(dict(cells))))}'."]
+
+
 def column_of_texts(number: int, name: str, cells: Sequence[str]) -> Column:
     """A column of texts; one of numbers where some of them are marked (``<0.05``, ``60+``).
 
