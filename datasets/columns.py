@@ -135,17 +135,14 @@ def _unrecognised(columns: tuple[Column, ...]) -> str:
     if alike:
         each = " ".join(f'--map "{role}={column.name}"' for role, column in alike.items())
         return f"{head}. By the words in their names they may be {', '.join(alike)}: {each}."
-    return (
-        f"{head}: name them as V, f, d, t, AW ... in a header row, or assign them, for instance "
-        '--map "V=col1" --map "VB=col3".'
-    )
+    example = '--map "V=col1" --map "VB=col3"'
+    return f"{head}: name them as V, f, d, t, AW ... in a header row, or assign them, for instance {example}."
 
 
 def _known_roles(symbols: tuple[str, ...]) -> None:
     for symbol in symbols:
         if symbol not in ROLES:
-            near = closest(symbol, ROLES)
-            hint = f"did you mean {near}? " if near else ""
+            hint = f"did you mean {near}? " if (near := closest(symbol, ROLES)) else ""
             raise UsageError(f"{symbol!r} is no role of a column; {hint}The roles are {', '.join(ROLES)}.")
 
 
@@ -362,11 +359,9 @@ def _only_numbers(column: Column, role: Role) -> None:
         shown = next((str(v) for v in column.values if v != ""), "")
         remedy = _remedy(shown, role)
         raise DataError(
-            f"column {column.name!r} reads as {role.quantity} {role.symbol} but holds text, for instance "
-            f"{shown!r}. "
+            f"column {column.name!r} reads as {role.quantity} {role.symbol} but holds text, for instance {shown!r}. "
             + (f"{remedy} Or give" if remedy else "Give")
-            + f" the role to another column with --map {role.symbol}=..., or to none with "
-            f"--map {role.symbol}={NONE}."
+            + f" the role to another column with --map {role.symbol}=..., or to none with --map {role.symbol}={NONE}."
         )
 
 

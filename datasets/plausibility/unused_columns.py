@@ -181,9 +181,8 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
         if (special := _counted(draft, column, use.suggestion, options, values)) is not None:
             draft.doubts += special
             continue
-        role = _named_like(draft, column, use.suggestion, options) or _measured_like(
-            draft, column, values, options, edges
-        )
+        role = _named_like(draft, column, use.suggestion, options)
+        role = role or _measured_like(draft, column, values, options, edges)
         if role is None and _is_set(draft, values, levels, edges) and not _OTHER_WORDS.search(use.name):
             role = _valued_like(draft, column, levels, process, options)
         if role is None and (_ANONYMOUS.fullmatch(use.name) or is_unit(use.name)):
@@ -191,14 +190,13 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
             draft.doubts.append(Doubt((column.name or f"col{column.number}",), sentence))
         elif role is not None and role not in taken:
             taken.add(role)
-            sentence = (
-                f"column {column.name!r} varies between the tests ({numbers(levels)}) and is not used; "
-                f"it may be the {ROLES[role].quantity} {role}"
-            )
+            sentence = f"column {column.name!r} varies between the tests ({numbers(levels)}) and is not used"
+            sentence += f"; it may be the {ROLES[role].quantity} {role}"
             draft.doubts.append(Doubt((column.name,), sentence, f'--map "{role}=col{column.number}"'))
 
 
 _TIMES = tuple(symbol for symbol, role in ROLES.items() if role.kind == "time")
+_OF_RATED = "is a share of a rated value and is not used: multiply it by that, and add it as P [kW] or I [A]"
 
 
 def _in_counts(column: Column, role: str, *, free: bool) -> list[Doubt]:
@@ -215,8 +213,7 @@ def _counted(
         role = role_within(COUNTS.sub(" ", column.name)) or suggestion
         return _in_counts(column, role, free=_free(draft, role, options)) if role in _TIMES else None
     if canonical(_unit_text(column) or "-") == "%" and _SHARE.search(column.name):
-        more = "multiply it by the rated power or current, and add it as P [kW] or I [A]"
-        return [Doubt((column.name,), f"column {column.name!r} is a share of a rated value and is not used: {more}")]
+        return [Doubt((column.name,), f"column {column.name!r} {_OF_RATED}")]
     return _numbered(column, suggestion, values) if looks_numbered(values) else None
 
 

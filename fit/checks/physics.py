@@ -155,7 +155,7 @@ def _reversed_order(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | None
         return None
     for responses, larger, smaller, least in _ORDER:
         more, less = (next(filter(ranges.__contains__, names), "") for names in (larger, smaller))
-        if not (law.response in responses and more and less):
+        if law.response not in responses or not more or not less:
             continue
         sign = -1 if law.response == "T" else 1
         b_more, b_less = (float(law.params[name]) for name in (more, less))

@@ -101,10 +101,8 @@ class StepFit(Plottable):
         """Estimated parameters by name."""
         import pandas as pd
 
-        all_of_them = dict(
-            zip(("gain", *SHAPES[self.order], "delay"), (self.gain, *self.shape, self.delay), strict=True)
-        )
-        return pd.Series([all_of_them[name] for name in self.names], index=list(self.names))
+        every = dict(zip(("gain", *SHAPES[self.order], "delay"), (self.gain, *self.shape, self.delay), strict=True))
+        return pd.Series([every[name] for name in self.names], index=list(self.names))
 
     @property
     def bse(self) -> "pd.Series[float]":
@@ -385,8 +383,9 @@ def _of_window(fit: "StepFit", window: float, settled: bool) -> Iterator[tuple[i
 
 
 def _other_order(fit: "StepFit") -> str:
-    tried = "chosen by the record" in " ".join(fit.notes)
-    return "look at the figure" if tried else f"look at the figure, and try order {3 - fit.order}"
+    return "look at the figure" + f", and try order {3 - fit.order}" * (
+        "chosen by the record" not in " ".join(fit.notes)
+    )
 
 
 def _of_fit(fit: "StepFit") -> Iterator[tuple[int, str]]:
