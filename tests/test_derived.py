@@ -431,7 +431,7 @@ def test_unusual_computed_values_are_doubts():
     columns = {"D [mm]": [80.0] * 5, "f [mm/rev]": [0.2] * 5, "VB [mm]": [0.1] * 5}
     assert not read(**columns, **{"n [1/min]": n}).doubts
     some = read(**columns, **{"n [1/min]": n * [1, 1, 1, 25.4, 1]}).doubts
-    assert any("V = pi D n/1000 is 1.28e+04 m/min in 1 of 5 rows (line 3)" in str(doubt) for doubt in some)
+    assert any("V = pi D n/1000 is 12800 m/min in 1 of 5 rows (line 3)" in str(doubt) for doubt in some)
     small = columns | {"D [mm]": [0.8] * 5}
     (every,) = [doubt for doubt in read(**small, **{"n [1/min]": n}).doubts if "V" in doubt.columns]
     assert "usual with --unit D=in or --unit n=rev/s" in every.sentence

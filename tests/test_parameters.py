@@ -576,7 +576,7 @@ def deep(levels):
         (b'{"a": "\xff"}', r"is not UTF-8 text \(byte 7\)"),
         (b"[]", "is not a parameter file"),
         (b"{}", "is not a parameter file"),
-        (b'{"schema_version": "fitmodels.parameters/10"}', "newer schema.*Upgrade"),
+        (b'{"schema_version": "fitmodels.parameters/11"}', "newer schema.*Upgrade"),
         (b'{"schema_version": "fitmodels.card/1"}', "schema_version is 'fitmodels.card/1'"),
         (b'{"schema_version": [1]}', r"schema_version is a list"),
         (b'{"schema_version": "fitmodels.parameters/1"}', "identity is missing; provenance is missing"),

@@ -81,7 +81,6 @@ def check_adaptive_force(pf: "ParameterFile") -> tuple[FileFinding, ...]:
     return _findings(FileKey(pf, {"adaptive_force", "limits"}))
 
 
-@lru_cache(maxsize=16)
 def _of_control(pf: "ParameterFile") -> list[FileFinding]:
     """Findings on margins, or where these are kept on the simulated control."""
     if why := lacking(pf):
@@ -90,6 +89,7 @@ def _of_control(pf: "ParameterFile") -> list[FileFinding]:
     return list(_loops(pf)) or list(_simulated(pf))
 
 
+@lru_cache(maxsize=16)
 def _findings(same: FileKey) -> tuple[FileFinding, ...]:
     pf = same.pf
     try:

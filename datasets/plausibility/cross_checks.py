@@ -120,7 +120,7 @@ def _compare_torque(draft: Draft, options: ReadOptions) -> None:
 def _above_cutting_force(values: dict[str, Array], role: str) -> tuple[int, int] | None:
     """The number of rows with more of a force than of Fc, and of all; None unless they are nearly all."""
     both = np.isfinite(values["Fc"]) & np.isfinite(values[role])
-    count, known = np.count_nonzero(values[role][both] > values["Fc"][both]), np.count_nonzero(both)
+    count, known = int(np.sum(values[role][both] > values["Fc"][both])), int(np.sum(both))
     return (count, known) if known >= FEWEST and count > MOST_ABOVE * known else None
 
 

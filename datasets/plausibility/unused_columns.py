@@ -200,7 +200,6 @@ _OF_RATED = "is a share of a rated value and is not used: multiply it by that, a
 
 
 def _in_counts(column: Column, role: str, *, free: bool) -> list[Doubt]:
-    """Doubt of a time in parts, holes or passes, which would be that of its role."""
     words = f"column {column.name!r} is a number of parts, holes or passes and is not used: {of_counts(role)}"
     return [Doubt((column.name,), words)] if free and role in ("T", "t") else []
 
@@ -213,7 +212,8 @@ def _counted(
         role = role_within(COUNTS.sub(" ", column.name)) or suggestion
         return _in_counts(column, role, free=_free(draft, role, options)) if role in _TIMES else None
     if canonical(_unit_text(column) or "-") == "%" and _SHARE.search(column.name):
-        return [Doubt((column.name,), f"column {column.name!r} {_OF_RATED}")]
+        known = any(role in ROLES and ROLES[role].kind == "load" for role in draft.data)
+        return [] if known else [Doubt((column.name,), f"column {column.name!r} {_OF_RATED}")]
     return _numbered(column, suggestion, values) if looks_numbered(values) else None
 
 

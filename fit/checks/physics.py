@@ -140,33 +140,32 @@ _ORDER: tuple[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], float], .
 )
 
 
-def _error_of_difference(law: LawFit, one: str, other: str) -> float:
-    """Standard error of the difference of two coefficients."""
+def _depends_more(law: LawFit, one: str, other: str, least: float) -> bool:
+    """Whether a response depends more on one condition than on another, at 95 % and by more than ``least``."""
+    from scipy.special import stdtrit
+
     at = [law.names.index(name) for name in (one, other)]
     cov = law.covariance()[np.ix_(at, at)]
-    return float(np.sqrt(max(cov[0, 0] + cov[1, 1] - 2 * cov[0, 1], 0.0)))
+    error = float(np.sqrt(max(cov[0, 0] + cov[1, 1] - 2 * cov[0, 1], 0.0)))
+    difference = float(law.params[one]) - float(law.params[other])
+    sign = -1 if law.response == "T" else 1
+    return bool(sign * difference > max(stdtrit(max(law.df, 1), 0.975) * error, least))
 
 
 def _reversed_order(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | None:
     """A response that depends more on one condition than on another, where in cutting it is the other way round."""
-    from scipy.special import stdtrit
-
     if law.form != "power":
         return None
     for responses, larger, smaller, least in _ORDER:
         more, less = (next(filter(ranges.__contains__, names), "") for names in (larger, smaller))
-        if law.response not in responses or not more or not less:
+        if law.response not in responses or "" in (more, less) or not _depends_more(law, less, more, least):
             continue
-        sign = -1 if law.response == "T" else 1
-        b_more, b_less = (float(law.params[name]) for name in (more, less))
-        error = stdtrit(max(law.df, 1), 0.975) * _error_of_difference(law, more, less)
-        if sign * (b_less - b_more) > max(error, least):
-            in_cutting = "speed" if more in _SPEED else {"d": "depth"}.get(more, "feed")
-            return 1, (
-                f"{law.response} depends more on {less} (exponent {b_less:.2g}) than on {more} ({b_more:.2g}), in "
-                f"cutting it depends more on {in_cutting}: check whether {more} and {less} are exchanged or varied "
-                "together."
-            )
+        in_cutting = "speed" if more in _SPEED else {"d": "depth"}.get(more, "feed")
+        return 1, (
+            f"{law.response} depends more on {less} (exponent {float(law.params[less]):.2g}) than on {more} "
+            f"({float(law.params[more]):.2g}), in cutting it depends more on {in_cutting}: check whether {more} and "
+            f"{less} are exchanged or varied together."
+        )
     return None
 
 

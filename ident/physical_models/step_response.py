@@ -299,10 +299,8 @@ def _of_chosen_order(first: StepFit, second: StepFit) -> StepFit:
     gain = size * float(np.log(max(squares(e1), whole) / max(squares(e2), whole)))
     better = gain > np.log(size) and float(second.bse["damping"]) <= second.shape[1] / 2
     other, chosen = (first, second) if better else (second, first)
-    note = (
-        f"order {chosen.order} was chosen by the record: fit {chosen.fit:.1f} %, order {other.order} {other.fit:.1f} %"
-    )
-    return replace(chosen, notes=(*chosen.notes, note))
+    fits = f"fit {chosen.fit:.1f} %, order {other.order} {other.fit:.1f} %"
+    return replace(chosen, notes=(*chosen.notes, f"order {chosen.order} was chosen by the record: {fits}"))
 
 
 def _names(rec: Record | tuple[ArrayLike, ArrayLike]) -> tuple[str, str, str, str, tuple[str, ...]]:
@@ -383,9 +381,8 @@ def _of_window(fit: "StepFit", window: float, settled: bool) -> Iterator[tuple[i
 
 
 def _other_order(fit: "StepFit") -> str:
-    return "look at the figure" + f", and try order {3 - fit.order}" * (
-        "chosen by the record" not in " ".join(fit.notes)
-    )
+    chosen = any("chosen by the record" in note for note in fit.notes)
+    return f"look at the figure{'' if chosen else f', and try order {3 - fit.order}'}"
 
 
 def _of_fit(fit: "StepFit") -> Iterator[tuple[int, str]]:
