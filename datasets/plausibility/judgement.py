@@ -316,13 +316,21 @@ def _is_fast(draft: Draft, options: ReadOptions) -> bool:
     return bool(_FAST.search(" ".join([options.tool or "", options.work or "", *labels, *draft.notes]).casefold()))
 
 
+def _fastest(one: Quantity, process: Process | None) -> float:
+    """Largest usual cutting speed of a process, of turning where none is named, m/min."""
+    return (plausible("V", process or "turning") or one.ranges).usual[1]
+
+
+def _in_series(levels: Array) -> bool:
+    return len(levels) >= FEWEST_LEVELS and bool(np.isin(levels.round(), SPINDLE_SPEEDS).all())
+
+
 def _doubt_revolutions(draft: Draft, one: Quantity, options: ReadOptions, process: Process | None) -> bool:
     """Whether a speed without a unit may be that of the spindle, which then is doubted, and stays in m/min."""
     if one.role != "V" or not _as_revolutions(draft, one, options, process) or _is_fast(draft, options):
         return False
     values = np.unique(np.asarray(draft.columns[one.place].values, dtype=float))
-    levels, least = values[values > 0], (plausible("V", process or "turning") or one.ranges).usual[1]
-    standard = len(levels) >= FEWEST_LEVELS and bool(np.isin(levels.round(), SPINDLE_SPEEDS).all())
+    levels, least, standard = values[values > 0], _fastest(one, process), _in_series(values[values > 0])
     either = "n" in roles_named(draft.uses[one.place].name)  # "speed" may be either
     if not (np.median(levels) > least or (either and standard and not np.isin(levels, ROUND_SPEEDS).all())):
         return False
