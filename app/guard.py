@@ -19,8 +19,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from ..live.page import host_names
-
+HOST: Final = "127.0.0.1"
 LARGEST: Final = 210_000_000  # bytes of a request: a workbook of the largest size, and its form
 START: Final = "/start/"
 POLICY: Final = (
@@ -56,7 +55,7 @@ class Guard:
     def __init__(self, app: ASGIApp, port: int, largest: int = LARGEST) -> None:
         self.app, self.port, self.largest = app, port, largest
         self.token, self._secret = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
-        self.hosts = host_names(port)
+        self.hosts = (f"{HOST}:{port}", f"localhost:{port}")
         self.cookie = f"fitmodels-{port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -12,8 +12,7 @@ import uvicorn
 from ..core.errors import UsageError
 from ..core.files import cause
 from ..datasets.vocabulary import ROLES
-from ..live.page import HOST
-from .guard import START, Guard
+from .guard import HOST, START, Guard
 from .jobs import Runner
 from .page import Page
 from .project import Project

@@ -45,11 +45,6 @@ def page_and_policy() -> tuple[bytes, str]:
     return text.encode(), policy
 
 
-def host_names(port: int) -> tuple[str, str]:
-    """Values of the Host header of a request to the loopback: a page of the web names another host (DNS rebinding)."""
-    return f"{HOST}:{port}", f"localhost:{port}"
-
-
 class _Handler(BaseHTTPRequestHandler):
     """Answers requests for the page and its facts."""
 
@@ -60,7 +55,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Send the page or the facts, to who names the loopback and knows the token."""
-        if self.headers.get("Host") not in host_names(self.server.server_address[1]):
+        port = self.server.server_address[1]
+        if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
             self._send(HTTPStatus.MISDIRECTED_REQUEST, b"", "text/plain")
             return
         token, slash, name = self.path.lstrip("/").partition("/")
