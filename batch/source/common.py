@@ -56,20 +56,21 @@ def packed(rows: Sequence[int] | Ints, most_rows: int, most_pairs: int) -> tuple
     >>> packed([10] * 5, most_rows=40, most_pairs=64)
     (range(0, 3), range(3, 5))
     """
-    sizes = np.asarray(rows).tolist()
-    blocks = _cut(sizes, most_rows, most_pairs)
+    ends = np.cumsum(np.asarray(rows, dtype=np.intp))
+    blocks = _cut(ends, most_rows, most_pairs)
     if len(blocks) < 2:
         return blocks
-    even = sum(sizes) // len(blocks) + min(max(sizes), most_rows)  # processes end together
-    return _cut(sizes, min(most_rows, even), most_pairs)
+    largest = int(np.diff(ends, prepend=0).max())
+    even = int(ends[-1]) // len(blocks) + min(largest, most_rows)  # processes end together
+    return _cut(ends, min(most_rows, even), most_pairs)
 
 
-def _cut(rows: Sequence[int], most_rows: int, most_pairs: int) -> tuple[range, ...]:
-    cuts, held = [0], 0
-    for i, n in enumerate(rows):
-        if i > cuts[-1] and (held + n > most_rows or i - cuts[-1] >= most_pairs):
-            cuts.append(i)
-            held = 0
-        held += n
-    ends = [*cuts[1:], len(rows)]
-    return tuple(range(start, stop) for start, stop in zip(cuts, ends, strict=True) if stop > start)
+def _cut(ends: Ints, most_rows: int, most_pairs: int) -> tuple[range, ...]:
+    """Ranges of pairs, whose rows end at ``ends``, one block after the other as full as it may be."""
+    blocks, start, before = [], 0, 0
+    while start < len(ends):
+        full = int(np.searchsorted(ends, before + most_rows, side="right"))
+        stop = min(max(full, start + 1), start + most_pairs, len(ends))
+        blocks.append(range(start, stop))
+        start, before = stop, int(ends[stop - 1])
+    return tuple(blocks)
