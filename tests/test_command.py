@@ -24,6 +24,7 @@ from fitmodels import cards, datasets, parameters
 from fitmodels.cli import main
 from fitmodels.core.version import __version__
 from fitmodels.datasets import bundled, read_runs
+from markdown_it import MarkdownIt
 from scipy.special import stdtrit
 
 GC435 = bundled("gc435_709m40")
@@ -598,7 +599,7 @@ def test_names_stay_names_and_folders_stay_inside(tmp_path, monkeypatch):
         assert len(folder.name.encode()) <= 200
         card = (folder / "README.md").read_text("utf-8")
         reported[parameters.read(folder / "params.json").identity.tool] = card
-        assert "<script" not in re.sub(r"(`+)(?!`).+?(?<!`)\1(?!`)", "", card)  # code spans are literal: CommonMark 6.1
+        assert "<script" not in MarkdownIt("commonmark", {"html": True}).render(card)  # in a code span it is literal
         assert [len(row) for (head, *body) in tables(card) for row in body if len(row) != len(head)] == []
         (title,) = [line for line in card.splitlines() if line.startswith("# ")]
         assert not re.search(r"(?<!\\)[`*|\[]", title)
