@@ -344,29 +344,29 @@ def test_the_tool_stands_clear_of_the_work_at_each_stop(turned, inch, place):
         turned(retract=(80.0, 150.0))
 
 
+def refused_and_named(pf, to, symbol, words):
+    """The export is refused with these words, and names the limit where it is accepted."""
+    job = ExportJob(diameter=(80.0, 80.0), turning=TurningRequest(job=TurningJob(PASSES, 2500.0, parts=1)))
+    with pytest.raises(GateError, match=words):
+        exported(pf, to, system="recursion", job=job)
+    made = exported(pf, to, system="recursion", job=replace(job, accept_verdict=True))
+    assert "NOT CHECKED by the plan" in made.content
+    assert any(note.startswith(f"NOT CHECKED by the plan: the limit of {symbol}") for note in made.notes)
+
+
 @pytest.mark.parametrize("to", ["nc", "csv", "c", "st"])
 def test_a_limit_that_the_plan_does_not_apply_is_refused_or_named(to):
     pf = published("AC-2017")
     limits = {**pf.limits.model_dump(), "responses": {"T": {"low": 15.0, "high": None, "unit": "min"}}}
-    pf = sealed(pf, limits=limits)
-    job = ExportJob(diameter=(80.0, 80.0), turning=TurningRequest(job=TurningJob(PASSES, 2500.0, parts=1)))
-    with pytest.raises(GateError, match=r"limits T at least 15 min, and the plan does not .*`fitmodels optimum`"):
-        exported(pf, to, system="recursion", job=job)
-    made = exported(pf, to, system="recursion", job=replace(job, accept_verdict=True))
-    assert "NOT CHECKED by the plan" in made.content
-    assert any(words.startswith("NOT CHECKED by the plan: the limit of T") for words in made.notes)
+    words = r"limits T at least 15 min, and the plan does not .*`fitmodels optimum`"
+    refused_and_named(sealed(pf, limits=limits), to, "T", words)
 
 
 @pytest.mark.parametrize("to", ["nc", "csv", "c", "st"])
 def test_a_limit_of_force_without_a_law_is_refused_or_named(to):
     pf = published("AC-2017")
     pf = sealed(pf, laws={name: law for name, law in pf.model_dump()["laws"].items() if name != "Fxz"})
-    job = ExportJob(diameter=(80.0, 80.0), turning=TurningRequest(job=TurningJob(PASSES, 2500.0, parts=1)))
-    with pytest.raises(GateError, match=r"limits Fxz at most 1500 N.* no law of Fxz: fit one"):
-        exported(pf, to, system="recursion", job=job)
-    made = exported(pf, to, system="recursion", job=replace(job, accept_verdict=True))
-    assert "NOT CHECKED by the plan" in made.content
-    assert any(words.startswith("NOT CHECKED by the plan: the limit of Fxz") for words in made.notes)
+    refused_and_named(pf, to, "Fxz", r"limits Fxz at most 1500 N.* no law of Fxz: fit one")
 
 
 def test_the_smaller_of_two_spindle_limits_counts_and_is_rounded_down(turned):
