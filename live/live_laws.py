@@ -179,8 +179,10 @@ class LiveLaws:
             found[name] = _live_law(pf.laws[name], draws.get(name), by, {**USUAL, symbol: law.unit})
         life, limits = pf.tool_life, pf.limits
         criterion = life.criterion * ratio(life.unit_of_wear, law.unit) if life and life.wear == symbol else None
-        if limits and limits.wear:
+        if limits and limits.wear and (limits.wear.of or symbol) == symbol:
             criterion = limits.wear.value * ratio(limits.wear.unit, law.unit)
+        elif limits and limits.wear:
+            notes.append(f"the limit of {limits.wear.of} is not applied: the wear law in use is that of {symbol}")
         low, high = law.ranges[TIME]
         if not all(name in draws for name in (symbol, *found)):
             notes.append("uncertainty of the laws: covariances of the file, as it has no draws of all laws")

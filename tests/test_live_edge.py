@@ -16,6 +16,7 @@ from fitmodels.live.edge_estimate import EdgeEstimate
 from fitmodels.live.edge_scatter import Assumptions, Wander, level_correlation, slope_variance
 from fitmodels.live.live_laws import LiveLaws
 from fitmodels.live.samples import LoadMean, Window
+from fitmodels.parameters.file import sealed
 from fitmodels.parameters.sections.costs import CostsSection
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -258,6 +259,16 @@ def test_laws_that_cannot_serve_are_refused_by_name(pf):
         LiveLaws.of(pf, loads=["AW"])
     with pytest.raises(UsageError, match="wear must grow"):
         LiveLaws.of(pf, wear="P")
+
+
+def test_a_limit_of_another_wear_is_no_criterion(pf):
+    """A limit of VB ended the edge of a law of AW."""
+    own, other = (
+        LiveLaws.of(sealed(pf, limits={"wear": {"value": 0.2, "unit": "mm", "of": of}})) for of in ("AW", "VB")
+    )
+    assert own.criterion == pytest.approx(0.2)
+    assert other.criterion == LiveLaws.of(sealed(pf, limits=None)).criterion
+    assert "the limit of VB is not applied: the wear law in use is that of AW" in other.notes
 
 
 def test_change_is_called_at_the_risk_and_not_before(laws):
