@@ -115,7 +115,7 @@ def read_head(path: Path, reading: Reading, folder: Path, size: int) -> Head:
 
 
 def _warnings(table: Table) -> tuple[str, ...]:
-    """Warnings on the whole file: rows that are short, footers and remarks are counted on the way through it."""
+    """Warnings on the whole file: rows that are short, footers and remarks are counted while it is read."""
     return tuple(words for words in table.warnings if not any(mark in words for mark in _COUNTED_LATER))
 
 
