@@ -151,7 +151,8 @@ def _to_choose(args: argparse.Namespace, several: "Sequence[Runs]", found: "Sequ
     """The message on a file of several pairs, of which not exactly one is named."""
     pairs = [_options_of(one, several) for one in found or several]
     shown = "; ".join(pairs[:MOST]) + (f"; and {len(pairs) - MOST} more" if len(pairs) > MOST else "")
-    asked = "" if found else f", none of them {args.tool or 'any tool'} on {args.work or 'any work material'}"
+    named = [f"{word} {name}" for word, name in (("tool", args.tool), ("work material", args.work)) if name]
+    asked = "" if found else f", none of them with {' and '.join(named)}"
     return (
         f"{args.file} has tests of {len(several)} pairs of tool and work material{asked}, and each has laws of its "
         f"own: name the one to plan for. {shown}."

@@ -214,7 +214,7 @@ def test_a_file_of_several_pairs_is_planned_for_the_one_that_is_named(tmp_path, 
     assert "2 pairs of tool and work material" in (said := " ".join(capsys.readouterr().err.split()))
     assert "--work A; --work 'B b'." in said
     assert main(["next", tests, "--work", "C"]) == 2
-    assert "none of them any tool on C" in capsys.readouterr().err
+    assert "none of them with work material C" in capsys.readouterr().err
     assert main(["next", tests, "--work", "B b"]) == 0
     assert "on B b; cut in the order" in capsys.readouterr().out
     assert main([tests, "--out", str(tmp_path / "fit"), "--draws", "1000", "--quiet"]) == 0
