@@ -18,7 +18,7 @@ from pathlib import Path
 
 import linuxcnc_machine
 import numpy as np
-from linuxcnc_machine import Run
+from linuxcnc_machine import PERIOD, Run
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,8 @@ class Beside:
 def run_beside(run: Run, beside: Beside, plant: Path) -> tuple[dict[str, np.ndarray], str]:
     """Trace of the machine, and what the program printed.
 
+    ``signal`` of the trace has one value: s after the first contact, read when the signal had been sent.
+
     Raises
     ------
     RuntimeError
@@ -76,7 +78,9 @@ def run_beside(run: Run, beside: Beside, plant: Path) -> tuple[dict[str, np.ndar
         )  # fmt: skip
         printed = folder / "printed.txt"
         words = printed.read_text() if printed.exists() else ""
-        return linuxcnc_machine._trace(folder, run.duration, said.stdout + said.stderr + words), words
+        trace = linuxcnc_machine._trace(folder, run.duration, said.stdout + said.stderr + words)
+        sent = folder / "sent.txt"
+        return {**trace, "signal": np.loadtxt(sent, ndmin=1) if sent.exists() else np.array([math.inf])}, words
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -133,6 +137,7 @@ while True:
     if now >= kill_at:
         kill_at = 1e9
         program.send_signal(getattr(signal, "SIG" + name))
+        open("sent.txt", "w").write(get(("getp", "fmplant.0.seconds")))
     if now > duration + 0.1:
         break
     if resets and now == 0 and get(("gets", "fm-fault")) == "TRUE":
@@ -182,22 +187,25 @@ def control_run(folder: Path, signal: str) -> "tuple[Run, Beside]":
 
 
 def control_figures(trace: dict[str, np.ndarray]) -> dict[str, float]:
-    """Mean load over the reference before the signal; s from it to the fault and to the lower limit; the end.
+    """Mean load over the reference before the signal; s from the signal to the fault and to the lower limit; the end.
 
-    ``still`` is the longest time before the signal for which the heartbeat did not change, s. The user interface looks
-    each 50 ms whether it is time for the signal.
+    ``still`` is the longest time without a change of the heartbeat, s, from half a second before the first contact to
+    `KILLED`, ``beat`` the time from its last change to the fault after the signal, s.
     """
-    seconds = trace["seconds"]
+    seconds, sent = trace["seconds"], float(trace["signal"][0])
     held = (seconds > 2.5) & (seconds < KILLED)
-    changes = seconds[(seconds > 2.0) & (seconds < KILLED) & (np.diff(trace["beat"], prepend=0.0) != 0)]
+    begin, end = np.searchsorted(seconds, [0.0, KILLED], side="right") - [round(0.5 / PERIOD), 0]
+    changes = np.flatnonzero(np.diff(trace["beat"]))
+    before = changes[(changes >= begin) & (changes < end)]
     after = seconds > KILLED
     fault, low = after & (trace["fault"] > 0), after & (trace["u"] <= trace["u"][-1] + 1e-9)
     first = int(np.argmax(fault)) if fault.any() else -1
     return {
         "load": float(trace["load"][held].mean() / REFERENCE), "early": float(trace["fault"][held].max()),
-        "still": float(np.diff(changes, append=KILLED).max(initial=0.0)),
-        "fault": float(seconds[first] - KILLED) if fault.any() else math.inf,
-        "low": float(seconds[np.argmax(low)] - KILLED), "latched": float(trace["fault"][first:].min()),
+        "still": PERIOD * float(np.diff(before, prepend=begin, append=end).max()),
+        "beat": PERIOD * float(first - changes[changes < first][-1]) if fault.any() else math.inf,
+        "fault": float(seconds[first] - sent) if fault.any() else math.inf,
+        "low": float(seconds[np.argmax(low)] - sent), "latched": float(trace["fault"][first:].min()),
         "u": float(trace["u"][-1]), "feed": float(trace["feed"][-1]),
     }  # fmt: skip
 
