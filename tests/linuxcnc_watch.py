@@ -203,7 +203,7 @@ def control_figures(trace: dict[str, np.ndarray]) -> dict[str, float]:
     return {
         "load": float(trace["load"][held].mean() / REFERENCE), "early": float(trace["fault"][held].max()),
         "still": PERIOD * float(np.diff(before, prepend=begin, append=end).max()),
-        "beat": PERIOD * float(first - changes[changes < first][-1]) if fault.any() else math.inf,
+        "beat": PERIOD * float(first - changes[changes < first].max(initial=0)) if fault.any() else math.inf,
         "fault": float(seconds[first] - sent) if fault.any() else math.inf,
         "low": float(seconds[np.argmax(low)] - sent), "latched": float(trace["fault"][first:].min()),
         "u": float(trace["u"][-1]), "feed": float(trace["feed"][-1]),
