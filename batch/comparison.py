@@ -12,7 +12,7 @@ from ..core.errors import UsageError
 from ..core.verdict import DO_NOT_USE, LEVELS
 from ..fit import pooled_exponents
 from ..fit.many.pooling import WHOLE, PooledExponents
-from .engine import MapOver
+from .engine import SERIAL, Run
 from .law_rows import group_column
 from .pair_table import is_iso_513, iso_family
 
@@ -52,7 +52,7 @@ class Comparison:
 
 
 def compare(
-    results: pd.DataFrame, groups: Sequence[str] = (), *, level: float = 0.95, map_over: MapOver = map
+    results: pd.DataFrame, groups: Sequence[str] = (), *, level: float = 0.95, workers: Run = SERIAL
 ) -> Comparison:
     """Pool each exponent of each power law over all pairs, then over the families of each grouping.
 
@@ -66,8 +66,8 @@ def compare(
         Headers of the columns that name families, each in the column that `group_column` gives it; under a header
         such as ``iso513`` a value ``P20`` belongs to the family ``P steel``.
     level : float
-    map_over : callable
-        ``map_over(work, tasks)`` gives the results in the order of the tasks; each exponent is a task.
+    workers : Run
+        Each exponent is a task of its processes, where they run already.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def compare(
             asked.append(one)
             yield table, one.factor, None if one.grouping == WHOLE else f"family {one.grouping}"
 
-    found = list(map_over(partial(_pooled, level=level), tables()))
+    found = workers.where(False).map(partial(_pooled, level=level), tables())
     families = [_families(one, made) for one, made in zip(asked, found, strict=True)]
     pairs = [_pairs(one, made) for one, made in zip(asked, found, strict=True)]
     return Comparison(_stacked(families, FAMILIES), _stacked(pairs, PAIRS), level)

@@ -12,7 +12,7 @@ import pandas as pd
 from ..core.errors import UsageError
 from ..core.progress import Meter
 from ..pipeline.options import FitOptions
-from .engine import MapOver, Run, SerialRun, engine, largest_memory
+from .engine import SERIAL, Run, engine, largest_memory
 from .fitting.block import fit_block
 from .outcomes import BlockOutcome, PairOutcome
 from .output_folder import folder_names, prepare, sweep
@@ -140,8 +140,7 @@ def run(
         blocks = fit_blocks(plan, each, out, folders, workers, meter)
         removed = sweep(out, set(blocks.keys))
         meter.say("comparing")
-        map_over: MapOver = workers.in_order if workers.started() else map
-        tables = tables_of(plan, blocks.outcomes, table, map_over)
+        tables = tables_of(plan, blocks.outcomes, table, workers)
         new = write_tables(out, tables, blocks.outcomes)
         report = site_of(out, card, title, jobs, meter, blocks.keys) if site and files else None
         published = report is not None and report.site is not None and not report.unchanged
@@ -179,8 +178,7 @@ def fit_blocks(
     memory = 0
     work = partial(_fitted, plan=replace(plan, blocks=(), unreadable={}), options=options)
     rows = sum(plan.blocks[i].rows for i in todo)
-    pays = len(todo) > 1 and (options.files or workers.started() or rows >= ENOUGH_ROWS)
-    run_on = workers if pays else SerialRun()
+    run_on = workers.where(options.files or rows >= ENOUGH_ROWS) if len(todo) > 1 else SERIAL
     for at, (outcome, text) in run_on(work, [plan.blocks[i] for i in todo]):
         i = todo[at]
         record(out, keys[i], outcome, folders, text)
@@ -212,7 +210,7 @@ def _planned(
     meter.say(f"reading {source.name}")
     plan = open_source(
         source, reading, most_rows=MOST_ROWS, most_pairs=MOST_PAIRS[files], reads=READS[files],
-        work=(out / WORK).absolute(), report=meter.say, map_over=workers.in_order,
+        work=(out / WORK).absolute(), report=meter.say, workers=workers,
     )  # fmt: skip
     return plan if table is None else _with_identity(plan, table)
 

@@ -16,7 +16,7 @@ from ..core.verdict import NOT_JUDGED
 from ..datasets.vocabulary import ROLES
 from .attention import Attention, attention_frame, attention_summary, with_families
 from .comparison import Comparison, compare
-from .engine import MapOver
+from .engine import SERIAL, Run
 from .law_rows import (
     AFTER,
     BEFORE,
@@ -208,9 +208,7 @@ class Tables:
         }
 
 
-def tables_of(
-    plan: Plan, blocks: Sequence[BlockOutcome], about: pd.DataFrame | None, map_over: MapOver = map
-) -> Tables:
+def tables_of(plan: Plan, blocks: Sequence[BlockOutcome], about: pd.DataFrame | None, workers: Run = SERIAL) -> Tables:
     """The tables of a batch; ``about`` is the table of pairs with their groups."""
     outcomes = [pair for block in blocks for pair in block.pairs]
     warnings = [PART] if plan.unreadable else []
@@ -220,7 +218,7 @@ def tables_of(
         outcomes = list(with_groups(outcomes, about))
     groups = _groupings(outcomes, plan.reading.groups)
     results = results_frame(outcomes, laws_of(blocks), groups)
-    comparison = compare(results, groups, map_over=map_over)
+    comparison = compare(results, groups, workers=workers)
     outcomes = with_families(outcomes, results, comparison.pairs)
     return Tables(
         results=results,

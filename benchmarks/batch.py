@@ -51,7 +51,7 @@ def to_results(source, out, workers, files, most_pairs, clock=time.perf_counter)
     begun = clock()
     with prepare(out, source.name, options):
         work = out / ".batch" / "source"
-        plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=work, map_over=workers.in_order)
+        plan = open_source(source, Reading(), most_pairs=most_pairs, reads=100.0, work=work, workers=workers)
         done = fit_blocks(plan, options, out, folder_names(plan.pairs) if files else {}, workers, Meter(0, "pairs"))
         results = results_frame([pair for block in done.outcomes for pair in block.pairs], laws_of(done.outcomes))
         put(out, "results.csv", results_csv(results, done.outcomes))

@@ -9,6 +9,7 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 from fitmodels import datasets, fit, parameters
+from fitmodels.batch.engine import engine
 from fitmodels.batch.plan import Pair, Reading
 from fitmodels.batch.source import chunks_of, open_source, rows_of
 from fitmodels.batch.source.csv_copy import converted, csv_stream
@@ -243,10 +244,9 @@ def test_the_chunks_of_a_large_pair_are_its_rows(tmp_path):
 
 
 def test_files_may_be_read_by_others_at_the_same_time(lab, tmp_path):
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(3) as pool:
-        assert opened(lab, tmp_path, map_over=pool.map) == opened(lab, tmp_path)
+    with engine(jobs=2) as workers:
+        assert opened(lab, tmp_path, workers=workers) == opened(lab, tmp_path)
+        assert workers.started()
 
 
 def test_a_copy_is_counted_once(tmp_path):

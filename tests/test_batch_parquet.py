@@ -17,6 +17,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from fitmodels.batch.engine import SerialRun
 from fitmodels.batch.plan import Pair, Plan, Reading
 from fitmodels.batch.source import parquet_index as indexer
 from fitmodels.batch.source import parquet_reading as reader
@@ -585,20 +586,31 @@ def test_hidden_files_and_the_folder_of_the_work_are_no_part_of_the_source(tmp_p
     assert planned(folder, work=folder / "out").rows == len(table)
 
 
-def test_a_large_source_is_indexed_by_several_processes(tmp_path, monkeypatch):
+class Recorded(SerialRun):
+    """This process in the place of others, with the tasks that it was given."""
+
+    def __init__(self, running):
+        self.running, self.tasks = running, []
+
+    def __call__(self, work, tasks):
+        for position, task in enumerate(tasks):
+            self.tasks.append(task)
+            yield position, pickle.loads(pickle.dumps(work(task)))  # noqa: S301  written here
+
+    def started(self):
+        return self.running
+
+
+@pytest.mark.parametrize(("running", "many", "taken"), [(False, 2, True), (True, 32, True), (False, 32, False)])
+def test_a_large_source_is_indexed_by_several_processes(tmp_path, monkeypatch, running, many, taken):
     """Row groups go to them together, as many as are worth a task, and the plan is the same."""
     source = write(a_shop(), tmp_path / "lab.parquet", row_group_size=16)
-    serial = planned(source, map_over=lambda *given: pytest.fail("so few rows are indexed here"))
+    serial = planned(source, workers=Recorded(running=False))
     monkeypatch.setattr(indexer, "BATCH", 40)
-    monkeypatch.setattr(indexer, "MANY", 2)
-    tasks = []
-
-    def map_over(work, given):
-        tasks.extend(given)
-        return pickle.loads(pickle.dumps([work(task) for task in tasks]))  # noqa: S301  written here
-
-    assert planned(source, map_over=map_over) == serial
-    assert [len(task) for task in tasks] == [2, 1]  # of nine row groups those that hold two pairs
+    monkeypatch.setattr(indexer, "MANY", many)
+    workers = Recorded(running)
+    assert planned(source, workers=workers) == serial
+    assert [len(task) for task in workers.tasks] == ([2, 1] if taken else [])  # of nine row groups those of two pairs
 
 
 INDICES = (pa.int8(), pa.uint8(), pa.int16(), pa.uint16(), pa.int32(), pa.uint32(), pa.int64(), pa.uint64())

@@ -3,7 +3,7 @@
 Nothing here depends on cutting. joblib and Dask schedule and move data; Dask repeats the tasks of a dead worker.
 """
 
-from .base import MapOver, Run, SerialRun, largest_memory
+from .base import SERIAL, Run, SerialRun, largest_memory
 from .selection import engine
 
-__all__ = ["MapOver", "Run", "SerialRun", "engine", "largest_memory"]
+__all__ = ["SERIAL", "Run", "SerialRun", "engine", "largest_memory"]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 
 @contextmanager
@@ -61,8 +61,6 @@ def largest_memory() -> int:
 
 T = TypeVar("T")
 R = TypeVar("R")
-MapOver = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""A function over tasks, results in their order: the built-in ``map``, or `Run.in_order`."""
 
 
 class Run(ABC):
@@ -86,6 +84,10 @@ class Run(ABC):
     def started(self) -> bool:
         """Whether its processes run: those of this machine start with the first task, which takes them a second."""
         return True
+
+    def where(self, pays: bool) -> "Run":
+        """The engine itself where its processes run already or starting them pays, otherwise `SERIAL`."""
+        return self if pays or self.started() else SERIAL
 
     def map(self, work: Callable[[T], R], tasks: Iterable[T]) -> list[R]:
         """All results in the order of the tasks."""
@@ -123,3 +125,7 @@ class SerialRun(Run):
     def describe(self) -> str:
         """Description of the engine."""
         return "this process"
+
+
+SERIAL = SerialRun()
+"""The engine of this process."""

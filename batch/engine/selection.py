@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from ...core.errors import UsageError
-from .base import Run, SerialRun, no_report
+from .base import SERIAL, Run, no_report
 
 
 @contextmanager
@@ -47,4 +47,4 @@ def engine(jobs: int = 1, dask: str | None = None, report: Callable[[str], None]
         with processes(jobs) as run:
             yield run
     else:
-        yield SerialRun()
+        yield SERIAL

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import DataError, UsageError
-from ..engine import MapOver
+from ..engine import SERIAL, Run
 from ..engine.base import no_report
 from ..plan import Plan, Reading
 from ..records import read_json
@@ -44,14 +44,14 @@ def csv_stream(
     reads: float = 4.0,
     head: int = HEAD,
     block_size: int = BLOCK,
-    map_over: MapOver = map,
+    workers: Run = SERIAL,
 ) -> Plan:
     """Plan a CSV of any size through a Parquet copy of it.
 
     Parameters
     ----------
     source : Path
-    reading, most_rows, most_pairs, report, reads, map_over : see `open_source`
+    reading, most_rows, most_pairs, report, reads, workers : see `open_source`
     work : Path
         The copy goes to ``parquet`` in this folder, whole or not at all, and is used again for the same source.
     head, block_size : int
@@ -69,7 +69,7 @@ def csv_stream(
     made = converted(source, reading, work, report, head, block_size)
     plan = parquet_plan(
         made.path, made.reading, most_rows=most_rows, most_pairs=most_pairs, work=work, report=report, name=source.name,
-        reads=reads, notes=made.notes, map_over=map_over,
+        reads=reads, notes=made.notes, workers=workers,
     )  # fmt: skip
     return replace(plan, assumed=(*made.assumed, *plan.assumed))
 

@@ -10,7 +10,7 @@ from ...core.errors import DataError, FitmodelsError, UsageError
 from ...core.rounding import count
 from ...core.suggestions import did_you_mean
 from ...datasets.vocabulary import ROLES, roles_named
-from ..engine import MapOver
+from ..engine import SERIAL, Run
 from ..engine.base import no_report
 from ..outcomes import defect_sentence
 from ..plan import Block, Pair, Piece, Plan, Reading
@@ -41,7 +41,7 @@ def files_plan(
     most_rows: int,
     most_pairs: int,
     report: Callable[[str], None] = no_report,
-    map_over: MapOver = map,
+    workers: Run = SERIAL,
     assumed: tuple[str, ...] = (),
 ) -> Plan:
     """Plan the pairs of lab files, in the order of the files and, within each, of its rows.
@@ -51,7 +51,7 @@ def files_plan(
     source : Path
         Folder that holds the files, or the one file.
     paths : tuple of Path
-    reading, most_rows, most_pairs, report, map_over : see `open_source`
+    reading, most_rows, most_pairs, report, workers : see `open_source`
     assumed : tuple of str
         Assumptions so far.
 
@@ -67,7 +67,7 @@ def files_plan(
     alone = len(paths) == 1 and paths[0] == source
     tasks = [(str(path), reading, alone) for path in paths]
     found: list[FileScan] = []
-    for one in map_over(scan_file, tasks):
+    for one in workers.where(len(tasks) > 1).in_order(scan_file, tasks):
         found.append(one)
         report(f"read {len(found)} of {len(paths)} files")
     unreadable = {name: one.reason for name, one in zip(names, found, strict=True) if one.reason}

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core.errors import DataError
 from ...datasets.vocabulary import UNNAMED
-from ..engine import MapOver
+from ..engine import SERIAL, Run
 from ..plan import Block, Piece, Plan, Reading
 from .common import STREAMED, packed
 from .parquet_arrow import UNREADABLE, why
@@ -27,7 +27,7 @@ def parquet_plan(
     name: str | None = None,
     reads: float = 4.0,
     notes: tuple[str, ...] = (),
-    map_over: MapOver = map,
+    workers: Run = SERIAL,
 ) -> Plan:
     """Cut a Parquet file, or a folder of them, into blocks of pairs.
 
@@ -49,8 +49,8 @@ def parquet_plan(
         How many times its rows the blocks may read together; beyond it a copy is sorted by block first.
     notes : tuple of str
         Free text above the table of a CSV that became this source.
-    map_over : callable
-        As in `open_source`: the pairs of row groups are read by it.
+    workers : Run
+        Read the pairs of row groups; this process by default.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def parquet_plan(
     """
     files = parquet_files(source, work)
     known = interpret_columns(_first_readable(files), files, reading, notes)
-    index = indexed(files, known, reading, report, map_over)
+    index = indexed(files, known, reading, report, workers)
     if not index.held:
         raise DataError(_nothing(source, index.unreadable))
     ranges = packed(index.rows, most_rows, most_pairs)

@@ -12,7 +12,7 @@ import numpy as np
 from ...core.arrays import Array, Ints
 from ...datasets.columns import ColumnUse
 from ...datasets.vocabulary import ROLES, UNNAMED
-from ..engine import MapOver
+from ..engine import Run
 from ..plan import Pair, Piece, Reading
 from .parquet_arrow import (
     UNREADABLE,
@@ -195,11 +195,11 @@ def indexed(
     known: SourceColumns,
     reading: Reading,
     report: Callable[[str], None],
-    map_over: MapOver = map,
+    workers: Run,
 ) -> Index:
     """Index of all files, in order; a file or a row group that cannot be read is recorded and skipped.
 
-    Columns that name the pairs are read through ``map_over`` where there are ``MANY`` tasks: processes take longer to
+    Columns that name the pairs are read by ``workers``. Processes are started for ``MANY`` tasks: they take longer to
     start than fewer take.
     """
     index = Index()
@@ -207,8 +207,7 @@ def indexed(
     found = list(_row_groups(files, known, keys, reading))
     work = partial(contents_of, keys=keys, reading=reading)
     tasks = list(_together(found))
-    over: MapOver = map if len(tasks) < MANY else map_over
-    read = chain.from_iterable(over(work, tasks))
+    read = chain.from_iterable(workers.where(len(tasks) >= MANY).in_order(work, tasks))
     for before, one in zip([None, *found], found, strict=False):
         if one.file and one.file % 500 == 0 and before is not None and before.file != one.file:
             report(f"indexed {one.file} of {len(files)} files: {len(index.number)} pairs")

@@ -12,7 +12,7 @@ from ...core.bounded import regular_status
 from ...core.errors import DataError, UsageError
 from ...core.rounding import count
 from ...datasets.tables.decode import load_bytes
-from ..engine import MapOver
+from ..engine import SERIAL, Run
 from ..engine.base import no_report
 from ..plan import Block, Plan, Reading
 from ..rows import PairRows
@@ -40,7 +40,7 @@ def open_source(
     reads: float = 4.0,
     work: Path,
     report: Callable[[str], None] = no_report,
-    map_over: MapOver = map,
+    workers: Run = SERIAL,
 ) -> Plan:
     """Plan a source: its pairs, the places of their rows, and the blocks in which they are fitted.
 
@@ -58,8 +58,8 @@ def open_source(
         Folder for a copy of the source, where one is needed.
     report : callable
         Receives progress updates.
-    map_over : callable
-        ``map_over(work, tasks)`` gives the results in the order of the tasks; the built-in ``map`` by default.
+    workers : Run
+        Read the files or row groups; this process by default.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def open_source(
 
     path = existing_path(source)
     limits: dict[str, Any] = {"most_rows": most_rows, "most_pairs": most_pairs}
-    onward: dict[str, Any] = {**limits, "work": work, "report": report, "reads": reads, "map_over": map_over}
+    onward: dict[str, Any] = {**limits, "work": work, "report": report, "reads": reads, "workers": workers}
     if not path.is_dir():
         regular_status(path, "stream")
     inside = folder_contents(path)
@@ -93,11 +93,11 @@ def open_source(
             from .csv_copy import csv_stream
 
             return csv_stream(path, reading, **onward)
-        return files_plan(path, (path,), reading, **limits, report=report, map_over=map_over)
+        return files_plan(path, (path,), reading, **limits, report=report, workers=workers)
     if not inside.lab:
         raise DataError(_nothing(path, inside))
     skipped = tuple(_skipped(inside))
-    return files_plan(path, inside.lab, reading, **limits, report=report, map_over=map_over, assumed=skipped)
+    return files_plan(path, inside.lab, reading, **limits, report=report, workers=workers, assumed=skipped)
 
 
 def existing_path(source: str | os.PathLike[str]) -> Path:
