@@ -30,6 +30,7 @@ from .estimators.high_order_arx import (
     rss_of,
     spread,
 )
+from .physical_models.step_shapes import without_noise
 
 LAGS = np.array([1, 2, 4, 7, 11, 16, 22, 30, 40, 55])  # of g: dense near, wide apart for slow plants and long delays
 FALSE_ALARM = 1e-3  # of all candidates together; with 1e-4 a dead zone of 20 % is named in .78 of records, not .83
@@ -101,9 +102,16 @@ def nonlinearity(fit: LongArx, rec: Record, raw: Array, additional: Array) -> No
         Input with its operating point, unit of u.
     additional : ndarray, shape (N, k)
         Further columns of the regression.
+
+    Notes
+    -----
+    Steps are taken without the noise of their measurement: what cuts that noise off, as a saturation at the levels
+    does, would explain the output better than the measured input.
     """
+    measured, raw = raw, without_noise(raw)
     if len(np.unique(raw)) <= FEW_VALUES:
         return None
+    rec = replace(rec, u=rec.u + (raw - measured))
     lags = LAGS[max(s.stop - s.start for s in rec.stretches) // 6 > LAGS]
     both = np.union1d(fit.lags, lags)  # u as far back as g, so that g does not stand for dynamics that are linear
     wide = long_arx(rec, len(fit.a) - 1, both, additional)

@@ -162,6 +162,25 @@ def test_a_static_nonlinearity_is_named_with_its_size(plant, kind, acting, words
     assert size is None or item.size == pytest.approx(size, rel=0.15)
 
 
+@pytest.mark.parametrize("lag", [5, 20])
+@pytest.mark.parametrize("levels", [2, 3, 7])
+def test_noise_of_a_measured_input_that_steps_is_no_nonlinearity(lag, levels):
+    """A saturation at the levels would cut the noise off; one at .65 of the range is found in spite of it."""
+    rng = np.random.default_rng(levels)
+    held = rng.integers(20, 120, 60)
+    u = np.repeat(rng.choice(np.linspace(800.0, 1000.0, levels), 60), held)[:3000]
+    pole = np.exp(-1 / lag)
+    plant = Model(b=[0.0, 0.5 * (1 - pole)], a=[1.0, -pole], nk=1, sample_time=T)
+    measured, noise = u + 2.0 * rng.standard_normal(3000), rng.standard_normal(3000)
+
+    def named(acting):
+        y = plant.simulate(acting - 900.0)
+        return kinds(Record(u=measured, y=y + 0.03 * np.std(y) * noise, sample_time=T))
+
+    assert named(u) == []
+    assert ("saturation" in named(np.minimum(u, 930.0))) == (levels == 7)
+
+
 def test_a_quantised_and_a_clipped_output_are_named():
     rec = record()
     step = np.ptp(rec.y) / 12

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 PLATEAU = 8  # samples between edges, on average: below it the input is not a sequence of steps
 INTEGRATES = (0.1, 0.67)  # largest loss by the integral of the input: of the output, and of that of the lag
 DRIFTS = 0.5  # of the squares of the residuals, explained by a straight line in time
+EDGE = 6.0  # standard deviations of the noise of the input: a larger change is a step
 LEFTOVER = 0.05  # rms deviation from the plateaus as a share of the range: noise of a measured input
 
 
@@ -84,15 +85,39 @@ def one_step(time: Array, y: Array, step: float, at: float) -> Stretch:
 
 def _edges(u: Array, span: float) -> NDArray[np.intp]:
     """Samples at which the input changes by more than noise."""
-    change = np.abs(np.diff(u))
-    noise = 1.4826 * float(np.median(change)) / np.sqrt(2) if change.size else 0.0
-    return np.flatnonzero(change > max(6 * noise, 1e-6 * span)) + 1
+    return np.flatnonzero(np.abs(np.diff(u)) > max(EDGE * _noise(u), 1e-6 * span)) + 1
+
+
+def _noise(u: Array) -> float:
+    """Standard deviation of the noise of an input, from the median of its changes; 0 for one sample."""
+    return 1.4826 * float(np.median(np.abs(np.diff(u)))) / math.sqrt(2) if u.size > 1 else 0.0
 
 
 def _plateaus(u: Array, span: float) -> Array:
     """Mean of the input between edges."""
     parts = np.split(u, _edges(u, span))
     return np.concatenate([np.full(len(part), part.mean()) for part in parts])
+
+
+def without_noise(u: Array) -> Array:
+    """An input that steps between levels, each sample at its level; any other input as it is.
+
+    Levels that differ by less than the noise of a sample are one.
+
+    >>> without_noise(np.repeat([0.0, 5.0, 0.0], 40) + np.tile([-0.1, 0.1], 60)).round(9)[[0, 39, 40, 119]].tolist()
+    [0.0, 0.0, 5.0, 0.0]
+    """
+    span = float(np.ptp(u))
+    mean = _plateaus(u, span)
+    off = u - mean
+    if not 0 < np.sqrt(np.mean(off**2)) <= LEFTOVER * span or len(_edges(u, span)) * PLATEAU > len(u):
+        return u
+    order = np.argsort(mean, kind="stable")
+    number = np.cumsum(np.diff(mean[order], prepend=mean[order[0]]) > EDGE * _noise(u))
+    level = np.bincount(number, u[order]) / np.bincount(number)
+    out = np.empty_like(u)
+    out[order] = level[number]
+    return out
 
 
 def _stretch(u: Array, y: Array, dt: float, span: float) -> Stretch | None:
