@@ -14,7 +14,7 @@ from . import messages, options, reading, shown, stages
 from .cells import Cells, cells_of
 from .jobs import Job
 from .page_base import PageBase, Shown, ended, fields_of, language_of
-from .project import Entry
+from .project import LONGEST_OPTION, Entry
 from .results import facts_of_laws, reading_of
 
 
@@ -126,7 +126,7 @@ class FilePage(PageBase):
         is_of_it = refused and (option in refused.partition(":")[0] or not before["refused"])
         if is_of_it and not found["record"]:
             raise UsageError(f"Not changed. {messages.plain(refused, self._places(entry))}")
-        return self._changed(self._entry(entry.name), words, reasons)
+        return self._changed(entry, words, reasons)
 
     async def _apply(self, request: Request) -> Response:
         """Set the options of a remedy that the reading or a card names."""
@@ -148,8 +148,13 @@ class FilePage(PageBase):
         """Leave rows or edges out with a reason."""
         entry, given = await self._form(request)
         target, reason = (given.get(name, "").strip() for name in ("target", "reason"))
-        if not target or len(target) > 200 or target.startswith("-") or any(ord(sign) < 32 for sign in target):
+        if not target or target.startswith("-") or any(ord(sign) < 32 for sign in target):
             raise UsageError("name an edge, or lines, such as: lines 16, 18-20.")
+        if len(target) > LONGEST_OPTION:
+            raise UsageError(
+                f"the names of edges or lines have {len(target)} characters, the project keeps {LONGEST_OPTION} in one "
+                "option: leave them out in several parts."
+            )
         reasons = {**entry.reasons, target: _reason(reason, "it is left out")}
         return await self._tried(entry, options.replaced(entry.options, "--leave-out", target), "--leave-out", reasons)
 

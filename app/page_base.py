@@ -21,7 +21,7 @@ from .cells import Cells
 from .command_forms import Subject, actions
 from .jobs import Job, Jobs, Runner
 from .messages import colour
-from .project import Entry, Project
+from .project import SUFFIXES, Entry, Project
 from .stages import current_files
 
 PRELOAD: Final = ("fitmodels.app.warm", "fitmodels.datasets.overview")
@@ -61,6 +61,7 @@ class PageBase:
             loader=PackageLoader("fitmodels.app"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
             lstrip_blocks=True,
         )  # fmt: skip
+        self._templates.globals["suffixes"] = ",".join(SUFFIXES)
         self._templates.filters["colour"] = colour
         self._templates.filters["typed"] = lambda words: shlex.join(["fitmodels", *words])
         self._templates.filters["joined"] = shlex.join

@@ -20,15 +20,21 @@ from ..core.bounded import read_bounded, sha256_of
 from ..core.errors import DataError, UsageError
 from ..core.files import make_folder, temporary_name, write_whole
 from ..core.text import json_text, printable
+from ..datasets.several_files import TABLES
+from ..datasets.signals.recording import SUFFIXES as RECORDS
 
 SCHEMA: Literal["fitmodels.project/1"] = "fitmodels.project/1"
 FILE = "project.json"
-SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx", ".xls", ".xlsb", ".ods", ".lvm", ".tdms", ".mat")
+CHANGED = (
+    "This file was changed since this page was shown (another tab or a command): reload the page. Nothing was run."
+)
+SUFFIXES = tuple(dict.fromkeys((*TABLES, *RECORDS)))  # of the files that can be added
 RESERVED = re.compile(r"(?i)(?:con|prn|aux|nul|com\d|lpt\d)")  # names of devices on Windows
 LONGEST_NAME = 60
 MOST_STEPS = 500
 BLOCK = 1 << 20  # bytes copied at once
-Short = Annotated[str, Field(max_length=1000)]
+LONGEST_OPTION = 1000  # characters
+Short = Annotated[str, Field(max_length=LONGEST_OPTION)]
 
 
 class _Strict(BaseModel):
@@ -151,8 +157,17 @@ class Project:
         return entry
 
     def change(self, entry: Entry, options: Sequence[str], reasons: dict[str, str] | None = None) -> Entry:
-        """Set the options of a file, and the reasons of what is left out."""
+        """Set the options of a file, and the reasons of what is left out.
+
+        Raises
+        ------
+        UsageError
+            They are no longer those of ``entry``.
+        """
         with self._lock:
+            now = next((one for one in self.files if one.name == entry.name), None)
+            if now is None or (now.options, now.reasons) != (entry.options, entry.reasons):
+                raise UsageError(CHANGED)
             new = Entry(
                 name=entry.name, sha256=entry.sha256, options=tuple(options),
                 reasons=entry.reasons if reasons is None else reasons,

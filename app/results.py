@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from starlette.responses import FileResponse, HTMLResponse, Response
 
+from ..core.text import line_spans
 from .jobs import Job
 from .messages import colour
 from .options import OF_OUTPUT, applied, pairs, typed, words
@@ -119,7 +120,7 @@ def suspects(laws: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
         for check in (law.get("checks") or {}).values():
             for one in check.get("suspects") or ():
                 lines = one.get("lines") or ()
-                target = f"lines {','.join(map(str, lines))}" if lines else ",".join(one.get("edges") or ())
+                target = f"lines {','.join(line_spans(lines))}" if lines else ",".join(one.get("edges") or ())
                 if target:
                     found.setdefault(target, (str(check.get("verdict", "")), str(one.get("column") or "")))
     return [(target, *said) for target, said in found.items()]

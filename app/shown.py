@@ -8,15 +8,12 @@ from ..core.bounded import sha256_of
 from ..core.errors import UsageError
 from ..core.text import json_text
 from .command_forms import Subject, actions
-from .project import Entry, Project
+from .project import CHANGED, Entry, Project
 from .stages import OF_CONTROL, current_files, states
 
 OPTIONS: Final = "shown-options"
 FILES: Final = "shown-files"
 NAMES: Final = (OPTIONS, FILES)
-CHANGED: Final = (
-    "This file was changed since this page was shown (another tab or a command): reload the page. Nothing was run."
-)
 
 
 def of_options(entry: Entry) -> str:

@@ -7,7 +7,7 @@ it is within it.
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
 MARK: Final = "\N{REPLACEMENT CHARACTER}"  # stands for a character that is not shown
@@ -109,6 +109,21 @@ def without_long_words(lines: Iterable[str]) -> Iterator[str]:
             yield line
         elif run == LONGEST_WORD + 1:
             yield "..."
+
+
+def line_spans(lines: Sequence[int]) -> list[str]:
+    """Lines in rising order, neighbours as ``2-9``.
+
+    >>> line_spans([2, 3, 4, 9])
+    ['2-4', '9']
+    """
+    out: list[list[int]] = []
+    for line in lines:
+        if out and line == out[-1][-1] + 1:
+            out[-1] = [out[-1][0], line]
+        else:
+            out.append([line])
+    return ["-".join(map(str, part)) for part in out]
 
 
 def in_ascii(text: str, signs: str, mark: str = "_") -> str:

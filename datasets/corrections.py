@@ -51,8 +51,8 @@ class Correction:
 
     def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """The corrected values."""
-        if self.factor is not None:
-            return values * self.factor
+        if self.sign in "*/":
+            return values * self.number if self.sign == "*" else values / self.number
         return values + (self.number if self.sign == "+" else -self.number)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import DataError
 from ..core.rounding import listed
+from ..core.text import line_spans
 from .columns import ColumnUse, Values
 from .derived.rules import Derived
 from .doubts import Doubt
@@ -118,21 +119,6 @@ def whole_edges(draft: Draft, rows: NDArray[np.intp]) -> list[str]:
         return []
     edges = [str(names[code]) for code in found]
     return sorted(edges, key=lambda name: (len(name), name)) if all(edges) else []
-
-
-def line_spans(lines: Sequence[int]) -> list[str]:
-    """Lines in rising order, neighbours as ``2-9``.
-
-    >>> line_spans([2, 3, 4, 9])
-    ['2-4', '9']
-    """
-    out: list[list[int]] = []
-    for line in lines:
-        if out and line == out[-1][-1] + 1:
-            out[-1] = [out[-1][0], line]
-        else:
-            out.append([line])
-    return ["-".join(map(str, part)) for part in out]
 
 
 def correction(draft: Draft, rows: NDArray[np.intp], symbol: str, factor: float) -> str:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .draft import Draft, line_spans
+from ..core.text import line_spans
+from .draft import Draft
 from .tables import Column
 from .vocabulary import UNNAMED
 

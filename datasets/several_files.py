@@ -17,10 +17,11 @@ from .doubts import Doubt
 from .headers import parse_header
 from .notes import FileCondition, conditions_of_file, pair_name
 from .tables import Column, Table
+from .tables.workbook import SUFFIXES, TEXTS
 from .units import canonical, convert, same_dimension
 from .vocabulary import MEASURED, ROLES, UNNAMED, role_of, understood_unit
 
-SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".prn", ".asc", ".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")
+TABLES = (*TEXTS, *SUFFIXES)  # endings of the files of a folder that are read
 _SHEET = ".sheet"  # ends the name of a table that is a sheet of a workbook
 _LISTED = 4  # files named in a sentence
 
@@ -54,9 +55,9 @@ def files_of_folder(folder: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
         entries = [path for path in folder.iterdir() if path.is_file() and path.name[0] not in ".~"]
     except OSError as error:
         raise DataError(f"{folder} cannot be read: {error.strerror}.") from error
-    found = sorted((path for path in entries if path.suffix.lower() in SUFFIXES), key=lambda path: _natural(path.name))
+    found = sorted((path for path in entries if path.suffix.lower() in TABLES), key=lambda path: _natural(path.name))
     if not found:
-        raise DataError(f"{folder} holds no table: none of its files ends in {', '.join(SUFFIXES[:4])} or .xlsx.")
+        raise DataError(f"{folder} holds no table: none of its files ends in {', '.join(TABLES[:4])} or .xlsx.")
     return tuple(found), tuple(sorted(path.name for path in entries if path not in found))
 
 

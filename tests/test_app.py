@@ -30,7 +30,7 @@ from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
 from fitmodels.app.reading import assumptions, column_menus, offered, option_of_change, role_label, units_of
-from fitmodels.app.results import policy_of_card, reading_of, remedies, written
+from fitmodels.app.results import policy_of_card, reading_of, remedies, suspects, written
 from fitmodels.app.stages import filled, older, states, to_repeat
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
@@ -541,6 +541,21 @@ def test_a_page_that_is_out_of_date_changes_and_runs_nothing(client):
         status, text = client.post(f"{name}/{path}", **fields, **first)
         assert (status, "reload the page" in text) == (422, True), path
     assert client.page.project.entry("tabs.csv").options == ("--tool", "T1")
+
+
+def test_a_change_of_options_that_changed_meanwhile_is_refused(tmp_path):
+    """The reading that tries a change takes seconds; another change may be accepted in them."""
+    project = Project(tmp_path)
+    shown = project.add("a.csv", io.BytesIO(b"V,f,t,VB\n100,0.2,5,0.1\n"))
+    first = project.change(shown, ["--leave-out", "lines 16"], {"lines 16": "chatter"})
+    with pytest.raises(UsageError, match="reload the page"):
+        project.change(shown, ["--leave-out", "lines 30"], {"lines 30": "chips"})
+    assert project.entry("a.csv") == first
+
+
+def test_rows_that_a_check_names_are_proposed_as_ranges_of_lines():
+    checks = {"repeats": {"verdict": "copied", "suspects": [{"lines": [*range(10, 82), 90], "column": "VB"}]}}
+    assert suspects([{"checks": checks}]) == [("lines 10-81,90", "copied", "VB")]
 
 
 def test_a_command_that_runs_is_shown_when_the_page_is_loaded_again(client, tmp_path):

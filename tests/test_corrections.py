@@ -9,6 +9,7 @@ from fitmodels import datasets
 from fitmodels.cli import main
 from fitmodels.cli.corrections import corrected
 from fitmodels.core.errors import DataError, FitmodelsError, UsageError
+from fitmodels.datasets.corrections import parse_correction
 from fitmodels.fit.checks.check import Suspect
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -236,3 +237,10 @@ def test_rows_with_unreadable_cells_are_named_at_once_and_can_be_left_out(tmp_pa
         len(datasets.read_runs(path, leave_out=[f"lines {lines}"]))
         == len(datasets.read_runs(datasets.bundled("gc435_709m40"))) - 3
     )
+
+
+@pytest.mark.parametrize(
+    ("change", "value", "right"), [("f/10", 3.0, 0.3), ("f/1000", 345.0, 0.345), ("f*25.4", 0.01, 0.254)]
+)
+def test_a_correction_gives_the_value_as_it_would_be_typed(change, value, right):
+    assert parse_correction(f"all:{change}").apply(np.array([value])).tolist() == [right]

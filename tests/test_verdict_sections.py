@@ -136,7 +136,7 @@ def test_suspects_and_the_law_without_them_are_kept(runs, monkeypatch, tmp_path)
     monkeypatch.setattr(fit, "judge", lambda *a, **k: found)
     pf = parameters.read(parameters.write(parameters.collect(laws=[law]), tmp_path / "params.json"))
     section = pf.laws["AW"]
-    assert [suspect.correction for suspect in section.checks["form"].suspects] == ["E07,E11:f*25.4", "lines 12,13:t-5"]
+    assert [suspect.correction for suspect in section.checks["form"].suspects] == ["E07,E11:f*25.4", "lines 12-13:t-5"]
     assert (section.without.edges, section.without.lines) == (("E07", "E11"), (12, 13))
     assert section.without.coefficients == pytest.approx(dict(other.params))
     assert section.without.standard_errors["V"] == pytest.approx(other.bse["V"])

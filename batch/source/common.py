@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.rounding import listed
-from ...datasets.tables.workbook import SUFFIXES
+from ...datasets.tables.workbook import SUFFIXES, TEXTS
 
 PARQUET = (".parquet", ".pq", ".parq")
-LAB = (".csv", ".txt", ".tsv", ".dat", *SUFFIXES)
+LAB = (*TEXTS, *SUFFIXES)
 LARGE = 60_000_000  # bytes of a text file; read whole it takes ten times as much memory
 SHOWN = 3  # names in a sentence
 

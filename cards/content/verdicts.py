@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from ...core.files import STANDARD_INPUT
 from ...core.rounding import format_plain
+from ...core.text import line_spans
 from ...core.verdict import DO_NOT_USE, LEVELS, NOT_JUDGED, RESERVATIONS, USABLE
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import VerdictSection
@@ -268,7 +269,7 @@ def _suspect(suspect: SuspectValues, command: str) -> SuspectPart:
 def _remedy(suspect: SuspectValues) -> str:
     if suspect.correction:
         return f"--correct {shlex.quote(suspect.correction)}"
-    target = ",".join(suspect.edges) if suspect.edges else f"lines {','.join(map(str, suspect.lines))}"
+    target = ",".join(suspect.edges) if suspect.edges else f"lines {','.join(line_spans(suspect.lines))}"
     return f"--leave-out {shlex.quote(target)}"
 
 

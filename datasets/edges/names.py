@@ -4,8 +4,9 @@ import re
 
 import numpy as np
 
+from ...core.text import line_spans
 from ..doubts import Doubt
-from ..draft import Draft, line_spans
+from ..draft import Draft
 from .columns import Codes, Tests, differs
 from .merged_cells import lines_text
 

@@ -12,11 +12,12 @@ from ...core.errors import DataError, UsageError
 from ..records.columns import ColumnHeader, find, heads, in_unit, only_numbers, seconds_in, time_column, times
 from ..records.formats import record_tables
 from ..tables import Table
+from ..tables.workbook import TEXTS
 from ..units import canonical, convert, same_dimension
 from ..vocabulary import ROLES
 from .options import LOADS, ReduceOptions
 
-SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".tdms", ".mat", ".xlsx")
+SUFFIXES = (*TEXTS, ".lvm", ".tdms", ".mat", ".xlsx")
 FEWEST = 20  # samples of a record
 EVEN = 0.05  # deviation from even times, in steps: no interpolation is needed
 LOST = 5.0  # steps without a sample: a gap, not uneven sampling

@@ -11,6 +11,7 @@ from ...core.suggestions import did_you_mean
 from .worksheet import WorkbookSheet, damaged, protected
 
 SUFFIXES = (".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")
+TEXTS = (".csv", ".txt", ".tsv", ".dat", ".prn", ".asc")  # of tables in a text file
 _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 UNPACKED = 400 * MB  # bytes of all parts of a workbook; a sheet of a million rows and eight columns has 300 MB
 MOST_TAGS = 45_000_000  # of the sheets together: ten million cells

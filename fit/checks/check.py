@@ -10,6 +10,7 @@ from pandas import DataFrame
 from ...core.display import Displayable, TextTable
 from ...core.errors import UsageError
 from ...core.rounding import format_plain, listed, p_value
+from ...core.text import line_spans
 from ...core.verdict import MARKS
 from ..available import NotAvailable
 
@@ -127,22 +128,11 @@ class Suspect:
         >>> Suspect("t", lines=(8, 12, 13, 14), offset=-5.0).correction
         'lines 8,12-14:t-5'
         """
-        target = ",".join(self.edges) if self.edges else f"lines {_ranges(self.lines)}"
+        target = ",".join(self.edges) if self.edges else f"lines {','.join(line_spans(self.lines))}"
         if self.factor is not None:
             sign, size = ("*", self.factor) if self.factor >= 1 else ("/", 1 / self.factor)
             return f"{target}:{self.column}{sign}{size:.6g}"
         return "" if self.offset is None else f"{target}:{self.column}{self.offset:+.6g}"
-
-
-def _ranges(lines: tuple[int, ...]) -> str:
-    """Lines in the words of ``--correct``, three and more in sequence as a range."""
-    groups: list[list[int]] = []
-    for line in lines:
-        if groups and line == groups[-1][-1] + 1:
-            groups[-1].append(line)
-        else:
-            groups.append([line])
-    return ",".join(f"{g[0]}-{g[-1]}" if len(g) > 2 else ",".join(map(str, g)) for g in groups)
 
 
 def lines_of(lines: Sequence[int]) -> str:
