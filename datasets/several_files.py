@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -117,10 +118,11 @@ def joined_tables(tables: Sequence[Table], path: Path, others: Sequence[str] = (
 
 
 def joined_sheets(tables: Sequence[Table], titles: Sequence[str], path: Path) -> Table | None:
-    """One table of the sheets of a workbook if each is the course of one edge, else None."""
+    """One table of the sheets of a workbook if each is the course of one edge or has a pair of its own, else None."""
     named = [replace(table, path=Path(f"{title}{_SHEET}")) for table, title in zip(tables, titles, strict=True)]
     parts = [_part(table) for table in named]
-    if not all(map(_is_one_edge, parts)) or not all(map(_has_one_condition, parts)):
+    one_edge_each = all(map(_is_one_edge, parts)) and all(map(_has_one_condition, parts))
+    if not (one_edge_each or _have_own_pairs(parts)):
         return None
     try:
         joined = joined_tables(named, path)
@@ -146,6 +148,14 @@ def _has_one_condition(part: _Part) -> bool:
     """Whether no condition varies within a file, as far as it has columns of them."""
     conditions = [c for key, c in part.columns.items() if key in ROLES and ROLES[key].kind == "condition"]
     return all(len(set(column.labels().tolist()) - {""}) <= 1 for column in conditions)
+
+
+def _have_own_pairs(parts: Sequence[_Part]) -> bool:
+    """Whether each file names a tool and work that no other file names."""
+    columns = [{role: set(p.columns[role].labels().tolist()) for role in UNNAMED if role in p.columns} for p in parts]
+    named = [{role: {name} for role, name in p.pair.items()} | here for p, here in zip(parts, columns, strict=True)]
+    pairs = [frozenset(product(*(names.get(role, {""}) for role in UNNAMED))) for names in named]
+    return all(any(map(any, pair)) for pair in pairs) and sum(map(len, pairs)) == len(frozenset().union(*pairs))
 
 
 def _part(table: Table) -> _Part:

@@ -583,6 +583,24 @@ def test_a_sheet_for_each_test_is_one_table(tmp_path, notes):
     assert "each sheet is one cutting edge, named as the sheet" in said(runs)
 
 
+@pytest.mark.parametrize("place", ["notes", "columns"])
+def test_sheets_of_several_tests_with_a_tool_of_their_own_are_one_table(tmp_path, place):
+    """The edges E1 of the two tools stay two; with the same tool in both the sheets are not joined."""
+
+    def sheet(tool):
+        if place == "notes":
+            return [["Tool", tool], ["Work material", "42CrMo4"], [], HEADER, *ROWS]
+        return [[*HEADER, "tool"], *([*row, tool] for row in ROWS)]
+
+    runs = read_runs(book(tmp_path, A=sheet("GC4325"), B=sheet("TP2501")))
+    assert [part.tool for part in runs.pairs()] == ["GC4325", "TP2501"]
+    for part in runs.pairs():
+        np.testing.assert_allclose(part.values("VB"), [row[5] for row in ROWS], rtol=1e-12)
+        assert len(set(part.labels("edge"))) == 12
+    with pytest.raises(DataError, match="give one of --sheet A"):
+        read_runs(book(tmp_path, A=sheet("GC4325"), B=sheet("GC4325")))
+
+
 def test_sheets_of_several_tests_each_are_not_joined(tmp_path):
     path = book(tmp_path, Dry=[HEADER, *ROWS], Wet=[HEADER, *ROWS])
     with pytest.raises(DataError, match=r"give one of --sheet Dry \(36 rows\), --sheet Wet \(36 rows\)\."):
