@@ -16,11 +16,11 @@ from ..datasets.vocabulary import ROLES
 from .outcomes import DOUBT, GROUPS_DIFFER, NO_LAW, NOT_CONVERGED, REFUSED, Concern, PairOutcome
 from .plan import Pair
 
-SCATTERS, NAMES = "large scatter", "doubtful name"
+SCATTERS, NAMES, COPIED = "large scatter", "doubtful name", "same measurements"
 UNLIKE = "unlike its family"
 SEVERITY = (  # unusable; a law that may mislead; what it lacks; notes on the pair
     NO_LAW, NOT_CONVERGED, "no parameter file", REFUSED,
-    LEVELS[DO_NOT_USE], "wear falls with time", "fits badly", SCATTERS, UNLIKE, "draws too certain",
+    LEVELS[DO_NOT_USE], COPIED, "wear falls with time", "fits badly", SCATTERS, UNLIKE, "draws too certain",
     "condition not known", NAMES,
     LEVELS[RESERVATIONS], "few degrees of freedom", "no errors by edge", "factor left out", "rows left out",
     DOUBT, "no tool life",
@@ -33,6 +33,7 @@ TIMES = 3.0  # the median scatter of a response
 FEWEST = 5  # pairs for a usual scatter
 BY_CHANCE = 1e-4  # a scatter with few degrees of freedom may be so much larger than the median
 LEVEL = 0.99
+EXACT = 1e-9  # of ln y: a smaller scatter is rounding, of a table computed from a law
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +98,8 @@ def with_families(
         se, df, new_low, new_high`` are looked at.
     """
     more: dict[tuple[str, str], list[Concern]] = defaultdict(list)
-    for pair, concern in (*_alike(outcomes), *_unnamed(outcomes), *_in_other_units(results), *_scattering(results)):
+    of_names = *_alike(outcomes), *_unnamed(outcomes), *_copied(results)
+    for pair, concern in (*of_names, *_in_other_units(results), *_scattering(results)):
         more[pair].append(concern)
     for pair, concern in _unlike(pooled) if pooled is not None and len(pooled) else ():
         more[pair].append(concern)
@@ -137,6 +139,25 @@ def _unnamed(outcomes: Sequence[PairOutcome]) -> Iterator[tuple[tuple[str, str],
         for one in (one for one in outcomes if getattr(one, role) in missing):
             words = f"stands for a missing name: rows of several {role}s may be in this pair."
             yield (one.tool, one.work), Concern(NAMES, f"{role} {getattr(one, role)!r} {words}")
+
+
+def _copied(results: pd.DataFrame) -> Iterator[tuple[tuple[str, str], Concern]]:
+    """Pairs whose law of a response has the scatter and R2 of another pair's, with all digits."""
+    if not {"scale_se", "rsquared"} <= set(results):
+        return
+    laws = results[(results["reason"] == "") & (results["scale_se"] > EXACT) & results["rsquared"].notna()]
+    scatter, r2 = (laws[name].to_numpy(dtype=float) for name in ("scale_se", "rsquared"))
+    laws = laws.assign(_scatter=np.log(scatter).round(11), _r2=r2.round(11))
+    same = ["response", "form", "nobs", "_scatter", "_r2"]
+    for (response, _, n, *_), each in laws[laws.duplicated(same, keep=False)].groupby(same, sort=False):
+        pairs = [Pair(str(tool), str(work)) for tool, work in zip(each["tool"], each["work"], strict=True)]
+        for pair in pairs:
+            other = next(one for one in pairs if one != pair)
+            words = (
+                f"{response}: its {n} rows have the law of {other}, with all digits: the same measurements under two "
+                "names. Leave one of them out of the source, or correct the name."
+            )
+            yield (pair.tool, pair.work), Concern(COPIED, words)
 
 
 def _spelling(name: str) -> str:

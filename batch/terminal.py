@@ -20,7 +20,7 @@ from ..fit.many.pooling import WHOLE
 from .comparison import LAW, Comparison, largest_families
 from .plan import Plan
 from .result import Batch, Effort
-from .source.common import LAB
+from .source.common import LAB, some_names
 
 if TYPE_CHECKING:
     from ..cards.publishing.pair import PublicationProblem
@@ -214,9 +214,10 @@ def _missing_fields(problems: "Sequence[PublicationProblem]", out: Path) -> Iter
     if shared:
         yield f"missing: {', '.join(shared)}; fill in {out}/pairs/card.toml, which holds for all pairs."
     if "iso513" in fields:
+        lacking = some_names(problem.folder for problem in problems if "iso513" in problem.fields)
         yield (
-            "missing: the ISO 513 group of each material; give it with --pairs TABLE. It is written into the "
-            "parameter files, so these pairs are fitted again."
+            f"missing: the ISO 513 group of the material of {lacking}; give it with --pairs TABLE, with the names as "
+            "they are in the data. It is written into the parameter files, so these pairs are fitted again."
         )
     if fields:
         yield f"Then run the same command again{'' if 'iso513' in fields else '; no pair is refitted'}."

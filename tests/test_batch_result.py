@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 from fitmodels.batch import output_folder as place
 from fitmodels.batch import records
-from fitmodels.batch.attention import SCATTERS, UNLIKE, attention_frame, attention_summary, with_families
+from fitmodels.batch.attention import COPIED, SCATTERS, UNLIKE, attention_frame, attention_summary, with_families
 from fitmodels.batch.law_rows import LAW, law_table
 from fitmodels.batch.outcomes import DOUBT, NO_LAW, NOT_CONVERGED, REFUSED, BlockOutcome, Concern, PairOutcome
 from fitmodels.batch.output_folder import claim, folder_names, prepare, put, sweep
@@ -759,6 +759,17 @@ def test_a_pair_that_scatters_is_reported_and_one_with_hardly_any_rows_is_not():
     assert made[6].concerns[0].words == "AW has a scatter of 3.1 times the median of the pairs (0.31 against 0.1)"
     three = outcomes[4:7]
     assert with_families(three, results(three, *rows[4:7])) == three  # they do not tell what is usual
+
+
+def test_measurements_that_stand_under_two_names_are_named():
+    outcomes = [fitted(name) for name in "abcd"]
+    scales = (0.05, 0.07, 0.05 * (1 + 1e-13), 0.05 * (1 + 1e-8))
+    rows = [{"scale_se": scale, "rsquared": 0.9, "nobs": 45, "df_resid": 40} for scale in scales]
+    made = with_families(outcomes, results(outcomes, *rows))
+    named = [[concern.words for concern in one.concerns if concern.kind == COPIED] for one in made]
+    assert [len(one) for one in named] == [1, 0, 1, 0]
+    assert "with all digits: the same measurements under two names" in named[0][0]
+    assert str(Pair(made[2].tool, made[2].work)) in named[0][0]
 
 
 def test_names_that_may_be_of_one_pair_or_of_none_are_doubted():
