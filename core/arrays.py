@@ -1,4 +1,4 @@
-"""Types of arrays, and the usual check of a number."""
+"""Types of arrays, the scale of a median absolute deviation, and the usual check of a number."""
 
 from math import isfinite
 from typing import Any
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
+MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
 
 def numbers_of_runs(keys: NDArray[np.integer[Any]]) -> tuple[Ints, Ints]:

@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..core.arrays import Array
+from ..core.arrays import MAD, Array
 from ..core.errors import IdentError
 from ..core.threads import one_thread
 from ..core.verdict import DO_NOT_USE, RESERVATIONS
@@ -248,7 +248,7 @@ def _granger(rec: Record) -> _Causes | None:
     kept, r = np.ones(len(rows), dtype=bool), r_of(rows)
     for _ in range(TRIMS):
         e = np.abs(rows @ np.append(-_solution(r), 1.0))
-        near = e <= OUTLIER * 1.4826 * float(np.median(e[kept]))
+        near = e <= OUTLIER * MAD * float(np.median(e[kept]))
         if np.mean(near != kept) <= SETTLED or near.sum() < 2 * rows.shape[1]:
             break
         kept, r = near, r_of(rows[near])

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import MAD, Array
 from ..datasets.records.record import Record
 from .estimators.filters import filtered
 from .estimators.high_order_arx import U_LAGS, LongArx, input_lags, long_arx, spread
@@ -31,7 +31,6 @@ MOST_SKIPS, LONGEST_SKIP = 5, 25  # more places are edges of the input; samples 
 FEWEST_HELD, CHANCE = 4, 1e-3  # equal readings of a held output, and their probability in a record without one
 FEWEST_READINGS, REGULAR, UNEVEN = 20, 0.9, 4  # readings, share of equal intervals, and intervals that may vary by 1
 AGREES = 0.2  # of the difference that remains
-MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
 
 def without_spikes(rec: Record, y_lags: int, least_lag: int = 0) -> tuple[Record, NDArray[np.intp], bool]:

@@ -19,6 +19,8 @@ from math import exp, sqrt
 from statistics import median
 from typing import TYPE_CHECKING, Any, Literal
 
+from ..core.arrays import MAD
+
 if TYPE_CHECKING:
     from .edge_estimate import EdgeEstimate
     from .edge_state import LawDeviation
@@ -37,7 +39,6 @@ FOREIGN = 3.5  # its standard deviations
 UNUSUAL = 2.3  # those that are said, after this number of windows:
 UNUSUAL_AT = 15
 EDGE_CLIPPED, BASELINE_CLIPPED = 3.0, 2.0  # standard deviations that an edge counts as, at most
-MAD = 1.4826
 
 CHIPPED = (
     "loads rose at once ({} in the last window): the edge may have chipped. Look at it and gauge it; its level of wear "

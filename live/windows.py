@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import MAD, Array
 from ..datasets.signals.cuts import MERGED, OFF, SETTLED, settled_blocks
 from ..datasets.signals.options import DRIVEN
 from ..datasets.signals.statistics import PARTS, batch_variance
@@ -30,7 +30,6 @@ OWN = 1.0  # weight of the scatter of a window beside that of a window before it
 MEMORY = 20.0  # windows that the scatter is averaged over, at most
 PAIRS = 5  # of neighbouring windows, at least
 NORMAL = 0.4549  # median of the square of a standard normal variate
-MAD = 1.4826
 CHANGED = 0.03  # relative change of a condition that begins another window
 OF_MACHINE = ("n", "fm", "D")  # they change with V and f, or are compensated
 STEADY = 0.5  # s for which it stays so

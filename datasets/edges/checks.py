@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import MAD
 from ...core.rounding import format_plain
 from ..doubts import Doubt
 from ..draft import Draft
@@ -254,7 +255,7 @@ def _falls(
     exponent = median(step[rising] / later[rising]) if rising.any() else 0.0
     left = step - exponent * np.maximum(later, 0)
     centre = median(left[known])
-    spread = 1.4826 * median(np.abs(left[known] - centre))
+    spread = MAD * median(np.abs(left[known] - centre))
     anew = begun_anew(draft, edges, role, values, order, left < centre - SPREADS * spread)
     if anew is not None:
         yield anew
@@ -389,7 +390,7 @@ def _of_the_next(y: Array, begins: Flags, *, at_end: bool) -> bool:
     inner = np.delete(y, ends)
     code = np.repeat(np.arange(len(ends)), sizes - 1)
     level = np.bincount(code, weights=inner) / (sizes - 1)  # NaN with a missing value, which no edge is asked for
-    scatter = 1.4826 * median(np.abs(inner - level[code])[np.isfinite(level[code])])
+    scatter = MAD * median(np.abs(inner - level[code])[np.isfinite(level[code])])
     gap = np.diff(level)
     asked = np.abs(gap) > LEVELS_APART * scatter
     beyond = (y[ends[:-1]] - level[:-1]) * np.sign(gap) > HALFWAY * np.abs(gap)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import MAD, Array
 from ...core.errors import DataError
 from .contrast import Interval, chosen_signal, noise_and_reach, widened
 from .options import DRIVEN, ReduceOptions
@@ -316,7 +316,7 @@ def settled_blocks(away: Array, run: int) -> int:
     slope = (second - first) / max(1, len(middle) - half)
     line = first + slope * (np.arange(len(away)) - quarter - (half - 1) / 2)
     off = np.abs(away - line)
-    band = max((1 - PLATEAU) * first, SCATTER * 1.4826 * float(np.median(off[quarter : len(away) - quarter])))
+    band = max((1 - PLATEAU) * first, SCATTER * MAD * float(np.median(off[quarter : len(away) - quarter])))
     outside = np.flatnonzero(off[: third + run] > band)
     if not outside.size:
         return 0

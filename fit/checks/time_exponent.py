@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from ...core.arrays import Array
+from ...core.arrays import MAD, Array
 from ...core.display import Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
@@ -151,7 +151,7 @@ def _clipped(y: Array, columns: Array, edge: Codes, clip: float) -> Array:
     fitted = columns @ np.linalg.lstsq(columns, y, rcond=1e-9)[0]
     r = y - fitted
     n, used = len(y), int(edge.max()) + 1 + columns.shape[1]
-    most = clip * 1.4826 * float(np.median(np.abs(r))) * np.sqrt(n / max(n - used, 1))
+    most = clip * MAD * float(np.median(np.abs(r))) * np.sqrt(n / max(n - used, 1))
     if np.isnan(most) or most == 0 or (np.abs(r) <= most).all():
         return y
     y = fitted + np.clip(r, -most, most)

@@ -32,6 +32,7 @@ from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
 from ...datasets import Record
 from ...datasets.records.record import join_records
+from . import NOT_HELD_OUT
 from .equation_of_motion import COUNTS, HELD, FilteredRows, Motion, motion_of, rows_of, velocity_and_travel, widest
 
 if TYPE_CHECKING:
@@ -50,7 +51,6 @@ AGREES, SURE = 0.4, 3.0  # samples of lag that do not matter (a sound machine ha
 LATE = 1.0  # samples of delay that a simulation needs
 STEPS, WIDEST, EXACT = 12, 5.0, 0.01  # iterations of the lag, and their largest and smallest change in samples
 SLIDES = (1.0, 1e5)  # kg
-NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
 
 @dataclass(frozen=True, slots=True, repr=False)

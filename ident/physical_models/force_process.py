@@ -28,6 +28,7 @@ from ..continuous import ContinuousModel, to_continuous
 from ..estimators.prediction_error import output_error
 from ..model import Model
 from ..static_nonlinearity import limits_reached, off_proportion
+from . import NOT_HELD_OUT
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,7 +41,6 @@ GOOD, POOR = 80.0, 50.0  # % of fit, as of `validate`
 STRUCTURE, SURE = 3.0, 2.0  # standard errors from zero: of a term that must be zero, and of a ratio whose sign is known
 USUAL_TEETH = 4  # of a cutter whose number is not stated; samples that fit up to it leave a reservation
 CHECKED = ("Structure of the model", "Signs of the ratios", "Simulation of the record")
-NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...core.arrays import Array
+from ...core.arrays import MAD, Array
 from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE, Verdict, verdict_from
@@ -23,7 +23,7 @@ from ...datasets.records.reading import clipped
 from ..continuous import ContinuousModel
 from ..estimators.filters import ROUNDING, covariance, inverse_of_squares, squares
 from ..model import Model
-from ..outliers import MAD
+from . import NOT_HELD_OUT
 from .step_shapes import (
     SHAPES,
     Stretch,
@@ -48,7 +48,6 @@ CHECKED = (
     "Settling within the record", "Static gain",
 )  # fmt: skip
 MISFIT = (0.05, 5.0)  # rms of the residuals, of the largest step and of the noise between samples: no lag leaves it
-NOT_HELD_OUT = "Simulation of samples not fitted: all samples of the record are fitted"
 
 
 @dataclass(frozen=True, slots=True, repr=False)

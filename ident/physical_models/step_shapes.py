@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import MAD, Array
 from ...core.display import Displayable
 from ...core.errors import IdentError
 from ...datasets import Record
 from ..estimators.filters import ROUNDING, squares
 
-Array = NDArray[np.float64]
 PLATEAU = 8  # samples between edges, on average: below it the input is not a sequence of steps
 INTEGRATES = (0.1, 0.67)  # largest loss by the integral of the input: of the output, and of that of the lag
 DRIFTS = 0.5  # of the squares of the residuals, explained by a straight line in time
@@ -90,7 +90,7 @@ def _edges(u: Array, span: float) -> NDArray[np.intp]:
 
 def _noise(u: Array) -> float:
     """Standard deviation of the noise of an input, from the median of its changes; 0 for one sample."""
-    return 1.4826 * float(np.median(np.abs(np.diff(u)))) / math.sqrt(2) if u.size > 1 else 0.0
+    return MAD * float(np.median(np.abs(np.diff(u)))) / math.sqrt(2) if u.size > 1 else 0.0
 
 
 def _plateaus(u: Array, span: float) -> Array:

@@ -32,8 +32,8 @@ def _figures(loops: Loops, n: int) -> dict[str, Array]:
     metrics = StepMetrics(run.y[run.pad - 1 :], loops.final, loops.kind.sample_time, loops.integrals)
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
-        command, error = run.advance(start, stop)
-        metrics.update(start, stop, command, error, run.z[run.pad + start : run.pad + stop])
+        command = run.advance(start, stop)
+        metrics.update(start, stop, command, run.z[run.pad + start : run.pad + stop])
     return metrics.figures()
 
 
@@ -75,8 +75,8 @@ class _Run:
         self.c = np.zeros((BLOCK + 1, m))  # command sent, one row before the block first
         self.sent = sent
 
-    def advance(self, start: int, stop: int) -> tuple[Array, Array]:
-        """Advance from start to stop; return the command, with one row before, and the unweighted error."""
+    def advance(self, start: int, stop: int) -> Array:
+        """Advance from start to stop; return the command, with one row before."""
         for k in range(self.pad + start, self.pad + stop):
             if self.late:
                 self.send(self.q, k - self.late, self.w[k])
@@ -90,7 +90,7 @@ class _Run:
                 if self.y is not self.plain:
                     self.send_y(self.plain, k - self.late, self.y[k])
         error = 1.0 - self.w[self.pad + start : self.pad + stop]
-        return self._commands(error), error
+        return self._commands(error)
 
     def _see(self, k: int) -> None:
         if self.bare:
@@ -196,7 +196,7 @@ class StepMetrics:
         self.travel, self.peak, self.iae, self.load_iae, self.load_peak = (np.zeros(m) for _ in range(5))
         self.error_sum, self.load_sum = np.zeros(m), np.zeros(m)
 
-    def update(self, start: int, stop: int, command: Array, error: Array, load: Array) -> None:
+    def update(self, start: int, stop: int, command: Array, load: Array) -> None:
         """Update by samples start to stop; command has one row before them."""
         y = self._scaled(self.y[1 + start : 1 + stop])
         high, low = y.max(axis=0), y.min(axis=0)
@@ -206,9 +206,9 @@ class StepMetrics:
         np.minimum(self.bottom, low, out=self.bottom)
         for level in self.times:
             self._crossings(level, high, start, stop)
-        self._sums(y if self.scale is not None else None, start, stop, command, error, load)
+        self._sums(start, stop, command, load)
 
-    def _sums(self, y: Array | None, start: int, stop: int, command: Array, error: Array, load: Array) -> None:
+    def _sums(self, start: int, stop: int, command: Array, load: Array) -> None:
         self.travel += np.abs(np.diff(command, axis=0)).sum(axis=0)
         np.maximum(self.peak, np.maximum(command.max(axis=0), -command.min(axis=0)), out=self.peak)
         missing = 1.0 - self.y[1 + start : 1 + stop]
