@@ -179,7 +179,7 @@ def _tuned(d: "DynamicsSection", args: argparse.Namespace, against: str) -> "Tun
 
 
 def _remedy(tuned: "TunedPi") -> str:
-    """What to do about gains that miss the specification, or its probability."""
+    """The remedy for gains that miss the specification, or its probability."""
     other = (
         "Relax the limit that is violated most often, identify on a longer record or with a larger amplitude, or "
         "accept less: --probability P, or --nominal for gains on the estimate alone. "

@@ -293,7 +293,7 @@ class LeftOutLives:
 
     @property
     def verdict(self) -> str:
-        """What to keep, in a sentence."""
+        """The sentence on which law to keep."""
         if not self.better:
             return f"{self.response}: power with lognormal lives is kept: no other form is better by more than chance."
         best = max(self.better, key=lambda name: self.scores[:, self.names.index(name)].mean())

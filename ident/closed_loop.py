@@ -286,7 +286,7 @@ def _rows(rec: Record) -> Array | None:
 
 @dataclass(frozen=True, slots=True)
 class LoopCheck:
-    """How far a model from a closed loop can be trusted.
+    """The checks of a model from a closed loop.
 
     Attributes
     ----------

@@ -180,7 +180,7 @@ class Identification(Plottable):
 
     @property
     def verdict(self) -> Verdict:
-        """How far the model can be used in the excited band, from its validation and from the checks of the record."""
+        """The verdict on the model in the excited band, from its validation and from the checks of the record."""
         signs = (self.judged.own.feedback, self.validation.feedback)
         held = [item for item in self.judged.reservations if item[1] not in signs]
         loop = [] if self.feedback else [(RESERVATIONS, words) for words in filter(None, signs)][:1]

@@ -179,18 +179,18 @@ def _ends(centre: float, half: float, above: bool, below: bool, x: float) -> tup
 
 
 def _inside(at: float, half: float, rec: Record, u: Array, x: float) -> Array:
-    """What a dead zone takes from u."""
+    """The part of u that a dead zone removes."""
     return np.asarray(np.clip(u - at, -x * half, x * half))
 
 
 def _excess(centre: float, half: float, above: bool, below: bool, rec: Record, u: Array, x: float) -> Array:
-    """What a saturation takes from u."""
+    """The part of u that a saturation removes."""
     v = u - centre
     return np.asarray(np.maximum(v - x * half, 0.0) * above + np.minimum(v + x * half, 0.0) * below)
 
 
 def _lost(half: float, rec: Record, u: Array, x: float) -> Array:
-    """What backlash of width 2 x half takes from u, in each stretch."""
+    """The part of u that backlash of width 2 x half removes, in each stretch."""
     out = np.empty_like(u)
     for s in rec.stretches:
         out[s] = u[s] - backlash(u[s], 2 * x * half)

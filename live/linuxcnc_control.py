@@ -312,7 +312,7 @@ class HalLink:
 
 
 class Session(Protocol):
-    """What `Runner` steps: `live.control.ControlSession`."""
+    """The object that `Runner` steps: `live.control.ControlSession`."""
 
     def step(self, now: float) -> tuple[str, ...]:
         """Advance to a time, s by the monotonic clock; returns sentences on what changed."""

@@ -210,7 +210,7 @@ def loop_margins(ratios: Array, gains: ForceGains, force: float, timing: Timing)
 
 
 def small_margins(found: Margins) -> str:
-    """What is wrong with the margins of a loop, with the remedy; empty where they suffice.
+    """Sentences on margins of a loop that are too small, with the remedy; empty where they suffice.
 
     Examples
     --------
@@ -227,7 +227,7 @@ def small_margins(found: Margins) -> str:
 
 
 def fast_rates(ratios: Array, gains: ForceGains, force: float) -> str:
-    """What is wrong with the rates of m and alpha, which no margin holds; empty where they follow from that of beta.
+    """Sentences on rates of m and alpha, which no margin holds; empty where they follow from that of beta.
 
     Examples
     --------

@@ -206,7 +206,7 @@ def life_of(laws: LifeLaws, rules: Rules, grid: Grid, chosen: Sequence[Choice], 
 
 
 def no_pair(life: Life, outside: Sequence[str] = ()) -> str:
-    """Why a life has no interval: the limits that the slowest pair exceeds, and sentences on what is outside the tests.
+    """The reason why a life has no interval: limits that the slowest pair exceeds, and sentences on what is untested.
 
     >>> from fitmodels.parameters.published import published
     >>> from fitmodels.controllers import life_laws

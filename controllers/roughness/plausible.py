@@ -91,7 +91,7 @@ def check_readings(low: float, high: float, threshold: float, reference: float, 
 
 
 def large_feed(top: float, roughness: float, nose_radius: float | None, depth: float | None, times: float) -> str:
-    """What is wrong with a largest feed that the nose does not form, or whose marks are rougher; empty where nothing.
+    """A sentence on a largest feed that the nose does not form, or whose marks are rougher; empty where it is sound.
 
     Parameters
     ----------

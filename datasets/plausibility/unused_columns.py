@@ -234,7 +234,7 @@ def _numbered(column: Column, suggestion: str | None, values: Array) -> list[Dou
 
 
 def of_counts(role: str) -> str:
-    """How a time follows from a number of parts or passes.
+    """The sentence on how a time follows from a number of parts or passes.
 
     >>> of_counts("T")
     'T is this number times the minutes in cut of one; add it as a column'

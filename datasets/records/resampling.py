@@ -166,7 +166,7 @@ def samples_of_revolution(least: float, teeth: int | None = None) -> int:
 
 
 def aliased_words(revolution: float, step: float, aliased: Sequence[int], teeth: int | None = None) -> str:
-    """What is wrong with samples from which `aliased_teeth` finds no mean force.
+    """A sentence on samples from which `aliased_teeth` finds no mean force.
 
     >>> print(aliased_words(0.02, 0.01, (2,), 2)[:80])
     2 samples in a revolution of 20 ms do not give the mean force of a cutter with 2

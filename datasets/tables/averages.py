@@ -53,7 +53,7 @@ def average_rows(columns: Sequence[Column], lines: NDArray[np.int64], body: Body
 
 
 def average_sentences(found: dict[int, str]) -> list[str]:
-    """What was left out, as full sentences.
+    """Full sentences on rows that were left out.
 
     >>> average_sentences({4: "Mean", 8: "Mean"}), average_sentences({4: ""})
     (["Rows of averages are left out: lines 4, 8 ('Mean')."], ['The mean of the rows above it is left out: line 4.'])

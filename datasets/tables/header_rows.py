@@ -122,7 +122,7 @@ def _combine(
     words: Words,
     spans: Mapping[tuple[int, int], int],
 ) -> tuple[tuple[int, int, int, int], tuple[str, ...], tuple[str, ...]]:
-    """How much the names of these rows say, the names, and the units."""
+    """The `_worth` of the names of these rows, the names, and the units."""
     width = max(len(row.cells) for row in rows)
     unit_cells = tuple(units.text(i) if units is not None else "" for i in range(width))
     names = _names(rows, width, unit_cells, words, spans)
@@ -242,7 +242,7 @@ def _unit_in(texts: Sequence[str], words: Words) -> str:
 def _worth(
     names: Sequence[str], unit_cells: Sequence[str], filled: set[int], words: Words
 ) -> tuple[int, int, int, int]:
-    """How much names say: known ones, filled columns with a name, names of one column, names with a unit."""
+    """The rank of names: known ones, filled columns with a name, names of one column, names with a unit."""
     given = [name for name in names if name]
     known = {name for name in given if words.is_name(name)}
     named = sum(bool(name) for i, name in enumerate(names) if i in filled)

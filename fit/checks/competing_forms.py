@@ -303,7 +303,7 @@ def _unexplained(y: Array, basis: Array) -> Array:
 
 
 def _least_at(left: Callable[[Array], Array], grid: Array) -> float | None:
-    """Where a sum of squares is least, refined between its neighbours in the grid; None at an end of the grid."""
+    """The place of the least sum of squares, refined between its neighbours; None at an end of the grid."""
     from scipy.optimize import minimize_scalar
 
     values = left(grid)

@@ -257,7 +257,7 @@ def _without_shifts(law: LawFit, Z: Array) -> Array:
 
 
 def built_up_edge(law: LawFit, name: str) -> str:
-    """What to do where a roughness rises and then falls over the speed, as with a built-up edge; "" otherwise.
+    """The remedy where a roughness rises and then falls over the speed, as with a built-up edge; "" otherwise.
 
     The maximum is that of a square of the logarithm of the speed beside the other terms of a power law.
 
@@ -288,7 +288,7 @@ SURE = 4.0  # standard errors of the part in air
 
 
 def power_in_air(law: LawFit) -> str:
-    """What shows that a power contains the power in air, which does not depend on the cut; "" where nothing does.
+    """The evidence that a power contains the power in air, which does not depend on the cut; "" without any.
 
     All exponents are then below the range of a cut, and ``P = P0 + b V f^0.75 d`` follows the rows better than the law
     with its exponents. Both are compared by relative residuals.

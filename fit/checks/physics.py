@@ -105,7 +105,7 @@ def _check(null: str, found: list[Found], passed: str) -> Check:
 
 
 def _judged(law: LawFit, name: str, one: Exponent, interval: tuple[float, float, float]) -> Found | None:
-    """What an exponent with its interval (estimate, low, high) says against the law."""
+    """The sentence on an exponent with its interval (estimate, low, high) that contradicts physics."""
     response, (b, low, high) = law.response, interval
     where = "" if law.form == "power" else " at the middle of the tests"
     numbers = f"{b:.2g}, 95 % interval {low:.2g} to {high:.2g}"

@@ -386,7 +386,7 @@ def _by_conditions(law: LawFit, levels: EdgeLevels, found: _Outlying, members: l
 
 
 def _by_wear(law: LawFit, found: _Outlying, members: list[int]) -> list[str]:
-    """What the wear of the edges would have to be multiplied by, where it is a factor of the law."""
+    """The number that would correct the wear of the edges, where it is a factor of the law."""
     wear = [j for j, name in enumerate(law.factors) if name in ROLES and ROLES[name].kind == "wear"]
     known = []
     for j in wear:

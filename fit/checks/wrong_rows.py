@@ -361,7 +361,7 @@ def _row_sd(law: LawFit) -> float:
 
 
 def _size(law: LawFit, y: Array) -> Array:
-    """What a unit of the scale of the fit is in the unit of the response."""
+    """The size of a unit of the scale of the fit in the unit of the response."""
     return np.abs(y) if law.error == "multiplicative" else np.ones(len(y))
 
 

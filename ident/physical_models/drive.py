@@ -204,7 +204,7 @@ class DriveFit(Plottable):
 
     @property
     def _timing(self) -> str:
-        """How the force is taken between samples, and by which evidence."""
+        """The sentence on how the force is taken between samples, and by which evidence."""
         taken = "held until the next sample" if self.motion.held else "measured at the sample"
         if self.stated:
             return f"The force is {taken}, as stated."
@@ -217,7 +217,7 @@ class DriveFit(Plottable):
 
     @property
     def verdict(self) -> Verdict:
-        """How far the estimates can be used: share of the force explained, signs, and free run."""
+        """The verdict on the estimates: share of the force explained, signs, and free run."""
         found = list(self._findings())
         percent = self.own_run[1] if self.possible else 0.0
         if self.possible and percent < GOOD:

@@ -123,7 +123,7 @@ class ForceProcess(Plottable):
 
     @property
     def verdict(self) -> Verdict:
-        """How far the estimates can be used: structure, fit, and ratios that are known."""
+        """The verdict on the estimates: structure, fit, and ratios that are known."""
         found = [
             *self.doubts,
             *self._of_structure(),

@@ -227,7 +227,7 @@ class StepFit(Plottable):
 
     @property
     def verdict(self) -> Verdict:
-        """How far the model can be used."""
+        """The verdict on the model."""
         return verdict_from(_findings(self), CHECKED, (NOT_HELD_OUT,))
 
 

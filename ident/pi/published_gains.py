@@ -95,7 +95,7 @@ class PiCheck(Plottable):
 
     @property
     def verdict(self) -> str:
-        """Which interpretations can meet the specification."""
+        """The verdict: the interpretations that can meet the specification."""
         good = [r for r in self.interpretations if r.meets]
         head = f"Kp {self.kp:g}, Ki {self.ki:g}, {len(self.interpretations)} interpretations"
         if not good:

@@ -106,7 +106,7 @@ class TunedPi(Plottable):
 
     @property
     def verdict(self) -> Verdict:
-        """How far the gains can be used, by limits missed, probability, unstable loops and the verdict on the model."""
+        """The verdict on the gains, by limits missed, probability, unstable loops and the verdict on the model."""
         missed = () if self.only_probability else self.misses
         found = [(DO_NOT_USE, f"The gains miss their specification: {words.rstrip('.')}.") for words in missed]
         found += [

@@ -244,7 +244,7 @@ def _of_change(slow: Record, n: int) -> _Impulse | None:
 
 
 def _unsuited(rec: Record, impulse: _Impulse, band: tuple[float, float]) -> str:
-    """Why the impulse response is not used; empty where it is suited, or cannot be compared."""
+    """The reason why the impulse response is not used; empty where it is suited, or cannot be compared."""
     checked = np.geomspace(*band, CHECKED)
     if impulse.integrating:
         return ""

@@ -45,7 +45,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What a server holds for a node: time (s since 1970, None without one), value, and status where it is bad."""
+    """The value of a node: time (s since 1970, None without one), value, and status where it is bad."""
 
     time: float | None
     value: Value

@@ -153,7 +153,7 @@ class OpcUa:
             thread.join(2 * ANSWER)
 
     def _received(self, wait: float) -> list[Any]:
-        """What came from the thread; waits for the first for some seconds."""
+        """The items that came from the thread; waits for the first for some seconds."""
         received = []
         with suppress(Empty):
             received.append(self._queue.get(timeout=wait))
@@ -303,7 +303,7 @@ class _Handler:
 
 
 class _Consumer:
-    """What the thread gives, as samples."""
+    """The samples that the thread gives."""
 
     def __init__(self) -> None:
         self._merger: Merger | None = None

@@ -16,7 +16,7 @@ OWN = ("time", "state", "tool", "override")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceOptions:
-    """What a source is asked for.
+    """The options of a source.
 
     Attributes
     ----------

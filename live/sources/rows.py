@@ -196,7 +196,7 @@ class Feed:
         self._refused = False
 
     def take(self, line: bytes, arrival: float | None) -> Iterator[Sample | Notice]:
-        """What a line holds; ``arrival`` as for `Lines`."""
+        """The content of a line; ``arrival`` as for `Lines`."""
         if self._refused:
             return
         try:
@@ -306,7 +306,7 @@ class _Json:
         self._news = ""
 
     def news(self) -> str:
-        """What new keys were found to be, once."""
+        """Notices of what new keys were found to be, once each."""
         text, self._news = self._news, ""
         return text
 
