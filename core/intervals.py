@@ -228,6 +228,42 @@ class Root:
     g: float
 
 
+def unknown_scatter(
+    between: float | None, rows: float | None, n: int, edges: int | None, reason: str | None = None
+) -> str:
+    """Reason why the scatter of new edges about a law is not known; empty where it is.
+
+    Rows that name no edges, or each an edge of its own, scatter about their law as edges do. Several rows of an edge do
+    not: what they scatter says nothing of the next edge.
+
+    Parameters
+    ----------
+    between, rows : float or None
+        Standard deviations between edges, and of rows about the law; 0 of a law that meets every row.
+    n, edges : int, and int or None
+        Number of rows, and of edges that they name.
+    reason : str, optional
+        Why there is none between edges.
+
+    Examples
+    --------
+    >>> unknown_scatter(None, 0.1, 9, 1, "1 edge"), unknown_scatter(None, 0.1, 9, None)
+    ('the scatter between edges is not known (1 edge)', '')
+    """
+    if between is not None or rows == 0 or edges is None or edges >= n:
+        return ""
+    return f"the scatter between edges is not known{f' ({reason})' if reason else ''}"
+
+
+def edge_words(unknown: str, *, known: bool) -> str:
+    """Whose life an interval holds: of one new edge, not bounded for a reason, or of one row where no edge is named.
+
+    >>> edge_words("", known=True), edge_words("", known=False)
+    ('one new edge', 'one row')
+    """
+    return f"one new edge, not bounded since {unknown}," if unknown else "one new edge" if known else "one row"
+
+
 def fieller(a: float, b: float, covariance: tuple[float, float, float], quantile: float) -> Root:
     """Interval of the root u of ``a + b u = 0`` for normal a and b (Fieller 1954, J. R. Statist. Soc. B 16, 175).
 

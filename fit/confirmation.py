@@ -26,7 +26,7 @@ from .available import NotAvailable
 from .edges import EdgeInference
 from .lawfit import LawFit
 from .least_squares import sums_by
-from .prediction import new_edge
+from .prediction import new_edge, no_edge_interval
 from .rows import Dropped, select
 
 
@@ -282,8 +282,11 @@ def _compare(
     rows = frame[["line", "edge", "observed"]].assign(
         predicted=predicted, low=ends[0], high=ends[1], inside=np.abs(e) <= half, z=_over(e, sd)
     )
-    if not isinstance(law.edges, EdgeInference):
-        tests: tuple[JointTest, ...] | NotAvailable = (_of_rows(law, A, e),)
+    if unknown := no_edge_interval(law):
+        tests: tuple[JointTest, ...] | NotAvailable = NotAvailable(f"{unknown}, and each new edge may deviate by it")
+        edges = _no_edges()
+    elif not isinstance(law.edges, EdgeInference):
+        tests = (_of_rows(law, A, e),)
         edges = _no_edges()
     elif not named:
         tests, edges = NotAvailable("the new rows have no edge column"), _no_edges()

@@ -19,6 +19,7 @@ from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from .edges import EdgeInference
 from .lawfit import LawFit
+from .prediction import edge_sd, no_edge_interval
 
 Array = NDArray[np.float64]
 
@@ -40,11 +41,13 @@ class Decision(Displayable):
     gradient : ndarray, shape (p,)
         Of ln value, by the parameters ``theta`` of the law.
     edge_sd : float
-        Standard deviation of ln value from one new edge, given the law.
+        Standard deviation of ln value from one new edge, given the law; infinite where it is not known.
     at : mapping
         Conditions of the decision.
     beyond : str
         What it extrapolates, in words; empty where nothing.
+    no_edge : str
+        Reason why there is no interval of one new edge; empty where there is one.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Decision(Displayable):
     edge_sd: float
     at: Mapping[str, float]
     beyond: str = ""
+    no_edge: str = ""
 
 
 def life_decision(law: LawFit, criterion: float = 0.3, at: Mapping[str, float] | None = None) -> Decision:
@@ -86,15 +90,15 @@ def life_decision(law: LawFit, criterion: float = 0.3, at: Mapping[str, float] |
         _power_without_levels(law)
         z = law.formula.design(np.array([[where[name] for name in law.factors]]))[0]
         name, value = _named("tool life", law, where), _exp(float(z @ law.theta), "the tool life")
-        return Decision(name, law.units["T"], value, z, _edge_scatter(law), where, " ".join(_outside(law, where)))
+        beyond, sd = " ".join(_outside(law, where)), _edge_scatter(law)
+        return Decision(name, law.units["T"], value, z, sd, where, beyond, no_edge_interval(law))
     k = _life_exponent(law)
     value = _exp(_log_life(law.theta, law, criterion, where), f"the tool life to {law.response} {criterion:g}")
     gradient = _gradient(lambda theta: _log_life(theta, law, criterion, where), law)
-    beyond = [*_of_range(value, law), *_outside(law, where)]
+    beyond = " ".join([*_of_range(value, law), *_outside(law, where)])
+    sd = _edge_scatter(law, value=criterion) / k
     name = _named(f"tool life to {law.response} {criterion:g} {law.units[law.response]}", law, where)
-    return Decision(
-        name, law.units["t"], value, gradient, _edge_scatter(law, value=criterion) / k, where, " ".join(beyond)
-    )
+    return Decision(name, law.units["t"], value, gradient, sd, where, beyond, no_edge_interval(law))
 
 
 def cost_decision(
@@ -154,7 +158,7 @@ def cost_decision(
     slope = abs(float(law.theta[j])) / k if wear else abs(float(law.theta[j]))
     sd = _edge_scatter(law, value=criterion) / k / slope
     name, gradient = _named("speed of least cost", law, where), _gradient(log_speed, law)
-    return Decision(name, law.units["V"], value, gradient, sd, where, beyond)
+    return Decision(name, law.units["V"], value, gradient, sd, where, beyond, no_edge_interval(law))
 
 
 def limit_decision(law: LawFit, limit: float, factor: str, at: Mapping[str, float] | None = None) -> Decision:
@@ -202,7 +206,7 @@ def limit_decision(law: LawFit, limit: float, factor: str, at: Mapping[str, floa
     beyond = " ".join(_outside(law, {**where, factor: value}))
     sd = _edge_scatter(law, value=limit) / per
     name, gradient = _named(f"{name},", law, where), _gradient(log_value, law)
-    return Decision(name, law.units[factor], value, gradient, sd, where, beyond)
+    return Decision(name, law.units[factor], value, gradient, sd, where, beyond, no_edge_interval(law))
 
 
 def variances_of(law: LawFit) -> tuple[float, float]:
@@ -215,9 +219,9 @@ def variances_of(law: LawFit) -> tuple[float, float]:
 
 
 def _edge_scatter(law: LawFit, *, value: float | None = None) -> float:
-    """Standard deviation of a new edge in ln of the response (of rows, where edges are unknown)."""
-    between, within = variances_of(law)
-    sd = sqrt(between if isinstance(law.edges, EdgeInference) else within)
+    """Standard deviation of a new edge in ln of the response, infinite where it is not known."""
+    variances_of(law)  # refuses a law without scatter
+    sd = edge_sd(law)
     return sd if law.error == "multiplicative" or not law.formula.logarithmic or value is None else sd / value
 
 

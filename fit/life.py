@@ -15,16 +15,15 @@ from ..core.arrays import Array
 from ..core.calls import Conditions, Takes, check_share, conditions
 from ..core.display import Plottable
 from ..core.errors import FitError, UsageError
-from ..core.intervals import Kind, Root, fieller, solved_for
+from ..core.intervals import Kind, Root, edge_words, fieller, solved_for
 from ..core.predictions import LifePrediction, single, unreached_words, within_tests
 from ..core.predicts import Predicts
 from ..core.verdict import Verdict, verdict_from
 from ..datasets import Runs
 from .checks.exponent_ranges import usual_taylor_n
-from .edges import EdgeInference
 from .lawfit import LawFit
 from .laws import LARGEST_LOG
-from .prediction import inside_of, of_band
+from .prediction import edge_sd, inside_of, no_edge_interval, of_band
 from .rows import as_table
 
 Interval = tuple[float, float]
@@ -63,7 +62,8 @@ class ToolLife(Predicts, Plottable):
     def interval(self, of: Literal["law", "edge"] = "edge", level: float = 0.95, **factors: float) -> Interval | None:
         """Interval of the life by Fieller's theorem: of the law, or of one new edge; None without a covariance.
 
-        An end is 0 or infinite where the interval of the time exponent reaches zero, so that it is not bounded.
+        An end is 0 or infinite where it is not bounded: the interval of the time exponent reaches zero, or the scatter
+        between edges is not known.
 
         Examples
         --------
@@ -106,7 +106,7 @@ class ToolLife(Predicts, Plottable):
         ends = np.array([self.interval(of, level, **row) for row in rows])  # type: ignore[arg-type]
         band = pd.DataFrame({"value": table["t"], "low": ends[:, 0], "high": ends[:, 1]})
         band["inside"] = inside_of(self.law, table)[0]
-        edge = "one new edge" if isinstance(self.law.edges, EdgeInference) else "one row"
+        edge = edge_words(no_edge_interval(self.law), known=self.law.n_edges is not None)
         whose = f"{100 * level:g} % interval of {'the law' if kind == 'mean' else edge}, by Fieller's theorem,"
         words = f"time at which {self.wear} reaches {self.criterion:g} {self.unit_of_wear}, {whose}"
         band.attrs = {"kind": kind, "level": level, "coverage": None, "edge": "new", "centre": "median", "words": words}
@@ -263,10 +263,10 @@ def _root(law: LawFit, criterion: float, factors: Mapping[str, float], level: fl
 
 
 def edge_variance(law: LawFit, criterion: float, of: str = "edge") -> float:
-    """Variance of ln wear of a new edge (of a row where edges are not known) about its law; 0 for the law itself."""
+    """Variance of ln wear of a new edge about its law, infinite where it is not known; 0 for the law itself."""
     if of == "law":
         return 0.0
-    sd = law.edges.mixed.sd_between if isinstance(law.edges, EdgeInference) else law.scale_se or 0.0
+    sd = edge_sd(law)
     return (sd if law.error == "multiplicative" else sd / criterion) ** 2
 
 

@@ -79,8 +79,11 @@ class Narrowing(Displayable):
             f"{d.name}: {_rounded(d.value, low, high)} {d.unit}, 95 % interval of the law {_ends(low, high)} {d.unit}; "
             f"expected after {_tests(self.tests)} {_ends(*self.after)} {d.unit} ({100 * ratio:.0f} % of the width, in "
             "logarithms).",
-            f"One new edge: {_ends(*self.edge_now)} {d.unit} now, {_ends(*self.edge_after)} {d.unit} expected.",
         ]
+        if d.no_edge:  # when to stop is not known either
+            also = "The interval of the law does not hold this scatter either: repeat settings on further edges."
+            return (*out, f"No interval of one new edge: {d.no_edge}.", also, *filter(None, [d.beyond]))
+        out.append(f"One new edge: {_ends(*self.edge_now)} {d.unit} now, {_ends(*self.edge_after)} {d.unit} expected.")
         return (*out, *self._stop())
 
     def _stop(self) -> list[str]:

@@ -35,6 +35,7 @@ from ..core.intervals import (
     between_and_within,
     interval_label,
     one_component,
+    unknown_scatter,
     value_and_ends,
 )
 from ..core.predictions import GivenFactor, Prediction, within_tests
@@ -74,6 +75,10 @@ class Fitted(Protocol):
     def by(self) -> By | None: ...  # noqa: D102
     @property
     def life(self) -> LifeDistribution | None: ...  # noqa: D102
+    @property
+    def nobs(self) -> int: ...  # noqa: D102
+    @property
+    def n_edges(self) -> int | None: ...  # noqa: D102
     @property
     def df_resid(self) -> int: ...  # noqa: D102
     @property
@@ -154,6 +159,20 @@ def new_edge(law: Fitted, Z: Array) -> PredictiveScale:
         float(law.edges.df_within),
     )  # fmt: skip
     return PredictiveScale("new", "a new edge", method, none, variance, scatter, float(law.edges.df))
+
+
+def edge_sd(law: Fitted) -> float:
+    """Standard deviation of new edges about their law on the scale of its errors; infinite where it is not known."""
+    if isinstance(law.edges, EdgeInference):
+        return law.edges.mixed.sd_between
+    return float("inf") if no_edge_interval(law) else law.scale_se or 0.0
+
+
+def no_edge_interval(law: Fitted) -> str:
+    """Reason why there is no interval of one new edge; empty where there is one."""
+    if isinstance(law.edges, EdgeInference) or law.life is not None:  # each life is of an edge of its own
+        return ""
+    return unknown_scatter(None, law.scale_se, law.nobs, law.n_edges, law.edges.reason)
 
 
 def same_edge(law: Fitted, Z: Array, table: pd.DataFrame) -> PredictiveScale:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import ParameterError
-from ..core.intervals import Root, solved_for
+from ..core.intervals import Root, edge_words, solved_for, unknown_scatter
 from ..core.predictions import GivenFactor, LifePrediction, Prediction, single, unreached_words, within_tests
 from ..datasets import region
 from .evaluation import (
@@ -133,12 +133,20 @@ def life_root(law: LawFields, criterion: float, factors: Mapping[str, float], qu
 
 
 def edge_scatter(law: LawFields, life: ToolLifeSection) -> tuple[float, str]:
-    """Variance of ln wear of one new edge about its law, of one row where edges are not known, and its words."""
-    e = law.edges
-    sd, of = (law.residual_se, "one row") if e is None or e.sd_between is None else (e.sd_between, "one new edge")
+    """Variance of ln wear of one new edge about its law, infinite where it is not known, and whose it is in words."""
+    unknown, between = no_edge_interval(law), None if law.edges is None else law.edges.sd_between
+    of, sd = edge_words(unknown, known=law.n_edges is not None), law.residual_se if between is None else between
+    if unknown:
+        return float("inf"), of
     if sd is None:
         raise ParameterError(f"the law of {law.response} has no residual standard error: no interval of one edge.")
     return (sd if law.error == "multiplicative" else sd / life.criterion) ** 2, of
+
+
+def no_edge_interval(law: LawFields) -> str:
+    """Reason why there is no interval of one new edge; empty where there is one."""
+    between, reason = (None, None) if law.edges is None else (law.edges.sd_between, law.edges.reason)
+    return unknown_scatter(between, law.residual_se, law.n, law.n_edges, reason)
 
 
 def _beyond(law: LawFields, values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:

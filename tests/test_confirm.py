@@ -212,3 +212,19 @@ def test_a_condition_that_all_earlier_tests_had_in_common_is_named(tmp_path, cap
     assert "d is" not in capsys.readouterr().out
     assert main(["confirm", other, "--data", old]) == 0
     assert "d is 3 here and 1.5 mm in all tests of the law" in " ".join(capsys.readouterr().out.split())
+
+
+def test_rows_of_few_edges_say_nothing_of_the_levels_of_new_ones():
+    """Two edges at two speeds: their rows scatter by 1 %, edges by 15 %, so that a new edge is no false alarm."""
+    rng = np.random.default_rng(2)
+
+    def rows(speeds, level):
+        return pd.DataFrame([
+            {"edge": f"E{V:g}", "V": V, "t": t, "AW": level * V**0.5 * t**0.5 / 50 * np.exp(rng.normal(0, 0.01))}
+            for V in speeds for t in (2.0, 5, 8)
+        ])  # fmt: skip
+
+    fitted = fit.power_law(datasets.runs_from_frame(rows((120.0, 200.0), 1.0), judge=False), "AW", ["V", "t"])
+    found = confirm(fitted, datasets.runs_from_frame(rows((150.0,), 1.15), judge=False))
+    assert found.holds is None
+    assert "no joint test: the scatter between edges is not known" in found.verdict

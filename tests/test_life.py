@@ -272,3 +272,55 @@ def test_curves_that_contradict_the_law_qualify_the_tool_life():
         section = parameters.collect(laws=[law], tool_life=fit.tool_life(law, 0.45 if bend else 0.3)).tool_life
         assert any("trust the interpolated lives" in reason for reason in section.verdict.reasons) == bool(level)
         assert section.verdict.concern >= level
+
+
+def law_of_edges(edges, *, between=0.15, seed=3, factors=("V", "t")):
+    """A wear law of edges at these speeds, read seven times each; edges deviate, and readings scatter by 4 %."""
+    rng, times = np.random.default_rng(seed), (1, 2, 4, 7, 10, 14, 18)
+    levels = [(V, np.exp(rng.normal(0, between))) for V in edges]
+    rows = [{"edge": str(i), "V": V, "f": 0.2, "t": t, "VB": 0.3 * (V / 180) * (t / 15) ** 0.6 * u * np.exp(e)}
+            for i, (V, u) in enumerate(levels) for t, e in zip(times, rng.normal(0, 0.04, 7), strict=True)]  # fmt: skip
+    return fit.power_law(datasets.runs_from_frame(pd.DataFrame(rows), judge=False), "VB", list(factors))
+
+
+UNKNOWN_SCATTER = {"one edge": ([180.0], ("t",)), "two edges at two speeds": ([150.0, 200.0], ("V", "t"))}
+
+
+@pytest.mark.parametrize(("edges", "factors"), UNKNOWN_SCATTER.values(), ids=UNKNOWN_SCATTER)
+def test_rows_of_one_edge_give_no_interval_of_the_next(edges, factors):
+    """Readings scatter by 4 %, edges by 15 %: the former say nothing of the latter."""
+    from fitmodels import parameters
+    from fitmodels.cards.content.tool_life import tool_life_part
+    from fitmodels.fit.decisions import life_decision
+    from fitmodels.fit.next_tests import next_runs
+    from fitmodels.fit.optimal_tests import narrowing
+    from fitmodels.parameters.evaluation import IntervalOptions
+    from fitmodels.parameters.prediction import predict_life
+
+    law = law_of_edges(edges, factors=factors)
+    life, at = fit.tool_life(law, 0.3), {"V": 170.0} if "V" in factors else {}
+    assert life.interval("edge", **at) == (0.0, np.inf)
+    assert np.isfinite(life.interval("law", **at)).all()
+    pf = parameters.collect(laws=[law], tool_life=life)
+    one = predict_life(pf.laws["VB"], pf.tool_life, IntervalOptions("prediction"), at)
+    assert (one.low, one.high) == (0.0, np.inf)
+    assert "the scatter between edges is not known" in one.words
+    part = tool_life_part(pf)
+    assert (part.edge_low.text, part.edge_high.text) == ("", "")
+    assert "none for one new edge: the scatter between edges is not known" in " ".join(part.words)
+    decision = life_decision(law, 0.3, at)
+    words = " ".join(narrowing(law, decision, next_runs(law, 2).attrs["readings"], within=0.5).words)
+    assert "No interval of one new edge" in words
+    assert "Stop" not in words
+
+
+def test_rows_of_one_edge_each_scatter_as_edges_do():
+    rows = pd.DataFrame(law_of_edges([150.0, 165, 180, 200, 220], seed=5).rows.X, columns=["V", "t"]).iloc[::4]
+    y = 0.3 * (rows["V"] / 180) * (rows["t"] / 15) ** 0.6 * np.exp(np.random.default_rng(1).normal(0, 0.1, len(rows)))
+    frame = rows.assign(VB=y, edge=[f"E{i}" for i in range(len(rows))])
+    laws = [fit.power_law(datasets.runs_from_frame(one, judge=False), "VB", ["V", "t"])
+            for one in (frame, frame.drop(columns="edge"))]  # fmt: skip
+    named, unnamed = (fit.tool_life(law, 0.3) for law in laws)
+    assert named.interval("edge", V=180.0) == unnamed.interval("edge", V=180.0)
+    assert "of one new edge," in named.predict({"V": 180.0}).of
+    assert "of one row," in unnamed.predict({"V": 180.0}).of

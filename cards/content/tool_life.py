@@ -10,7 +10,7 @@ from ...core.rounding import format_plain
 from ...datasets.vocabulary import FLANK_WEAR
 from ...parameters import LawSection, ParameterFile
 from ...parameters.evaluation import IntervalOptions
-from ...parameters.prediction import predict_life
+from ...parameters.prediction import no_edge_interval, predict_life
 from ...parameters.sections.law_parts import LifeSection, TaylorSection, ToolLifeSection
 from .design import at_words
 from .numbers import LEVEL, NONE, UNBOUNDED, count, figure, number, percent, sentence
@@ -41,13 +41,14 @@ def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
     longest = f"the longest test lasted {format_plain(life.t_observed, 3)} {life.unit}"
     value = float(found[0].value) if found else life.typical
     end = f"; {longest}." if life.typical <= life.t_observed else f", but {longest}: this T is an extrapolation."
-    typical = f"{place}, T = {format_plain(value, 3)} {life.unit}{_interval_words(found)}{end}"
+    unknown = "" if law is None else no_edge_interval(law)
+    typical = f"{place}, T = {format_plain(value, 3)} {life.unit}{_interval_words(found, unknown)}{end}"
     return ToolLifePart(
         verdict=with_remedies(pf, verdict_part(TOOL_LIFE, life.verdict)),
         criterion=f"{life.wear} {life.criterion:g} {life.unit_of_wear}",
         at="" if law is None else at_words(law, where, digits=3),
         typical=figure(value, 3, life.unit),
-        **_bounds(found, life.unit),
+        **_bounds(found, life.unit, unknown),
         longest=figure(life.t_observed, 3, life.unit),
         extrapolated=life.typical > life.t_observed,
         command=predict_command("T", where),
@@ -110,21 +111,30 @@ def _predictions(life: ToolLifeSection, law: LawSection | None, where: Mapping[s
         return ()
 
 
-def _interval_words(found: tuple[Prediction, ...]) -> str:
-    """Intervals of the life at the middle, of the law and of one new edge."""
+def _interval_words(found: tuple[Prediction, ...], unknown: str) -> str:
+    """Intervals of the life at the middle, of the law and of one new edge, or why that of an edge is not known."""
     intervals = []
     for one, of in zip(found, ("for the law", "for one new edge"), strict=False):
         high = float(one.high)
         ends = _ends((float(one.low), high if high < float("inf") else None)).strip(" ()")
         intervals.append(f"{ends} {'for one row' if 'one row' in one.of else of}")
+    if unknown and found:
+        intervals[1:] = [f"none for one new edge: {unknown}"]
     return f" (95 % interval {'; '.join(intervals)})" if intervals else ""
 
 
-def _bounds(found: tuple[Prediction, ...], unit: str) -> dict[str, NumberPart]:
-    """Ends of the intervals of the life, of the law and of one new edge, by field of the part."""
+def edge_or_row(pf: ParameterFile) -> str:
+    """Whose interval that of the life is: of one row where the tests name no edges."""
+    law = pf.laws.get(pf.tool_life.wear) if pf.tool_life else None
+    return "one row" if law is not None and law.n_edges is None else "new edge"
+
+
+def _bounds(found: tuple[Prediction, ...], unit: str, unknown: str) -> dict[str, NumberPart]:
+    """Ends of the intervals of the life, of the law and of one new edge, by field of the part; none if not known."""
     if not found:
         return dict.fromkeys(("level", "low", "high", "edge_low", "edge_high"), NONE)
     (low, high), (edge_low, edge_high) = (_ends_of(float(one.low), float(one.high), unit) for one in found)
+    edge_low, edge_high = (NONE, NONE) if unknown else (edge_low, edge_high)
     return {"level": percent(LEVEL), "low": low, "high": high, "edge_low": edge_low, "edge_high": edge_high}
 
 

@@ -157,8 +157,7 @@ def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyP
             p = predict_life(law, life, IntervalOptions(kind, LEVEL), at)
         except ParameterError:
             return ()
-        known = law.edges is not None and law.edges.sd_between is not None
-        of = OF["life"] if kind == "mean" else OF["edge" if known else "independent rows"]
+        of = OF["life"] if kind == "mean" else OF["independent rows" if law.n_edges is None else "edge"]
         if p.low > 0 and math.log(p.high / p.low) < 2 * UNBOUNDED:
             found = _from_ends(float(p.value), float(p.low), float(p.high), degrees(law), multiplies=True)
             out.append(_statement(name, "T", life.unit, where, of, found, beyond))

@@ -141,9 +141,9 @@ def _of_law(law: LawPart) -> list[str]:
 def _of_life(life: ToolLifePart) -> list[str]:
     """Life at the middle with its intervals, whether it is extrapolated, and the command."""
     beyond = "extrapolated: the" if life.extrapolated else "the"
-    ends = f" ({ends_words(life.edge_low, life.edge_high)}, {quantity(life.level)} for one new edge; "
-    law = f"{ends_words(life.low, life.high)} for the law)"
-    interval = ends + law if life.low.text else ""
+    edge = f"{ends_words(life.edge_low, life.edge_high)}, {quantity(life.level)} for one new edge"
+    edge = edge if life.edge_low.text else "no interval of one new edge: the scatter between edges is not known"
+    interval = f" ({edge}; {ends_words(life.low, life.high)} for the law)" if life.low.text else ""
     at = f" at {life.at}" if life.at else ""
     said = f"{life.criterion} after {quantity(life.typical)}{interval}{at}; {beyond} longest test lasted "
     return [text(f"{said}{quantity(life.longest)}"), code(life.command)]

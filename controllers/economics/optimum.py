@@ -359,7 +359,7 @@ def _scatter(problem: PartProblem) -> tuple[Distribution, float] | None:
     if life is None or law.residual_se is None:
         return None
     sd = float(np.sqrt(edge_scatter(law, life)[0]))
-    return ("lognormal", sd / law.coefficients["t"]) if sd > 0 else None
+    return ("lognormal", sd / law.coefficients["t"]) if 0 < sd < np.inf else None
 
 
 def _conflict(problem: PartProblem, held: tuple[Limit, ...], edge: WornEdge) -> str:
