@@ -23,7 +23,7 @@ from ..parameters.gather.description import unused_conditions
 from .content.guidance import next_commands
 from .content.numbers import quantity
 from .content.parts import ToolLifePart, VerdictPart, WorkedPart
-from .content.tool_life import edge_or_row, tool_life_part
+from .content.tool_life import edge_or_row, life_doubt, tool_life_part
 from .content.verdicts import main_reason, measured_first, remedy_command, short_reasons, verdicts_of, with_reasons
 from .content.worked import FILE, scatter_words, short_equation, worked_predictions
 from .reading_terminal import (
@@ -283,7 +283,7 @@ def _life(pf: ParameterFile, path: str, screen: FirstScreen, no_life: str, *, ap
         unknown = f"unknown: {plain(' '.join(part.verdict.reasons[:2]))}"
         two, one = (wrapped(unknown, screen.width, RED, most=k, indent=7, first=7) for k in (2, 1))
         return Section(((head, *two), (head, *one)), (4.5,), apart)
-    value = _life_value(part, edge_or_row(pf))
+    value = _life_value(part, edge_or_row(pf), life_doubt(pf))
     values = wrapped(value, screen.width, most=2, indent=7, first=7)
     longest = f"the longest test ({quantity(part.longest)})"
     if part.extrapolated:
@@ -315,12 +315,11 @@ def _ratio(part: ToolLifePart) -> str:
     return f"{(part.typical.value or 0.0) / (part.longest.value or 1.0):.2g}"
 
 
-def _life_value(part: ToolLifePart, of: str) -> str:
-    """``99 min, new edge 51 to 195 min (95 % interval), at V 100 m/min, f 0.19 mm/rev``."""
+def _life_value(part: ToolLifePart, of: str, doubt: str) -> str:
+    """``99 min, new edge 51 to 195 min (95 % interval), at V 100 m/min, f 0.19 mm/rev``; ``doubt``: why not."""
     at = f", at {part.at}" if part.at else ""
     if not part.edge_low.text:
-        unknown = " of a new edge: the scatter between edges is not known" if part.low.text else ""
-        return f"{quantity(part.typical)}, no interval{unknown}{at}"
+        return f"{quantity(part.typical)}, no interval{f' of a new edge ({doubt})' if doubt else ''}{at}"
     unit = part.typical.unit if part.edge_high.value is not None else ""
     ends = f"{part.edge_low.text} to {part.edge_high.text} {unit}".rstrip()
     return f"{quantity(part.typical)}, {of} {ends} (95 % interval){at}"

@@ -261,7 +261,7 @@ def edge_words(unknown: str, *, known: bool) -> str:
     >>> edge_words("", known=True), edge_words("", known=False)
     ('one new edge', 'one row')
     """
-    return f"one new edge, not bounded since {unknown}," if unknown else "one new edge" if known else "one row"
+    return f"one new edge, not bounded since {unknown}" if unknown else "one new edge" if known else "one row"
 
 
 def fieller(a: float, b: float, covariance: tuple[float, float, float], quantile: float) -> Root:

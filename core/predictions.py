@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import log
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .display import Display, Displayable, Plottable, TextTable, by_fields, display_of, plot
+from .intervals import Root
 from .rounding import format_plain as plain
 from .rounding import format_rounded, with_unit
 
@@ -248,6 +250,47 @@ def unreached_words(criterion: float, largest: float | None, unit: str) -> str:
     return (
         f"no test reached the criterion {_with(f'{criterion:g}', unit)} (largest wear {_with(f'{largest:.3g}', unit)})"
     )
+
+
+def beyond_scatter(interval: tuple[float, float] | None, expected: float | None) -> bool:
+    """Whether lives by the wear curves differ from those by the wear law by more than scatter makes.
+
+    Parameters
+    ----------
+    interval : (float, float) or None
+        Of the ratio of the former to the latter.
+    expected : float or None
+        The ratio that scatter alone makes. Scatter, which the residuals of a bent curve overstate, only shortens the
+        lives by the curves.
+
+    Examples
+    --------
+    >>> beyond_scatter((1.2, 1.3), 0.9), beyond_scatter((0.8, 0.95), 0.9), beyond_scatter((0.9, 1.1), 0.9)
+    (True, False, False)
+    """
+    if interval is None or expected is None:
+        return False
+    low, high = interval
+    return not (low <= 1 <= high or expected <= high <= 1)
+
+
+def doubt_of_curves(ratio: float | None, interval: tuple[float, float] | None, expected: float | None, of: Root) -> str:
+    """Reason of the wear curves against the interval ``of`` the life of a new edge, in ln; empty where there is none.
+
+    Examples
+    --------
+    >>> doubt_of_curves(1.27, (1.2, 1.3), 0.9, Root(2.5, 2.45, 2.55, 0.0))
+    'lives read from the wear curves are 27 % longer than those of the wear law, outside its interval'
+    >>> doubt_of_curves(1.27, (1.2, 1.3), 0.9, Root(2.5, 2.0, 3.0, 0.0))
+    ''
+    """
+    if ratio is None or interval is None or not beyond_scatter(interval, expected):
+        return ""
+    low, high = (of.value + log(end) for end in interval)
+    if of.low <= low and high <= of.high:
+        return ""
+    size, more = 100 * abs(ratio - 1), "longer" if ratio > 1 else "shorter"
+    return f"lives read from the wear curves are {size:.2g} % {more} than those of the wear law, outside its interval"
 
 
 def single(array: NDArray[Any]) -> Any:  # noqa: ANN401

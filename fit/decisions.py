@@ -20,6 +20,7 @@ from ..core.errors import FitError, UsageError
 from .edges import EdgeInference
 from .lawfit import LawFit
 from .prediction import edge_sd, no_edge_interval
+from .wear_curves import doubt
 
 Array = NDArray[np.float64]
 
@@ -96,9 +97,12 @@ def life_decision(law: LawFit, criterion: float = 0.3, at: Mapping[str, float] |
     value = _exp(_log_life(law.theta, law, criterion, where), f"the tool life to {law.response} {criterion:g}")
     gradient = _gradient(lambda theta: _log_life(theta, law, criterion, where), law)
     beyond = " ".join([*_of_range(value, law), *_outside(law, where)])
-    sd = _edge_scatter(law, value=criterion) / k
+    sd, no_edge = _edge_scatter(law, value=criterion) / k, no_edge_interval(law)
+    if not no_edge:
+        no_edge = doubt(law, criterion, log(value), float(gradient @ law.covariance() @ gradient) + sd * sd)
+        sd = inf if no_edge else sd
     name = _named(f"tool life to {law.response} {criterion:g} {law.units[law.response]}", law, where)
-    return Decision(name, law.units["t"], value, gradient, sd, where, beyond, no_edge_interval(law))
+    return Decision(name, law.units["t"], value, gradient, sd, where, beyond, no_edge)
 
 
 def cost_decision(

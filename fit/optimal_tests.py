@@ -81,7 +81,7 @@ class Narrowing(Displayable):
             "logarithms).",
         ]
         if d.no_edge:  # when to stop is not known either
-            also = "The interval of the law does not hold this scatter either: repeat settings on further edges."
+            also = "The interval of the law does not allow for that either."
             return (*out, f"No interval of one new edge: {d.no_edge}.", also, *filter(None, [d.beyond]))
         out.append(f"One new edge: {_ends(*self.edge_now)} {d.unit} now, {_ends(*self.edge_after)} {d.unit} expected.")
         return (*out, *self._stop())

@@ -17,6 +17,8 @@ import pandas as pd
 from ..core.arrays import Array
 from ..core.display import Display, Displayable, TextTable
 from ..core.errors import FitError
+from ..core.intervals import Root
+from ..core.predictions import beyond_scatter, doubt_of_curves
 from ..core.rounding import format_plain
 from ..datasets import runs_from_frame
 from .available import NotAvailable, computed
@@ -84,11 +86,7 @@ class WearCurveLives(Displayable):
     @property
     def contradicts(self) -> bool:
         """Whether the lives by the curves differ from those by the law by more than scatter makes."""
-        if self.ratio_interval is None or self.expected is None:
-            return False
-        low, high = self.ratio_interval
-        # scatter, which the residuals of a bent curve overstate, only shortens the lives by the curves
-        return not (low <= 1 <= high or self.expected <= high <= 1)
+        return beyond_scatter(self.ratio_interval, self.expected)
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -180,6 +178,18 @@ def wear_curve_lives(law: LawFit, criterion: float = 0.3) -> WearCurveLives:
     return WearCurveLives(
         law.response, criterion, law.units[law.response], law.units["t"], tuple(lives), ratio, ends, expected, found
     )
+
+
+def doubt(law: LawFit, criterion: float, ln_life: float, variance: float) -> str:
+    """Reason of the wear curves against the 95 % interval of the life of a new edge; empty where there is none."""
+    from scipy.special import stdtrit
+
+    found = computed(lambda: wear_curve_lives(law, criterion))
+    if isinstance(found, NotAvailable):
+        return ""
+    half = float(stdtrit(law.df, 0.975)) * variance**0.5
+    of = Root(ln_life, ln_life - half, ln_life + half, 0.0)
+    return doubt_of_curves(found.ratio, found.ratio_interval, found.expected, of)
 
 
 def _check(law: LawFit, criterion: float) -> None:

@@ -7,7 +7,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import ParameterError
 from ..core.intervals import Root, edge_words, solved_for, unknown_scatter
-from ..core.predictions import GivenFactor, LifePrediction, Prediction, single, unreached_words, within_tests
+from ..core.predictions import (
+    GivenFactor,
+    LifePrediction,
+    Prediction,
+    doubt_of_curves,
+    single,
+    unreached_words,
+    within_tests,
+)
 from ..datasets import region
 from .evaluation import (
     IntervalOptions,
@@ -23,6 +31,8 @@ from .evaluation import (
 from .sections.base import NoCovariance
 from .sections.law_fields import LawFields
 from .sections.law_parts import ToolLifeSection
+
+LEVEL = 0.95  # of the interval that the wear curves are compared with
 
 
 def predict_with_interval(
@@ -134,19 +144,35 @@ def life_root(law: LawFields, criterion: float, factors: Mapping[str, float], qu
 
 def edge_scatter(law: LawFields, life: ToolLifeSection) -> tuple[float, str]:
     """Variance of ln wear of one new edge about its law, infinite where it is not known, and whose it is in words."""
-    unknown, between = no_edge_interval(law), None if law.edges is None else law.edges.sd_between
-    of, sd = edge_words(unknown, known=law.n_edges is not None), law.residual_se if between is None else between
-    if unknown:
-        return float("inf"), of
+    unknown = no_edge_interval(law, life)
+    of = edge_words(unknown, known=law.n_edges is not None)
+    return (float("inf") if unknown else _variance(law, life)), of
+
+
+def no_edge_interval(law: LawFields, life: ToolLifeSection) -> str:
+    """Reason why there is no interval of one new edge; empty where there is one.
+
+    The scatter between edges is not known; or the lives read from the wear curves contradict the law, and at the middle
+    of the tests lie outside the interval that its scatter gives.
+    """
+    between, reason = (None, None) if law.edges is None else (law.edges.sd_between, law.edges.reason)
+    unknown, curves = unknown_scatter(between, law.residual_se, law.n, law.n_edges, reason), life.curves
+    if unknown or curves is None or curves.ratio is None or isinstance(law.uncertainty, NoCovariance):
+        return unknown
+    from scipy.special import stdtrit
+
+    t = float(stdtrit(law.uncertainty.df, (1 + LEVEL) / 2))
+    root = life_root(law, life.criterion, life.typical_at, t, _variance(law, life))
+    return doubt_of_curves(curves.ratio, curves.ratio_interval, curves.expected, root)
+
+
+def _variance(law: LawFields, life: ToolLifeSection) -> float:
+    """Variance of ln wear of one new edge about its law, of one row where edges are not named."""
+    between = None if law.edges is None else law.edges.sd_between
+    sd = law.residual_se if between is None else between
     if sd is None:
         raise ParameterError(f"the law of {law.response} has no residual standard error: no interval of one edge.")
-    return (sd if law.error == "multiplicative" else sd / life.criterion) ** 2, of
-
-
-def no_edge_interval(law: LawFields) -> str:
-    """Reason why there is no interval of one new edge; empty where there is one."""
-    between, reason = (None, None) if law.edges is None else (law.edges.sd_between, law.edges.reason)
-    return unknown_scatter(between, law.residual_se, law.n, law.n_edges, reason)
+    return (sd if law.error == "multiplicative" else sd / life.criterion) ** 2
 
 
 def _beyond(law: LawFields, values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:

@@ -324,3 +324,30 @@ def test_rows_of_one_edge_each_scatter_as_edges_do():
     assert named.interval("edge", V=180.0) == unnamed.interval("edge", V=180.0)
     assert "of one new edge," in named.predict({"V": 180.0}).of
     assert "of one row," in unnamed.predict({"V": 180.0}).of
+
+
+def test_lives_by_the_curves_outside_the_interval_of_the_law_leave_none():
+    """Wear that bends at its end: its misfit in time hides the scatter between edges, whose SD is estimated as 0."""
+    from fitmodels import parameters
+    from fitmodels.cards.content.tool_life import life_doubt
+    from fitmodels.fit.decisions import life_decision
+    from fitmodels.parameters.evaluation import IntervalOptions
+    from fitmodels.parameters.prediction import edge_scatter, predict_life
+
+    rng, rows = np.random.default_rng(600), []
+    for i, V in enumerate([140.0, 160, 180, 200, 220] * 3):
+        t = np.arange(2.0, 40, 3)
+        s = (V / 180) ** 2 * t / 15
+        wear = 0.08 * (1 - np.exp(-s / 0.08)) + 0.16 * s + 1.2 * np.maximum(0, s - 0.75) ** 2
+        wear *= np.exp(rng.normal(0, 0.08) + rng.normal(0, 0.05, len(t)))
+        last = int(np.argmax(wear >= 0.8)) or len(t)
+        rows += [{"edge": str(i), "V": V, "t": a, "VB": b} for a, b in zip(t[:last], wear[:last], strict=True)]
+    law = fit.power_law(datasets.runs_from_frame(pd.DataFrame(rows), judge=False), "VB", ["V", "t"])
+    pf = parameters.collect(laws=[law], tool_life=fit.tool_life(law, 0.3))
+    wear_section, life = pf.laws["VB"], pf.tool_life
+    assert edge_scatter(wear_section, life)[0] == np.inf
+    assert "trust the wear curves: 1" in life_doubt(pf)
+    one = predict_life(wear_section, life, IntervalOptions("prediction"), {"V": 180.0})
+    assert (one.low, one.high) == (0.0, np.inf)
+    assert "lives read from the wear curves are" in one.words
+    assert "outside its interval" in life_decision(law, 0.3).no_edge

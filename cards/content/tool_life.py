@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from ...core.errors import ParameterError
 from ...core.intervals import Kind
-from ...core.predictions import Prediction
+from ...core.predictions import Prediction, beyond_scatter
 from ...core.rounding import format_plain
 from ...datasets.vocabulary import FLANK_WEAR
 from ...parameters import LawSection, ParameterFile
@@ -41,7 +41,7 @@ def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
     longest = f"the longest test lasted {format_plain(life.t_observed, 3)} {life.unit}"
     value = float(found[0].value) if found else life.typical
     end = f"; {longest}." if life.typical <= life.t_observed else f", but {longest}: this T is an extrapolation."
-    unknown = "" if law is None else no_edge_interval(law)
+    unknown = "" if law is None else no_edge_interval(law, life)
     typical = f"{place}, T = {format_plain(value, 3)} {life.unit}{_interval_words(found, unknown)}{end}"
     return ToolLifePart(
         verdict=with_remedies(pf, verdict_part(TOOL_LIFE, life.verdict)),
@@ -127,6 +127,18 @@ def edge_or_row(pf: ParameterFile) -> str:
     """Whose interval that of the life is: of one row where the tests name no edges."""
     law = pf.laws.get(pf.tool_life.wear) if pf.tool_life else None
     return "one row" if law is not None and law.n_edges is None else "new edge"
+
+
+def life_doubt(pf: ParameterFile) -> str:
+    """Why there is no interval of a new edge, in a few words; empty where there is one."""
+    life = pf.tool_life
+    law = pf.laws.get(life.wear) if life else None
+    if life is None or law is None or not no_edge_interval(law, life):
+        return ""
+    curves = life.curves
+    if curves is not None and curves.ratio and beyond_scatter(curves.ratio_interval, curves.expected):
+        return f"trust the wear curves: {_plain(curves.typical or life.typical * curves.ratio)} {life.unit}"
+    return "the scatter between edges is not known"
 
 
 def _bounds(found: tuple[Prediction, ...], unit: str, unknown: str) -> dict[str, NumberPart]:

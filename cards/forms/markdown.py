@@ -142,7 +142,7 @@ def _of_life(life: ToolLifePart) -> list[str]:
     """Life at the middle with its intervals, whether it is extrapolated, and the command."""
     beyond = "extrapolated: the" if life.extrapolated else "the"
     edge = f"{ends_words(life.edge_low, life.edge_high)}, {quantity(life.level)} for one new edge"
-    edge = edge if life.edge_low.text else "no interval of one new edge: the scatter between edges is not known"
+    edge = edge if life.edge_low.text else "no interval of one new edge"
     interval = f" ({edge}; {ends_words(life.low, life.high)} for the law)" if life.low.text else ""
     at = f" at {life.at}" if life.at else ""
     said = f"{life.criterion} after {quantity(life.typical)}{interval}{at}; {beyond} longest test lasted "

@@ -335,7 +335,9 @@ def _change(problem: PartProblem, best: PricedSetting) -> tuple[ChangeInterval |
         return None, ("The change interval needs the cost of a failed edge: failure=.",)
     scatter = _scatter(problem)
     if scatter is None:
-        return None, (f"The scatter of edges about the law of {problem.source.law.response} is not known.",)
+        return None, (
+            f"The scatter of edges about the law of {problem.source.law.response} is not known, or none was found.",
+        )
     distribution, scale = scatter
     planned = costs.price_of_edge + costs.per_minute * costs.change
     if planned <= 0:
