@@ -287,9 +287,9 @@ def _life(pf: ParameterFile, path: str, screen: FirstScreen, no_life: str, *, ap
     values = wrapped(value, screen.width, most=2, indent=7, first=7)
     longest = f"the longest test ({quantity(part.longest)})"
     if part.extrapolated:
-        where = wrapped(f"EXTRAPOLATED: {_ratio(part)} times {longest}", screen.width, YELLOW, most=1, first=7)
+        where = wrapped(f"EXTRAPOLATED: {_ratio(part)} {longest}", screen.width, YELLOW, most=1, first=7)
     else:
-        where = wrapped(f"within {longest}", screen.width, most=1, first=7)
+        where = wrapped(f"{_ratio(part)} {longest}", screen.width, most=1, first=7)
     taylor = pf.tool_life.taylor if pf.tool_life else None
     C = format_plain(taylor.C, 4 if taylor.C >= 1000 else 3) if taylor else ""
     constants = f"; Taylor n {taylor.n:.2g}, C {C} {taylor.unit}" if taylor else ""
@@ -312,7 +312,9 @@ def _with_path(command: str, path: str) -> list[str]:
 
 
 def _ratio(part: ToolLifePart) -> str:
-    return f"{(part.typical.value or 0.0) / (part.longest.value or 1.0):.2g}"
+    """``5.2 times`` the longest test, with the decimals of a ratio that is little above 1; or ``within`` it."""
+    ratio = (part.typical.value or 0.0) / (part.longest.value or 1.0)
+    return f"{ratio:.{2 if part.extrapolated else 3}g} times" if ratio >= 1.005 else "within"
 
 
 def _life_value(part: ToolLifePart, of: str, doubt: str) -> str:

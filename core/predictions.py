@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 SIDES = {-1: "below", 1: "above"}
+EXTRAPOLATED = 1.05  # times the longest test; below, the ratio rounds to 1 and the last steps of wear are alike
 MOST_SHOWN = 20  # points of a table
 
 
@@ -173,7 +174,7 @@ class Prediction(Plottable):
     def _beyond_tests(self, i: int) -> list[str]:
         """Extrapolation of a tool life in time, and a criterion that no test reached."""
         value, longest = float(_one(self.value, i)), self.longest
-        if longest is not None and value > longest:
+        if longest is not None and value > EXTRAPOLATED * longest:
             return [f"EXTRAPOLATED: {value / longest:.2g} times the longest test ({_with(plain(longest), self.unit)})"]
         return [f"EXTRAPOLATED: {self.unreached}"] if self.unreached else []
 
@@ -235,8 +236,18 @@ def within_tests(found: P, longest: float | None, unreached: str = "") -> P:
     """The prediction of a tool life, ``inside`` only where a test lasted as long and one reached the criterion."""
     if longest is None:
         return found
-    inside = np.asarray(found.inside) & ~(np.asarray(found.value) > longest) & (not unreached)
+    inside = np.asarray(found.inside) & ~(np.asarray(found.value) > EXTRAPOLATED * longest) & (not unreached)
     return replace(found, inside=single(inside), longest=longest, unreached=unreached)
+
+
+def tested_time(life: Any, longest: float) -> NDArray[np.float64]:  # noqa: ANN401
+    """Time at which a life is compared with the tests: that of the longest test if it is longer by less than 5 %.
+
+    >>> tested_time([12.0, 16.3, 24.0], 16.0).tolist()
+    [12.0, 16.0, 24.0]
+    """
+    t = np.asarray(life, dtype=float)
+    return np.where(t > EXTRAPOLATED * longest, t, np.minimum(t, longest))
 
 
 def unreached_words(criterion: float, largest: float | None, unit: str) -> str:

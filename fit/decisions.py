@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
+from ..core.predictions import EXTRAPOLATED
 from .edges import EdgeInference
 from .lawfit import LawFit
 from .prediction import edge_sd, no_edge_interval
@@ -263,7 +264,7 @@ def _of_range(value: float, law: LawFit) -> list[str]:
     """Sentences on a life beyond the times of the tests; whether its exponent of time can be zero."""
     (first, longest), unit = law.domain["t"], law.units["t"]
     out = []
-    if value > longest:
+    if value > EXTRAPOLATED * longest:
         out.append(
             f"This life is {value / longest:.2g} times the longest test ({longest:.3g} {unit}): the intervals hold if "
             "the law holds until then, which only longer tests can show."

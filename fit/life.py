@@ -16,7 +16,7 @@ from ..core.calls import Conditions, Takes, check_share, conditions
 from ..core.display import Plottable
 from ..core.errors import FitError, UsageError
 from ..core.intervals import Kind, Root, edge_words, fieller, solved_for
-from ..core.predictions import LifePrediction, single, unreached_words, within_tests
+from ..core.predictions import EXTRAPOLATED, LifePrediction, single, tested_time, unreached_words, within_tests
 from ..core.predicts import Predicts
 from ..core.verdict import Verdict, verdict_from
 from ..datasets import Runs
@@ -105,7 +105,7 @@ class ToolLife(Predicts, Plottable):
         rows = table.drop(columns="t").to_dict("records")
         ends = np.array([self.interval(of, level, **row) for row in rows])  # type: ignore[arg-type]
         band = pd.DataFrame({"value": table["t"], "low": ends[:, 0], "high": ends[:, 1]})
-        band["inside"] = inside_of(self.law, table)[0]
+        band["inside"] = inside_of(self.law, table.assign(t=tested_time(table["t"], self.t_observed)))[0]
         edge = edge_words(no_edge_interval(self.law), known=self.law.n_edges is not None)
         whose = f"{100 * level:g} % interval of {'the law' if kind == 'mean' else edge}, by Fieller's theorem,"
         words = f"time at which {self.wear} reaches {self.criterion:g} {self.unit_of_wear}, {whose}"
@@ -296,7 +296,7 @@ def _standard_errors(law: LawFit, eta: Array, values: Array, others: list[int], 
 
 
 LIFE_USUAL, LIFE_POSSIBLE = (0.5, 600.0), (0.02, 6000.0)  # min
-FAR, VERY_FAR = 1.0, 10.0  # life over the longest test: extrapolated, and too far to be used
+VERY_FAR = 10.0  # times the longest test: too far to be used
 WIDE, VERY_WIDE = 10.0, 100.0  # factor within which 95 % of lives lie
 
 
@@ -374,7 +374,7 @@ def _of_range(life: ToolLife, law: LawFit) -> Iterator[tuple[int, str]]:
     """Extrapolation in time and in wear."""
     ratio, first = life.typical / life.t_observed, law.domain["t"][0]
     head = f"The life of {life.typical:.3g} {life.unit} at the middle of the tests is"
-    if ratio > FAR:
+    if ratio > EXTRAPOLATED:
         beyond = f"{ratio:.2g} times the longest test ({life.t_observed:.3g} {life.unit})"
         yield 1 + int(ratio > VERY_FAR), f"{head} {beyond}: extrapolated."
     elif life.typical < first:

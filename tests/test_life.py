@@ -351,3 +351,25 @@ def test_lives_by_the_curves_outside_the_interval_of_the_law_leave_none():
     assert (one.low, one.high) == (0.0, np.inf)
     assert "lives read from the wear curves are" in one.words
     assert "outside its interval" in life_decision(law, 0.3).no_edge
+
+
+def test_a_life_that_rounds_to_the_longest_test_is_not_extrapolated():
+    from fitmodels import parameters
+    from fitmodels.cards.content.tool_life import tool_life_part
+    from fitmodels.fit.life import life_verdict
+    from fitmodels.parameters.evaluation import IntervalOptions
+    from fitmodels.parameters.prediction import predict_life
+
+    law = law_of_edges([150.0, 165, 180, 200, 220, 240] * 2, between=0.08)
+    for ratio, beyond in ((1.02, False), (1.2, True)):
+        criterion = 0.3 * (ratio * 18 / float(fit.tool_life(law, 0.3).typical)) ** law.params["t"]
+        life = fit.tool_life(law, float(criterion))
+        assert life.typical == pytest.approx(ratio * 18)
+        said = " ".join(life_verdict(life, law).reasons)
+        assert (f"{ratio:.2g} times the longest test" in said) == beyond
+        pf = parameters.collect(laws=[law], tool_life=life)
+        assert tool_life_part(pf).extrapolated == beyond
+        found = predict_life(pf.laws["VB"], pf.tool_life, IntervalOptions("mean"), life.typical_at)
+        assert ("times the longest test" in found.words) == beyond
+        assert found.inside != beyond
+        assert bool(life.predict(life.typical_at, "mean").inside) != beyond

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from ...core.errors import ParameterError
 from ...core.intervals import Kind
-from ...core.predictions import Prediction, beyond_scatter
+from ...core.predictions import EXTRAPOLATED, Prediction, beyond_scatter
 from ...core.rounding import format_plain
 from ...datasets.vocabulary import FLANK_WEAR
 from ...parameters import LawSection, ParameterFile
@@ -40,7 +40,8 @@ def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
     place = f"At the middle of the ranges ({at})" if at else "At these conditions"
     longest = f"the longest test lasted {format_plain(life.t_observed, 3)} {life.unit}"
     value = float(found[0].value) if found else life.typical
-    end = f"; {longest}." if life.typical <= life.t_observed else f", but {longest}: this T is an extrapolation."
+    beyond = life.typical > EXTRAPOLATED * life.t_observed
+    end = f", but {longest}: this T is an extrapolation." if beyond else f"; {longest}."
     unknown = "" if law is None else no_edge_interval(law, life)
     typical = f"{place}, T = {format_plain(value, 3)} {life.unit}{_interval_words(found, unknown)}{end}"
     return ToolLifePart(
@@ -50,7 +51,7 @@ def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
         typical=figure(value, 3, life.unit),
         **_bounds(found, life.unit, unknown),
         longest=figure(life.t_observed, 3, life.unit),
-        extrapolated=life.typical > life.t_observed,
+        extrapolated=beyond,
         command=predict_command("T", where),
         equation=" ".join([f"T = {c0[1]:.6g}", *(f"{name}^{value:.6g}" for name, value in exponents)]),
         words=(definition, *_taylor(life), typical, *_curves(life)),

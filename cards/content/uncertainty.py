@@ -11,7 +11,7 @@ from typing import Any
 
 from ...core.errors import ParameterError
 from ...core.intervals import Kind
-from ...core.predictions import Prediction
+from ...core.predictions import EXTRAPOLATED, Prediction
 from ...core.rounding import format_rounded
 from ...core.verdict import DO_NOT_USE
 from ...parameters import LawSection, ParameterFile
@@ -145,7 +145,7 @@ def of_life(life: ToolLifeSection, law: LawSection | None) -> tuple[UncertaintyP
         return ()
     at = settings(life)  # as in the text on tool life
     where = at_words(law, at, digits=3)
-    beyond = "" if life.typical <= life.t_observed else (
+    beyond = "" if life.typical <= EXTRAPOLATED * life.t_observed else (
         f" No test lasted longer than {life.t_observed:.3g} {life.unit}: this is an extrapolation, and the interval "
         "does not include its error."
     )  # fmt: skip

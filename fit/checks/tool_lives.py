@@ -22,6 +22,7 @@ from ...core.censored import (
     standard_quantile,
 )
 from ...core.errors import FitError
+from ...core.predictions import EXTRAPOLATED
 from ...core.rounding import count
 from ...datasets import Runs
 from ...datasets.vocabulary import WEAR
@@ -149,7 +150,7 @@ def extrapolated_lives(law: LawFit) -> Check:
     level = {law.by.column: law.by.reference} if law.by is not None else {}
     typical, longest = float(law.values({**middle, **level})), float(law.observed.max())
     unit = law.units[law.response]
-    beyond = typical > longest
+    beyond = typical > EXTRAPOLATED * longest
     settings = "" if beyond else _settings_beyond(law, longest)
     verdict = (
         settings
