@@ -429,3 +429,12 @@ def test_a_life_that_a_breakage_ended_is_doubted(word, doubted):
     frame["end"] = ["not reached"] * 2 + [word] + ["VB"] * 13
     found = [one for one in datasets.runs_from_frame(frame).doubts if "ended by breakage" in one.sentence]
     assert len(found) == doubted
+
+
+def test_few_lives_that_all_ended_are_no_run_outs():
+    """Their few degrees of freedom are named by the explained variance; with a run-out, by the check of these."""
+    table = pd.DataFrame({"V": [140.0, 160, 180, 200], "T": [48.8, 30.1, 20, 13.6]})
+    assert run_outs(fit.life_law(datasets.runs_from_frame(table), ["V"])).level == "passed"
+    found = run_outs(fit.life_law(datasets.runs_from_frame(table.assign(T=["48.8+", "30.1", "20", "13.6"])), ["V"]))
+    assert found.level == "warning"
+    assert found.verdict.startswith("Only 3 of 4 lives ended")

@@ -59,13 +59,15 @@ def run_outs(law: LawFit) -> Check:
     life = _life_of(law)
     n, bounds = law.nobs, life.run_outs + life.earlier
     share, df = bounds / n, law.df_resid
+    few = bool(bounds) and df < FEW_DF  # without bounds the check of the explained variance names the few tests
     words = f"{life.ended} of {n} lives ended" + (f", {bounds} are known by a bound alone" if bounds else "")
-    concern = int(share > MOST_CENSORED or df < FEW_DF)
+    words = f"Only {words}" if few and share <= MOST_CENSORED else words
+    concern = int(share > MOST_CENSORED or few)
     remedy = " Run more tests to the end of the life." if concern else ""
     beyond = _beyond_ended(law)
     concern = max(concern, int(bool(beyond)))
     verdict = f"{words}; {df} degrees of freedom.{beyond}{remedy}"
-    return Check(null="At least half of the lives end, with 3 degrees of freedom.", statistic=share,
+    return Check(null="At least half of the lives end; with run-outs, 3 degrees of freedom are left.", statistic=share,
                  symbol="share of bounds", concern=concern, verdict=verdict)  # fmt: skip
 
 
