@@ -128,7 +128,7 @@ class Confirmation(Plottable):
             return f"no joint test: {self.tests.reason}{self._deviation() if self.outside else ''}"
         p = f"p {self.pvalue:.2g}" if self.pvalue is not None and self.pvalue >= 1e-4 else "p < 0.0001"
         if self.holds:
-            return f"the law holds for these runs ({p})"
+            return f"the law holds for these runs ({p}{self._weak()})"
         worst = min(self.tests, key=lambda test: test.pvalue)
         if worst.of == "rows within edges":
             return (
@@ -140,6 +140,12 @@ class Confirmation(Plottable):
             more, s = ", ..." if len(off) > 6 else "", "s" if len(off) > 1 else ""
             return f"the law does not hold for edge{s} {which}{more} ({p})"
         return f"the law does not hold for these runs taken together ({p}){self._deviation()}"
+
+    def _weak(self) -> str:
+        """Remark on a single new edge, which may deviate by its own level as far as the law allows; else empty."""
+        if len(self.edges) == 1:
+            return "; weak evidence: one new edge, test two or more"
+        return "; weak evidence: one new row, test two or more" if len(self.rows) == 1 else ""
 
     def _deviation(self) -> str:
         """Ratio of the observed values to the predicted ones: its geometric mean, and the least and the largest."""

@@ -228,3 +228,12 @@ def test_rows_of_few_edges_say_nothing_of_the_levels_of_new_ones():
     found = confirm(fitted, datasets.runs_from_frame(rows((150.0,), 1.15), judge=False))
     assert found.holds is None
     assert "no joint test: the scatter between edges is not known" in found.verdict
+
+
+def test_one_new_edge_is_weak_evidence():
+    one = new(edge=lambda data: "N1")
+    one = datasets.runs_from_frame(one.data[one.data["V"] == one.data["V"].iloc[0]].reset_index(drop=True))
+    found = confirm(law(), one)
+    assert found.holds
+    assert "weak evidence: one new edge, test two or more" in found.verdict
+    assert "weak evidence" not in confirm(law(), new()).verdict
