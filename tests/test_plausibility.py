@@ -15,6 +15,7 @@ from fitmodels.datasets.plausibility.quantities import unit_factor
 from fitmodels.datasets.plausibility.ranges import candidate_units, plausible, process_of
 from fitmodels.datasets.vocabulary import ROLES
 from fitmodels.fit.checks.usefulness import doubts_of_reading
+from fitmodels.fit.checks.wrong_rows import outlying_rows
 from fitmodels.parameters.checks.report import require_verdicts
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -422,6 +423,26 @@ def test_lives_that_may_be_in_seconds_are_not_to_be_used_before_the_unit_is_conf
     assert check.concern == 2
     for unit in ("s", "min"):
         assert not read(f"V,f,life\n{lives}", units={"T": unit}).doubts
+
+
+@pytest.mark.parametrize("wrong", [False, True])
+def test_long_lives_are_taken_for_seconds_only_where_the_law_of_the_others_says_so(read, wrong):
+    """Lives of a sound plan span a factor of 100: two at the lowest speed and feed were to be divided by 60."""
+    plan = np.array([(V, f, d) for V in (120, 170, 250) for f in (0.1, 0.2, 0.4) for d in (1, 2)])
+    V, f, d = plan.T
+    in_reading = 0
+    for seed in range(12):
+        scatter = np.exp(0.2 * np.random.default_rng(seed).normal(size=18))
+        lives = 20 * (180 / V) ** (3 if wrong else 5) * (0.2 / f) ** 1.4 * (1.5 / d) ** 0.5 * scatter
+        lives[12:14] *= 60 if wrong else 1
+        body = "\n".join(f"{V},{f},{d},{T:.3g}" for (V, f, d), T in zip(plan, lives, strict=True))
+        runs = read(f"V [m/min],f [mm/rev],d [mm],T [min]\n{body}")
+        remedies = [one.remedy for one in runs.doubts if "T" in one.columns]
+        assert remedies in ([], ['--correct "lines 14-15:T/60"'] * wrong)
+        by_law = outlying_rows(fit.life_law(runs, ["V", "f", "d"]), runs)
+        assert not wrong or {line for one in by_law.suspects for line in one.lines} == {14, 15}
+        in_reading += bool(remedies)
+    assert in_reading >= 4 * wrong
 
 
 MISLABELLED = {  # column, divisor of its values, unit that the header still names, symbols of laws that are refused

@@ -13,6 +13,7 @@ from ..options import Process, ReadOptions
 from ..vocabulary import ROLES
 from .quantities import table_process
 from .ranges import plausible
+from .unit_shifts import EVIDENCE
 
 FACTORS = {10.0: "a decimal mark", 100.0: "a decimal mark", 1000.0: "a decimal mark or a unit", 25.4: "a unit, inch"}
 RATIOS: dict[str, dict[float, str]] = {
@@ -41,6 +42,8 @@ FEWEST = 8  # rows below which no cell is judged by the others
 MOST_LEVELS = 7
 SEVERAL = 3  # rows of every other level beside which a value of one row is doubted
 SAMPLE = 20000
+FEWEST_FREE = 3  # lives beyond the coefficients of a law by which others are doubted
+TINY = 1e-9  # sum of squares of logarithms: lives without scatter
 LISTED = 4
 MOST_EDGES = 8  # in a sentence
 
@@ -239,6 +242,8 @@ def _doubt_group(draft: Draft, role: str, values: Array) -> None:
         for factor, units in RATIOS.get(ROLES[role].kind, {}).items():
             moved = group * factor**power
             if gap > GAP_OF_RESULTS and rest.min() / NEARLY <= moved.min() and moved.max() <= rest.max() * NEARLY:
+                if role == "T" and not _nearer_the_law(draft, size, outside, factor**power):
+                    continue
                 rows = np.flatnonzero(outside)
                 way = "divided by" if power < 0 else "times"
                 sentence = (
@@ -247,6 +252,25 @@ def _doubt_group(draft: Draft, role: str, values: Array) -> None:
                 )
                 _add(draft, role, rows, sentence, factor**power)
                 return
+
+
+def _nearer_the_law(draft: Draft, lives: Array, rows: NDArray[np.bool_], factor: float) -> bool:
+    """Whether a factor brings lives of some rows to a power law of the conditions that the others follow.
+
+    Lives of a sound plan span a factor of 100, as speed, feed and depth act together.
+    """
+    numbers = draft.numbers()
+    known = np.flatnonzero(lives > 0)
+    X = [x for name in numbers if ROLES[name].kind == "condition" and (x := numbers[name][known]).min() > 0]
+    codes = [draft.codes(name)[0][known] for name in ("tool", "work") if name in draft.data]
+    levels = [(code == one).astype(float) for code in codes for one in np.unique(code)[1:]]
+    Z = np.column_stack([np.ones(len(known)), *np.log(X), *levels])
+    y = np.log(np.column_stack([lives, np.where(rows, lives * factor, lives)])[known])
+    theta, _, rank, _ = np.linalg.lstsq(Z, y, rcond=None)
+    r, n = y - Z @ theta, len(known)
+    rss = np.sum(r**2, axis=0) + TINY
+    each = np.abs(r[rows[known], 1]).max() < abs(np.log(factor)) / 2
+    return bool(each and n >= rank + FEWEST_FREE and n * np.log(rss[0] / rss[1]) > EVIDENCE)
 
 
 def _early(draft: Draft, rows: NDArray[np.bool_]) -> bool:
