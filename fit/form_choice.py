@@ -13,7 +13,7 @@ from ..datasets import Runs
 from ..datasets.vocabulary import ROLES
 from .available import NotAvailable
 from .censored_lives import life_law, lives_of
-from .checks.strata import Codes, units_of
+from .checks.strata import LIFE, Codes, units_of
 from .edges import changes_within
 from .kienzle import FORCES, kienzle_law
 from .lawfit import LawFit
@@ -22,7 +22,6 @@ from .regression import fit_form
 from .rows import SELECTED, LeftOut
 
 ICCS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49)])  # shares of the variance between edges
-LIFE = "T"
 REDUCED = "second-order-reduced"
 TIME = "t"
 WEAR_LAST = ("power_exponential", "additive_wear")  # forms in which the last factor enters as it is

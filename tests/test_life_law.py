@@ -3,11 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import datasets, fit, parameters
+from fitmodels import analyse, datasets, fit, parameters
+from fitmodels.cards.content.verdicts import law_verdict, main_reason
 from fitmodels.core.censored import EARLIER, fit_censored, standard_quantile
 from fitmodels.core.errors import DataError, FitError
 from fitmodels.fit.censored_lives import lives_of
 from fitmodels.fit.checks.tool_lives import run_outs
+from fitmodels.fit.form_choice import fit_in_form
 
 TABLE = [
     (120, 0.15, 1, "60+"), (120, 0.3, 1, "60+"), (180, 0.15, 1, "44.5"), (180, 0.3, 1, "21.6"),
@@ -405,6 +407,43 @@ def test_a_life_at_a_criterion_that_no_test_reached_is_not_inside(tmp_path):
         found = life.predict(V=400, f=0.3, d=2.0)
         assert found.value < found.longest
         assert ("EXTRAPOLATED: no test reached the criterion" in found.words) is not reached
+
+
+def stopped(until=30.0):
+    """30 lives at a wear of 0.3 mm, the tests stopped at 30 min and the lives not marked, with the wear at the end."""
+    V, f, d = np.array([(V, f, d) for V in (140, 160, 180, 200, 230) for f in (0.12, 0.2, 0.3) for d in (1, 2.0)]).T
+    T = 20 * (180 / V) ** 4 * (0.2 / f) ** 1.4 * (1.5 / d) ** 0.5
+    T = T * np.exp(np.random.default_rng(4).normal(0, 0.15, 30))
+    table = {
+        "V": V,
+        "f": f,
+        "d": d,
+        "T": np.minimum(T, until).round(2),
+        "VB": (0.3 * np.minimum(1, until / T)).round(3),
+    }
+    return pd.DataFrame(table)
+
+
+@pytest.mark.parametrize("columns", [["V", "f", "d", "T"], ["V", "f", "d", "T", "VB"]])
+def test_run_outs_that_are_not_marked_come_before_what_follows_from_them(tmp_path, columns):
+    """The tests bent the law, so that another form was the remedy; in that form the lives were a sensor at its limit.
+
+    Stopped tests with little wear were to be left out, which makes the law of the others too short.
+    """
+    table = stopped()[columns]
+    n = int((table["T"] == 30).sum())
+    runs = datasets.runs_from_frame(table)
+    found = fit.judge(fit.life_law(runs, ["V", "f", "d"]), runs=runs)
+    assert found.verdict.reasons[0].startswith(f"{n} lives are exactly 30 min, the longest of all")
+    assert "--leave-out" not in found.checks["longest lives"].verdict
+    second = fit.judge(fit_in_form(runs, "second-order", "T", ("V", "f", "d")), runs=runs)
+    assert second.checks["longest lives"].concern == 1
+    assert "sensor limit" not in second.checks
+    table.to_csv(tmp_path / "lives.csv", index=False)
+    verdict = law_verdict(pf := analyse(tmp_path / "lives.csv").parameters, pf.laws["T"])
+    ((why, remedy),) = main_reason(verdict)
+    assert why.startswith(f"{n} lives are exactly 30 min")
+    assert not remedy.command
 
 
 def test_lives_that_ended_long_before_the_wear_of_the_others_are_named():

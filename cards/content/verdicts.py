@@ -59,6 +59,7 @@ REMEDIES: Mapping[str, tuple[str, str]] = MappingProxyType({
     "extrapolated lives": ("Run tests until the edges are worn out.", "next"),
     "single lives": ("Repeat the test that it rests on.", "next"),
 })  # fmt: skip
+OF_LIVES = REMEDIES["longest lives"][0]  # before any other: other reasons may follow from run-outs that are not marked
 # Reasons of checks in a few words, where these differ from the name of the check
 SHORT: Mapping[str, str] = MappingProxyType({
     "copies": "copied rows", "sensor limit": "sensor at its limit",
@@ -357,10 +358,11 @@ def short_reasons(law: LawSection, verdict: VerdictPart) -> list[str]:
 def main_reason(verdict: VerdictPart) -> tuple[tuple[str, RemedyPart | None], ...]:
     """The first reason with its remedy; of reservations the first that an option removes, if there is one.
 
-    Empty where there is no reason.
+    Run-outs that are not marked stay first. Empty where there is no reason.
     """
     found = verdict.reservations
-    if verdict.level == RESERVATIONS:
+    of_lives = any(remedy is not None and remedy.words == OF_LIVES for _, remedy in found[:1])
+    if verdict.level == RESERVATIONS and not of_lives:
         done = [(why, remedy) for why, remedy in found if remedy and CORRECTING.search(remedy.command)]
         return (*done, *found)[:1]
     return found[:1]

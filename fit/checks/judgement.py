@@ -350,6 +350,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "wrong edges": lambda given: outlying_edges(*given.one_unit, given.runs),
     "copies": lambda given: copies(given.whole),
     "sensor limit": lambda given: sensor_limit(given.whole),
+    "longest lives": lambda given: longest_lives(given.law, given.runs),
     "time exponent": lambda given: given.times["time exponent"],
     "time between edges": lambda given: given.times["time between edges"],
     "time within edges": lambda given: given.times["time within edges"],
@@ -382,11 +383,10 @@ CHECKS: Mapping[str, OneCheck] = {
     "reading": lambda given: doubts_of_reading(given.asked, given.runs),
 }
 USUAL = ("unused columns", "form", "prediction", "normality")
-OF_EVERY_LAW = ("exponents", "possible values", "missing conditions", "collinearity", "reading")  # no residuals needed
+OF_EVERY_LAW = ("longest lives", "exponents", "possible values", "missing conditions", "collinearity", "reading")
 CHECKS_OF_LIVES: Mapping[str, OneCheck] = {
     "number of edges": lambda given: edges_of_lives(given.law),
     "run-outs": lambda given: run_outs(given.law),
-    "longest lives": lambda given: longest_lives(given.law, given.runs),
     "extrapolated lives": lambda given: extrapolated_lives(given.law),
     "distribution of lives": lambda given: distribution_of_lives(given.law),
     "single lives": lambda given: single_lives(given.law),

@@ -24,6 +24,7 @@ from .check import Suspect
 
 Codes = NDArray[np.intp]
 FEWEST = 3  # degrees of freedom of a test between edges
+LIFE = "T"
 NO_ROWS = "a law of a stream keeps no rows, and checks use them: fit a sample of the rows in memory"
 
 

@@ -9,6 +9,7 @@ Source: Meeker & Escobar 1998, Statistical Methods for Reliability Data, section
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.arrays import Array
 from ...core.censored import (
@@ -29,7 +30,7 @@ from ...datasets.vocabulary import WEAR
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check
-from .strata import rows_in
+from .strata import LIFE, rows_in
 
 MOST_CENSORED, FEW_DF = 0.5, 3
 SEVERAL = 3  # run-outs beyond all lives that ended: one or two may be the corner of a plan
@@ -104,37 +105,38 @@ def edges_of_lives(law: LawFit) -> Check:
 def longest_lives(law: LawFit, runs: Runs | None = None) -> Check | None:
     """Check that no life ended otherwise than by wear: long before the wear of the others, or as a run-out.
 
-    Run-outs that are written as lives are equal where the law expects others.
+    Run-outs that are written as lives are equal where the law expects others, in whatever form it is. None of another
+    response.
     """
-    if law.rows is None:
+    if law.rows is None or law.response != LIFE:
         return None
-    if runs is not None and (words := _ended_early(law, runs)):
-        return Check(null="All lives end by wear.", concern=1, verdict=words)
     ended = _side(law) == ENDED
     longest = float(law.observed.max())
     equal = ended & (law.observed >= longest * (1 - 1e-9))
     expected = law.fitted[equal]
     n = int(equal.sum())
-    suspicious = n >= 2 and float(expected.max() / expected.min()) > EQUAL_BY_CHANCE
+    suspicious = n >= 2 and float(expected.max() - expected.min() * EQUAL_BY_CHANCE) > 0
     unit = law.units[law.response]
-    verdict = (
+    early = "" if runs is None else _ended_early(law, runs, ended & ~(equal & suspicious))
+    marked = (
         f"{n} lives are exactly {longest:g} {unit}, the longest of all, where the law expects {expected.min():.3g} to "
-        f"{expected.max():.3g} {unit}: run-outs written as lives? Mark them (60+, or a column run-out)."
+        f"{expected.max():.3g} {unit}: run-outs written as lives? Mark them ({longest:g}+, or a column run-out)."
         if suspicious
-        else "The longest lives are not equal."
+        else ""
     )
-    return Check(null="The longest lives differ.", statistic=float(n), symbol="equal lives", concern=int(suspicious),
-                 verdict=verdict)  # fmt: skip
+    verdict = f"{marked} {early}".strip() or "The longest lives are not equal."
+    return Check(null="All lives end by wear, and the longest differ.", statistic=float(n), symbol="equal lives",
+                 concern=int(suspicious or bool(early)), verdict=verdict)  # fmt: skip
 
 
-def _ended_early(law: LawFit, runs: Runs) -> str:
+def _ended_early(law: LawFit, runs: Runs, among: NDArray[np.bool_]) -> str:
     """The sentence on lives that ended at a fraction of the wear at which most others did; empty without any."""
     name, rows = next(filter(runs.has, WEAR), ""), rows_in(law, runs)
     wear = runs.values(name)[rows] if name and rows is not None else np.empty(0)
     if (wear > 0).sum() < FEWEST_ENDS:
         return ""
     usual = float(np.median(wear[wear > 0]))
-    early = (wear > 0) & (wear < EARLY * usual) & (_side(law) == ENDED)
+    early = (wear > 0) & (wear < EARLY * usual) & among
     if (np.abs(wear / usual - 1) <= ABOUT).mean() < MOST_ENDS or not early.any():
         return ""
     low, high = f"{wear[early].min():.3g}", f"{wear[early].max():.3g}"

@@ -26,7 +26,7 @@ from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of
 from .robust_fit import NORMAL, bisquare_residuals, gap_pvalue, standing_apart, working_response
-from .strata import NO_ROWS, has_repeated_edges, is_computed, no_scatter, units_of
+from .strata import LIFE, NO_ROWS, has_repeated_edges, is_computed, no_scatter, units_of
 
 FEWEST, SPARE = 12, 6  # rows, and rows beyond the parameters
 MOST = 1 / 6  # of the rows
@@ -324,8 +324,8 @@ def _equal_sequences(law: LawFit, names: NDArray[np.object_]) -> tuple[list[tupl
 
 
 def sensor_limit(law: LawFit) -> Check | None:
-    """A largest reading that repeats, as of a saturated sensor; None where none does, and of lives."""
-    if law.rows is None or law.life is not None:
+    """A largest reading that repeats, as of a saturated sensor; None where none does, and of lives in any form."""
+    if law.rows is None or law.response == LIFE:
         return None
     values, counts = np.unique(law.observed, return_counts=True)
     most, unit = int(counts[-1]), law.units.get(law.response, "")
