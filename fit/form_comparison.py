@@ -11,7 +11,7 @@ from ..core.arrays import Array
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from ..core.rounding import count, format_plain
-from ..core.verdict import Verdict
+from ..core.verdict import DO_NOT_USE, Verdict
 from .available import NotAvailable, computed
 from .checks.check import SIGNIFICANT, format_p
 from .checks.competing_models import LARGEST
@@ -84,6 +84,12 @@ class ComparedForm(Displayable):
         return float(100 * np.expm1(self.error)) if self.error < LARGEST else np.inf
 
     @property
+    def forbidden(self) -> str:
+        """The first reason not to use its law; empty where its checks do not forbid that."""
+        found = self.verdict
+        return found.reasons[0] if isinstance(found, Verdict) and found.level == DO_NOT_USE else ""
+
+    @property
     def as_good(self) -> bool:
         """Whether its error is higher than the lowest by no more than the standard error of the difference."""
         return self.behind[0] <= self.behind[1]
@@ -142,18 +148,28 @@ class FormComparison(Plottable):
     def preferred(self) -> ComparedForm:
         """The default form; where others are better by more than chance, the simplest as good as the best of them.
 
-        As good: an error that is higher by no more than the standard error of the difference.
+        As good: an error that is higher by no more than the standard error of the difference. A form whose law is not
+        to be used is not preferred, unless the reason is that of the default form as well.
         """
-        default = self[self.default]
-        others = len(self.forms) - 1
-        better = [form for form in self.forms if form.difference < 0 and form.pvalue * others < SIGNIFICANT]
+        better = [form for form in self._better if not self._refused(form)]
         close = [form for form in better if form.as_good] or better[:1]
-        return min(close, key=lambda form: form.parameters, default=default)
+        return min(close, key=lambda form: form.parameters, default=self[self.default])
+
+    @property
+    def _better(self) -> list[ComparedForm]:
+        """Forms that predict better than the default by more than chance."""
+        others = len(self.forms) - 1
+        return [form for form in self.forms if form.difference < 0 and form.pvalue * others < SIGNIFICANT]
+
+    def _refused(self, form: ComparedForm) -> bool:
+        """Whether the checks forbid the law in a form, for another reason than in the default one."""
+        return form.forbidden not in ("", self[self.default].forbidden)
 
     @property
     def supported(self) -> tuple[ComparedForm, ...]:
         """The preferred form, and those that predict as well as the best."""
-        return tuple(form for form in self.forms if form is self.preferred or form.as_good)
+        preferred = self.preferred
+        return tuple(form for form in self.forms if form is preferred or (form.as_good and not self._refused(form)))
 
     @property
     def verdict(self) -> str:
@@ -164,12 +180,20 @@ class FormComparison(Plottable):
         left = f"error of left-out {self.left_out}s"
         if preferred is not default:
             reason = (
-                "" if preferred is self.best else f" as good as the best ({self.best.name}) within chance and simpler,"
+                ""
+                if preferred is self.best or not preferred.as_good
+                else f" as good as the best ({self.best.name}) within chance and simpler,"
             )
             return (
                 f"{self.response}: {preferred.name} is preferred:{reason} {left} {self.error_text(preferred)}, against "
                 f"{self.error_text(default)} of {default.name} ({format_p(min(1.0, others * preferred.pvalue))}, "
                 f"corrected for {count(others, 'form')})."
+            )
+        if better := self._better:
+            return (
+                f"{self.response}: {default.name} is kept: {left} {self.error_text(default)}; that of {better[0].name} "
+                f"is {self.error_text(better[0])}, but this law is not to be used: "
+                f"{better[0].forbidden}"
             )
         best = next(form for form in self.forms if form is not default)
         chance = " by more than chance" if best is self.best else ""
@@ -203,7 +227,7 @@ class FormComparison(Plottable):
     def _weighty(self) -> str:
         """That a form which is not preferred has nearly all of the weight, and no higher error."""
         heavy = max(self.forms, key=lambda form: form.weight)
-        if heavy is self.preferred or heavy.weight < HEAVY or heavy.difference > 0:
+        if heavy is self.preferred or heavy.weight < HEAVY or heavy.difference > 0 or self._refused(heavy):
             return ""
         return (
             f"{heavy.name} has the weight {heavy.weight:.2f} and a lower error, though not by more than chance: see "

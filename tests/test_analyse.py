@@ -244,7 +244,7 @@ OPTIONAL = {
     "fit.regression.other_structure": "additive errors not available",
     "fit.bayes.posterior.Posterior.sensitivity": "prior sensitivity not available",
     "fit.bayes.posterior.Posterior.leave_out": "leaving out edges not available",
-    "fit.checks.judgement.compare_forms": '"competing forms"',
+    "fit.checks.judgement.preferable_form": '"competing forms"',
     "cards.content.card.profiler_part": '"profiler": "Not composed',
     "cards.content.card.window_parts": '"windows": "Not composed',
     "cards.content.card.figures": '"figures": "Not composed',

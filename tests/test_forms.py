@@ -7,11 +7,13 @@ figures of the README of the NASA milling data (A. Agogino and K. Goebel, BEST l
 import numpy as np
 import pandas as pd
 import pytest
-from fitmodels import datasets, fit
+from fitmodels import analyse, datasets, fit, parameters
+from fitmodels.cli import main
 from fitmodels.fit.checks import competing_models
 from fitmodels.fit.checks.competing_forms import FittedForm, Form, alternative_forms, rows_of
 from fitmodels.fit.checks.competing_models import compare_forms
 from fitmodels.fit.checks.time_exponent import common_exponent, slope_spread
+from fitmodels.fit.left_out_edges import compare_laws
 from scipy.optimize import curve_fit
 from statsmodels.regression.linear_model import OLS
 from statsmodels.regression.mixed_linear_model import MixedLM
@@ -138,6 +140,55 @@ def test_what_cannot_be_fitted_says_why():
     falling = compare_forms(fit.power_law(cut(lambda V, AW: V * AW**-0.3), "F", ["V", "AW"]))
     assert "has no additive contribution of AW" in str(dict(falling.not_fitted)["additive in AW"])
     assert "no time t" in str(falling.common_exponent)
+
+
+def three_stages(last=0.8):
+    """18 edges whose wear runs in, grows steadily and accelerates, read every 3 min up to a wear in mm."""
+    rng, rows = np.random.default_rng(2), []
+    for edge, (V, f, d) in enumerate((V, f, d) for V in (140, 180, 230) for f in (0.12, 0.2, 0.3) for d in (1, 2)):
+        level = rng.normal(0, 0.08)
+        for t in range(2, 40, 3):
+            s = (V / 180) ** 2 * (f / 0.2) ** 0.5 * (d / 1.5) ** 0.2 * t / 15
+            wear = 0.08 * (1 - np.exp(-s / 0.08)) + 0.16 * s + 1.2 * max(0, s - 0.75) ** 2
+            rows.append((edge + 1, V, f, d, t, wear := round(wear * np.exp(level + rng.normal(0, 0.05)), 3)))
+            if wear >= last:
+                break
+    return datasets.runs_from_frame(pd.DataFrame(rows, columns=["edge", "V", "f", "d", "t", "VB"]))
+
+
+def test_no_form_is_proposed_whose_law_may_not_be_used():
+    """The remedy was a law of 0.07 to 16 mm of wear, which the program then refused."""
+    runs = three_stages()
+    law = fit.power_law(runs, "VB", ["V", "f", "d", "t"])
+    assert "--form VB=second-order" in compare_forms(law, runs).verdict
+    check = fit.judge(law, runs=runs).checks["competing forms"]
+    assert check.concern == 1
+    assert "in that form the law predicts VB of" in check.verdict
+    assert "neither form holds over all of these tests" in check.verdict
+    assert "--form" not in check.verdict
+    found = compare_laws(runs, law, forms=["second-order"])
+    assert (found.best.name, found.preferred.name) == ("second-order", "power")
+    assert "power is kept" in found.verdict
+    assert "this law is not to be used: The law predicts VB" in found.verdict
+
+
+def test_readings_far_beyond_the_criterion_are_the_cause_where_wear_grows_faster_there():
+    law = fit.power_law(three_stages(), "VB", ["V", "f", "d", "t"])
+    words = fit.judge(law).checks["time within edges"].verdict
+    assert "VB grows faster beyond the usual criterion of 0.3 mm, and 16 of 18 edges are read up to 1.4 mm" in words
+    early = fit.power_law(three_stages(0.35), "VB", ["V", "f", "d", "t"])
+    assert "grows faster beyond" not in str(fit.judge(early).checks["time within edges"])
+
+
+def test_a_wear_law_without_a_tool_life_says_why(tmp_path, capsys):
+    runs = three_stages().to_frame()
+    runs.to_csv(tmp_path / "wear.csv", index=False)
+    found = analyse(tmp_path / "wear.csv", form={"VB": "second-order"})
+    reason = "needs a power law of wear on time"
+    assert f"tool life {reason} t; VB is fitted in the form second-order" in found.pair.no_life
+    parameters.write(found.parameters, tmp_path / "params.json")
+    assert main(["predict", str(tmp_path / "params.json"), "T", "V=180"]) == 2
+    assert reason in capsys.readouterr().err
 
 
 def test_a_form_of_nearly_dependent_columns_costs_itself_only(monkeypatch):

@@ -139,7 +139,7 @@ def test_an_internal_error_and_a_part_that_failed_would_be_seen(monkeypatch):
     def raises(*_, **__):
         raise ZeroDivisionError("deliberate")
 
-    monkeypatch.setattr("fitmodels.fit.checks.judgement.compare_forms", raises)
+    monkeypatch.setattr("fitmodels.fit.checks.judgement.preferable_form", raises)
     assert "ZeroDivisionError: deliberate" in fuzz.tried("odd", 5005).fault
     monkeypatch.setattr("fitmodels.pipeline.analysis.with_posteriors", raises)
     assert fuzz.tried("odd", 5005).fault.startswith("exit 70")

@@ -13,7 +13,7 @@ its standard error); Pinheiro & Bates 2000, Mixed-Effects Models in S and S-PLUS
 Weisberg 1982, Residuals and Influence in Regression, section 2.2 (deletion without refitting).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,10 +23,12 @@ from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ...core.errors import FitError
 from ...core.rounding import count
-from ...datasets.runs import Readable, as_runs
+from ...core.verdict import DO_NOT_USE
+from ...datasets.runs import Readable, Runs, as_runs
 from ..available import NotAvailable, computed
 from ..composite_law import without_fixed
 from ..edges import EdgeInference
+from ..form_choice import fit_in_form
 from ..lawfit import LawFit
 from ..least_squares import linear
 from .check import SIGNIFICANT, Check
@@ -34,6 +36,7 @@ from .competing_forms import FittedForm, Form, FormRows, alternative_forms, powe
 from .deletion_diagnostics import ALONE
 from .strata import NO_ROWS, Codes, no_scatter, units_of
 from .time_exponent import CommonExponent, common_exponent
+from .tool_lives import longest_lives
 
 LARGEST = 3.0  # error in logarithms from which a form does not predict at all
 
@@ -176,6 +179,43 @@ def compare_forms(law: LawFit, runs: Readable | None = None) -> CompetingModels 
     )
 
 
+Judged = Callable[[LawFit], Mapping[str, Check | NotAvailable]]  # makes the checks of a law
+
+
+def preferable_form(law: LawFit, runs: Runs | None, judged: Judged) -> CompetingModels | NotAvailable | None:
+    """The comparison of forms of a power law, which proposes another form only where the law in it may be used.
+
+    Run-outs that are written as lives bend every form: lives with them are not compared.
+    """
+    if law.form != "power":
+        return None
+    if (lives := longest_lives(law)) is not None and lives.concern:
+        return NotAvailable("the longest lives are equal, as of run-outs that are not marked: mark them first")
+    found = compare_forms(law, runs)
+    if runs is None or isinstance(found, NotAvailable):
+        return found
+    refused = _refused(law, runs, _choice(law, found.chosen), judged)
+    if not refused:
+        return found
+    errors = found.verdict.partition(f": {found.chosen.name} is preferred.")[0]
+    why = f"{refused[0].lower()}{refused[1:]}"
+    return replace(found, verdict=f"{errors}, but in that form {why} So neither form holds over all of these tests.")
+
+
+def _refused(law: LawFit, runs: Runs, choice: str, judged: Judged) -> str:
+    """Why the law in another form is not to be used; empty where it may be, or where no option gives this form.
+
+    Doubts of the reading are those of every form.
+    """
+    if not choice:
+        return ""
+    by = None if law.by is None else law.by.column
+    other = computed(partial(fit_in_form, runs, choice, law.response, law.factors, error=law.error, by=by))
+    checks = {} if isinstance(other, NotAvailable) else judged(other)
+    held = (one for name, one in checks.items() if name != "reading" and isinstance(one, Check))
+    return next((one.verdict for one in held if one.concern >= DO_NOT_USE), "")
+
+
 def _chosen(power: CompetingModel, alternatives: tuple[CompetingModel, ...]) -> CompetingModel:
     better = [model for model in alternatives if model.pvalue * len(alternatives) < SIGNIFICANT]
     return better[0] if better else power
@@ -199,11 +239,16 @@ def _verdict(
 
 def _command(law: LawFit, chosen: CompetingModel) -> str:
     """The options that keep a preferred form, or compare it with others where it has none."""
-    choice = next((form.choice for form in alternative_forms(law) if form.name == chosen.name), "")
-    if not chosen.name or (chosen.name == "power law"):
+    if chosen.name == "power law":
         return ""
+    choice = _choice(law, chosen)
     keep = f"Keep it with --form {law.response}={choice}, or compare" if choice else "Compare"
     return f" {keep} forms with fitmodels compare."
+
+
+def _choice(law: LawFit, chosen: CompetingModel) -> str:
+    """The name of a form as the option ``--form`` takes it; empty where it has none."""
+    return next((form.choice for form in alternative_forms(law) if form.name == chosen.name), "")
 
 
 def _percent(error: float) -> str:

@@ -25,7 +25,7 @@ from ..lawfit import LawFit
 from .agreement import compare_estimates, fixed_exponents
 from .autocorrelation import drift, serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
-from .competing_models import compare_forms
+from .competing_models import preferable_form
 from .deletion_diagnostics import Deletion, DeterminesAlone, deletion, influence, precision, press, sole_unit
 from .missing_factors import missing_conditions, unused_columns
 from .model_checks import collinearity, curvature, lack_of_fit
@@ -376,7 +376,9 @@ CHECKS: Mapping[str, OneCheck] = {
     "normality": _of_residuals(lambda _, rows: normality(rows), 0),
     "normality of edges": _of_residuals(lambda _, edges: normality(edges), 1),
     "error structure": _error_structure,
-    "competing forms": lambda given: compare_forms(given.law, given.runs) if given.law.form == "power" else None,
+    "competing forms": lambda given: preferable_form(
+        given.law, given.runs, lambda one: judge(one, runs=given.runs).checks
+    ),
     "number of edges": lambda given: number_of_edges(given.asked, given.runs),
     "gauge error": _gauge,
     "agreement": lambda given: found if isinstance(found := compare_estimates(given.law), Check) else None,

@@ -257,7 +257,9 @@ def _unusual(law: LawFit, values: Array, span: str, process: Process | None) -> 
     high, middle = float(values.max()), float(np.median(values))
     usual = f"usual {_range(ranges.usual)} {role_unit(law.response)}"
     if high > ranges.hard[1]:
-        yield 2, f"The law predicts {law.response} of {span}, which cannot be ({usual}): check the unit."
+        beyond = not law.formula.first_order and float(law.fitted.max()) <= ranges.hard[1]
+        remedy = "the form does not hold between the rows, compare it with others" if beyond else "check the unit"
+        yield 2, f"The law predicts {law.response} of {span}, which cannot be ({usual}): {remedy}."
     elif high > FAR * ranges.unusual[1] or middle > ranges.unusual[1] or 0 < high < ranges.unusual[0]:
         yield 1, f"The law predicts {law.response} of {span}, which is unusual ({usual}): check the unit."
 
