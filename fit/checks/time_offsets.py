@@ -18,7 +18,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.rounding import format_plain
 from ...datasets.edges.merged_cells import lines_text
-from ...datasets.vocabulary import WEAR
+from ...datasets.vocabulary import FLANK_WEAR, USUAL_CRITERION, WEAR
 from ..available import NotAvailable
 from ..edges import changes_within
 from ..lawfit import LawFit
@@ -168,7 +168,7 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
     name = min(rejected, key=lambda one: rejected[one].pvalue or 0.0)
     named = _named(law, icc, rows)
     if named is None:
-        causes = _fallen(law, rows, CAUSES[name].format(response=law.response))
+        causes = _accelerated(law, rows) or _fallen(law, rows, CAUSES[name].format(response=law.response))
         return {**tests, name: replace(rejected[name], verdict=f"{rejected[name].verdict} {causes}".rstrip())}
     others = {
         other: replace(one, concern=0, verdict=f"{one.verdict} {_explained(named)}") for other, one in rejected.items()
@@ -186,6 +186,28 @@ def _named(law: LawFit, icc: float, rows: TimeRows) -> Suspect | None:
     """The change of times that is likely and leaves no test that rejects."""
     suspected = (_suspect(rows, shift) for shift in search(rows))
     return next((one for one in suspected if _explains(law, icc, one)), None)
+
+
+WORN_OUT, FASTER = 2.0, 1.5  # times the usual criterion; ratio of the exponents of t above and below it
+
+
+def _accelerated(law: LawFit, rows: TimeRows) -> str:
+    """Sentence on readings far beyond the usual criterion, where wear accelerates; empty where most edges have none."""
+    if law.response not in FLANK_WEAR or law.units.get(law.response) != "mm":
+        return ""
+    most = np.exp(np.maximum.reduceat(rows.y, np.unique(rows.edge, return_index=True)[1]))
+    count = int(np.sum(most > WORN_OUT * USUAL_CRITERION))
+    same = (np.diff(rows.edge) == 0) & (np.diff(rows.t) > 0)
+    slopes = np.diff(rows.y)[same] / np.diff(np.log(rows.t))[same]
+    beyond = rows.y[1:][same] > log(USUAL_CRITERION)
+    if count < SHARE * len(most) or beyond.all() or not beyond.any():
+        return ""
+    if float(np.median(slopes[beyond])) < FASTER * float(np.median(slopes[~beyond])):
+        return ""
+    return (
+        f"{law.response} grows faster beyond the usual criterion of {USUAL_CRITERION:g} mm, and {count} of {len(most)} "
+        f"edges are read up to {most.max():.2g} mm: leave readings far beyond it out, or use the lives by wear curves."
+    )
 
 
 FALL, SHARE = 2 / 3, 0.5  # of a wear from row to row, and of the edges in which it falls so far
