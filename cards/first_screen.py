@@ -269,7 +269,7 @@ def _life(pf: ParameterFile, path: str, screen: FirstScreen, no_life: str, *, ap
     """Tool life with its interval and whether it is extrapolated, or why there is none."""
     part = tool_life_part(pf)
     if part is None:
-        words = wrapped(f"Tool life: {no_life}", screen.width, most=2) if no_life else []
+        words = wrapped(f"Tool life: {no_life.removeprefix('tool life ')}", screen.width, most=2) if no_life else []
         return Section((tuple(words),), (), apart) if words else None
     mark = MARKS[part.verdict.level]
     head = Text(f"{screen.icon(part.verdict.level)} T    {mark.words}", mark.colour)

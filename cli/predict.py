@@ -248,11 +248,14 @@ def _chosen(pf: "ParameterFile", names: Sequence[str], given: Mapping[str, Value
 
     Without names it is where no time is given; the tool life is T, as the response of a law of lives is.
     """
+    from ..cards.content.tool_life import no_tool_life
+
     life = pf.tool_life is not None and pf.tool_life.wear in pf.laws
     known = {**dict.fromkeys(pf.laws), **({"T": None} if life else {})}
     for name in names:
         if name not in known:
-            raise UsageError(f"--law {name}: the file has laws of {', '.join(known)}{meant(name, known)}.")
+            why = f" {no_tool_life(pf)}" if name == "T" else ""
+            raise UsageError(f"--law {name}: the file has laws of {', '.join(known)}{meant(name, known)}.{why}")
     if not names:
         return list(pf.laws.values()), life and "t" not in given
     return [pf.laws[name] for name in dict.fromkeys(names) if name in pf.laws], life and "T" in names

@@ -148,7 +148,8 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
     True
     """
     if law.form != "power" or "t" not in law.factors:
-        raise FitError(f"tool life needs a power law of wear on time t; {law.response} is fitted without t.")
+        how = f"in the form {law.form.replace('_', '-')}" if "t" in law.factors else "without t"
+        raise FitError(f"tool life needs a power law of wear on time t; {law.response} is fitted {how}.")
     if not (criterion > 0 and np.isfinite(criterion)):
         raise FitError(f"wear criterion {criterion}: it needs a value above zero, for instance 0.3 mm.")
     if law.by is not None:
@@ -160,7 +161,6 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
     others = [j for j in range(len(law.theta)) if j != at]
     eta = -law.theta[others] / k
     eta[0] += np.log(criterion) / k
-    names = [law.names[j] for j in others]
     middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items() if name != "t"}
     values = eta.copy()
     if abs(eta[0]) > LARGEST_LOG:
@@ -169,7 +169,7 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
             f"{law.units[law.response]} in no finite time."
         )
     values[0] = np.exp(eta[0])
-    coefficients = pd.Series(values, index=names)
+    coefficients = pd.Series(values, index=[law.names[j] for j in others])
     return ToolLife(
         wear=law.response,
         criterion=criterion,

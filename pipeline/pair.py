@@ -329,19 +329,17 @@ def _with_surface_words(law: "LawFit") -> "LawFit":
 
 
 def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "tuple[ToolLife | None, str]":
-    """Tool life from the wear law on time; a failure only matters where a criterion was given."""
+    """Tool life from the wear law on time, or why there is none: with a criterion, or where the form allows none."""
     wear = next((law for law in laws if law.response in FLANK_WEAR and "t" in law.factors), None)
     if wear is None:
         why = f"criterion {criterion}: there is no wear law on time, so no tool life; leave the criterion out."
         return None, "" if criterion is None else why
     life = computed(partial(fit.tool_life, wear, USUAL_CRITERION if criterion is None else criterion), USER_ERRORS)
-    return (None, _why_no_life(life, criterion)) if isinstance(life, fit.NotAvailable) else (life, "")
-
-
-def _why_no_life(life: "NotAvailable", criterion: float | None) -> str:
+    if not isinstance(life, fit.NotAvailable):
+        return life, ""
     if life.failed:
-        return f"No tool life: {life.reason}."
-    return "" if criterion is None else f"{life.reason}."
+        return None, f"No tool life: {life.reason}."
+    return None, "" if criterion is None and wear.form == "power" else f"{life.reason}."
 
 
 def _posteriors(

@@ -225,6 +225,9 @@ def no_tool_life(pf: ParameterFile) -> str:
         return "There is no law of wear, so no tool life; measure AW or VB over time."
     if "t" not in [f.symbol for f in wear.factors]:
         return f"The law of {wear.response} does not depend on time, so no tool life; record the time of each wear."
+    if wear.form != "power":
+        form = wear.form.replace("_", "-")
+        return f"The law of {wear.response} has the form {form}, and tool life needs a power law of wear on time."
     if wear.by is not None:
         return f"The law of {wear.response} has levels, and tool life is computed for one: fit each level separately."
     return f"No tool life was computed from the law of {wear.response}: request it with --criterion."
