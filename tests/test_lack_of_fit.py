@@ -284,3 +284,16 @@ def test_naming_the_tools_does_not_hide_the_lack_of_fit_of_measured_forces(measu
     law = fit.power_law(runs, "Fz", NAMES[:3])
     assert lack_of_fit_within(law).pvalue < 0.001
     assert lack_of_fit_within(fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", NAMES)) is None
+
+
+@pytest.mark.parametrize("scatter", [0.08, 1.0])
+def test_a_maximum_of_life_is_a_wrong_form_and_no_scatter_where_repeats_agree(scatter):
+    """Below the speed of the longest life built-up edge shortens it: more tests at the ends were the remedy."""
+    V = np.repeat([80.0, 100, 125, 150, 180, 220, 260], 2)
+    T = 40 * np.exp(-((np.log(V / 145) / 0.4) ** 2) + np.random.default_rng(3).normal(0, scatter, 14))
+    runs = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": 0.2, "T": T}))
+    found = fit.judge(fit.life_law(runs, ["V"]), runs=runs)
+    first = found.verdict.reasons[0]
+    assert found.verdict.level == 2
+    assert first.startswith("Lack of fit" if scatter < 0.1 else "R2")
+    assert found.checks["form"].concern == (2 if scatter < 0.1 else 0)

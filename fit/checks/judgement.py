@@ -45,7 +45,7 @@ from .tool_lives import (
     single_lives,
     useful_law,
 )
-from .usefulness import doubts_of_reading, number_of_edges, predictive_use
+from .usefulness import doubts_of_reading, form_first, number_of_edges, order_of_reason, predictive_use
 from .within_edges import lack_of_fit_within
 from .wrong_edges import mixed_units, outlying_edges
 from .wrong_rows import copies, outlying_rows, sensor_limit
@@ -162,16 +162,16 @@ class Judgement(Plottable):
     def verdict(self) -> Verdict:
         """Verdict on the use of the law; the highest ``concern`` of its checks decides.
 
-        Of equal concern, wrong rows and edges stand first: other findings may follow from them.
+        Of equal concern, wrong rows and edges, then a wrong form, stand first: other findings may follow from them.
         """
         there = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, Check)}
         missing = {TITLES[name]: check for name, check in self.checks.items() if isinstance(check, NotAvailable)}
         failed = ", ".join(title for title, check in missing.items() if check.failed)
         unchecked = [(RESERVATIONS, f"Not checked, since the computation failed: {failed}.")] if failed else []
         unchecked += [(RESERVATIONS, WITHOUT_ROWS)] if self.nobs == 0 else []
-        ordered = sorted(there.values(), key=lambda check: not check.suspects)
+        ordered = sorted(there.items(), key=order_of_reason)
         return verdict_from(
-            [*((check.concern, check.verdict) for check in ordered), *unchecked],
+            [*((check.concern, check.verdict) for _, check in ordered), *unchecked],
             list(there),
             [f"{title}: {check.reason}" for title, check in missing.items()],
         )
@@ -240,8 +240,8 @@ def judge(
     asked = {**CHECKS, **(CHECKS_OF_LIVES if law.life else {}), **(CHECKS_OF_BOUNDS if law.not_least_squares else {})}
     done = {name: _done(name, check, given) for name, check in asked.items()}
     checks = {name: _of_column(check, law.response) for name, check in done.items() if check is not None}
-    rows = 0 if chosen.rows is None else chosen.nobs
-    found = Judgement(family_wise(checks, FAMILY_LEVEL / max(laws, 1)), not has_repeated_edges(chosen), rows)
+    rows, level = 0 if chosen.rows is None else chosen.nobs, FAMILY_LEVEL / max(laws, 1)
+    found = Judgement(form_first(family_wise(checks, level)), not has_repeated_edges(chosen), rows)
     return replace(found, without=without_suspects(law, found.suspects)) if found.suspects else found
 
 

@@ -1,9 +1,13 @@
 """Whether a law serves its use: explained variance and predictive error, number of edges, doubts of the reading."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
 from ...core.arrays import Array
 from ...core.rounding import count, format_decimal
+from ...core.verdict import DO_NOT_USE
 from ...datasets import Runs
 from ...datasets.doubts import Doubt
 from ...datasets.edges.columns import meant_by
@@ -11,7 +15,7 @@ from ...datasets.vocabulary import ROLES, WEAR
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
-from .check import Check
+from .check import TITLES, Check
 from .strata import has_repeated_edges, no_scatter, rows_in
 
 LEAST_R2, LOW_R2 = 0.1, 0.3  # below which a law is not used, or used with reservations
@@ -281,3 +285,35 @@ def _doubts_on(law: LawFit, runs: Runs) -> list[Doubt]:
         if one.role in columns:
             columns |= set(one.inputs)
     return [doubt for doubt in runs.doubts if columns.intersection(doubt.columns)]
+
+
+OF_SCATTER = ("predictive use", "prediction", "signal to noise")  # checks that find that a law says little
+OF_FORM = ("form", "curvature")  # and those of which this may be the effect
+
+
+def form_first(checks: Mapping[str, Check | NotAvailable]) -> dict[str, Check | NotAvailable]:
+    """The checks where lack of fit or curvature is raised to the level of a law that says little because of it.
+
+    This is so where it makes up most of what the law leaves: repeats agree, or a square explains the rest, and it is no
+    scatter that more tests would overcome.
+    """
+    held = {name: check for name, check in checks.items() if isinstance(check, Check)}
+    if all(held[name].concern < DO_NOT_USE for name in OF_SCATTER if name in held):
+        return dict(checks)
+    raised = (name for name in OF_FORM if name in held and _explains_most(held[name]))
+    return {**checks, **{name: replace(held[name], concern=DO_NOT_USE) for name in raised}}
+
+
+def _explains_most(check: Check) -> bool:
+    """Whether a test rejects, and the sum of squares that its F is of is larger than that of its error."""
+    return bool(check.concern) and isinstance(check.df, tuple) and check.statistic * check.df[0] > check.df[1]
+
+
+def order_of_reason(item: tuple[str, Check]) -> tuple[bool, bool]:
+    """Place of a check, given with its title, among the reasons of a verdict: wrong values, a wrong form, others.
+
+    >>> order_of_reason((TITLES["form"], Check(null="", concern=2, verdict="")))
+    (True, False)
+    """
+    title, check = item
+    return not check.suspects, check.concern < DO_NOT_USE or title not in [TITLES[name] for name in OF_FORM]
