@@ -157,6 +157,13 @@ _ENDED = re.compile(
     r"verschlissen|standzeitende|ende|erreicht|usé|défaillant|atteint|fallo|falla|desgastado|alcanzado)\b"
 )
 _BROKEN = re.compile(r"bruch\b|gebrochen|broken?\b|breakage|fractur|chipp|cass[ée]|rotura\b", re.IGNORECASE)
+_WORN = re.compile(  # the wear, or its criterion, that ended a life
+    r"\b(vb[bcn]?[ _.]*(max)?|aw|kt)(?![a-z])(?!.*<)|wear|verschlei|kriteri|criteri|crit[èe]re|usure|desgaste",
+    re.IGNORECASE,
+)
+_NOT = re.compile(
+    r"\b(no|not|non|none|without|before|kein\w*|nicht|ohne|vor|pas|sans|avant|sin|antes)\b", re.IGNORECASE
+)
 _STATUS = re.compile(
     r"(status|state|outcome|result|event|zustand|ergebnis|statut|état|résultat|estado|resultado)\b", re.I
 )
@@ -237,7 +244,7 @@ def _stated_run_outs(draft: Draft) -> tuple[str, NDArray[np.bool_]] | None:
 
 
 def _by_role(column: Column, role: str) -> NDArray[np.bool_]:
-    """Run-outs by a column that says yes or no, or in words, whether a life was cut off or ended."""
+    """Run-outs by a column that says yes or no, or in words, whether a life was cut off or ended, or what ended it."""
     cells = [str(cell).strip().casefold() for cell in column.labels()]
     out = []
     for row, cell in enumerate(cells):
@@ -245,10 +252,13 @@ def _by_role(column: Column, role: str) -> NDArray[np.bool_]:
             out.append((cell in _YES) == (role == "censored"))
         elif _RUN_OUT.match(cell) or _ENDED.match(cell):
             out.append(bool(_RUN_OUT.match(cell)))
+        elif (_WORN.search(cell) or _BROKEN.search(cell)) and not _NOT.search(cell):
+            out.append(False)
         else:
             raise DataError(
                 f"column {column.name!r}, row {row + 1} of the data: {cell!r} does not say whether the life ended. "
-                f"Write yes or no, or give the column no role with --map {role}=none."
+                "Write yes or no, or what ended it (wear, breakage), or give the column no role with --map "
+                f"{role}=none."
             )
     return np.array(out, dtype=bool)
 

@@ -194,6 +194,27 @@ def test_a_column_of_run_outs_that_says_something_else_is_refused():
         datasets.runs_from_frame(with_column("censored", "maybe", "no"))
 
 
+@pytest.mark.parametrize(
+    ("header", "modes", "broken"),
+    [
+        ("end of life", ("VB", "VBBmax 0.6", "KT", "VB criterion"), "breakage"),
+        ("Standzeitende", ("Freiflächenverschleiß", "Kolkverschleiß", "VB", "Kriterium"), "Bruch"),
+    ],
+)
+def test_a_column_that_names_what_ended_a_life_is_read(header, modes, broken):
+    """Tables after ISO 3685 hold such modes: wear ended the life, and a breakage is a doubt as in remarks."""
+    cells = np.resize(np.array(modes, dtype=object), len(TABLE))
+    cells[3] = broken
+    frame = tool_table().assign(T=np.arange(20.0, 44, 2), **{header: cells})
+    runs = datasets.runs_from_frame(frame)
+    assert not lives_of(runs).side.any()
+    (doubt,) = [one.sentence for one in runs.doubts if "T" in one.columns]
+    assert doubt.startswith(f"T: 1 life ended by breakage by column '{header}'")
+    for word in ("VB < 0.3", "no wear", "ohne Bruch", "maybe"):
+        with pytest.raises(DataError, match="does not say whether the life ended"):
+            datasets.runs_from_frame(frame.assign(**{header: [word, *cells[1:]]}))
+
+
 def test_lives_in_another_unit_keep_their_bounds(tmp_path):
     (tmp_path / "t.csv").write_text("V [m/min],T [h],run-out\n100,1,x\n120,0.5,\n140,0.25,\n160,0.2,\n")
     lives = lives_of(datasets.read_runs(tmp_path / "t.csv"))
