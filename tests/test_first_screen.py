@@ -326,6 +326,21 @@ def test_forces_name_the_column_of_the_tools_and_lead_with_a_measured_one(shown,
     assert out.count("\n") <= LINES
 
 
+def test_edges_that_are_named_are_not_said_to_lack_names(shown, tmp_path):
+    """Five edges, of which one alone has the second depth of cut."""
+    settings = [(150, 0.2, 1.6), (120, 0.2, 1.6), (200, 0.2, 1.6), (150, 0.2, 2.5), (150, 0.3, 1.6)]
+    rng = np.random.default_rng(5)
+    lines = [
+        f"E{n},{V},{f},{d},{t},{0.001 * V * f**0.2 * d**0.1 * t**0.5 * np.exp(rng.normal(0, 0.03)):.3f}"
+        for n, (V, f, d) in enumerate(settings, 1)
+        for t in (2, 4, 8, 12)
+    ]
+    (tmp_path / "five.csv").write_text("\n".join(["edge,V [m/min],f [mm/rev],d [mm],t [min],VB [mm]", *lines]))
+    _, text, _ = shown(str(tmp_path / "five.csv"), "--draws", "1000", "--out", str(tmp_path / "out"))
+    assert "no inference by edge" in text
+    assert "edges not named" not in text
+
+
 def test_rows_that_are_not_used_and_numbered_materials_are_named(shown, tmp_path):
     rng = np.random.default_rng(5)
     frame = pd.concat([wear_tests(rng, 5).assign(material=i) for i in (1, 2)])

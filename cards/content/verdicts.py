@@ -79,6 +79,7 @@ SHORT: Mapping[str, str] = MappingProxyType({
     "longest lives": "run-outs not marked",
     "extrapolated lives": "lives extrapolated", "single lives": "rests on one life", "run-outs": "many run-outs",
 })  # fmt: skip
+OF_EDGES = {"Only": "few edges", "No inference by edge": "no inference by edge"}  # beginnings of reasons
 # Remedies of reasons that are of no check of a law, by their beginnings
 OF_REASONS = (
     (("The life of", "No test reached", "95 % of lives", "The 95 % interval of the time"),
@@ -350,7 +351,8 @@ def short_reasons(law: LawSection, verdict: VerdictPart) -> list[str]:
     """The reasons of the verdict on a law in two or three words each, in their order."""
     by_reason = {check.verdict: name for name, check in law.checks.items() if check.concern}
     names = (
-        ("few edges" if reason.startswith("Only") else "") or by_reason.get(reason, "") for reason in verdict.reasons
+        next((words for head, words in OF_EDGES.items() if reason.startswith(head)), "") or by_reason.get(reason, "")
+        for reason in verdict.reasons
     )
     return list(dict.fromkeys(SHORT.get(name, name) for name in names if name))
 
