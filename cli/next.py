@@ -15,7 +15,7 @@ from .output import output_options
 from .plan import write_table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     import pandas as pd
 
@@ -73,20 +73,25 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Write the plan, and return the exit code."""
     from ..fit import next_runs
+    from ..fit.next_tests import trials, varying_together
     from ..fit.optimal_tests import narrowing
 
     _check(args)
     runs = _one_pair(args)
     law = _law(runs, args)
     decision, why = _decision(law, args)
+    left_out = _left_out(law, runs)
+    together = varying_together(trials(law, left_out))
+    separating = bool(together) and args.decision is None
     extrapolated = decision is not None and args.decision in (None, "life") and "times the longest" in decision.beyond
+    extrapolated &= not separating
     longest = _longest(law, args, extrapolated)
     candidates = _reaching(law, args, decision, longest) if decision is not None and extrapolated else None
     direct = decision if args.decision is not None or extrapolated else None
-    ends = (lambda table: _durations(law, args, table, longest)) if direct and "t" in law.factors else None
     plan = next_runs(
-        law, args.runs, candidates=candidates, decision=direct, durations=ends, longest=args.longest, seed=args.seed
-    )
+        law, args.runs, candidates=candidates, decision=direct, durations=_ends(law, args, longest, direct, separating),
+        longest=args.longest, left_out=left_out if separating else None, seed=args.seed,
+    )  # fmt: skip
     units, readings = dict(plan.attrs["units"]), plan.attrs["readings"]
     statistics = plan.attrs["words"]
     if "t" in law.factors:
@@ -95,6 +100,7 @@ def run(args: argparse.Namespace) -> int:
     minutes = f", {plan['t'].sum():.4g} min in cut" if "t" in plan else ""
     what = f"{len(plan)} more {'edges' if law.edge is not None else 'tests'}{minutes}"
     notes = [f"plan: {what}, for the law of {law.response}{of}; cut in the order of run."]
+    notes += _together(together, plan if separating else None)
     if decision is not None:
         within = None if args.within is None else args.within / 100
         notes += narrowing(law, decision, readings, within).words
@@ -105,6 +111,57 @@ def run(args: argparse.Namespace) -> int:
     plan.attrs = {"units": {name: unit for name, unit in units.items() if unit}}
     write_table(_for_machine(plan, runs), args, notes)
     return 0
+
+
+def _left_out(law: "LawFit", runs: "Runs") -> dict[str, NDArray[np.float64]]:
+    """Settings of the machine that the law left out since they follow others, in its rows; none that changes in a test.
+
+    Those of a file whose lines do not name its rows, and of a law of second order, are not known.
+    """
+    from ..fit.checks.strata import rows_in
+    from ..fit.edges import changes_within
+    from ..fit.region import SETTABLE
+
+    names = [one.factor for one in law.left_out if one.confounded and one.factor in SETTABLE]
+    rows = rows_in(law, runs) if names and law.formula.first_order else None
+    if rows is None:
+        return {}
+    found = {name: runs.values(name)[rows] for name in names}
+    edge = np.arange(law.nobs) if law.edge is None else np.unique(law.edge, return_inverse=True)[1]
+    return {name: x for name, x in found.items() if not changes_within(x[:, None], edge)[0]}
+
+
+def _together(together: "Sequence[str]", plan: "pd.DataFrame | None") -> list[str]:
+    """What a plan does about factors that varied together, and which of its tests are of a new combination.
+
+    ``plan`` is None where another decision was asked for.
+    """
+    if not together:
+        return []
+    head = f"{', '.join(together)} varied together in the tests so far, so that their exponents cannot be separated"
+    if plan is None:
+        return [f"{head}, nor by this plan: without --decision the tests separate them."]
+    new = plan.loc[plan["point"] == "new", "edge"]
+    outside = (
+        f"Outside of the tested combinations: {', '.join(new)}. Each value lies in its tested range, and chip section "
+        "and removal rate are no larger than in a test; but begin with one short cut there."
+    )
+    return [f"{head}: these tests vary them independently.", *([outside] if len(new) else [])]
+
+
+def _ends(
+    law: "LawFit", args: argparse.Namespace, longest: float, decision: "Decision | None", separating: bool
+) -> "Callable[[pd.DataFrame], NDArray[np.float64]] | None":
+    """Minutes in cut of each setting of a table; None where each test lasts as long as the longest so far."""
+    if "t" not in law.factors or not (separating or decision):
+        return None
+    from ..fit.next_tests import candidate_settings
+
+    if not separating:
+        return lambda table: _durations(law, args, table, longest)
+    # a law that cannot separate its factors gives no life elsewhere: it is no shorter than at the settings tested
+    least = _durations(law, args, candidate_settings(law), longest).min()
+    return lambda table: np.maximum(_durations(law, args, table, longest), least)
 
 
 def _how_long(law: "LawFit", longest: float | None, readings: "Sequence[Mapping[str, list[Any]]]") -> list[str]:

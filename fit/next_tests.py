@@ -7,10 +7,8 @@ fit cannot be separated from differences between edges. Repeats then come first,
 Source: Myers, Montgomery & Anderson-Cook 2016, Response Surface Methodology, sections 2.7 and 8.3.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import product
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,12 +18,22 @@ from ..core.censored import RUN_OUT
 from ..core.errors import FitError, UsageError
 from ..datasets import region
 from ..datasets.design import round_significant
+from ..datasets.vocabulary import ROLES
+from .checks.model_checks import HIGH_VIF
 from .decisions import Decision
 from .edges import changes_within
 from .lawfit import LawFit
 from .least_squares import linear
-from .optimal_tests import c_optimal, d_optimal, determinant_gain, estimated, information, information_of_test
-from .region import DesignRegion
+from .optimal_tests import (
+    c_optimal,
+    d_optimal,
+    determinant_gain,
+    estimated,
+    expected_readings,
+    information,
+    information_of_test,
+)
+from .region import SETTABLE, DesignRegion, in_box, inflation
 from .rows import Points, as_table, level_names
 
 Array = NDArray[np.float64]
@@ -37,6 +45,8 @@ ALIKE = 4  # decimals of a coded level: closer settings are one
 DIGITS = 4
 CHOICES = 700  # settings at most to choose from for a decision
 TWICE = 2  # tests of one setting at most
+UNLIMITED = 1e6  # variance inflation of factors that follow others exactly
+RIDGE = 1e-6  # added to the information of factors that follow others exactly
 RUN_OUTS = (
     " Not proposed: settings where every test ran out, or whose {} by the law is longer than the longest test, since "
     "they would give bounds only; give --longest to run them longer."
@@ -58,6 +68,8 @@ class Trials:
         Level of the category.
     label : tuple of str
         Name of each test.
+    place : DesignRegion
+        Ranges of the factors.
     """
 
     what: str
@@ -65,6 +77,7 @@ class Trials:
     X: Array
     level: NDArray[np.object_] | None
     label: tuple[str, ...]
+    place: DesignRegion
 
 
 def next_runs(
@@ -75,6 +88,7 @@ def next_runs(
     decision: Decision | None = None,
     durations: Callable[[pd.DataFrame], Array] | None = None,
     longest: float | None = None,
+    left_out: Mapping[str, Array] | None = None,
     seed: int = 1,
 ) -> pd.DataFrame:
     """Plan n further tests for a law.
@@ -85,7 +99,8 @@ def next_runs(
     n : int
         How many edges (or rows, where the file names no edges) to add, 1 to 1000.
     candidates : mapping or DataFrame, optional
-        Settings to choose from, a column for each factor that a test sets (and the category). Left out: repeats of
+        Settings to choose from, a column for each factor that a test sets (and the category). Left out: where factors
+        vary together, the tested range of each of them, so that their exponents can be separated; else repeats of
         settings already cut, where none was cut twice; else a grid in coded logarithms over the design's region
         and the settings already cut.
     decision : Decision, optional
@@ -96,6 +111,8 @@ def next_runs(
     longest : float, optional
         Of a law of tool lives with run-outs, the longest test in its unit, by default the longest so far: settings
         where every test ran out, or whose life by the law is longer, would give bounds only and are no candidates.
+    left_out : mapping of ndarray, shape (n,), optional
+        Values, in the rows of the law, of settings that it left out because they follow others; they are planned too.
     seed : int
         Seed of the run order, and of the search's random starts.
 
@@ -103,9 +120,9 @@ def next_runs(
     -------
     DataFrame, one row a test in run order: run (1..n), edge (a new name), point (``repeat of E03`` or ``new``), the
     factors in the units of the law and the category, and t where ``durations`` are given. ``attrs``: criterion
-    ("repeats", "D-optimal" or "c-optimal"), determinant_gain (of the information matrix of the tests), volume (what is
-    left of the volume of the joint confidence region), units, words, and readings: a table of the expected readings of
-    each test, for `decisions.narrowing`.
+    ("separating", "repeats", "D-optimal" or "c-optimal"), determinant_gain (of the information matrix of the tests),
+    volume (what is left of the volume of the joint confidence region), units, words, together (factors that vary
+    together), and readings: a table of the expected readings of each test, for `decisions.narrowing`.
 
     Raises
     ------
@@ -125,30 +142,35 @@ def next_runs(
     """
     if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MOST:
         raise UsageError(f"n={n!r}: the number of tests to add is a whole number from 1 to {MOST}.")
-    cut, rng = trials(law), np.random.default_rng(seed)
-    repeats = candidates is None and decision is None and not replicated(law.region, cut)
-    X, level = _candidates(law, cut, repeats) if candidates is None else _given(law, cut, candidates)
-    ends = _ends_in_time(law, cut, X, level, longest) if candidates is None else np.ones(len(X), dtype=bool)
+    cut, rng = trials(law, left_out), np.random.default_rng(seed)
+    together = varying_together(cut) if candidates is None and decision is None else ()
+    repeats = candidates is None and decision is None and not together and not replicated(cut)
+    X, level = _candidates(law, cut, repeats, together != ()) if candidates is None else _given(law, cut, candidates)
+    every = np.ones(len(X), dtype=bool)
+    ends = every if candidates is not None or left_out else _ends_in_time(law, cut, X, level, longest)
     X, level = X[ends], None if level is None else level[ends]
-    old = _rows(law, cut, cut.X, cut.level)
-    M = linear(old, np.zeros(len(old))).cov_unscaled
+    M = _uncertainty(law, cut, together != ())
     if decision is None:
         chosen, gain = d_optimal(M, _rows(law, cut, X, level), n, -(-n // len(X)) if repeats else n, rng)
     else:
         chosen = _for_decision(law, decision, n, durations, cut, X, level)
         gain = determinant_gain(M, _rows(law, cut, X, level)[chosen])
     chosen = rng.permutation(chosen)
-    plan = _plan(law, cut, X[chosen], None if level is None else level[chosen])
+    plan = _plan(cut, X[chosen], None if level is None else level[chosen])
     readings = expected_readings(law, plan, durations)
     if durations is not None and "t" in law.factors:
         plan["t"] = [test["t"][-1] for test in readings]
-    criterion = "c-optimal" if decision is not None else "repeats" if repeats else "D-optimal"
+    kinds = {"c-optimal": decision is not None, "separating": together != (), "repeats": repeats, "D-optimal": True}
+    criterion = next(name for name, holds in kinds.items() if holds)
+    words = _separation(law, cut, plan, together) if together else _words(law, cut, len(plan), criterion, gain)
+    units = dict(zip(cut.place.factors, cut.place.units, strict=True))
     facts: dict[str, object] = {
         "criterion": criterion,
         "determinant_gain": gain,
         "volume": gain**-0.5,
-        "units": {name: law.units[name] for name in law.factors if name in plan and law.units.get(name)},
-        "words": _words(law, cut, len(plan), criterion, gain) + ("" if ends.all() else RUN_OUTS.format(law.response)),
+        "units": {name: unit for name, unit in units.items() if name in plan and unit},
+        "words": words + ("" if ends.all() else RUN_OUTS.format(law.response)),
+        "together": together,
         "readings": readings,
     }
     plan.attrs.update(facts)
@@ -159,11 +181,14 @@ def candidate_settings(law: LawFit) -> pd.DataFrame:
     """Settings that further tests are chosen from: those already cut, and a grid over the region of the design."""
     cut = trials(law)
     X, level = _candidates(law, cut, repeats=False)
-    return _plan(law, cut, X, level).drop(columns=["run", "edge", "point"])
+    return _plan(cut, X, level).drop(columns=["run", "edge", "point"])
 
 
-def trials(law: LawFit) -> Trials:
-    """The tests a law was fitted to: its edges, each once, or its rows where the file names no edges."""
+def trials(law: LawFit, left_out: Mapping[str, Array] | None = None) -> Trials:
+    """The tests a law was fitted to: its edges, each once, or its rows where the file names no edges.
+
+    ``left_out`` are values, in the rows of the law, of settings that it left out.
+    """
     columns = np.hstack([np.ones((law.nobs, 1)), law.X, law.shifts])
     first, what, within = np.arange(law.nobs), "row", np.zeros(columns.shape[1], dtype=bool)
     label = tuple(f"line {line}" for line in law.lines)
@@ -171,47 +196,57 @@ def trials(law: LawFit) -> Trials:
         names, first, number = np.unique(law.edge, return_index=True, return_inverse=True)
         what, within, label = "edge", changes_within(columns, number), tuple(str(name) for name in names)
     keep = [j for j in range(len(law.factors)) if not within[1 + j]]
-    level = None
-    if law.by is not None and not within[1 + len(law.factors) :].any():
-        known = np.array([law.by.reference, *law.by.levels], dtype=object)
-        level = known[(law.shifts[first] @ np.arange(1, len(known))).astype(int)]
-    return Trials(what, tuple(law.factors[j] for j in keep), law.X[first][:, keep], level, label)
+    level = _levels_of_rows(law)
+    level = None if level is None or within[1 + len(law.factors) :].any() else level[first]
+    more = {name: x[first] for name, x in (left_out or {}).items()}
+    are_set, X = (*(law.factors[j] for j in keep), *more), np.column_stack([law.X[first][:, keep], *more.values()])
+    return Trials(what, are_set, X, level, label, law.region.with_factors(more))
 
 
-def replicated(place: DesignRegion, cut: Trials) -> bool:
+def varying_together(cut: Trials) -> tuple[str, ...]:
+    """Settings of the machine that the tests did not vary independently: with a variance inflation above 10.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> varying_together(trials(law))
+    ()
+    """
+    return tuple(name for name, size in _inflated(cut, cut.X).items() if size > HIGH_VIF and name in SETTABLE)
+
+
+def _inflated(cut: Trials, X: Array) -> dict[str, float]:
+    """Variance inflation of each setting in tests at X; time and wear, which follow from them, are none."""
+    are_set = [j for j, name in enumerate(cut.names) if name not in ROLES or ROLES[name].kind not in ("time", "wear")]
+    found = inflation(cut.place.coded(cut.names, X)[:, are_set])
+    return {cut.names[j]: size for j, size in zip(are_set, found.tolist(), strict=True)}
+
+
+def _uncertainty(law: LawFit, cut: Trials, together: bool) -> Array:
+    """``(Z'Z)^-1`` of the tests so far; of factors that vary together with a little information added to each."""
+    old = _rows(law, cut, cut.X, cut.level)
+    if together:
+        return np.asarray(np.linalg.inv(old.T @ old + RIDGE * np.eye(old.shape[1])))
+    return linear(old, np.zeros(len(old))).cov_unscaled
+
+
+def replicated(cut: Trials) -> bool:
     """Whether some setting was cut more than once."""
-    return len(set(_settings(place, cut, cut.X, cut.level))) < len(cut.X)
+    return len(set(_settings(cut, cut.X, cut.level))) < len(cut.X)
 
 
-def _settings(
-    place: DesignRegion, cut: Trials, X: Array, level: NDArray[np.object_] | None
-) -> list[tuple[object, ...]]:
+def _settings(cut: Trials, X: Array, level: NDArray[np.object_] | None) -> list[tuple[object, ...]]:
     """Each setting as a key: two that differ in rounding only have the same."""
-    U = np.round(_coded(place, cut, X), ALIKE) + 0.0
+    U = np.round(cut.place.coded(cut.names, X), ALIKE) + 0.0
     names = [""] * len(X) if level is None else [str(name) for name in level]
     return [(*u, name) for u, name in zip(map(tuple, U.tolist()), names, strict=True)]
 
 
-def _coded(place: DesignRegion, cut: Trials, X: Array) -> Array:
-    at = [place.factors.index(name) for name in cut.names]
-    part = {
-        "logs": _logs(place, cut),
-        "centre": np.array(place.centre)[at],
-        "half_range": np.array(place.half_range)[at],
-    }
-    return region.coded(part, X)
-
-
-def _logs(place: DesignRegion, cut: Trials) -> tuple[bool, ...]:
-    """For each factor of a test, whether it is coded in logarithms."""
-    each = dict(zip(place.factors, np.broadcast_to(place.logs, len(place.factors)).tolist(), strict=True))
-    return tuple(each[name] for name in cut.names)
-
-
 def _rows(law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> Array:
     """Columns of the law that a test sets: 1, coded factors (of second order their terms), indicators; shape (T, p)."""
-    shifts = [] if level is None else [(level == name).astype(float) for name in law.region.levels[1:]]
-    U = _coded(law.region, cut, X)
+    shifts = [] if level is None else [(level == name).astype(float) for name in cut.place.levels[1:]]
+    U = cut.place.coded(cut.names, X)
     if not law.formula.first_order:
         at = [law.factors.index(name) for name in cut.names]
         powers = [np.array(term.degrees) for term in law.formula.terms]
@@ -219,22 +254,19 @@ def _rows(law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None)
     return np.column_stack([np.ones(len(X)), U, *shifts])
 
 
-def _candidates(law: LawFit, cut: Trials, repeats: bool) -> tuple[Array, NDArray[np.object_] | None]:
-    """Settings already cut, each once; and a grid over the region, unless repeats are wanted."""
-    place = law.region
-    keys = _settings(place, cut, cut.X, cut.level)
+def _candidates(
+    law: LawFit, cut: Trials, repeats: bool, together: bool = False
+) -> tuple[Array, NDArray[np.object_] | None]:
+    """Settings already cut, each once; unless repeats are wanted a grid, over the region or all tested ranges."""
+    keys, place = _settings(cut, cut.X, cut.level), cut.place
     once = [keys.index(key) for key in dict.fromkeys(keys)]
     X, level = cut.X[once], None if cut.level is None else cut.level[once]
     if repeats or not cut.names:
         return X, level
     levels = [None] if cut.level is None else list(place.levels)
     steps = next(s for s in (9, 5, 3, 2) if s == 2 or s ** len(cut.names) * len(levels) <= GRID)
-    U = np.array(list(product(np.linspace(-1, 1, steps), repeat=len(cut.names))))
-    at = [place.factors.index(name) for name in cut.names]
-    terms = np.array(place.centre)[at] + U * np.array(place.half_range)[at]
-    with np.errstate(over="ignore"):
-        grid = round_significant(np.where(_logs(place, cut), np.exp(terms), terms), DIGITS)
-    kept = [grid[_reached(law, cut, grid, name)] for name in levels]
+    grid = round_significant(place.grid(cut.names, steps), DIGITS)
+    kept = [grid[_combined(cut, grid, name) if together else _reached(law, cut, grid, name)] for name in levels]
     if level is None:
         return np.vstack([X, *kept]), None
     names = np.repeat(np.array(levels, dtype=object), [len(part) for part in kept])
@@ -243,15 +275,22 @@ def _candidates(law: LawFit, cut: Trials, repeats: bool) -> tuple[Array, NDArray
 
 def _reached(law: LawFit, cut: Trials, grid: Array, name: str | None) -> NDArray[np.bool_]:
     """Whether each setting of the grid lies in the region of the tests."""
-    place = law.region
     level = None if name is None else np.full(len(grid), name, dtype=object)
-    old = _rows(law, cut, cut.X, cut.level)
-    M = linear(old, np.zeros(len(old))).cov_unscaled
+    old, M = _rows(law, cut, cut.X, cut.level), _uncertainty(law, cut, False)
     h, largest = (np.einsum("ij,jk,ik->i", z, M, z) for z in (_rows(law, cut, grid, level), old))
     limit = largest.max() if cut.level is None else largest[cut.level == name].max(initial=0.0)
-    far = np.square(_coded(place, cut, cut.X)).sum(axis=1).max()
-    near = np.square(_coded(place, cut, grid)).sum(axis=1)
-    return np.asarray((h <= limit * (1 + region.SLACK)) & (near <= far * (1 + region.SLACK)))
+    return np.asarray((h <= limit * (1 + region.SLACK)) & _near(cut, grid))
+
+
+def _near(cut: Trials, grid: Array) -> NDArray[np.bool_]:
+    """Whether each setting of the grid is no further from the centre than the outermost test."""
+    near, far = (np.square(cut.place.coded(cut.names, X)).sum(axis=1) for X in (grid, cut.X))
+    return np.asarray(near <= far.max() * (1 + region.SLACK))
+
+
+def _combined(cut: Trials, grid: Array, name: str | None) -> NDArray[np.bool_]:
+    """Whether each setting of the grid combines values that were cut at this level, and loads the tool no more."""
+    return in_box(cut.names, cut.X if name is None else cut.X[cut.level == name], grid) & _near(cut, grid)
 
 
 def _ends_in_time(
@@ -267,16 +306,16 @@ def _ends_in_time(
     end = float(law.observed.max()) if longest is None else longest
     kept = np.asarray(law.values(table)) <= end
     if longest is None:
-        keys = _settings(law.region, cut, law.X, _levels_of_rows(law, cut))
+        keys = _settings(cut, law.X, None if cut.level is None else _levels_of_rows(law))  # a life is a row
         ended = {key for key, side in zip(keys, law.rows.side.tolist(), strict=True) if side != RUN_OUT}
         only_run_outs = {*keys} - ended
-        kept &= np.array([key not in only_run_outs for key in _settings(law.region, cut, X, level)])
+        kept &= np.array([key not in only_run_outs for key in _settings(cut, X, level)])
     return kept if kept.any() else every
 
 
-def _levels_of_rows(law: LawFit, cut: Trials) -> NDArray[np.object_] | None:
+def _levels_of_rows(law: LawFit) -> NDArray[np.object_] | None:
     """Level of the category of each row, None without one."""
-    if cut.level is None or law.by is None:
+    if law.by is None:
         return None
     known = np.array([law.by.reference, *law.by.levels], dtype=object)
     return np.asarray(known[(law.shifts @ np.arange(1, len(known))).astype(int)], dtype=object)
@@ -284,15 +323,14 @@ def _levels_of_rows(law: LawFit, cut: Trials) -> NDArray[np.object_] | None:
 
 def _given(law: LawFit, cut: Trials, given: Points) -> tuple[Array, NDArray[np.object_] | None]:
     """Candidates given by the user."""
-    place = law.region
-    table = as_table(law.response, given)
+    place, table = cut.place, as_table(law.response, given)
     needed = (*cut.names, *([place.by] if cut.level is not None and place.by else []))
     missing = [name for name in needed if name not in table]
     if missing or not len(table):
         lack = f"lack {', '.join(missing)}" if missing else "are none"
         raise FitError(f"{law.response}: the candidates {lack}; a test sets {', '.join(needed) or 'nothing'}.")
     X = table[list(cut.names)].to_numpy(dtype=float)
-    logs = np.array(_logs(place, cut), dtype=bool)
+    logs = np.array(cut.place.logs_of(cut.names), dtype=bool)
     if not np.isfinite(X).all() or (X[:, logs] <= 0).any():
         wanted = "above zero" if logs.any() else "that are finite"
         raise FitError(f"{law.response}: the candidates hold {X.min():g}; levels are numbers {wanted}.")
@@ -301,10 +339,8 @@ def _given(law: LawFit, cut: Trials, given: Points) -> tuple[Array, NDArray[np.o
     return X, level_names(table[place.by], place.levels, place.by)
 
 
-def _plan(law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> pd.DataFrame:
-    place = law.region
-    keys = _settings(place, cut, cut.X, cut.level)
-    here = _settings(place, cut, X, level)
+def _plan(cut: Trials, X: Array, level: NDArray[np.object_] | None) -> pd.DataFrame:
+    place, keys, here = cut.place, _settings(cut, cut.X, cut.level), _settings(cut, X, level)
     same = [keys.index(key) if key in keys else None for key in here]
     point = ["new" if j is None else f"repeat of {cut.label[j]}" for j in same]
     plan = pd.DataFrame({"run": np.arange(1, len(X) + 1), "edge": _new_names(cut, len(X)), "point": point})
@@ -324,6 +360,18 @@ def _new_names(cut: Trials, n: int) -> list[str]:
     return [f"{letter}{i:0{width}d}" for i in range(1, n + 1)]
 
 
+def _separation(law: LawFit, cut: Trials, plan: pd.DataFrame, together: tuple[str, ...]) -> str:
+    """What tests that separate factors are chosen for, with the variance inflation before and after."""
+    both = np.vstack([cut.X, plan[list(cut.names)].to_numpy(dtype=float)])
+    now, then = (max(_inflated(cut, X)[name] for name in together) for X in (cut.X, both))
+    size = "without limit" if now > UNLIMITED else f"{now:.2g}"
+    return (
+        f"{law.response}: {len(plan)} more {cut.what}{'s' if len(plan) > 1 else ''}, D-optimal over the tested range "
+        f"of each factor, since {', '.join(together)} varied together in the tests so far; the largest variance "
+        f"inflation is {size} now and {then:.2g} after these tests."
+    )
+
+
 def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str:
     added = f"{n} more {cut.what}{'s' if n > 1 else ''}"
     why = {
@@ -337,39 +385,15 @@ def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str
     )
 
 
-def expected_readings(
-    law: LawFit, plan: pd.DataFrame, durations: Callable[[pd.DataFrame], Array] | None = None
-) -> list[dict[str, list[Any]]]:
-    """Readings that each test of a plan is expected to give, by column: as many as an edge has had, at equal steps.
-
-    Time steps to the duration of the test, or to the longest test so far; any other factor that changes within an edge
-    steps over its range.
-    """
-    m = 1 if law.edge is None else max(int(np.median(np.unique(law.edge, return_counts=True)[1])), 1)
-    share = np.arange(1, m + 1) / m
-    by = None if law.by is None else law.by.column
-    between = [name for name in map(str, plan) if name in law.factors or name == by]
-    within = {name: law.domain[name] for name in law.factors if name not in plan}
-    steps = {name: (low + share * (high - low)).tolist() for name, (low, high) in within.items() if name != "t"}
-    tests: list[dict[str, list[Any]]] = [
-        {**{name: [plan[name].iloc[i]] * m for name in between}, **steps} for i in range(len(plan))
-    ]
-    if "t" in within:
-        ends = np.full(len(plan), within["t"][1]) if durations is None else round_significant(durations(plan), 2)
-        for test, end in zip(tests, ends, strict=True):
-            test["t"] = (share * end).tolist()
-    return tests
-
-
 def _for_decision(
     law: LawFit, decision: Decision, n: int, durations: Callable[[pd.DataFrame], Array] | None, cut: Trials,
     X: Array, level: NDArray[np.object_] | None,
 ) -> Index:  # fmt: skip
     """Positions of the n settings, each at most twice, that leave least variance of a decision."""
-    keys = _settings(law.region, cut, X, level)
+    keys = _settings(cut, X, level)
     once = np.array([keys.index(key) for key in dict.fromkeys(keys)], dtype=np.intp)
     kept = once[np.unique(np.linspace(0, len(once) - 1, min(len(once), CHOICES)).astype(np.intp))]
-    settings = _plan(law, cut, X[kept], None if level is None else level[kept])
+    settings = _plan(cut, X[kept], None if level is None else level[kept])
     new = np.array([information_of_test(law, test) for test in expected_readings(law, settings, durations)])
     return np.asarray(
         kept[c_optimal(decision.gradient[estimated(law)], information(law), new, n, TWICE)], dtype=np.intp

@@ -17,12 +17,15 @@ Sources: Fedorov 1972, Theory of Optimal Experiments, sections 2.7 and 3.2; Cook
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import log, sqrt
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.display import Displayable
 from ..core.rounding import format_rounded
+from ..datasets.design import round_significant
 from .decisions import Decision, variances_of
 from .edges import EdgeInference
 from .lawfit import LawFit
@@ -186,6 +189,30 @@ def information_of_test(law: LawFit, readings: Points) -> Array:
     return _of_edge(
         law.gradient_at(law.design_of(as_table(law.response, readings)))[:, estimated(law)], *variances_of(law)
     )
+
+
+def expected_readings(
+    law: LawFit, plan: pd.DataFrame, durations: Callable[[pd.DataFrame], Array] | None = None
+) -> list[dict[str, list[Any]]]:
+    """Readings that each test of a plan is expected to give, by column: as many as an edge has had, at equal steps.
+
+    Time steps to the duration of the test, or to the longest test so far; any other factor that changes within an edge
+    steps over its range.
+    """
+    m = 1 if law.edge is None else max(int(np.median(np.unique(law.edge, return_counts=True)[1])), 1)
+    share = np.arange(1, m + 1) / m
+    by = None if law.by is None else law.by.column
+    between = [name for name in map(str, plan) if name in law.factors or name == by]
+    within = {name: law.domain[name] for name in law.factors if name not in plan}
+    steps = {name: (low + share * (high - low)).tolist() for name, (low, high) in within.items() if name != "t"}
+    tests: list[dict[str, list[Any]]] = [
+        {**{name: [plan[name].iloc[i]] * m for name in between}, **steps} for i in range(len(plan))
+    ]
+    if "t" in within:
+        ends = np.full(len(plan), within["t"][1]) if durations is None else round_significant(durations(plan), 2)
+        for test, end in zip(tests, ends, strict=True):
+            test["t"] = (share * end).tolist()
+    return tests
 
 
 def _of_edge(A: Array, between: float, within: float) -> Array:

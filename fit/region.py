@@ -8,8 +8,10 @@ Source: Myers, Montgomery & Anderson-Cook 2016, Response Surface Methodology, se
 variance); Belsley, Kuh & Welsch 1980, Regression Diagnostics, section 2.1 (leverage).
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from ..datasets import region
+from ..datasets.vocabulary import ROLES
 from .edges import changes_within
 from .laws import LawForm
 from .least_squares import linear
@@ -27,6 +30,9 @@ Array = NDArray[np.float64]
 
 ONE_VALUE = 1e-6  # half range of a fixed factor that does not change
 MOST_ROWS = 20_000  # of more rows than this a choice draws the region
+SETTABLE = ("V", "n", "f", "fz", "fm", "d", "ae")  # what a machine sets from test to test: speeds, then the chip
+CHIP = SETTABLE[2:]
+EXACT = 1e-9  # share of a column that others do not explain, below which it follows them exactly
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -130,6 +136,44 @@ class DesignRegion(Plottable):
         if r**2 > self.largest_radius**2 * (1 + region.SLACK):
             why.append(f"coded radius {r:.3g}, the design's largest {self.largest_radius:.3g}")
         return f"outside: {'; '.join(why)}"
+
+    def logs_of(self, names: Sequence[str]) -> tuple[bool, ...]:
+        """For each of these factors, whether it is coded in logarithms."""
+        each = dict(zip(self.factors, np.broadcast_to(self.logs, len(self.factors)).tolist(), strict=True))
+        return tuple(each[name] for name in names)
+
+    def coded(self, names: Sequence[str], X: Array) -> Array:
+        """Values X (n, k) of some factors coded -1 to +1 over their ranges."""
+        return region.coded(self._part(names), X)
+
+    def grid(self, names: Sequence[str], steps: int) -> Array:
+        """Grid over the ranges of some factors, ``steps`` values of each, shape (steps^k, k)."""
+        part = self._part(names)
+        U = np.array(list(product(np.linspace(-1, 1, steps), repeat=len(names))))
+        terms = part["centre"] + U * part["half_range"]
+        with np.errstate(over="ignore"):
+            return np.asarray(np.where(part["logs"], np.exp(terms), terms), dtype=float)
+
+    def _part(self, names: Sequence[str]) -> dict[str, Any]:
+        at = [self.factors.index(name) for name in names]
+        ends = {"centre": np.array(self.centre)[at], "half_range": np.array(self.half_range)[at]}
+        return {"logs": self.logs_of(names), **ends}
+
+    def with_factors(self, values: Mapping[str, Array]) -> "DesignRegion":
+        """The region with further factors in the ranges of their values, coded in logarithms where others are."""
+        added = self
+        for name, x in values.items():
+            log = bool(np.any(self.logs) and (x > 0).all())
+            low, high = (float(np.log(end) if log else end) for end in (x.min(), x.max()))
+            added = replace(
+                added,
+                factors=(*added.factors, name),
+                units=(*added.units, ROLES[name].unit),
+                logs=(*added.logs_of(added.factors), log),
+                centre=(*added.centre, (low + high) / 2),
+                half_range=(*added.half_range, (high - low) / 2),
+            )
+        return added
 
     def _beyond(self, x: Array) -> list[str]:
         """Factors outside their own range."""
@@ -247,3 +291,37 @@ def _space(of: str, columns: Array, which: NDArray[np.intp], level: NDArray[np.i
     h = np.einsum("ij,jk,ik->i", Z, M, Z)
     largest = [float(h[level == j].max(initial=0.0)) or float(h.max()) for j in range(int(level.max()) + 1)]
     return ColumnSpace(of, tuple(int(j) for j in which), tuple(map(tuple, M.tolist())), tuple(largest))
+
+
+def inflation(U: Array) -> Array:
+    """Variance inflation of each column of coded settings U (n, k), shape (k,): ``1 / (1 - R2)`` on the others.
+
+    Examples
+    --------
+    >>> inflation(np.array([[-1.0, -1], [1, 1], [-1, 1], [1, -1]])).round(6).tolist()
+    [1.0, 1.0]
+    """
+    if U.shape[1] < 2:
+        return np.ones(U.shape[1])
+    R = np.asarray(np.corrcoef(U, rowvar=False), dtype=float)
+    return np.asarray(np.diag(np.linalg.inv(R + EXACT * np.eye(U.shape[1]))), dtype=float)
+
+
+def in_box(names: Sequence[str], cut: Array, X: Array) -> NDArray[np.bool_]:
+    """Whether settings X (n, k) lie within the range of each column of the cut ones, and load the tool no more.
+
+    Neither the cross-section of the chip (the product of feed, depth and width) nor its product with the speed may be
+    larger than in the settings cut.
+
+    Examples
+    --------
+    >>> in_box(["V", "f"], np.array([[100, 0.4], [250, 0.1]]), np.array([[100, 0.1], [250, 0.4]])).tolist()
+    [True, False]
+    """
+    low, high = cut.min(axis=0), cut.max(axis=0)
+    slack = region.ROUNDING * np.maximum(np.abs(low), np.abs(high))
+    held = ((low - slack <= X) & (high + slack >= X)).all(axis=1)
+    for load in (CHIP, SETTABLE):
+        of_load = [j for j, name in enumerate(names) if name in load]
+        held &= X[:, of_load].prod(axis=1) <= cut[:, of_load].prod(axis=1).max() * (1 + region.SLACK)
+    return np.asarray(held)

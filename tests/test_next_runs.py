@@ -241,3 +241,61 @@ def test_a_pair_of_a_batch_is_corrected_in_its_own_file(tmp_path):
     correcting = next(one for one in commands if "--correct" in one)
     assert correcting.startswith(f"fitmodels {shop}/a.csv --criterion 0.2 --correct")
     assert main([*shlex.split(correcting)[1:], "--out", str(tmp_path / "fit"), "--draws", "1000", "-q"]) == 0
+
+
+def together(seed=1, more=()):
+    """Wear of edges whose feed followed the speed, of a known law; ``more`` are settings (V, f) cut besides."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for i, (V, f) in enumerate([(100, 0.1), (150, 0.2), (200, 0.3), (250, 0.4), (100, 0.1), (200, 0.3), *more]):
+        level = np.exp(rng.normal(0, 0.06))
+        wear = [1.5e-5 * V**1.6 * f**0.4 * t**0.55 * level * np.exp(rng.normal(0, 0.03)) for t in (2, 5, 8)]
+        rows += [(f"E{i}", V, f, 1.6, t, VB) for t, VB in zip((2, 5, 8), wear, strict=True)]
+    return pd.DataFrame(rows, columns=["edge", "V [m/min]", "f [mm/rev]", "d [mm]", "t [min]", "VB [mm]"])
+
+
+def planned(capsys, *words):
+    """Rows and notes of the plan that the command prints."""
+    assert main(["next", *map(str, words), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    return pd.DataFrame(found["rows"]), " ".join(found["notes"])
+
+
+def test_factors_that_vary_together_are_separated_by_the_plan(tmp_path, capsys):
+    """Feed followed speed; on the same line no number of tests separates them."""
+    together().to_csv(tmp_path / "a.csv", index=False)
+    rows, notes = planned(capsys, tmp_path / "a.csv")
+    assert "V, f varied together in the tests so far" in notes
+    assert "Outside of the tested combinations: N01, N02, N03, N04." in notes
+    assert "begin with one short cut" in notes
+    assert {(100.0, 0.4), (250.0, 0.1)} == {*zip(rows["V"], rows["f"], strict=True)}
+    assert rows["t"].max() <= 8  # the longest so far
+    together(more=[*zip(rows["V"], rows["f"], strict=True)]).to_csv(tmp_path / "b.csv", index=False)
+    law = fit.default_laws(datasets.read_runs(tmp_path / "b.csv"))[0][0]
+    assert fit.judge(law).checks["collinearity"].concern == 0
+    assert law.params["V"] == pytest.approx(1.6, abs=0.25)
+    assert "varied together" not in planned(capsys, tmp_path / "b.csv")[1]
+    assert "without --decision" in planned(capsys, tmp_path / "a.csv", "--decision", "life")[1]
+
+
+def test_a_depth_that_follows_the_feed_is_planned_though_the_law_left_it_out(tmp_path, capsys):
+    rng = np.random.default_rng(2)
+    V, f = (x.ravel() for x in np.meshgrid([140.0, 180, 230], np.repeat([0.1, 0.2, 0.3], 2)))
+    force = 1800 * f**0.75 * 10 * f * np.exp(rng.normal(0, 0.03, len(V)))
+    table = pd.DataFrame({"V [m/min]": V, "f [mm/rev]": f, "ap [mm]": 10 * f, "Fc [N]": force.round()})
+    table.to_csv(tmp_path / "a.csv", index=False)
+    rows, notes = planned(capsys, tmp_path / "a.csv")
+    assert "f, d varied together" in notes
+    assert "without limit now" in notes
+    assert np.corrcoef(np.log(rows["f"]), np.log(rows["d"]))[0, 1] < -0.9
+    assert (rows["f"] * rows["d"] <= 0.9).all()  # the largest chip cut
+
+
+def test_factors_against_each_other_are_separated_by_lighter_cuts(tmp_path, capsys):
+    """The higher the speed the smaller the feed: both high at once was never cut, and is not proposed."""
+    frame = together()
+    frame["f [mm/rev]"] = 0.04 / frame["f [mm/rev]"]
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    rows, notes = planned(capsys, tmp_path / "a.csv")
+    assert "V, f varied together" in notes
+    assert (rows["V"] * rows["f"] <= 1.05 * (frame["V [m/min]"] * frame["f [mm/rev]"]).max()).all()
