@@ -2,6 +2,7 @@
 
 import argparse
 import shlex
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from .output import output_options
 from .plan import write_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     import pandas as pd
 
@@ -61,7 +62,10 @@ def parser() -> Parser:
     p.add_argument(
         "--within", type=float, metavar="15", help="half width of the interval asked for, per cent (default: none)"
     )
-    p.add_argument("--longest", type=float, metavar="MIN", help="longest test (default: 3 times the longest so far)")
+    p.add_argument(
+        "--longest", type=float, metavar="MIN",
+        help="longest test (default: the longest so far; 3 times that where life is extrapolated)",
+    )  # fmt: skip
     p.add_argument("--seed", type=seed, default=1, metavar="N", help="seed of the run order (default: 1)")
     p.add_argument("--out", metavar="PLAN", help="file to write (default: none, the plan is printed)")
     p.add_argument("--force", action="store_true", help="replace an existing file")
@@ -78,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
 
     _check(args)
     runs = _one_pair(args)
-    law = _law(runs, args)
+    law, wear = _law(runs, args)
     decision, why = _decision(law, args)
     left_out = _left_out(law, runs)
     together = varying_together(trials(law, left_out))
@@ -88,9 +92,10 @@ def run(args: argparse.Namespace) -> int:
     longest = _longest(law, args, extrapolated)
     candidates = _reaching(law, args, decision, longest) if decision is not None and extrapolated else None
     direct = decision if args.decision is not None or extrapolated else None
+    ends = partial(_minutes, wear, args, longest=longest, least=_least(law, wear, args, longest, separating))
     plan = next_runs(
-        law, args.runs, candidates=candidates, decision=direct, durations=_ends(law, args, longest, direct, separating),
-        longest=args.longest, left_out=left_out if separating else None, seed=args.seed,
+        law, args.runs, candidates=candidates, decision=direct, durations=ends, longest=args.longest,
+        left_out=left_out if separating else None, seed=args.seed,
     )  # fmt: skip
     units, readings = dict(plan.attrs["units"]), plan.attrs["readings"]
     statistics = plan.attrs["words"]
@@ -105,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
         within = None if args.within is None else args.within / 100
         notes += narrowing(law, decision, readings, within).words
     notes += [f"No interval of a decision: {why}"] if why else []
-    notes += _how_long(law, longest if extrapolated else None, readings)
+    notes += _how_long(wear, longest, extrapolated, readings) if "t" in law.factors else []
     notes.append(f"Statistics: {statistics}")
     notes += [DELTA] if decision is not None and decision.name.startswith("tool life to") else []
     plan.attrs = {"units": {name: unit for name, unit in units.items() if unit}}
@@ -149,33 +154,31 @@ def _together(together: "Sequence[str]", plan: "pd.DataFrame | None") -> list[st
     return [f"{head}: these tests vary them independently.", *([outside] if len(new) else [])]
 
 
-def _ends(
-    law: "LawFit", args: argparse.Namespace, longest: float, decision: "Decision | None", separating: bool
-) -> "Callable[[pd.DataFrame], NDArray[np.float64]] | None":
-    """Minutes in cut of each setting of a table; None where each test lasts as long as the longest so far."""
-    if "t" not in law.factors or not (separating or decision):
-        return None
+def _least(law: "LawFit", wear: "LawFit | None", args: argparse.Namespace, longest: float, separating: bool) -> float:
+    """Least minutes of a test: a law that cannot separate its factors gives no life where they do not follow others.
+
+    The life there is no shorter than at the settings tested, of which one loads the edge at least as much.
+    """
     from ..fit.next_tests import candidate_settings
 
-    if not separating:
-        return lambda table: _durations(law, args, table, longest)
-    # a law that cannot separate its factors gives no life elsewhere: it is no shorter than at the settings tested
-    least = _durations(law, args, candidate_settings(law), longest).min()
-    return lambda table: np.maximum(_durations(law, args, table, longest), least)
+    return float(_minutes(wear, args, candidate_settings(law), longest).min()) if separating else 0.0
 
 
-def _how_long(law: "LawFit", longest: float | None, readings: "Sequence[Mapping[str, list[Any]]]") -> list[str]:
-    """When the edges end and are measured; ``longest`` of tests beyond those so far, in min."""
+def _how_long(
+    wear: "LawFit | None", longest: float, extrapolated: bool, readings: "Sequence[Mapping[str, list[Any]]]"
+) -> list[str]:
+    """When the edges end and are measured; ``longest`` test in min."""
     notes = []
-    if longest is not None:
+    if extrapolated:
         notes.append(
             f"Tool life is extrapolated: these tests last until the criterion, at most {longest:.3g} min; they are at "
             "the conditions of the decision, or where the law expects the criterion to be reached in this time."
         )
-    if "t" in law.factors:
-        notes.append("Stop an edge that reaches the wear criterion before its time.")
-        if len(readings[0]["t"]) > 1:
-            notes.append(f"{len(readings[0]['t'])} readings of each edge, as so far, at equal steps of its time t.")
+    elif wear is not None and any(test["t"][-1] < longest for test in readings):
+        notes.append(f"Tests last until the wear criterion by the law of {wear.response}, at most {longest:.3g} min.")
+    notes.append("Stop an edge that reaches the wear criterion before its time.")
+    if len(readings[0]["t"]) > 1:
+        notes.append(f"{len(readings[0]['t'])} readings of each edge, as so far, at equal steps of its time t.")
     return notes
 
 
@@ -252,8 +255,8 @@ def _for_machine(plan: "pd.DataFrame", runs: "Runs") -> "pd.DataFrame":
     return plan
 
 
-def _law(runs: "Runs", args: argparse.Namespace) -> "LawFit":
-    """The law asked for by its response, its text or a limit of it; the first unless asked."""
+def _law(runs: "Runs", args: argparse.Namespace) -> "tuple[LawFit, LawFit | None]":
+    """The law asked for by its response, its text or a limit, else the first; and the law of wear that gives lives."""
     from ..core.errors import FitError, UsageError
     from ..fit import default_laws
 
@@ -261,7 +264,8 @@ def _law(runs: "Runs", args: argparse.Namespace) -> "LawFit":
     name = (args.law or "").partition("~")[0].strip() or _limited(args.decision)[0]
     chosen = [law for law in laws if name in ("", law.response)]
     if chosen:
-        return chosen[0]
+        of_wear = (law for law in (chosen[0], *laws) if law.response in FLANK_WEAR and "t" in law.factors)
+        return chosen[0], next(of_wear, None)
     known = ", ".join(law.response for law in laws)
     if known:
         asked = f"--law {name}" if args.law else f"--decision {args.decision}"
@@ -355,7 +359,7 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
     from ..fit.next_tests import candidate_settings
 
     table = candidate_settings(law)
-    reached = table[_durations(law, args, table, np.inf) <= longest]
+    reached = table[_minutes(law, args, table, np.inf) <= longest]
     conditions = dict(decision.at)
     if not set(table.columns.astype(str)) <= set(conditions):  # rows without edges, each with a time of its own
         return None
@@ -363,16 +367,24 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
     return pd.concat([pd.DataFrame([own], dtype=float), reached], ignore_index=True)
 
 
-def _durations(law: "LawFit", args: argparse.Namespace, table: "pd.DataFrame", longest: float) -> NDArray[np.float64]:
-    """Minutes in cut of each setting: its life by the law, others at the middle of the tests, at most the longest."""
+def _minutes(
+    wear: "LawFit | None", args: argparse.Namespace, table: "pd.DataFrame", longest: float, least: float = 0.0
+) -> NDArray[np.float64]:
+    """Minutes in cut of each setting: its life by the law of wear, to two digits, from the least to the longest.
+
+    Factors that the table lacks are at the middle of the tests; without a life it is the longest.
+    """
     from ..core.errors import FitError
+    from ..datasets.design import round_significant
     from ..fit import tool_life
 
     try:
-        life = tool_life(law, USUAL_CRITERION if args.criterion is None else args.criterion)
-    except FitError:  # no law of wear over time
+        if wear is None:
+            return np.full(len(table), longest)
+        life = tool_life(wear, USUAL_CRITERION if args.criterion is None else args.criterion)
+    except FitError:  # of levels, or of wear that falls with time
         return np.full(len(table), longest)
     names = [str(name) for name in life.coefficients.index[1:]]
     given = table.assign(**{name: life.typical_at[name] for name in names if name not in table})
     lives = [life.values(dict(zip(names, row, strict=True))) for row in given[names].to_numpy(dtype=float).tolist()]
-    return np.minimum(lives, longest)
+    return np.minimum(np.maximum(round_significant(np.array(lives), 2), least), longest)

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from ..core.display import Displayable
 from ..core.rounding import format_rounded
-from ..datasets.design import round_significant
 from .decisions import Decision, variances_of
 from .edges import EdgeInference
 from .lawfit import LawFit
@@ -196,8 +195,8 @@ def expected_readings(
 ) -> list[dict[str, list[Any]]]:
     """Readings that each test of a plan is expected to give, by column: as many as an edge has had, at equal steps.
 
-    Time steps to the duration of the test, or to the longest test so far; any other factor that changes within an edge
-    steps over its range.
+    Time steps to the duration of the test, or to the longest test so far; where the plan sets it, it is no longer than
+    that duration. Any other factor that changes within an edge steps over its range.
     """
     m = 1 if law.edge is None else max(int(np.median(np.unique(law.edge, return_counts=True)[1])), 1)
     share = np.arange(1, m + 1) / m
@@ -208,10 +207,12 @@ def expected_readings(
     tests: list[dict[str, list[Any]]] = [
         {**{name: [plan[name].iloc[i]] * m for name in between}, **steps} for i in range(len(plan))
     ]
-    if "t" in within:
-        ends = np.full(len(plan), within["t"][1]) if durations is None else round_significant(durations(plan), 2)
-        for test, end in zip(tests, ends, strict=True):
-            test["t"] = (share * end).tolist()
+    if "t" not in law.factors:
+        return tests
+    longest = np.full(len(plan), law.domain["t"][1]) if "t" in within else plan["t"].to_numpy(dtype=float)
+    ends = longest if durations is None else durations(plan) if "t" in within else np.minimum(durations(plan), longest)
+    for test, end in zip(tests, ends.tolist(), strict=True):
+        test["t"] = (share * end).tolist() if "t" in within else [end] * m
     return tests
 
 

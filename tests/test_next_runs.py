@@ -197,10 +197,10 @@ def test_the_command_gives_settings_of_a_milling_machine_and_minutes(tmp_path, c
 def test_the_command_gives_minutes_of_tests_for_the_law_as_a_whole(tmp_path, capsys):
     assert main(["next", str(datasets.bundled("gc435_709m40")), "--law", "AW", "--criterion", "0.15", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["notes"][0] == "plan: 4 more edges, 80 min in cut, for the law of AW; cut in the order of run."
+    assert found["notes"][0] == "plan: 4 more edges, 27.8 min in cut, for the law of AW; cut in the order of run."
     assert "expected after 4 more tests" in found["notes"][1]  # what it gains comes before how it was chosen
     assert [note.startswith("Statistics: ") and "D-optimal" in note for note in found["notes"]].index(True) > 2
-    assert [row["t"] for row in found["rows"]] == [20.0] * 4  # the longest so far
+    assert sorted(row["t"] for row in found["rows"]) == [1.3, 2.7, 3.8, 20.0]  # lives, at most the longest so far
     assert found["units"]["t"] == "min"
 
 
@@ -299,3 +299,35 @@ def test_factors_against_each_other_are_separated_by_lighter_cuts(tmp_path, caps
     rows, notes = planned(capsys, tmp_path / "a.csv")
     assert "V, f varied together" in notes
     assert (rows["V"] * rows["f"] <= 1.05 * (frame["V [m/min]"] * frame["f [mm/rev]"]).max()).all()
+
+
+def test_edges_are_planned_until_the_criterion_and_no_longer_than_asked(tmp_path, capsys):
+    """Wear of a known law, cut far past the criterion: the life at each setting is that of the law."""
+    rng = np.random.default_rng(4)
+    rows = []
+    for i, V in enumerate(np.repeat([100.0, 150.0, 220.0], 3)):
+        level = np.exp(rng.normal(0, 0.05))
+        wear = [9.5e-6 * V**1.8 * t**0.6 * level * np.exp(rng.normal(0, 0.02)) for t in (5, 15, 30, 60)]
+        rows += [(f"E{i}", V, t, VB, 900 * V**-0.1) for t, VB in zip((5, 15, 30, 60), wear, strict=True)]
+    names = ["edge", "V [m/min]", "t [min]", "VB [mm]", "Fc [N]"]
+    frame = pd.DataFrame(rows, columns=names)
+    frame["Fc [N]"] *= np.exp(rng.normal(0, 0.02, len(frame)))
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    life = fit.tool_life(fit.default_laws(datasets.read_runs(tmp_path / "a.csv"))[0][0])
+    for options in ([], ["--law", "Fc"], ["--longest", "10"]):
+        rows, notes = planned(capsys, tmp_path / "a.csv", *options)
+        expected = [min(life.values(V=V), 10.0 if options[:1] == ["--longest"] else 60.0) for V in rows["V"]]
+        np.testing.assert_allclose(rows["t"], expected, rtol=0.05)
+        assert rows["t"].min() < 30
+        assert "until the wear criterion by the law of VB, at most" in notes
+
+
+def test_rows_with_a_time_of_their_own_end_at_the_criterion_too():
+    """Without edges the time is a setting of each test."""
+    V, t = np.linspace(50.0, 160.0, 12), np.array([9.0, 4, 2, 7, 3, 8, 6, 2, 5, 2, 9, 4])
+    wear = 0.01 * V**0.5 * t**0.4 * np.exp(np.random.default_rng(1).normal(0, 0.05, len(V)))
+    law = fit.power_law(datasets.runs_from_frame(pd.DataFrame({"V": V, "t": t, "AW": wear})), "AW", ["V", "t"])
+    assert law.edge is None
+    assert next_runs(law, 4)["t"].max() > 7.0
+    plan = next_runs(law, 4, durations=lambda table: np.full(len(table), 7.0))
+    assert 0 < plan["t"].max() <= 7.0
