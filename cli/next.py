@@ -1,7 +1,6 @@
 """``fitmodels next``: further tests for the design of a file, as CSV with a run order, and what they narrow."""
 
 import argparse
-import shlex
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from ..datasets.vocabulary import FLANK_WEAR, USUAL_CRITERION
 from .arguments import Parser, seed
 from .numbers import criterion, values
-from .options import read, reading_options
+from .options import one_pair, reading_options
 from .output import output_options
 from .plan import write_table
 
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from ..fit.decisions import Decision
 
 TIMES_LONGER = 3.0  # longest of further tests over the longest so far, unless given
-MOST = 12  # pairs that are listed
 SET = 4  # digits of a setting of the machine
 DELTA = (
     "These intervals are by the delta method, in which tests add up; those of the first screen and of predict are by "
@@ -81,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     from ..fit.optimal_tests import narrowing
 
     _check(args)
-    runs = _one_pair(args)
+    runs = one_pair(args)
     law, wear = _law(runs, args)
     decision, why = _decision(law, args)
     left_out = _left_out(law, runs)
@@ -110,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
         within = None if args.within is None else args.within / 100
         notes += narrowing(law, decision, readings, within).words
     notes += [f"No interval of a decision: {why}"] if why else []
-    notes += _how_long(wear, longest, extrapolated, readings) if "t" in law.factors else []
+    notes += _how_long(wear, args, longest, extrapolated, plan, readings) if "t" in law.factors else []
     notes.append(f"Statistics: {statistics}")
     notes += [DELTA] if decision is not None and decision.name.startswith("tool life to") else []
     plan.attrs = {"units": {name: unit for name, unit in units.items() if unit}}
@@ -165,15 +163,13 @@ def _least(law: "LawFit", wear: "LawFit | None", args: argparse.Namespace, longe
 
 
 def _how_long(
-    wear: "LawFit | None", longest: float, extrapolated: bool, readings: "Sequence[Mapping[str, list[Any]]]"
-) -> list[str]:
+    wear: "LawFit | None", args: argparse.Namespace, longest: float, extrapolated: bool, plan: "pd.DataFrame",
+    readings: "Sequence[Mapping[str, list[Any]]]",
+) -> list[str]:  # fmt: skip
     """When the edges end and are measured; ``longest`` test in min."""
     notes = []
-    if extrapolated:
-        notes.append(
-            f"Tool life is extrapolated: these tests last until the criterion, at most {longest:.3g} min; they are at "
-            "the conditions of the decision, or where the law expects the criterion to be reached in this time."
-        )
+    if wear is not None and extrapolated:
+        notes.append(f"Tool life is extrapolated: {_until(wear, args, longest, plan)}")
     elif wear is not None and any(test["t"][-1] < longest for test in readings):
         notes.append(f"Tests last until the wear criterion by the law of {wear.response}, at most {longest:.3g} min.")
     notes.append("Stop an edge that reaches the wear criterion before its time.")
@@ -182,40 +178,22 @@ def _how_long(
     return notes
 
 
-def _one_pair(args: argparse.Namespace) -> "Runs":
-    """The tests of the pair that ``--tool`` and ``--work`` name; in a file of one pair these are names as elsewhere.
+def _until(wear: "LawFit", args: argparse.Namespace, longest: float, plan: "pd.DataFrame") -> str:
+    """How many tests of a plan for an extrapolated life reach the criterion by the law, and what lets more reach it."""
+    from ..fit.next_tests import candidate_settings
 
-    Raises
-    ------
-    UsageError
-        The file holds several pairs, and not exactly one of them is named: a law of all would be of none of them.
-    """
-    from ..core.errors import UsageError
-
-    several = tuple(read(args.file, argparse.Namespace(**{**vars(args), "tool": None, "work": None})).pairs())
-    if len(several) == 1 and (args.tool or args.work):
-        return read(args.file, argparse.Namespace(**{**vars(args), "quiet": True}))
-    found = [one for one in several if (args.tool or one.tool, args.work or one.work) == (one.tool, one.work)]
-    if len(found) == 1:
-        return found[0]
-    raise UsageError(_to_choose(args, several, found))
-
-
-def _options_of(runs: "Runs", several: "Sequence[Runs]") -> str:
-    """The options that name a pair of several."""
-    roles = [role for role in ("tool", "work") if len({getattr(one, role) for one in several}) > 1]
-    return " ".join(f"--{role} {shlex.quote(getattr(runs, role))}" for role in roles)
-
-
-def _to_choose(args: argparse.Namespace, several: "Sequence[Runs]", found: "Sequence[Runs]") -> str:
-    """The message on a file of several pairs, of which not exactly one is named."""
-    pairs = [_options_of(one, several) for one in found or several]
-    shown = "; ".join(pairs[:MOST]) + (f"; and {len(pairs) - MOST} more" if len(pairs) > MOST else "")
-    named = [f"{word} {name}" for word, name in (("tool", args.tool), ("work material", args.work)) if name]
-    asked = "" if found else f", none of them with {' and '.join(named)}"
+    count = int((_minutes(wear, args, plan, np.inf) <= longest).sum())
+    if count:
+        return (
+            f"these tests last until the criterion, at most {longest:.3g} min ({count} of {len(plan)} reach it by the "
+            "law); they are at the conditions of the decision, or where the law expects the criterion to be reached in "
+            "this time."
+        )
+    least = float(_minutes(wear, args, candidate_settings(wear), np.inf).min())
+    harder = "at higher speeds" if "V" in wear.factors else "at conditions of a shorter life"
     return (
-        f"{args.file} has tests of {len(several)} pairs of tool and work material{asked}, and each has laws of its "
-        f"own: name the one to plan for. {shown}."
+        f"by the law none of these tests reaches the criterion in the longest time, {longest:.3g} min; the shortest "
+        f"life in the tested region is {least:g} min. Test {harder}, or run edges longer: --longest {least:g}."
     )
 
 
@@ -352,19 +330,22 @@ def _longest(law: "LawFit", args: argparse.Namespace, extrapolated: bool) -> flo
 
 
 def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", longest: float) -> "pd.DataFrame | None":
-    """Settings at which the criterion is reached within the longest test, and those of the decision."""
+    """Settings at which the criterion is reached within the longest test, or next to it, and of the decision."""
     import pandas as pd
 
     from ..datasets.design import round_significant
-    from ..fit.next_tests import candidate_settings
+    from ..fit.next_tests import TWICE, candidate_settings
 
-    table = candidate_settings(law)
-    reached = table[_minutes(law, args, table, np.inf) <= longest]
+    table = candidate_settings(law).drop_duplicates()
+    lives = _minutes(law, args, table, np.inf)
+    count = int((lives <= longest).sum())
+    needed = -(-args.runs // TWICE) - bool(count)  # besides the setting of the decision, each at most twice
+    shortest = table.iloc[np.argsort(lives)[: max(count, needed)]]
     conditions = dict(decision.at)
     if not set(table.columns.astype(str)) <= set(conditions):  # rows without edges, each with a time of its own
         return None
     own = {name: round_significant(conditions[name], 4) for name in table.columns.astype(str)}
-    return pd.concat([pd.DataFrame([own], dtype=float), reached], ignore_index=True)
+    return pd.concat([pd.DataFrame([own], dtype=float), shortest], ignore_index=True)
 
 
 def _minutes(

@@ -1,6 +1,8 @@
 """Options shared by the commands that read or fit tests, and the analysis options made of them."""
 
 import argparse
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
     from ..datasets import Runs
     from ..parameters import ParameterFile
     from ..pipeline import FitOptions
+
+MOST = 12  # pairs that are listed
 
 
 def reading_options(parser: Parser) -> None:
@@ -267,3 +271,38 @@ def further(words: list[str] | None, pf: "ParameterFile") -> dict[str, float]:
             raise UsageError(f"--at {name}: no law has this factor; they have {', '.join(sorted(units))}.")
         found[name] = measured(text, units[name], f"--at {name}", f"{name}=80")
     return found
+
+
+def one_pair(args: argparse.Namespace) -> "Runs":
+    """The tests of the pair that ``--tool`` and ``--work`` name; in a file of one pair these are names as elsewhere.
+
+    Raises
+    ------
+    UsageError
+        The file holds several pairs, and not exactly one of them is named: a law of all would be of none of them.
+    """
+    several = tuple(read(args.file, argparse.Namespace(**{**vars(args), "tool": None, "work": None})).pairs())
+    if len(several) == 1 and (args.tool or args.work):
+        return read(args.file, argparse.Namespace(**{**vars(args), "quiet": True}))
+    found = [one for one in several if (args.tool or one.tool, args.work or one.work) == (one.tool, one.work)]
+    if len(found) == 1:
+        return found[0]
+    raise UsageError(_to_choose(args, several, found))
+
+
+def _options_of(runs: "Runs", several: "Sequence[Runs]") -> str:
+    """The options that name a pair of several."""
+    roles = [role for role in ("tool", "work") if len({getattr(one, role) for one in several}) > 1]
+    return " ".join(f"--{role} {shlex.quote(getattr(runs, role))}" for role in roles)
+
+
+def _to_choose(args: argparse.Namespace, several: "Sequence[Runs]", found: "Sequence[Runs]") -> str:
+    """The message on a file of several pairs, of which not exactly one is named."""
+    pairs = [_options_of(one, several) for one in found or several]
+    shown = "; ".join(pairs[:MOST]) + (f"; and {len(pairs) - MOST} more" if len(pairs) > MOST else "")
+    named = [f"{word} {name}" for word, name in (("tool", args.tool), ("work material", args.work)) if name]
+    asked = "" if found else f", none of them with {' and '.join(named)}"
+    return (
+        f"{args.file} has tests of {len(several)} pairs of tool and work material{asked}, and each has laws of its "
+        f"own: name the one to plan for. {shown}."
+    )

@@ -331,3 +331,23 @@ def test_rows_with_a_time_of_their_own_end_at_the_criterion_too():
     assert next_runs(law, 4)["t"].max() > 7.0
     plan = next_runs(law, 4, durations=lambda table: np.full(len(table), 7.0))
     assert 0 < plan["t"].max() <= 7.0
+
+
+def test_where_no_test_reaches_the_criterion_the_plan_is_whole_and_says_so(tmp_path, capsys):
+    """Edges of 3 min at a life of hours: three times as long reaches the criterion nowhere in the tested region."""
+    rng = np.random.default_rng(3)
+    rows = []
+    for i, (V, f) in enumerate([(60, 0.1), (60, 0.2), (90, 0.1), (90, 0.2), (75, 0.14), (75, 0.14)]):
+        level = np.exp(rng.normal(0, 0.05))
+        rows += [(f"E{i}", V, f, t, 9e-6 * V**1.8 * f**0.3 * t**0.55 * level * np.exp(rng.normal(0, 0.02)))
+                 for t in (1, 2, 3)]  # fmt: skip
+    pd.DataFrame(rows, columns=["edge", "V [m/min]", "f [mm/rev]", "t [min]", "VB [mm]"]).to_csv(tmp_path / "a.csv")
+    rows, notes = planned(capsys, tmp_path / "a.csv")
+    assert len(rows) == 4
+    assert rows["t"].tolist() == [9.0] * 4
+    assert "by the law none of these tests reaches the criterion in the longest time, 9 min" in notes
+    assert "these tests last until the criterion" not in notes
+    advised = notes.partition("Test at higher speeds, or run edges longer: --longest ")[2].split(".")[0]
+    rows, notes = planned(capsys, tmp_path / "a.csv", "--longest", advised)
+    assert "reach it by the law" in notes
+    assert len(rows) == 4
