@@ -12,7 +12,7 @@ from .arguments import Parser, seed
 from .numbers import criterion, values
 from .options import one_pair, reading_options
 from .output import output_options
-from .plan import write_table
+from .plan import for_machine, same_in_all, write_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from ..fit.decisions import Decision
 
 TIMES_LONGER = 3.0  # longest of further tests over the longest so far, unless given
-SET = 4  # digits of a setting of the machine
 DELTA = (
     "These intervals are by the delta method, in which tests add up; those of the first screen and of predict are by "
     "the theorem of Fieller and reach higher where the exponent of time is uncertain: decide by those."
@@ -83,13 +82,14 @@ def run(args: argparse.Namespace) -> int:
     law, wear = _law(runs, args)
     decision, why = _decision(law, args)
     left_out = _left_out(law, runs)
-    together = varying_together(trials(law, left_out))
+    cut = trials(law, left_out)
+    together = varying_together(cut)
     separating = bool(together) and args.decision is None
     extrapolated = decision is not None and args.decision in (None, "life") and "times the longest" in decision.beyond
     extrapolated &= not separating
     longest = _longest(law, args, extrapolated)
-    candidates = _reaching(law, args, decision, longest) if decision is not None and extrapolated else None
-    direct = decision if args.decision is not None or extrapolated else None
+    candidates = _reaching(law, args, decision, longest) if cut.names and decision and extrapolated else None
+    direct = decision if cut.names and (args.decision is not None or extrapolated) else None
     ends = partial(_minutes, wear, args, longest=longest, least=_least(law, wear, args, longest, separating))
     plan = next_runs(
         law, args.runs, candidates=candidates, decision=direct, durations=ends, longest=args.longest,
@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     minutes = f", {plan['t'].sum():.4g} min in cut" if "t" in plan else ""
     what = f"{len(plan)} more {'edges' if law.edge is not None else 'tests'}{minutes}"
     notes = [f"plan: {what}, for the law of {law.response}{of}; cut in the order of run."]
-    notes += _together(together, plan if separating else None)
+    notes += _together(together, plan if separating else None) + _constant(law, runs, bool(cut.names))
     if decision is not None:
         within = None if args.within is None else args.within / 100
         notes += narrowing(law, decision, readings, within).words
@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
     notes.append(f"Statistics: {statistics}")
     notes += [DELTA] if decision is not None and decision.name.startswith("tool life to") else []
     plan.attrs = {"units": {name: unit for name, unit in units.items() if unit}}
-    write_table(_for_machine(plan, runs), args, notes)
+    write_table(for_machine(plan, runs), args, notes)
     return 0
 
 
@@ -150,6 +150,22 @@ def _together(together: "Sequence[str]", plan: "pd.DataFrame | None") -> list[st
         "and removal rate are no larger than in a test; but begin with one short cut there."
     )
     return [f"{head}: these tests vary them independently.", *([outside] if len(new) else [])]
+
+
+def _constant(law: "LawFit", runs: "Runs", varied: bool) -> list[str]:
+    """Settings of the law that were the same in all tests; what to do where ``varied`` is False, since all were."""
+    names = [one.factor for one in law.left_out if not one.confounded and one.factor != "t"]
+    known = same_in_all(runs, names)
+    if not known:
+        return []
+    at = ", ".join(f"{name} {value:g} {runs.units.get(name, '')}".rstrip() for name, value in known.items())
+    if varied:
+        return [f"The same in all tests so far and in this plan, so that the law has no effect of it: {at}."]
+    ranges = " ".join(f"--range {name}=LOW:HIGH" for name in known)
+    return [
+        f"All tests so far are at one setting ({at}), which this plan repeats: it narrows the law at this setting "
+        f"alone. For a law of {', '.join(known)} give ranges: fitmodels plan {ranges}"
+    ]
 
 
 def _least(law: "LawFit", wear: "LawFit | None", args: argparse.Namespace, longest: float, separating: bool) -> float:
@@ -195,42 +211,6 @@ def _until(wear: "LawFit", args: argparse.Namespace, longest: float, plan: "pd.D
         f"by the law none of these tests reaches the criterion in the longest time, {longest:.3g} min; the shortest "
         f"life in the tested region is {least:g} min. Test {harder}, or run edges longer: --longest {least:g}."
     )
-
-
-def _constants(runs: "Runs") -> dict[str, float]:
-    """Constants of the process besides speed and feed that were the same in all tests."""
-    from ..datasets.planning import PROCESSES
-
-    process = PROCESSES.get(runs.process or "")
-    names = set(process.constants if process else ("Dc", "D", "z", "d", "ae")) - {"V", "n", "fz", "fm"}
-    given = {name: value for name, value in runs.constants.items() if name in names}
-    columns = {name: np.unique(runs.values(name)) for name in sorted(names) if name not in given and runs.has(name)}
-    same = {name: float(known[0]) for name, known in columns.items() if len(known) == 1 and np.isfinite(known[0])}
-    return given | same
-
-
-def _for_machine(plan: "pd.DataFrame", runs: "Runs") -> "pd.DataFrame":
-    """The plan with what was the same in all tests and, of a cutter, with feed per tooth, spindle speed, feed rate."""
-    from ..datasets.design import round_significant
-    from ..datasets.planning import machine_settings
-    from ..datasets.vocabulary import ROLES
-
-    units = dict(plan.attrs["units"])
-    if runs.process == "turning" or not ({"Dc", "D"} & (runs.constants.keys() | set(runs.data))):
-        return plan
-    if any(units.get(name) != ROLES[name].unit for name in ("V", "n", "f", "fz", "fm") if name in plan):
-        return plan
-    for name, value in _constants(runs).items():
-        if name not in plan:
-            plan[name], units[name] = value, runs.units.get(name, "") or ROLES[name].unit
-    if {"f", "z"} <= set(plan):
-        feed = round_significant(plan["f"].to_numpy(dtype=float) / plan["z"].to_numpy(dtype=float), SET)
-        plan.insert(list(plan).index("f"), "fz", feed)
-        plan = plan.drop(columns="f")
-    plan = plan.assign(**machine_settings(plan, runs.process))
-    units |= {name: ROLES[name].unit for name in ("n", "fz", "fm") if name in plan}
-    plan.attrs = {"units": {name: unit for name, unit in units.items() if unit not in ("", "1")}}
-    return plan
 
 
 def _law(runs: "Runs", args: argparse.Namespace) -> "tuple[LawFit, LawFit | None]":
@@ -338,9 +318,8 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
 
     table = candidate_settings(law).drop_duplicates()
     lives = _minutes(law, args, table, np.inf)
-    count = int((lives <= longest).sum())
-    needed = -(-args.runs // TWICE) - bool(count)  # besides the setting of the decision, each at most twice
-    shortest = table.iloc[np.argsort(lives)[: max(count, needed)]]
+    needed = max(-(-args.runs // TWICE) - bool((lives <= longest).any()), 1)  # besides that of the decision
+    shortest = table[lives <= max(longest, np.sort(lives)[min(needed, len(lives)) - 1])]
     conditions = dict(decision.at)
     if not set(table.columns.astype(str)) <= set(conditions):  # rows without edges, each with a time of its own
         return None

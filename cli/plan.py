@@ -3,8 +3,11 @@
 import argparse
 import json
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
+
+import numpy as np
 
 from .arguments import Parser, seed
 from .numbers import constants, pairs, ranges
@@ -12,6 +15,12 @@ from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from ..datasets import Runs
+
+SET = (("V", "n"), ("f", "fz", "fm"), ("d",), ("ae",))  # settings of a machine; of each group one is enough
+DIGITS = 4  # of a setting
+HARDLY = 0.01  # range over the median of a setting that counts as the same in all tests
 
 
 def parser() -> Parser:
@@ -177,3 +186,54 @@ def target(out: str | None, force: bool, *inputs: str) -> Path | TextIO:
     if path.exists() and not force:
         raise UsageError(f"{out} exists; replace it with --force, or choose another name.")
     return path
+
+
+def same_in_all(runs: "Runs", names: Iterable[str]) -> dict[str, float]:
+    """Values of those of these settings that were the same in all tests, within 1 %, or given for the file."""
+    from ..datasets.design import round_significant
+
+    out = {}
+    for name in names:
+        x = runs.values(name) if runs.has(name) else np.array([])
+        x = x[np.isfinite(x)]
+        if name in runs.constants:
+            out[name] = runs.constants[name]
+        elif len(x) and np.ptp(x) <= HARDLY * abs(np.median(x)):
+            out[name] = float(round_significant(np.median(x), DIGITS))
+    return out
+
+
+def _constants(plan: "pd.DataFrame", runs: "Runs", cutter: bool) -> dict[str, float]:
+    """Settings that a plan lacks and that were the same in all tests; of a cutter with its diameter and teeth."""
+    from ..datasets.planning import PROCESSES
+
+    process = PROCESSES.get(runs.process or "")
+    of_tool = [name for name in ("Dc", "D", "z") if process is None or name in process.constants] if cutter else []
+    groups = (*SET, *((name,) for name in of_tool))
+    found = (same_in_all(runs, group) for group in groups if not set(group) & set(plan))
+    return dict(next(iter(same.items())) for same in found if same)
+
+
+def for_machine(plan: "pd.DataFrame", runs: "Runs") -> "pd.DataFrame":
+    """The plan with settings and words (coolant) that were the same in all tests; of a cutter with fz, n and fm."""
+    from ..datasets.design import round_significant
+    from ..datasets.planning import machine_settings
+    from ..datasets.vocabulary import ROLES
+
+    units = dict(plan.attrs["units"])
+    cutter = runs.process != "turning" and bool({"Dc", "D"} & (runs.constants.keys() | set(runs.data)))
+    for name, value in _constants(plan, runs, cutter).items():
+        plan[name], units[name] = value, runs.units.get(name, "") or ROLES[name].unit
+    words = {str(name): runs.data[name].unique() for name in runs.data if name not in (*ROLES, *plan)}
+    plan = plan.assign(**{name: x[0] for name, x in words.items() if len(x) == 1 and isinstance(x[0], str)})
+    settings = [name for group in SET for name in group if name in plan]
+    plan = plan[[*plan.columns[:3], *settings, *(name for name in plan.columns[3:] if name not in settings)]]
+    if cutter and all(units.get(name) == ROLES[name].unit for name in ("V", "n", "f", "fz", "fm") if name in plan):
+        if {"f", "z"} <= set(plan):
+            feed = round_significant(plan["f"].to_numpy(dtype=float) / plan["z"].to_numpy(dtype=float), DIGITS)
+            plan.insert(list(plan).index("f"), "fz", feed)
+            plan = plan.drop(columns="f")
+        plan = plan.assign(**machine_settings(plan, runs.process))
+        units |= {name: ROLES[name].unit for name in ("n", "fz", "fm") if name in plan}
+    plan.attrs = {"units": {name: unit for name, unit in units.items() if unit not in ("", "1")}}
+    return plan

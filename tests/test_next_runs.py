@@ -351,3 +351,21 @@ def test_where_no_test_reaches_the_criterion_the_plan_is_whole_and_says_so(tmp_p
     rows, notes = planned(capsys, tmp_path / "a.csv", "--longest", advised)
     assert "reach it by the law" in notes
     assert len(rows) == 4
+
+
+def test_settings_that_were_the_same_in_all_tests_are_in_the_plan(tmp_path, capsys):
+    """A law has no factor that was constant; a plan without it cannot be cut."""
+    frame = together().assign(coolant="flood")
+    frame["V [m/min]"] = 150
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    rows, notes = planned(capsys, tmp_path / "a.csv")
+    assert [*rows][:6] == ["run", "edge", "point", "V", "f", "d"]
+    assert {*rows["V"]} == {150}
+    assert {*rows["d"]} == {1.6}
+    assert {*rows["coolant"]} == {"flood"}
+    assert "no effect of it: V 150 m/min, d 1.6 mm" in notes
+    frame.assign(**{"f [mm/rev]": 0.2}).to_csv(tmp_path / "b.csv", index=False)
+    rows, notes = planned(capsys, tmp_path / "b.csv")
+    assert rows[["V", "f", "d"]].drop_duplicates().to_numpy().tolist() == [[150, 0.2, 1.6]]
+    assert len(rows) == 4
+    assert "fitmodels plan --range V=LOW:HIGH --range f=LOW:HIGH --range d=LOW:HIGH" in notes
