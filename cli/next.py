@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..fit.decisions import Decision
 
 TIMES_LONGER = 3.0  # longest of further tests over the longest so far, unless given
+WRONG = ("collinearity", "longest lives", "copies", "sensor limit", "reading", "time restarts")  # no advice to stop
 DELTA = (
     "These intervals are by the delta method, in which tests add up; those of the first screen and of predict are by "
     "the theorem of Fieller and reach higher where the exponent of time is uncertain: decide by those."
@@ -79,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
 
     _check(args)
     runs = one_pair(args)
-    law, wear = _law(runs, args)
+    law, wear, laws = _law(runs, args)
     decision, why = _decision(law, args)
     left_out = _left_out(law, runs)
     cut = trials(law, left_out)
@@ -103,10 +104,12 @@ def run(args: argparse.Namespace) -> int:
     minutes = f", {plan['t'].sum():.4g} min in cut" if "t" in plan else ""
     what = f"{len(plan)} more {'edges' if law.edge is not None else 'tests'}{minutes}"
     notes = [f"plan: {what}, for the law of {law.response}{of}; cut in the order of run."]
+    of_law, unsound = _rests_on(law, runs, laws)
+    notes += of_law
     notes += _together(together, plan if separating else None) + _constant(law, runs, bool(cut.names))
     if decision is not None:
         within = None if args.within is None else args.within / 100
-        notes += narrowing(law, decision, readings, within).words
+        notes += narrowing(law, decision, readings, within, unsound).words
     notes += [f"No interval of a decision: {why}"] if why else []
     notes += _how_long(wear, args, longest, extrapolated, plan, readings) if "t" in law.factors else []
     notes.append(f"Statistics: {statistics}")
@@ -150,6 +153,33 @@ def _together(together: "Sequence[str]", plan: "pd.DataFrame | None") -> list[st
         "and removal rate are no larger than in a test; but begin with one short cut there."
     )
     return [f"{head}: these tests vary them independently.", *([outside] if len(new) else [])]
+
+
+def _rests_on(law: "LawFit", runs: "Runs", laws: int) -> tuple[list[str], str]:
+    """The verdict on the law that a plan rests on; and why it gives no advice to stop, empty where it may.
+
+    A law that must not be used gives none, nor one of factors that vary together or of rows that may be wrong.
+    """
+    from ..core.verdict import DO_NOT_USE
+    from ..fit import judge
+    from ..fit.checks.check import Check
+
+    judged = judge(law, runs=runs, laws=laws)
+    verdict = judged.verdict
+    found = {name: check for name, check in judged.checks.items() if isinstance(check, Check) and check.concern}
+    if not verdict.level:
+        return [], ""
+    from ..cards.content.verdicts import SHORT  # half of the time of this command
+
+    order = sorted(found, key=lambda name: -found[name].concern)
+    short = ("few edges" if found[name].verdict.startswith("Only") else SHORT.get(name, name) for name in order)
+    findings = ", ".join(dict.fromkeys(short))
+    notes = [f"This plan rests on the law of {law.response}: {verdict.words}{f' ({findings})' if findings else ''}."]
+    if "unused columns" in found:
+        notes.append(f"A column that the plan does not set: {found['unused columns'].verdict}")
+    wrong = [check.verdict for name, check in found.items() if check.suspects or name in WRONG]
+    why = verdict.reasons[0] if verdict.level == DO_NOT_USE else wrong[0] if wrong else ""
+    return notes, f"No advice on when to stop, since the law is in doubt. {why}" if why else ""
 
 
 def _constant(law: "LawFit", runs: "Runs", varied: bool) -> list[str]:
@@ -213,8 +243,8 @@ def _until(wear: "LawFit", args: argparse.Namespace, longest: float, plan: "pd.D
     )
 
 
-def _law(runs: "Runs", args: argparse.Namespace) -> "tuple[LawFit, LawFit | None]":
-    """The law asked for by its response, its text or a limit, else the first; and the law of wear that gives lives."""
+def _law(runs: "Runs", args: argparse.Namespace) -> "tuple[LawFit, LawFit | None, int]":
+    """The law asked for by its response, text or limit, else the first; that of wear for lives; the number of all."""
     from ..core.errors import FitError, UsageError
     from ..fit import default_laws
 
@@ -223,7 +253,7 @@ def _law(runs: "Runs", args: argparse.Namespace) -> "tuple[LawFit, LawFit | None
     chosen = [law for law in laws if name in ("", law.response)]
     if chosen:
         of_wear = (law for law in (chosen[0], *laws) if law.response in FLANK_WEAR and "t" in law.factors)
-        return chosen[0], next(of_wear, None)
+        return chosen[0], next(of_wear, None), len(laws)
     known = ", ".join(law.response for law in laws)
     if known:
         asked = f"--law {name}" if args.law else f"--decision {args.decision}"
@@ -319,7 +349,7 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
     table = candidate_settings(law).drop_duplicates()
     lives = _minutes(law, args, table, np.inf)
     needed = max(-(-args.runs // TWICE) - bool((lives <= longest).any()), 1)  # besides that of the decision
-    shortest = table[lives <= max(longest, np.sort(lives)[min(needed, len(lives)) - 1])]
+    shortest: pd.DataFrame = table.loc[lives <= max(longest, np.sort(lives)[min(needed, len(lives)) - 1])]
     conditions = dict(decision.at)
     if not set(table.columns.astype(str)) <= set(conditions):  # rows without edges, each with a time of its own
         return None

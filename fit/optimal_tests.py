@@ -60,6 +60,10 @@ class Narrowing(Displayable):
         where 1000 are too few.
     reached : int or None
         Tests like these after which the interval of the law is as narrow as asked for; None: not asked, or never.
+    within : float or None
+        Half width asked for, as a share.
+    unsound : str
+        Why there is no advice to stop, empty where there is.
     """
 
     decision: Decision
@@ -71,6 +75,7 @@ class Narrowing(Displayable):
     enough: int | None
     reached: int | None
     within: float | None
+    unsound: str = ""
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -89,6 +94,13 @@ class Narrowing(Displayable):
         return (*out, *self._stop())
 
     def _stop(self) -> list[str]:
+        out = [self.unsound] if self.unsound else [*self._when_within(), *self._when_enough()]
+        if self.decision.beyond:
+            out.append(f"Do not stop before tests have covered what is extrapolated. {self.decision.beyond}")
+        return out
+
+    def _when_within(self) -> list[str]:
+        """When the interval of the law is as narrow as asked for."""
         out = []
         if self.within is not None:
             asked = f"an interval of the law within ±{100 * self.within:.3g} %"
@@ -97,7 +109,11 @@ class Narrowing(Displayable):
                 else f"Stop after about {_tests(self.reached)} like these: then {asked} is expected." if self.reached
                 else f"{asked[0].upper()}{asked[1:]} is not reached with {MOST_MORE} tests like these."
             )  # fmt: skip
-        beyond = self.decision.beyond
+        return out
+
+    def _when_enough(self) -> list[str]:
+        """When further tests hardly narrow the interval of a new edge."""
+        out, beyond = [], self.decision.beyond
         rest = f"the interval of one new edge is at most {100 * ENOUGH:.0f} % wider than with a law known exactly"
         if self.enough == 0:
             head = "Tests like these do not pay" if beyond else "Stop"
@@ -111,12 +127,12 @@ class Narrowing(Displayable):
             out.append(f"After about {_tests(self.enough)} like these {rest}, if the law holds so far.")
         else:
             out.append(f"Stop after about {_tests(self.enough)} like these: then {rest}.")
-        if beyond:
-            out.append(f"Do not stop before tests have covered what is extrapolated. {beyond}")
         return out
 
 
-def narrowing(law: LawFit, decision: Decision, tests: Sequence[Points], within: float | None = None) -> Narrowing:
+def narrowing(
+    law: LawFit, decision: Decision, tests: Sequence[Points], within: float | None = None, unsound: str = ""
+) -> Narrowing:
     """Interval of a decision now, and expected after further tests.
 
     Parameters
@@ -127,6 +143,8 @@ def narrowing(law: LawFit, decision: Decision, tests: Sequence[Points], within: 
         One for each further test: its readings, a column for each factor (and the category).
     within : float, optional
         Half width asked for, as a share: 0.15 for ±15 %.
+    unsound : str
+        Why the law allows no advice to stop; empty where it does.
     """
     from scipy.special import stdtrit
 
@@ -163,7 +181,7 @@ def narrowing(law: LawFit, decision: Decision, tests: Sequence[Points], within: 
         decision, _interval(decision.value, half), _interval(decision.value, less),
         _interval(decision.value, half_edge), _interval(decision.value, less_edge), len(tests),
         first(lambda n: expected(n / len(tests))[0] <= wide * decision.edge_sd**2),
-        None if within is None else first(lambda n: after(n)[0] <= log(1 + within)), within,
+        None if within is None else first(lambda n: after(n)[0] <= log(1 + within)), within, unsound,
     )  # fmt: skip
 
 

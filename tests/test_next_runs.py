@@ -369,3 +369,21 @@ def test_settings_that_were_the_same_in_all_tests_are_in_the_plan(tmp_path, caps
     assert rows[["V", "f", "d"]].drop_duplicates().to_numpy().tolist() == [[150, 0.2, 1.6]]
     assert len(rows) == 4
     assert "fitmodels plan --range V=LOW:HIGH --range f=LOW:HIGH --range d=LOW:HIGH" in notes
+
+
+def test_a_plan_names_the_verdict_on_its_law_and_gives_no_advice_to_stop_on_wrong_rows(tmp_path, capsys):
+    """Thirteen of thirty lives are exactly 30 min, as if tests had ended there: no law of them says when to stop."""
+    rng = np.random.default_rng(3)
+    V, f, d = (x.ravel() for x in np.meshgrid([140.0, 180, 230], [0.12, 0.2, 0.3], [1.0, 2.0]))
+    life = 3.2e7 * V**-2.9 * f**-0.6 * d**-0.3 * np.exp(rng.normal(0, 0.12, len(V)))
+    table = pd.DataFrame({"Vc [m/min]": V, "f [mm/rev]": f, "ap [mm]": d, "T [min]": life.round(1)})
+    table.to_csv(tmp_path / "sound.csv", index=False)
+    assert "This plan rests" not in planned(capsys, tmp_path / "sound.csv")[1]
+    table["T [min]"] = table["T [min]"].clip(upper=30)
+    table.to_csv(tmp_path / "a.csv", index=False)
+    notes = planned(capsys, tmp_path / "a.csv")[1]
+    assert "This plan rests on the law of T: usable with reservations" in notes
+    assert "run-outs not marked" in notes
+    assert "No advice on when to stop, since the law is in doubt." in notes
+    assert "Stop:" not in notes
+    assert "Stop after" not in notes
