@@ -15,7 +15,7 @@ from .output import output_options
 from .plan import for_machine, same_in_all, write_table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     import pandas as pd
 
@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     notes = [f"plan: {what}, for the law of {law.response}{of}; cut in the order of run."]
     of_law, unsound = _rests_on(law, runs, laws)
     notes += of_law
-    notes += _together(together, plan if separating else None) + _constant(law, runs, bool(cut.names))
+    notes += _together(together, left_out, plan if separating else None) + _constant(law, runs, bool(cut.names))
     if decision is not None:
         within = None if args.within is None else args.within / 100
         notes += narrowing(law, decision, readings, within, unsound).words
@@ -137,7 +137,7 @@ def _left_out(law: "LawFit", runs: "Runs") -> dict[str, NDArray[np.float64]]:
     return {name: x for name, x in found.items() if not changes_within(x[:, None], edge)[0]}
 
 
-def _together(together: "Sequence[str]", plan: "pd.DataFrame | None") -> list[str]:
+def _together(together: "Sequence[str]", left_out: "Iterable[str]", plan: "pd.DataFrame | None") -> list[str]:
     """What a plan does about factors that varied together, and which of its tests are of a new combination.
 
     ``plan`` is None where another decision was asked for.
@@ -146,7 +146,11 @@ def _together(together: "Sequence[str]", plan: "pd.DataFrame | None") -> list[st
         return []
     head = f"{', '.join(together)} varied together in the tests so far, so that their exponents cannot be separated"
     if plan is None:
-        return [f"{head}, nor by this plan: without --decision the tests separate them."]
+        missing = ", ".join(left_out)
+        followed = (
+            f" It does not set {missing}: set it as in the tests, where it followed the others." if missing else ""
+        )
+        return [f"{head}, nor by this plan: without --decision the tests separate them.{followed}"]
     new = plan.loc[plan["point"] == "new", "edge"]
     outside = (
         f"Outside of the tested combinations: {', '.join(new)}. Each value lies in its tested range, and chip section "
@@ -184,7 +188,9 @@ def _rests_on(law: "LawFit", runs: "Runs", laws: int) -> tuple[list[str], str]:
 
 def _constant(law: "LawFit", runs: "Runs", varied: bool) -> list[str]:
     """Settings of the law that were the same in all tests; what to do where ``varied`` is False, since all were."""
-    names = [one.factor for one in law.left_out if not one.confounded and one.factor != "t"]
+    from ..fit.region import SETTABLE
+
+    names = [one.factor for one in law.left_out if not one.confounded and one.factor in SETTABLE]
     known = same_in_all(runs, names)
     if not known:
         return []

@@ -289,6 +289,7 @@ def test_a_depth_that_follows_the_feed_is_planned_though_the_law_left_it_out(tmp
     assert "without limit now" in notes
     assert np.corrcoef(np.log(rows["f"]), np.log(rows["d"]))[0, 1] < -0.9
     assert (rows["f"] * rows["d"] <= 0.9).all()  # the largest chip cut
+    assert "does not set d: set it as in the tests" in planned(capsys, tmp_path / "a.csv", "--decision", "Fc=900")[1]
 
 
 def test_factors_against_each_other_are_separated_by_lighter_cuts(tmp_path, capsys):
