@@ -72,7 +72,7 @@ def _completer(action: argparse.Action, commands: tuple[str, ...]) -> Callable[.
     if action.metavar == "COMMAND":
         return lambda **_: known_names()
     option = next(iter(action.option_strings), action.metavar)
-    words = WORDS.get(str(option))
+    words = WORDS.get(str(option).replace("--data-", "--"))
     return files if words is None else lambda parsed_args, **_: words(parsed_args)
 
 

@@ -1,18 +1,22 @@
 """``fitmodels confirm``: new runs compared with the prediction intervals of the laws of earlier ones."""
 
 import argparse
+import re
 from collections.abc import Collection
+from copy import copy
 from typing import TYPE_CHECKING
 
 from .arguments import Parser
 from .conditions import AGREE
 from .options import form_option, forms, law_option, read, reading_options
-from .output import complain, output_options, print_json, print_lines
+from .output import as_options, complain, output_options, print_json, print_lines
 
 if TYPE_CHECKING:
     from ..datasets import Runs
     from ..fit import LawFit
     from ..fit.defaults import Refused
+
+OF_DATA = "data_"  # before the name of a reading option of the earlier tests
 
 
 def parser() -> Parser:
@@ -21,8 +25,8 @@ def parser() -> Parser:
         "fitmodels confirm",
         "fitmodels confirm new.csv --data data.csv",
         "Fit the laws of DATA, and test whether the runs of NEW are inside their prediction intervals. Runs of\n"
-        "several tools or work materials are compared with the laws of the same ones. Exit code 5: a law does not\n"
-        "hold.",
+        "several tools or work materials are compared with the laws of the same ones. Options of reading are of NEW;\n"
+        "with --data- before their names, as --data-unit VB=um, of DATA. Exit code 5: a law does not hold.",
         main="--level --quiet --json --law --form --map --unit",
     )
     p.add_argument("file", metavar="NEW", help="table of new runs")
@@ -35,7 +39,49 @@ def parser() -> Parser:
     law_option(group)
     form_option(group)
     reading_options(p)
+    _options_of_data(p)
     return p
+
+
+def _options_of_data(p: Parser) -> None:
+    """Add the options of reading once more, for DATA: ``--data-unit`` for ``--unit``."""
+    of_new = p._action_groups[-1]
+    of_new.title, group = "reading of NEW", p.add_argument_group("reading of DATA")
+    for option in of_new._group_actions:
+        twin = copy(option)
+        twin.dest = OF_DATA + option.dest
+        twin.option_strings = [_of_data(name) for name in option.option_strings]
+        group._add_action(twin)
+
+
+def _of_data(text: str) -> str:
+    """A text with its options of reading as those of DATA.
+
+    >>> _of_data("is unusual: --unit t=s")
+    'is unusual: --data-unit t=s'
+    """
+    return re.sub(rf"(?<![\w-])--(?=({'|'.join(_reading())})(?![\w-]))", "--data-", as_options(text))
+
+
+def _reading() -> list[str]:
+    """Names of the options of reading, without the dashes."""
+    p = Parser("", "", "")
+    reading_options(p)
+    return [one.option_strings[0][2:] for one in p._action_groups[-1]._group_actions]
+
+
+def _read_data(args: argparse.Namespace) -> "Runs":
+    """The earlier tests, read with their own options, which doubts and errors name."""
+    from ..core.errors import FitmodelsError
+
+    own = {name.removeprefix(OF_DATA): value for name, value in vars(args).items() if name.startswith(OF_DATA)}
+    try:
+        runs = read(args.data, argparse.Namespace(**{**vars(args), **own, "quiet": True}))
+    except FitmodelsError as error:
+        raise type(error)(_of_data(str(error))) from None
+    for doubt in () if args.quiet else runs.doubts:
+        complain(f"doubt about {runs.source.name}: {_of_data(str(doubt))}")
+    return runs
 
 
 def run(args: argparse.Namespace) -> int:
@@ -44,8 +90,7 @@ def run(args: argparse.Namespace) -> int:
 
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level:g}: give a number between 0 and 1, for instance 0.95.")
-    named = argparse.Namespace(**{**vars(args), "tool": None, "work": None})  # these options name the new runs
-    old, new = read(args.data, named), read(args.file, args)
+    old, new = _read_data(args), read(args.file, args)
     known = tuple(old.pairs())
     parts = [(part, _same_pair(part, known, args)) for part in new.pairs()]
     verdicts: dict[str, str] = {}
@@ -78,7 +123,8 @@ def _laws(old: "Runs", args: argparse.Namespace) -> "tuple[tuple[LawFit, ...], t
     asked = FitOptions(laws=tuple(args.laws or ()), form=forms(args.form))
     laws, refused = fit.default_laws(old, laws=asked.laws, forms=asked.forms)
     if not laws:
-        raise FitError("; ".join(item.reason for item in refused) or f"{args.data} contains no law to confirm.")
+        reasons = "; ".join(item.reason for item in refused)
+        raise FitError(_of_data(reasons) or f"{args.data} contains no law to confirm.")
     return laws, refused
 
 
@@ -89,7 +135,7 @@ def _verdicts(new: "Runs", old: "Runs", args: argparse.Namespace) -> tuple[dict[
 
     laws, refused = _laws(old, args)
     verdicts: dict[str, str] = {}
-    untested, holds = {item.response: item.reason for item in refused}, True
+    untested, holds = {item.response: _of_data(item.reason) for item in refused}, True
     for law in laws:
         try:
             found = fit.confirm(law, new, args.level)

@@ -237,3 +237,27 @@ def test_one_new_edge_is_weak_evidence():
     assert found.holds
     assert "weak evidence: one new edge, test two or more" in found.verdict
     assert "weak evidence" not in confirm(law(), new()).verdict
+
+
+def test_options_of_reading_belong_to_one_of_the_two_files(tmp_path, capsys):
+    """Wear in um without a unit in the new file, seconds in that of the laws, an invalid test in each at its line."""
+    old, late = tmp_path / "old.csv", tmp_path / "late.csv"
+    first = frame(PLAN, 1).rename(columns={"AW": "AW [mm]"}).assign(t=lambda d: 60 * d["t"], remark="")
+    first.loc[[60, 61], "remark"] = "broken"
+    first.to_csv(old, index=False)
+    second = frame(SOME, 3).assign(AW=lambda d: 1000 * d["AW"], remark="")
+    second.loc[2, "remark"] = "broken"
+    second.to_csv(late, index=False)
+    assert main(["confirm", str(late), "--data", str(old), "--data-unit", "t=s"]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert ': --leave-out "lines 4"' in said
+    assert '--data-leave-out "lines 62-63"' in said, said
+    own = ["--unit", "AW=um", "--leave-out", "lines 4", "--data-unit", "t=s", "--data-leave-out", "lines 62,63"]
+    assert main(["confirm", str(late), "--data", str(old), *own]) == 0
+    done = capsys.readouterr()
+    assert done.err == ""
+    assert "of 23 rows" in done.out
+    assert main(["confirm", str(late), "--data", str(old), "--unit", "t=s"]) in (4, 5)  # the times of the new runs
+    assert "--data-unit t=s" in " ".join(capsys.readouterr().err.split())
+    assert main(["confirm", str(late), "--data", str(old), "--data-leave-out", "lines 900"]) == 2
+    assert "--data-leave-out lines 900: there is no row" in capsys.readouterr().err
