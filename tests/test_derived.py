@@ -547,3 +547,24 @@ def test_german_names_of_force_and_depth(tmp_path):
     path.write_text(peaks(["Spantiefe", "Hauptschnittkraft", "Rz"], scale=0.01), "utf-8")
     roles = {use.header: use.role for use in datasets.read_runs(path, units={"Fc": "kN"}).columns}
     assert (roles["Spantiefe"], roles["Hauptschnittkraft"]) == ("d", "Fc")
+
+
+@pytest.mark.parametrize("D", [[80.0] * 4, [80.0, 76, 72, 68]])
+def test_speed_and_spindle_speed_exchanged_are_named_with_the_options_that_exchange_them(D):
+    n = np.array([480.0, 640, 800, 990])
+    V = np.pi * np.array(D) * n / 1000
+    table = {"V [m/min]": n, "n [1/min]": V, "D [mm]": D, "f [mm/rev]": [0.2] * 4, "VB [mm]": [0.1, 0.15, 0.2, 0.25]}
+    (doubt,) = read(**table).doubts
+    assert "V and n may be exchanged" in doubt.sentence
+    assert doubt.unsettled
+    assert doubt.remedy == '--map "V=col2" --map "n=col1" --unit "V=m/min" --unit "n=1/min"'
+    mended = read((), {"map": {"V": "col2", "n": "col1"}, "units": {"V": "m/min", "n": "1/min"}}, **table)
+    assert mended.values("V") == pytest.approx(V)
+    assert mended.doubts == ()
+
+
+def test_a_diameter_that_is_not_that_of_the_cut_is_no_exchange():
+    """D 300 mm in place of 270 mm: V and n are nearly equal there, and the ratio is that of their exchange."""
+    n = np.array([100.0, 150, 200, 250])
+    (doubt,) = doubted(V=np.pi * 270 * n / 1000, n=n, D=[300.0] * 4, f=[0.2] * 4, VB=[0.1, 0.15, 0.2, 0.25])
+    assert "D is not the diameter at the cut" in doubt

@@ -1,7 +1,9 @@
 """Comparison of quantities that a file holds with those computed from its other columns."""
 
+import re
 from collections.abc import Collection, Iterable
 from dataclasses import replace
+from itertools import combinations
 from math import isfinite
 
 import numpy as np
@@ -26,6 +28,9 @@ TWICE = 2.0
 LEFT_OUT = ("MRR", "P", "D", "Dc", "z", "n", "fm")  # what a law misses least, first
 EVEN = 0.25  # relative spread of a ratio that one factor explains
 ALMOST = 0.02  # relative distance of a ratio from a known factor
+EXACT = 1.05  # largest ratio at which a rule agrees that shows an exchange of columns
+NEARLY_ALL = 0.9  # share of the rows in which it agrees then
+OTHER_DIAMETER = 2.5  # factor between the diameters of a workpiece that an even ratio may be due to
 
 
 def compare(draft: Draft, known: Known, peaks: Collection[str] = ()) -> None:
@@ -155,14 +160,37 @@ def _judged(draft: Draft, known: Known, rule: Rule) -> Doubt | None:
         return None  # of a process with another formula
     constant = spread[1] <= spread[0] * (1 + ALMOST)
     shown = _number(middle) if constant else f"{_number(spread[0])} to {_number(spread[1])}, median {_number(middle)}"
-    cause, remedy = _cause(draft, known, rule, middle, even=spread[1] <= spread[0] * (1 + EVEN))
+    even = spread[1] <= spread[0] * (1 + EVEN)
+    cause, remedy = _cause(draft, known, rule, middle, even)
+    another = high > EXACT or (even and 1 / OTHER_DIAMETER < middle < OTHER_DIAMETER)
+    swap = "" if another else _exchange(draft, known, rule)
+    if swap:
+        names = " and ".join(re.findall(r'"(\w+)=col', swap))
+        words, units = f"{names} may be exchanged, with which the rule would hold", "would agree" in cause
+        cause, remedy = (f"{cause}, or {words}: {swap}", "") if units else (words, swap)
     columns = tuple(role for role in (rule.role, *rule.inputs) if role in known.data)
     return Doubt(
         columns,
         f"{_header(draft, rule.role)} does not agree with {rule.formula} from {_others(draft, known, rule)}: "
         f"the ratio is {shown}{' in all rows' if constant else ''} (usual {low:g} to {high:g}); {cause}",
         remedy,
+        unsettled=bool(swap),
     )
+
+
+def _exchange(draft: Draft, known: Known, rule: Rule) -> str:
+    """Options that exchange the two columns with which a rule would hold; empty where there are none."""
+    uses = {use.role: use for use in draft.uses if use.role in (rule.role, *rule.inputs) and not use.converted}
+    found = []
+    for a, b in combinations(uses, 2):
+        then = ratios(replace(known, data={**known.data, a: known.data[b], b: known.data[a]}), rule)
+        if np.mean((then >= rule.agree[0]) & (then <= rule.agree[1])) > NEARLY_ALL:
+            found.append((a, b))
+    if len(found) != 1:
+        return ""
+    ((a, b),) = found
+    units = [f'--unit "{one}={ROLES[one].unit}"' for one, other in ((a, b), (b, a)) if uses[other].unit]
+    return " ".join([f'--map "{a}=col{uses[b].number}"', f'--map "{b}=col{uses[a].number}"', *units])
 
 
 def _odd_rows(draft: Draft, known: Known, rule: Rule, ratio: Array, off: NDArray[np.bool_]) -> Doubt:
