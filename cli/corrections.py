@@ -72,7 +72,7 @@ def _options(words: Sequence[str]) -> Iterator[tuple[tuple[str, str] | None, lis
         if name in BY_ROLE:
             yield (name, value.partition("=")[0].strip()), texts
         elif name in OF_ROWS:
-            yield (name, re.sub(r":\s*(\w+)\s*[*/+-][^:]*$", r":\1", value).strip()), texts
+            yield (name, re.sub(r":\s*(\w+)\s*[*/+=-][^:]*$", r":\1", value).strip()), texts
         else:
             yield ((name, "") if name in SINGLE else None), texts
 

@@ -46,7 +46,8 @@ def reading_options(parser: Parser) -> None:
     )
     group.add_argument(
         "--correct", action="append", metavar="E07:f*25.4",
-        help="correct a quantity of edges (E07,E11), of 'lines 12,14-16' or of all, by * / + or - (default: none)",
+        help="correct a quantity of edges (E07,E11), of 'lines 12,14-16' or of all, by * / + or -; all:t=cumulative "
+        "adds the times of sub-tests up (default: none)",
     )  # fmt: skip
     group.add_argument(
         "--leave-out", action="append", metavar="TARGET", help="edges or lines that are not used (default: none)"

@@ -18,6 +18,7 @@ from .derived.rules import apply, known_of
 from .draft import Draft
 from .edges.assignment import settle_edges
 from .edges.merged_cells import lines_text
+from .edges.rows import by_edge
 from .named_rows import Rows, RowsOf
 from .options import ReadOptions
 from .plausibility.judgement import settle_units
@@ -26,13 +27,18 @@ from .plausibility.ranges import plausible
 from .tables import Column
 from .vocabulary import ROLES
 
-_CHANGE = re.compile(r"\s*(?P<symbol>[A-Za-z]\w*)\s*(?P<sign>[*/+-])\s*(?P<number>-?[\d.]+(?:[eE][+-]?\d+)?)\s*")
+_CHANGE = re.compile(
+    r"\s*(?P<symbol>[A-Za-z]\w*)\s*(?:(?P<sign>[*/+-])\s*(?P<number>-?[\d.]+(?:[eE][+-]?\d+)?)|=\s*(?P<sum>cumulative))\s*"
+)
+ADDED_UP = ("t", "lc", "lf")  # quantities of which rows may hold the part of their sub-test or pass
 Step: TypeAlias = Literal["as written", "in its unit", "computed"]
 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
     """One operation on a quantity of some rows: ``E07,E11:f*25.4``, ``lines 12,14-16:t-5``, ``all:VB/1000``.
+
+    ``all:t=cumulative`` has the sign ``=`` and no number: the values of the rows of an edge are added up.
 
     >>> parse_correction("E07: f * 25.4")
     Correction(text='E07: f * 25.4', target='E07', symbol='f', sign='*', number=25.4)
@@ -49,8 +55,15 @@ class Correction:
         """Factor of the values, None for a sum."""
         return {"*": self.number, "/": 1 / self.number}.get(self.sign) if self.sign in "*/" else None
 
+    @property
+    def cumulative(self) -> bool:
+        """Whether the values of each edge are added up, in the order of the file."""
+        return self.sign == "="
+
     def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The corrected values."""
+        """The corrected values; for a cumulative correction those of one edge, none known after an empty cell."""
+        if self.cumulative:
+            return np.cumsum(values)
         if self.sign in "*/":
             return values * self.number if self.sign == "*" else values / self.number
         return values + (self.number if self.sign == "+" else -self.number)
@@ -67,11 +80,14 @@ def parse_correction(text: str) -> Correction:
     target, _, change = text.rpartition(":")
     target = target.strip()
     match = _CHANGE.fullmatch(change) if target else None
-    number = _number(match["number"]) if match else None
+    if match and match["sum"] and match["symbol"] in ADDED_UP:
+        return Correction(text.strip(), target, match["symbol"], "=", 0.0)
+    number = _number(match["number"] or "") if match else None
     if match is None or number is None:
         raise UsageError(
             f"--correct {text}: write TARGET:SYMBOL*NUMBER, or with / + -; the target is names of edges, lines or "
-            "all: 'E07,E11:f*25.4', 'lines 12,14-16:t-5', 'all:VB/1000'."
+            f"all: 'E07,E11:f*25.4', 'lines 12,14-16:t-5', 'all:VB/1000'. {', '.join(ADDED_UP)} of sub-tests are added "
+            "up within each edge by 'all:t=cumulative'."
         )
     reverses = number == -1 and match["sign"] == "*"
     if not (math.isfinite(number) and (number > 0 or reverses)) or (match["sign"] in "*/" and number == 1):
@@ -99,6 +115,8 @@ class Corrections:
         self._words: list[str] = []
         self._out: Rows = np.zeros(len(draft.lines), dtype=bool)
         self._edges: Values | None = None
+        self._groups: list[NDArray[np.intp]] = []  # rows of each edge that a column names
+        self._was: dict[str, NDArray[np.float64]] = {}  # values before they were added up
         self._rows_are_summed = False
         if options.correct or options.leave_out:
             self._find(_as_it_stands(draft, options, judge=judge))
@@ -107,10 +125,15 @@ class Corrections:
     def _find(self, trial: Draft) -> None:
         """Find the rows of each option in the file as it stands, and refuse what cannot be corrected."""
         self._edges = trial.data.get("edge")
-        self._rows_are_summed = any(one.equation.endswith(SUMMED) for one in trial.derived)
         rows = RowsOf(trial)
         self._given = [(one, rows.of(one.target, f"--correct {one.text}"))
                        for one in map(parse_correction, self._options.correct)]  # fmt: skip
+        self._rows_are_summed = any(one.equation.endswith(SUMMED) for one in trial.derived) or any(
+            one.cumulative for one, _ in self._given
+        )
+        if any(use.role == "edge" for use in trial.uses) and "edge" in trial.data:
+            edges = by_edge(trial)
+            self._groups = np.split(edges.order, edges.first[1:])
         self._check(trial)
         for target in self._options.leave_out:
             found = rows.of(target, f"--leave-out {target}")
@@ -125,13 +148,20 @@ class Corrections:
     def apply(self, draft: Draft, step: Step) -> None:
         """Apply the corrections of a step; the last one also computes what follows anew, and states all of them."""
         for one, rows in self._given:
-            if self._steps[one.text] == step:
+            if self._steps[one.text] == step and one.cumulative:
+                self._was[one.text] = np.array(draft.data[one.symbol], dtype=float)
+                draft.data[one.symbol] = _added_up(one, self._was[one.text], rows, self._groups)
+            elif self._steps[one.text] == step:
                 _apply(draft, one, rows, as_written=step == "as written" and one.symbol not in self._options.ranges)
         if step == "computed":
             _compute_anew(draft, self._options, {one.symbol for one, _ in self._given if self._steps[one.text] == step})
             for one, rows in self._given:
                 _refuse_impossible(draft, self._options, one, rows)
-            draft.assumed[:0] = [*(_sentence(draft, one, rows) for one, rows in self._given), *self._words]
+            was = self._was
+            draft.assumed[:0] = [
+                *(_sentence(draft, one, rows, was.get(one.text)) for one, rows in self._given),
+                *self._words,
+            ]
         self._leave_out(draft, step)
 
     def _leave_out(self, draft: Draft, step: Step) -> None:
@@ -155,6 +185,8 @@ class Corrections:
         for one, rows in self._given:
             if one.symbol not in known:
                 raise UsageError(f"--correct {one.text}: {_no_such(trial, one.symbol, known)}")
+            if one.cumulative:
+                _refuse_sums(trial, one, rows, self._groups)
             twice = rows & taken.get(one.symbol, False)
             if twice.any():
                 raise UsageError(
@@ -218,6 +250,28 @@ def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> No
         )
 
 
+def _added_up(
+    one: Correction, values: NDArray[np.float64], rows: Rows, groups: Sequence[NDArray[np.intp]]
+) -> NDArray[np.float64]:
+    """Values of the edges of some rows added up within each, in the order of the file."""
+    new = values.copy()
+    for group in groups:
+        if rows[group].all():
+            new[group] = one.apply(values[group])
+    return new
+
+
+def _refuse_sums(trial: Draft, one: Correction, rows: Rows, groups: Sequence[NDArray[np.intp]]) -> None:
+    """Refuse to add up what is a sum already, or rows that are not whole edges of a column of the file."""
+    head = f"--correct {one.text}: "
+    if any(found.role == one.symbol and found.equation.endswith(SUMMED) for found in trial.derived):
+        raise UsageError(f"{head}{one.symbol} is a sum along the edge already; leave the correction out.")
+    if not groups:
+        raise UsageError(f"{head}no column names the cutting edges; name it with --edge COLUMN.")
+    if any(rows[group].any() and not rows[group].all() for group in groups):
+        raise UsageError(f"{head}some rows of an edge cannot be added up; name whole edges, or all.")
+
+
 def _refuse_negative(
     draft: Draft, one: Correction, rows: Rows, old: NDArray[np.float64], new: NDArray[np.float64]
 ) -> None:
@@ -249,7 +303,7 @@ def _refuse_impossible(draft: Draft, options: ReadOptions, one: Correction, rows
     unit = ROLES[one.symbol].unit
     beyond = rows & (np.abs(new) > ranges.hard[1])
     for column, use in zip(draft.columns, draft.uses, strict=True):
-        if use.role == one.symbol and column.is_numeric and not beyond.any():
+        if use.role == one.symbol and column.is_numeric and not (beyond.any() or one.cumulative):
             new = np.where(np.isfinite(new), new, np.asarray(column.values, dtype=float))  # as written: left out
             beyond = rows & np.isnan(np.asarray(draft.data[one.symbol], dtype=float)) & np.isfinite(new)
             unit = use.unit
@@ -283,10 +337,11 @@ def _compute_anew(draft: Draft, options: ReadOptions, corrected: set[str]) -> No
     apply(known, {}, [one.equation for one in affected])
 
 
-def _sentence(draft: Draft, one: Correction, rows: Rows) -> str:
-    """Changes by a correction, with old and new values."""
+def _sentence(draft: Draft, one: Correction, rows: Rows, was: NDArray[np.float64] | None) -> str:
+    """Changes by a correction, with old and new values; ``was`` are the values that were added up."""
     new = np.asarray(draft.data[one.symbol], dtype=float)[rows]
     old = new / one.factor if one.factor is not None else new - (one.apply(np.zeros(1))[0])
+    old = old if was is None else was[rows]
     n, unit = int(rows.sum()), ROLES[one.symbol].unit
     return (
         f"corrected as asked, --correct {one.text}: {one.symbol} of {n} row{'s' * (n != 1)} "

@@ -29,7 +29,8 @@ class ReadOptions(Displayable):
         Values of quantities that are constant and not in the file (``{"D": 80, "z": 4}``), in the unit of the role.
     correct : tuple of str
         Corrections of values, ``TARGET:SYMBOL*NUMBER`` or with ``/ + -``; the target is names of edges (``E07,E11``),
-        ``lines 12,14-16`` or ``all``.
+        ``lines 12,14-16`` or ``all``. ``all:t=cumulative`` adds times (or lengths of cut) of sub-tests up within each
+        edge, in the order of the file.
     leave_out : tuple of str
         Edges or lines that are left out.
     tool, work : str or None

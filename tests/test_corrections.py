@@ -58,6 +58,35 @@ def test_an_offset_is_in_the_unit_of_the_quantity(sound, read):
     np.testing.assert_allclose(runs.values("t"), read(sound).values("t"), atol=1e-9)
 
 
+def sub_tests(frame):
+    return frame.assign(**{TIME: frame.groupby("edge")[TIME].diff().fillna(frame[TIME])})
+
+
+def test_times_of_sub_tests_are_added_up_within_each_edge(sound, read):
+    apart = sub_tests(sound)
+    truth = read(sound)
+    runs = read(apart, correct=("all:t=cumulative",))
+    np.testing.assert_allclose(runs.values("t"), truth.values("t"), atol=1e-9)
+    assert runs.doubts == truth.doubts
+    assert "t of 239 rows (lines 2, 3, 4, 5, 6 and 234 more) was 2, is 2 to 20 min" in runs.assumed[0]
+    some = read(apart, correct=("E07,E11:t=cumulative",))
+    here = some.data["edge"].isin(["E07", "E11"])
+    np.testing.assert_allclose(some.values("t")[here], truth.values("t")[here], atol=1e-9)
+    assert set(some.values("t")[~here]) == {2.0}
+    less = read(apart, correct=("all:t=cumulative",), leave_out=("lines 3",))
+    np.testing.assert_allclose(less.values("t"), np.delete(truth.values("t"), 1), atol=1e-9)
+
+
+def test_a_row_without_a_time_leaves_the_sum_unknown_from_there_on(sound, read):
+    apart = sub_tests(sound)
+    edge = apart["edge"][2]
+    apart.loc[2, TIME] = np.nan
+    runs = read(apart, correct=("all:t=cumulative",))
+    t = runs.values("t")[runs.data["edge"] == edge]
+    assert np.isfinite(t[:2]).all()
+    assert np.isnan(t[2:]).all()
+
+
 def test_values_that_are_left_out_as_impossible_can_be_corrected(sound, read):
     wrong = sound.assign(**{FEED: sound[FEED].where(sound.index != 4, sound[FEED] * 1000)})
     assert np.isnan(read(wrong).values("f")[4])
@@ -136,6 +165,9 @@ def test_edges_of_one_name_in_two_pairs_are_named_by_lines(sound, read):
         ({"correct": ("lines 3:t+1e6",)}, "t of line 3 would be 1e+06 min, which cannot be"),
         ({"correct": ("lines 9000:t+5",)}, "no row in line 9000; the rows are in lines 2 to"),
         ({"correct": ("E07:f*2", "all:f*2")}, "is corrected twice"),
+        ({"correct": ("all:f=cumulative",)}, "t, lc, lf of sub-tests are added up within each edge"),
+        ({"correct": ("lines 3-5:t=cumulative",)}, "some rows of an edge cannot be added up; name whole edges"),
+        ({"correct": ("all:t=cumulative",), "edge": "none"}, "no column names the cutting edges; name it with --edge"),
         ({"correct": ("E07:f*2",), "leave_out": ("E07",)}, "these rows are left out"),
         ({"leave_out": ("all",)}, "no row is left"),
         ({"leave_out": ("lines 5-2",)}, "is no line"),

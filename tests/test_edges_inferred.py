@@ -263,7 +263,7 @@ def test_time_that_runs_on_or_is_counted_by_sub_test_is_doubted():
     assert "t runs on from edge to edge" in doubted(read(TABLE.assign(**{T: np.arange(ROWS) * 2.0 + 2})))
     for frame in (TABLE, without()):
         runs = read(frame.assign(**{T: 2.0}))
-        assert "is it the time of each sub-test" in doubted(runs)
+        assert "the time of each sub-test" in doubted(runs)
         (doubt,) = (one for one in runs.doubts if "sub-test" in one.sentence)
         assert doubt.columns == ("t", "VB")  # t is constant, and in no law
         assert doubt.unsettled

@@ -188,6 +188,31 @@ def test_the_time_of_each_subtest_is_counted_on():
     assert {suspect.offset for suspect in time_restarts(law_of(w)).suspects} == {4.0, 6.0, 8.0, 10.0}
 
 
+@pytest.mark.parametrize("parts", [[2.0, 2, 3, 4, 5, 5], [1.0, 2, 3, 5, 5, 5], [5.0, 4, 3, 2, 2, 1], [3.0] * 6])
+def test_times_of_subtests_are_to_be_added_up_and_not_shifted_in_part(parts):
+    w = wear(5, times=np.cumsum(parts))
+    apart = w.assign(t=np.tile(parts, len(w) // 6))
+    runs = datasets.runs_from_frame(apart)
+    (doubt,) = (one for one in runs.doubts if "the time of each sub-test" in one.sentence)
+    assert doubt.unsettled
+    assert doubt.remedy == '--correct "all:t=cumulative"'
+    mended = datasets.runs_from_frame(apart, correct=("all:t=cumulative",))
+    assert mended.values("t").tolist() == w["t"].tolist()
+    assert mended.doubts == datasets.runs_from_frame(w).doubts
+    if len(set(parts)) > 1:
+        seen = time_restarts(law_of(apart))
+        assert seen.suspects == ()
+        assert ":t=cumulative')" in seen.verdict
+
+
+def test_times_of_subtests_in_some_edges_are_added_up_there():
+    parts = [2.0, 2, 3, 2, 3, 2]
+    w = wear(5, times=np.cumsum(parts))
+    at = w["edge"].isin(["E03", "E07"])
+    seen = time_restarts(law_of(w.assign(t=np.where(at, np.tile(parts, len(w) // 6), w["t"]))))
+    assert "--correct 'E03,E07:t=cumulative'" in seen.verdict
+
+
 def test_rows_in_another_order_and_repeated_readings_are_no_restart():
     w = wear(6)
     assert time_restarts(law_of(w)) is None

@@ -2,21 +2,24 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
+from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.rounding import format_plain
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import CORRECTS, Draft, target_of
 from ..vocabulary import ROLES
-from .columns import Array, Flags
+from .columns import Array, Codes, Flags
 from .rows import FEW, EdgeRows, listed, median
 
 LATE = 5.0  # times the largest other step of time in its edge
 FAR = 3.0  # factor from the time at which nearly all edges begin
 RISING = 4.0  # standard errors by which wear rises where time does not: times of sub-tests, not of the edge
 SHIFTED = 0.8  # share of the falls that stand at one place of the edges where a column is shifted
+CLEARLY = 10.0  # n ln(RSS0/RSS1) from which times that are counted in another way explain the wear better
+ADD_UP = "A law needs the time in cut since the edge was new: add the times up"
 
 
 def doubts_of_time(draft: Draft, edges: EdgeRows, t: Array, wear: Array | None, copies: Flags) -> Iterator[Doubt]:
@@ -25,6 +28,10 @@ def doubts_of_time(draft: Draft, edges: EdgeRows, t: Array, wear: Array | None, 
     falls, repeats = edges.same & (x[1:] < x[:-1]), edges.same & (x[1:] == x[:-1])
     if repeats.any():
         repeats &= ~copies[edges.order][1:]
+    apart = None if wear is None or edges.edges_of(falls | repeats) <= edges.few else _sub_tests(draft, edges, x, wear)
+    if apart is not None:
+        yield apart
+        return
     if falls.any():
         yield from _falls(draft, edges, x, falls)
     if repeats.any():
@@ -77,6 +84,95 @@ def _repeats(draft: Draft, edges: EdgeRows, x: Array, repeats: Flags, wear: Arra
         yield from duration(draft, wear[edges.order][:-1][repeats], wear[edges.order][1:][repeats])
 
 
+def _sub_tests(draft: Draft, edges: EdgeRows, x: Array, wear: Array) -> Doubt | None:
+    """Doubt that t is the time of each sub-test, where the wear of the edges follows the times added up far better."""
+    code, y = edges.codes[edges.order], wear[edges.order]
+    known = (x > 0) & (y > 0)
+    apart = np.isin(code, code[known][of_sub_tests(code[known], np.log(y[known]), x[known])])
+    if not apart.any():
+        return None
+    anew = begins_anew(code, x) & apart
+    target = "all" if apart.all() else target_of(draft, edges.order[apart])
+    worn = tuple(role for role in draft.numbers() if np.ptp(x) == 0 and ROLES[role].kind == "wear")
+    return Doubt(
+        ("t", *worn),
+        f"t does not rise in {int(anew.sum())} rows of {len(set(code[anew].tolist()))} edges while wear does, which "
+        f"follows the times added up: t is probably the time of each sub-test. {ADD_UP}",
+        f'{CORRECTS} "{target}:t=cumulative"' if target else "",
+        unsettled=True,
+    )
+
+
+def begins_anew(edge: Codes, t: Array) -> Flags:
+    """Whether the time of a row, sorted by edge, does not rise from the row before of its edge."""
+    return np.append(False, (edge[1:] == edge[:-1]) & (t[1:] <= t[:-1]))
+
+
+def counted_on(edge: Codes, t: Array) -> Array:
+    """Times that do not rise counted on from the time before; rows are sorted by edge.
+
+    >>> counted_on(np.array([0, 0, 0, 0]), np.array([2.0, 4.0, 2.0, 4.0]))
+    array([2., 4., 6., 8.])
+    """
+    ahead = np.cumsum(np.where(begins_anew(edge, t), np.append(0.0, t[:-1]), 0.0))
+    return np.asarray(t + ahead - ahead[np.searchsorted(edge, edge)])
+
+
+def added_up(edge: Codes, t: Array) -> Array:
+    """Times of sub-tests added up within each edge; rows are sorted by edge.
+
+    >>> added_up(np.array([0, 0, 1, 1]), np.array([2.0, 3.0, 2.0, 2.0]))
+    array([2., 5., 2., 4.])
+    """
+    total = np.cumsum(t)
+    first = np.searchsorted(edge, edge)
+    return np.asarray(total - total[first] + t[first])
+
+
+def of_sub_tests(edge: Codes, y: Array, t: Array) -> Flags:
+    """Rows of edges whose wear follows the times added up far better than as they are, and no worse than from restarts.
+
+    Edges in which the times rise are among them, where all wear follows the times added up better then.
+
+    Parameters
+    ----------
+    edge : ndarray of int, shape (n,)
+        Rows are sorted by it.
+    y : ndarray, shape (n,)
+        Logarithm of the wear.
+    t : ndarray, shape (n,), above zero
+
+    Examples
+    --------
+    >>> edge, total = np.repeat(np.arange(6), 4), np.tile([2.0, 5.0, 9.0, 11.0], 6)
+    >>> of_sub_tests(edge, np.log(total) / 2, np.tile([2.0, 3.0, 4.0, 2.0], 6)).all()
+    np.True_
+    >>> of_sub_tests(edge, np.log(total) / 2, np.tile([2.0, 5.0, 4.0, 6.0], 6)).any()  # a clock that was reset once
+    np.False_
+    """
+    some = np.isin(edge, edge[begins_anew(edge, t)])
+    total, anew = added_up(edge, t), counted_on(edge, t)
+    of = edge[some], y[some], np.log(total[some])
+    if not some.any() or evidence(*of, np.log(t[some])) <= CLEARLY or evidence(*of, np.log(anew[some])) < 0:
+        return np.zeros(len(edge), dtype=bool)
+    all_apart = evidence(edge, y, np.log(total), np.log(np.where(some, total, t))) >= 0
+    return some | all_apart
+
+
+def evidence(edge: Codes, y: Array, counted: Array, as_is: Array) -> float:
+    """Evidence n ln(RSS0/RSS1) of rows about the level of their edge for times counted in another way than as they are.
+
+    The times are logarithms. Zero where ``y`` does not rise with those counted in another way.
+    """
+    edge = np.unique(edge, return_inverse=True)[1]
+    size = np.bincount(edge).astype(float)
+    r = [x - (np.bincount(edge, weights=x) / size)[edge] for x in (y, counted, as_is)]
+    slope, own = (float(r[0] @ x) / max(float(x @ x), 1e-300) for x in r[1:])
+    before, after = r[0] - own * r[2], r[0] - slope * r[1]
+    ratio = max(float(before @ before), 1e-300) / max(float(after @ after), 1e-300)
+    return len(y) * log(ratio) if slope > 0 else 0.0
+
+
 def duration(draft: Draft, before: Array, after: Array) -> Iterator[Doubt]:
     """Doubt that t is the time of each sub-test, by the wear of neighbouring rows of one edge in which t is equal.
 
@@ -89,8 +185,8 @@ def duration(draft: Draft, before: Array, after: Array) -> Iterator[Doubt]:
         worn = tuple(role for role in draft.numbers() if constant and ROLES[role].kind == "wear")
         yield Doubt(
             ("t", *worn),
-            f"t does not rise while wear does, in {len(known)} rows of edges: is it the time of each sub-test? A law "
-            "needs the time in cut since the edge was new: add the times up in the file",
+            f"t does not rise while wear does, in {len(known)} rows of edges: is it the time of each sub-test? "
+            f"{ADD_UP} in the file",
             unsettled=constant,
         )
 

@@ -18,11 +18,11 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.rounding import format_plain
 from ...datasets.edges.merged_cells import lines_text
+from ...datasets.edges.times import CLEARLY, added_up, begins_anew, counted_on, evidence, of_sub_tests
 from ...datasets.vocabulary import FLANK_WEAR, USUAL_CRITERION, WEAR
 from ..available import NotAvailable
 from ..edges import changes_within
 from ..lawfit import LawFit
-from ..least_squares import sums_by
 from .check import Check, Suspect, concern_of, format_p
 from .missing_factors import added_between, added_within
 from .strata import NO_ROWS, Codes
@@ -34,7 +34,6 @@ ONE_SCHEDULE = (
 )
 CLIP = 2.5  # robust standard deviations, of rows in the test of equal exponents
 SEARCHED = 0.01  # p of a test below which edges are searched for
-RESTARTED = 10.0  # n ln(RSS0/RSS1) for times that are counted on from the time before
 LISTED = 20
 ALL = ("all",)
 ANEW = "counted from a restart of the time"
@@ -280,8 +279,9 @@ def _sentence(law: LawFit, one: Suspect) -> str:
 def time_restarts(law: LawFit) -> Check | None:
     """Rows at which the time of an edge begins anew while the response rises on; None where there are none.
 
-    Times that do not rise are counted on from the time before. Edges whose time began anew then follow a power of t
-    much better; rows in another order than that of the tests, or repeated readings at one time, do not.
+    Times that do not rise are counted on from the time before; times of sub-tests are added up. Edges whose time began
+    anew then follow a power of t much better; rows in another order than that of the tests, or repeated readings at one
+    time, do not.
 
     Examples
     --------
@@ -295,15 +295,16 @@ def time_restarts(law: LawFit) -> Check | None:
     edge = np.unique(law.edge.astype(str), return_inverse=True)[1]
     order = np.argsort(edge, kind="stable")
     edge, t, y, lines = edge[order], law.X[order, law.factors.index(TIME)], law.observed[order], law.lines[order]
-    anew = np.append(False, (edge[1:] == edge[:-1]) & (t[1:] <= t[:-1]))
+    anew = begins_anew(edge, t)
     if not anew.any() or (y <= 0).any():
         return None
-    ahead = np.cumsum(np.where(anew, np.append(0.0, t[:-1]), 0.0))
-    ahead -= ahead[np.searchsorted(edge, edge)]
-    some = np.isin(edge, edge[anew])
-    gain = _gain(edge[some], np.log(y[some]), np.log(t[some]), np.log(t[some] + ahead[some]))
-    if gain <= RESTARTED:
+    some, apart = np.isin(edge, edge[anew]), of_sub_tests(edge, np.log(y), t)
+    counted = np.where(apart, added_up(edge, t), counted_on(edge, t))
+    gain = evidence(edge[some], np.log(y[some]), np.log(counted[some]), np.log(t[some]))
+    if gain <= CLEARLY:
         return None
+    names = ",".join(np.unique(law.edge[order][apart].astype(str)))
+    of_part = f"it is probably the time of each sub-test; add the times up (--correct '{names}:t=cumulative')."
     return Check(
         null="times within an edge rise from its first cut",
         statistic=gain,
@@ -311,9 +312,9 @@ def time_restarts(law: LawFit) -> Check | None:
         concern=1,
         verdict=(
             f"t begins anew within {_edges(len(set(edge[anew].tolist())))} ({lines_text(lines[anew])}) while "
-            f"{law.response} rises on: a law needs the time in cut since the edge was new."
+            f"{law.response} rises on: {of_part if names else 'a law needs the time in cut since the edge was new.'}"
         ),
-        suspects=_counted_on(lines, np.where(some, ahead, 0.0)),
+        suspects=() if names else _counted_on(lines, np.where(some, counted - t, 0.0)),
     )
 
 
@@ -327,16 +328,3 @@ def _counted_on(lines: Codes, ahead: Array) -> tuple[Suspect, ...]:
 
 def _edges(count: int) -> str:
     return "one edge" if count == 1 else f"{count} edges"
-
-
-def _gain(edge: Codes, y: Array, as_is: Array, counted: Array) -> float:
-    """Evidence n ln(RSS0/RSS1) of rows about the level of their edge with times that are counted on."""
-    edge = np.unique(edge, return_inverse=True)[1]
-    size = np.bincount(edge).astype(float)
-    columns = np.column_stack([y, as_is, counted])
-    r = columns - (sums_by(edge, columns, len(size)) / size[:, None])[edge]
-    slope = float(r[:, 0] @ r[:, 2]) / max(float(r[:, 2] @ r[:, 2]), 1e-300)
-    own = float(r[:, 0] @ r[:, 1]) / max(float(r[:, 1] @ r[:, 1]), 1e-300)
-    before, after = r[:, 0] - own * r[:, 1], r[:, 0] - slope * r[:, 2]
-    ratio = max(float(before @ before), 1e-300) / max(float(after @ after), 1e-300)
-    return len(y) * log(ratio) if slope > 0 else 0.0
