@@ -413,3 +413,22 @@ def test_equal_readings_of_one_cut_are_no_copies():
     assert "repeat" not in doubted(read(pd.DataFrame(rows, columns=head)))
     copied = pd.DataFrame([*rows, (7, 120, 0.2, 800), (7, 120, 0.2, 800)], columns=head)
     assert "repeats an earlier row" in doubted(read(copied))
+
+
+@pytest.mark.parametrize(
+    ("header", "factor", "remedy"),
+    [
+        ("l [m]", 120.0, '--map "lc=l [m]"'),
+        ("s [mm]", 90.0, '--map "lf=s [mm]"'),
+        ("clock [s]", 60.0, '--map "t=clock [s]"'),
+        ("clock", 1.0, '--map "t=clock"'),
+        ("heat [N]", 1.0, ""),
+    ],
+)
+def test_a_column_that_rises_along_the_edges_is_named_by_the_role_that_its_unit_allows(header, factor, remedy):
+    frame = TABLE.assign(**{T: TABLE[T] * factor}).rename(columns={T: header})
+    (doubt,) = (one for one in read(frame).doubts if "no column is the cutting time" in one.sentence)
+    assert doubt.remedy == remedy
+    if remedy:
+        role = remedy.split('"')[1].split("=")[0]
+        assert "no column is the cutting time" not in doubted(read(frame, map={role: header}))

@@ -10,16 +10,14 @@ from ...core.rounding import format_plain
 from ..doubts import Doubt
 from ..draft import Draft
 from ..plausibility.stray_values import section_of
-from ..plausibility.unused_columns import COUNTS, of_counts
 from ..vocabulary import MEASURED, ROLES
 from .columns import Array, Codes, Flags, differs
 from .merged_cells import lines_text
 from .rows import FEW, EdgeRows, by_edge, listed, median, of_equal_tests
-from .times import begun_anew, doubts_of_time
+from .times import begun_anew, doubts_of_no_time, doubts_of_time
 
 MOST_ROWS = 100_000  # of a table whose edges are checked cell by cell
 JUMP = 3.0  # factor of a cell against its neighbours above which a digit or decimal mark may have slipped
-RISES = 0.8  # share of the steps of wear along the edges
 STEADY = 1.5  # factor between two neighbours of which a third cell is judged
 FALL = 0.8  # of the wear before
 # Robust standard deviations of the steps of wear that a fall must exceed, where two rows above it and two below agree,
@@ -59,7 +57,7 @@ def check_edges(draft: Draft) -> None:
         return
     t = numbers.get("t")
     if t is None and "T" not in numbers:
-        draft.doubts += _of_no_time(draft, edges, numbers)
+        draft.doubts += doubts_of_no_time(draft, edges, numbers)
     shifted = {role for doubt in draft.doubts if SHIFTED in doubt.sentence for role in doubt.columns}
     for role in (role for role, kind in kinds.items() if kind == "condition" and role not in shifted):
         draft.doubts += _of_setting(draft, edges, role, numbers[role])
@@ -70,33 +68,6 @@ def check_edges(draft: Draft) -> None:
     computed = {one.role for one in draft.derived}
     for role in (role for role, kind in kinds.items() if kind in MEASURED and role not in computed):
         draft.doubts += _of_response(draft, edges, role, numbers[role], t, order)
-
-
-def _of_no_time(draft: Draft, edges: EdgeRows, numbers: dict[str, Array]) -> Iterator[Doubt]:
-    """Wear that rises along the edges while no column is the time or the length of cut."""
-    if any(role in numbers and np.ptp(numbers[role]) > 0 for role in ("lf", "lc")):
-        return
-    wear = next((role for role in numbers if ROLES[role].kind == "wear"), None)
-    if wear is None or len(edges.order) < 3 * len(edges.first):
-        return
-    step = np.diff(numbers[wear][edges.order])[edges.same]
-    known = step[~np.isnan(step)]
-    if len(known) < 6 or (known > 0).mean() < RISES:
-        return
-    rising = [
-        column.name
-        for column, use in zip(draft.columns, draft.uses, strict=True)
-        if use.role is None and column.is_numeric and (np.diff(column.values[edges.order])[edges.same] > 0).all()
-    ]
-    counted = bool(rising) and COUNTS.search(rising[0]) is not None
-    other = f"; column {rising[0]!r} rises in each" if rising else ""
-    other += f" as a number of parts, holes or passes: {of_counts('t')}" if counted else ""
-    yield Doubt(
-        (wear, "t"),
-        f"{wear} rises along the edges but no column is the cutting time: the laws are of the mean wear of each edge"
-        f"{other}",
-        f'--map "t={rising[0]}"' if rising and not counted else "",
-    )
 
 
 def _copies(draft: Draft, numbers: dict[str, Array]) -> Flags:

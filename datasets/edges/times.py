@@ -10,16 +10,62 @@ from numpy.typing import NDArray
 from ...core.rounding import format_plain
 from ..doubts import Doubt
 from ..draft import CORRECTS, Draft, target_of
+from ..headers import parse_header
+from ..plausibility.unused_columns import COUNTS, of_counts
+from ..tables import Column
+from ..units import canonical, same_dimension
 from ..vocabulary import ROLES
 from .columns import Array, Codes, Flags
 from .rows import FEW, EdgeRows, listed, median
 
+RISES = 0.8  # share of the steps of wear along the edges
+OF_FEED = ("mm", "cm", "in")  # units of lengths along the feed; others are of the path of the cut
 LATE = 5.0  # times the largest other step of time in its edge
 FAR = 3.0  # factor from the time at which nearly all edges begin
 RISING = 4.0  # standard errors by which wear rises where time does not: times of sub-tests, not of the edge
 SHIFTED = 0.8  # share of the falls that stand at one place of the edges where a column is shifted
 CLEARLY = 10.0  # n ln(RSS0/RSS1) from which times that are counted in another way explain the wear better
 ADD_UP = "A law needs the time in cut since the edge was new: add the times up"
+
+
+def doubts_of_no_time(draft: Draft, edges: EdgeRows, numbers: dict[str, Array]) -> Iterator[Doubt]:
+    """Wear that rises along the edges while no column is the time or the length of cut."""
+    if any(role in numbers and np.ptp(numbers[role]) > 0 for role in ("lf", "lc")):
+        return
+    wear = next((role for role in numbers if ROLES[role].kind == "wear"), None)
+    if wear is None or len(edges.order) < 3 * len(edges.first):
+        return
+    step = np.diff(numbers[wear][edges.order])[edges.same]
+    known = step[~np.isnan(step)]
+    if len(known) < 6 or (known > 0).mean() < RISES:
+        return
+    found = [
+        column
+        for column, use in zip(draft.columns, draft.uses, strict=True)
+        if use.role is None and column.is_numeric and (np.diff(column.values[edges.order])[edges.same] > 0).all()
+    ]
+    rising = [(column.name, role) for column in found if (role := _clock(column))]
+    name, role = rising[0] if rising else ("", "")
+    counted = COUNTS.search(name) is not None
+    other = f"; column {name!r} rises in each" if rising else ""
+    other += f" as a number of parts, holes or passes: {of_counts('t')}" if counted else ""
+    yield Doubt(
+        (wear, "t"),
+        f"{wear} rises along the edges but no column is the cutting time: the laws are of the mean wear of each edge"
+        f"{other}",
+        f'--map "{role}={name}"' if rising and not counted else "",
+    )
+
+
+def _clock(column: Column) -> str:
+    """The role that a column which rises along the edges may have, by its unit: time, length of cut, or none."""
+    text = column.unit_cell or parse_header(column.name).unit_text
+    unit = canonical(text) if text else None
+    if unit is None or same_dimension(unit, ROLES["t"].unit):
+        return "t"
+    if same_dimension(unit, ROLES["lc"].unit):
+        return "lf" if unit in OF_FEED else "lc"
+    return ""
 
 
 def doubts_of_time(draft: Draft, edges: EdgeRows, t: Array, wear: Array | None, copies: Flags) -> Iterator[Doubt]:
