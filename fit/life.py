@@ -153,7 +153,7 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
     if not (criterion > 0 and np.isfinite(criterion)):
         raise FitError(f"wear criterion {criterion}: it needs a value above zero, for instance 0.3 mm.")
     if law.by is not None:
-        raise FitError("tool life of a law with a category is not offered: fit each level alone.")
+        raise FitError(f"a law by {law.by.column!r} has no tool life: fit each level alone, in a file of its own.")
     k = float(law.params["t"])
     if k <= 0:
         raise FitError(f"{law.response} falls with time (t exponent {k:.3g}): it has no tool life.")

@@ -335,11 +335,14 @@ def _life(laws: "Sequence[LawFit]", criterion: float | None) -> "tuple[ToolLife 
         why = f"criterion {criterion}: there is no wear law on time, so no tool life; leave the criterion out."
         return None, "" if criterion is None else why
     life = computed(partial(fit.tool_life, wear, USUAL_CRITERION if criterion is None else criterion), USER_ERRORS)
-    if not isinstance(life, fit.NotAvailable):
-        return life, ""
+    return (None, _why_no_life(life, criterion, wear)) if isinstance(life, fit.NotAvailable) else (life, "")
+
+
+def _why_no_life(life: "NotAvailable", criterion: float | None, wear: "LawFit") -> str:
     if life.failed:
-        return None, f"No tool life: {life.reason}."
-    return None, "" if criterion is None and wear.form == "power" else f"{life.reason}."
+        return f"No tool life: {life.reason}."
+    plain = wear.form == "power" and wear.by is None
+    return "" if criterion is None and plain else f"{life.reason.removesuffix('.')}."
 
 
 def _posteriors(

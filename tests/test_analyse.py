@@ -275,6 +275,14 @@ def test_a_larger_part_that_fails_costs_only_itself(monkeypatch, what, words):
     assert "deliberate" in text[at:]
 
 
+def test_laws_by_a_category_say_why_there_is_no_tool_life():
+    table = frame()
+    table["machine"] = np.where(np.arange(len(table)) % 8 < 4, "A", "B")
+    pair = analyse(table, by="machine", draws=1000).pair
+    assert pair.no_life == "a law by 'machine' has no tool life: fit each level alone, in a file of its own."
+    assert analyse(table, draws=1000).pair.no_life == ""
+
+
 def test_a_law_or_a_tool_life_that_fails_costs_only_itself(monkeypatch):
     monkeypatch.setattr("fitmodels.fit.tool_life", raises)
     pair = analyse(frame(), draws=1000).pair

@@ -103,7 +103,7 @@ def by_material():
         (wear_law, float("inf"), "wear criterion inf"),
         (lambda: exact(t=-0.2), 0.3, r"AW falls with time \(t exponent -0.2\)"),
         (lambda: exact(t=1e-4), 0.3, r"AW hardly grows with time \(t exponent 0.0001\)"),
-        (by_material, 0.3, "law with a category is not offered"),
+        (by_material, 0.3, "a law by 'work' has no tool life: fit each level alone"),
     ],
 )
 def test_laws_that_tell_no_life_are_refused(law, criterion, says):
