@@ -86,6 +86,35 @@ def test_blocks_that_shift_the_law_name_the_option_that_fits_them(levels):
     assert unused_columns(law, runs, 0.3) is None
 
 
+def test_columns_whose_levels_are_in_the_same_rows_are_named_together():
+    w = in_blocks(1, 0.2).assign(machine=lambda w: w["day"].map({"Mon": "B", "Tue": "C", "Wed": "A"}))
+    found = of_columns(w)
+    assert "Column 'day' shifts the law (as 'machine' does, in the same rows); fit it with --by day (" in found.verdict
+    assert found.df == of_columns(w.drop(columns="machine")).df
+
+
+def test_wrong_edges_that_are_those_of_one_level_are_fitted_by_it():
+    """Three edges of an older day and another machine wear 1.6 times as much: leaving them out is no remedy."""
+    w = wear(1).drop(columns="D")
+    old = w["edge"].isin(w["edge"].unique()[[3, 11, 17]])
+    w = w.assign(AW=w["AW"] * np.where(old, 1.6, 1.0), machine=np.where(old, "Weiler", "DMG"))
+    found = judged(w)
+    assert found.concern == 1
+    assert found.suspects == ()
+    assert "they are edges of machine Weiler, which may shift them all: fit it with --by machine." in found.verdict
+    mixed = w.assign(machine=np.where(np.arange(len(w)) // len(TIMES) % 2, "Weiler", "DMG"))
+    assert len(judged(mixed).suspects[0].edges) == 3
+
+
+def judged(w):
+    from fitmodels.fit.checks.strata import split
+    from fitmodels.fit.checks.wrong_edges import outlying_edges
+
+    runs = datasets.runs_from_frame(w, judge=False)
+    law = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
+    return outlying_edges(law, split(law), runs)
+
+
 @pytest.mark.parametrize(
     ("name", "levels"), [("Remark", ("C45", "1.4301", "16MnCr5")), ("coolant", ("dry", "oil", "mist"))]
 )

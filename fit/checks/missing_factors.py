@@ -61,6 +61,7 @@ class Added:
     p: float
     span: str
     levels: int = 0
+    alike: tuple[str, ...] = ()  # columns whose levels are in the same rows
 
     @property
     def blocks_verdict(self) -> str:
@@ -68,7 +69,8 @@ class Added:
         test = f"F({self.levels - 1}, {self.df}) = {self.t:.3g}, {format_p(self.p)}"
         by = f"fit it with --by {quote(self.name)}"
         words = "" if BLOCK.fullmatch(self.name) else f", or name the work by it with --map work={quote(self.name)}"
-        return f"Column {self.name!r} shifts the law; {by}{words} (levels {self.span}; {test})."
+        alike = f" (as {join_words([repr(name) for name in self.alike])} does, in the same rows)" if self.alike else ""
+        return f"Column {self.name!r} shifts the law{alike}; {by}{words} (levels {self.span}; {test})."
 
 
 def missing_conditions(law: LawFit, runs: Runs | None) -> Check | None:
@@ -153,11 +155,11 @@ def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAva
     columns = _columns(law, runs)
     if isinstance(columns, NotAvailable):
         return columns
-    blocks = _blocks(law, runs)
+    blocks = blocks_of(law, runs)
     if not columns and not blocks:
         return None
     tests = [one for name, x in columns.items() if (one := _tested(law, name, x, icc)) is not None]
-    tests += [one for name, x in blocks.items() if (one := _tested_blocks(law, name, x, icc)) is not None]
+    tests += [one for names, x in _apart(blocks) if (one := _tested_blocks(law, names, x, icc)) is not None]
     if not tests:
         return NotAvailable(f"{', '.join((*columns, *blocks))}: constant, or not separable from the factors of the law")
     return _check(law, runs, min(tests, key=lambda one: one.p), tests)
@@ -183,10 +185,10 @@ def _unused(law: LawFit, runs: Runs) -> list[str]:
     return [name for name in names if _varies(runs, name)]
 
 
-def _blocks(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
+def blocks_of(law: LawFit, runs: Runs | None) -> dict[str, NDArray[np.object_]]:
     """Columns of blocks, and of words, at the rows of the law: of few levels, constant within edges, two edges each."""
-    rows = None if law.by is not None or no_scatter(law) else rows_in(law, runs)
-    if rows is None:
+    rows = None if runs is None or law.by is not None or no_scatter(law) else rows_in(law, runs)
+    if runs is None or rows is None:
         return {}
     names = [name for name in map(str, runs.data.columns) if name not in (*ROLES, "point")]  # point: of a plan
     names = [name for name in names if BLOCK.fullmatch(name) or _are_words(runs.data[name].to_numpy())]
@@ -212,7 +214,16 @@ def _are_blocks(x: NDArray[np.object_], unit: Codes) -> bool:
     return len(pairs) == int(unit.max()) + 1 and 2 <= len(numbers) <= MOST_LEVELS and min(numbers) > 1
 
 
-def _tested_blocks(law: LawFit, name: str, x: NDArray[np.object_], icc: float) -> Added | None:
+def _apart(blocks: Mapping[str, NDArray[np.object_]]) -> list[tuple[list[str], NDArray[np.object_]]]:
+    """Columns of blocks with the names of those whose levels are in the same rows, which no test tells apart."""
+    groups: dict[bytes, list[str]] = {}
+    for name, x in blocks.items():
+        first = np.unique(x.astype(str), return_index=True, return_inverse=True)
+        groups.setdefault(first[1][first[2]].tobytes(), []).append(name)
+    return [(names, blocks[names[0]]) for names in groups.values()]
+
+
+def _tested_blocks(law: LawFit, names: list[str], x: NDArray[np.object_], icc: float) -> Added | None:
     """Blocks as added indicators between edges."""
     levels = sorted(set(x.tolist()))
     D = np.column_stack([(x == level).astype(float) for level in levels[1:]])
@@ -225,7 +236,7 @@ def _tested_blocks(law: LawFit, name: str, x: NDArray[np.object_], icc: float) -
     y, others, blocks, size = levels_of_edges(law.gradient, law.residuals, columns[:, :k], unit, moving[k:])
     found = blocks_between(y, others, blocks, 1 / (icc + (1 - icc) / size))
     shown = ", ".join(levels[:4]) + (", ..." if len(levels) > 4 else "")
-    return None if found is None else Added(name, 0.0, *found, shown, len(levels))
+    return None if found is None else Added(names[0], 0.0, *found, shown, len(levels), tuple(names[1:]))
 
 
 def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
@@ -240,20 +251,16 @@ def _check(law: LawFit, runs: Runs, first: Added, tests: list[Added]) -> Check:
     size = f"exponent {first.coefficient:.2f}" if law.form == "power" else f"coefficient {first.coefficient:.3g}"
     others = ", ".join(f"{one.name} {format_p(one.p)}" for one in sorted(tests, key=lambda one: one.p))
     kept = f"Columns that are not in the law have no effect that these tests show ({others})."
-    null = "columns of the file that are not in the law have no effect"
-    if first.levels:
-        return Check(
-            null=null, statistic=first.t, symbol="F", df=(first.levels - 1, first.df), pvalue=p,
-            concern=concern_of(p), verdict=first.blocks_verdict, kept=kept,
-        )  # fmt: skip
     many = f"; {len(tests)} columns tested" if len(tests) > 1 else ""
     verdict = (
         f"{first.name} ({values}) is not in the law of {law.response} and matters: {size} when it is added "
         f"({format_p(p)}{many}). {remedy}"
     )
+    blocks = bool(first.levels)
     return Check(
-        null=null, statistic=first.t, symbol="t", df=first.df, pvalue=p, concern=concern_of(p), verdict=verdict,
-        kept=kept,
+        null="columns of the file that are not in the law have no effect", statistic=first.t,
+        symbol="F" if blocks else "t", df=(first.levels - 1, first.df) if blocks else first.df, pvalue=p,
+        concern=concern_of(p), verdict=first.blocks_verdict if blocks else verdict, kept=kept,
     )  # fmt: skip
 
 

@@ -7,7 +7,9 @@ Sources: Henderson 1953, Biometrics 9, 226, method 3 (variance split); Hurlbert 
 (pseudoreplication).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from shlex import quote
 
 import numpy as np
 import pandas as pd
@@ -25,6 +27,7 @@ from .check import Suspect
 Codes = NDArray[np.intp]
 FEWEST = 3  # degrees of freedom of a test between edges
 LIFE = "T"
+MOST_OF_LEVEL = 2 / 3  # of the edges of a level
 NO_ROWS = "a law of a stream keeps no rows, and checks use them: fit a sample of the rows in memory"
 
 
@@ -68,6 +71,16 @@ def rows_in(law: LawFit, runs: Runs) -> Codes | None:
     if len(place) < len(runs) or not place.keys() >= set(law.lines.tolist()):
         return None
     return np.array([place[line] for line in law.lines.tolist()], dtype=np.intp)
+
+
+def of_one_level(law: LawFit, columns: Mapping[str, NDArray[np.object_]], edges: list[str]) -> str:
+    """Clause on two edges or more that are most of those of one level of a column; empty where none has them so."""
+    here = np.isin(np.asarray(law.edge).astype(str), edges)
+    for name, x in columns.items() if len(edges) > 1 else ():
+        at = x == x[here][0]
+        if at[here].all() and len(edges) >= MOST_OF_LEVEL * len(np.unique(units_of(law)[1][at])):
+            return f"they are edges of {name} {x[here][0]}, which may shift them all: fit it with --by {quote(name)}"
+    return ""
 
 
 def levels_of_edges(

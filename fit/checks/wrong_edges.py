@@ -36,8 +36,9 @@ from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, Check, Suspect, format_p, lines_of
+from .missing_factors import blocks_of
 from .robust_fit import tail_of_rows
-from .strata import EdgeLevels, Strata, edge_levels, is_computed, orthonormal
+from .strata import EdgeLevels, Strata, edge_levels, is_computed, of_one_level, orthonormal
 from .wrong_rows import NEAR, measured
 
 FEWEST, SPARE = 8, 4  # edges, and edges beyond the parameters that they determine
@@ -270,12 +271,15 @@ def outlying_edges(law: LawFit, strata: Strata | NotAvailable, runs: Runs | None
     largest = f"the largest studentized residual of a level is {found.largest:.1f} ({format_p(found.pvalue)})"
     kept = f"No edge deviates further than chance explains: {largest}."
     suspects, words = _explained(law, levels, found, kept, runs)
+    unknown = [edge for one in suspects if not one.factor for edge in one.edges]
+    if len(suspects) == 1 and (level := of_one_level(law, blocks_of(law, runs), unknown)):
+        suspects, words = (), words.replace(_AND_NOW, f"; {level}.")
     return Check(
         null="no edge deviates from the law of the others further than edges do",
         statistic=found.largest,
         symbol="largest |t|",
         pvalue=found.pvalue,
-        concern=int(bool(suspects)),
+        concern=int(bool(suspects or unknown)),
         verdict=words,
         kept=kept,
         suspects=suspects,
@@ -308,13 +312,12 @@ def _one_after_the_other(levels: EdgeLevels, tail: float) -> _Outlying:
     also = [k for k, p_value in enumerate(pvalues) if p_value < ALSO]
     last = max(also) if also else int(np.argmin(pvalues))
     edges = removed[: last + 1]
-    kept = np.ones(len(levels.b), dtype=bool)
-    kept[[w + g for g in edges]] = False
+    at, root = [w + g for g in edges], levels.root[edges]
+    kept = ~np.isin(np.arange(len(levels.b)), at)
     coefficients = np.linalg.lstsq(levels.A[kept], levels.b[kept], rcond=None)[0]
     rest = levels.b - levels.A @ coefficients
     s2 = float(rest[kept] @ rest[kept]) / max(G + w - len(edges) - p, 1)
     inverse = np.linalg.pinv(levels.A[kept].T @ levels.A[kept])
-    at, root = [w + g for g in edges], levels.root[edges]
     error = np.sqrt(s2 * (1 + np.einsum("ij,jk,ik->i", levels.A[at], inverse, levels.A[at]))) / root
     return _Outlying(edges, min(pvalues), rest[at] / root, error, levels.back @ coefficients, max(sizes[: last + 1]))
 
