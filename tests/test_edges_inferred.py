@@ -269,6 +269,14 @@ def test_time_that_runs_on_or_is_counted_by_sub_test_is_doubted():
         assert doubt.unsettled
 
 
+def test_edges_inferred_from_times_of_sub_tests_are_doubted():
+    """Each sub-test whose time is not longer began an edge of its own, with more wear than the edge before."""
+    runs = read(without().assign(**{T: np.tile([2.0, 2, 3, 4, 5], ROWS // 5)}))
+    (doubt,) = (one for one in runs.doubts if "is it the time of each sub-test" in one.sentence)
+    assert doubt.unsettled
+    assert read(without()).doubts == ()
+
+
 @pytest.mark.parametrize("role", ["V", "f", "d", "t"])
 @pytest.mark.parametrize("by", [-1, 1])
 @pytest.mark.parametrize("frame", [TABLE, without()], ids=["named", "inferred"])

@@ -17,7 +17,7 @@ from .columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_ed
 from .merged_cells import lines_text
 from .names import join_types, tidy_names
 from .order import edges_by_design, settings_of
-from .times import duration
+from .times import sub_tests_in_order
 
 SAMPLE = 20_000  # rows by which the content of columns is decided
 FEW_EDGES = 4  # an insert has no more edges of its own than a type of tools, which is tested on more
@@ -378,11 +378,9 @@ def _infer_readings(draft: Draft, tests: Tests) -> None:
 def _infer(draft: Draft, tests: Tests) -> None:
     """Edges from the order of the tests, where it settles them."""
     found = edges_by_design(draft)
+    if found is None or found.codes is not None:
+        draft.doubts += sub_tests_in_order(draft, tests.settings, tests.time, tests.wear, inferred=found is not None)
     if found is None:
-        if tests.time is not None and tests.wear is not None and tests.settings:
-            moved = [differs(x[1:], x[:-1]) for x in tests.settings.values()]
-            alike = ~np.logical_or.reduce(moved) & (tests.time[1:] == tests.time[:-1])
-            draft.doubts += duration(draft, tests.wear[:-1][alike], tests.wear[1:][alike])
         return
     if found.codes is None:
         draft.doubts.append(Doubt(("edge",), found.sentence, f"--edge {NONE}"))

@@ -1,6 +1,6 @@
 """Contradictions of the time in cut within cutting edges and between them, and wear that begins anew within them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from math import log
 
@@ -15,7 +15,7 @@ from ..plausibility.unused_columns import COUNTS, of_counts
 from ..tables import Column
 from ..units import canonical, same_dimension
 from ..vocabulary import ROLES
-from .columns import Array, Codes, Flags
+from .columns import Array, Codes, Flags, differs
 from .rows import FEW, EdgeRows, listed, median
 
 RISES = 0.8  # share of the steps of wear along the edges
@@ -219,10 +219,26 @@ def evidence(edge: Codes, y: Array, counted: Array, as_is: Array) -> float:
     return len(y) * log(ratio) if slope > 0 else 0.0
 
 
-def duration(draft: Draft, before: Array, after: Array) -> Iterator[Doubt]:
+def sub_tests_in_order(
+    draft: Draft, settings: Mapping[str, Array], t: Array | None, wear: Array | None, *, inferred: bool
+) -> Iterator[Doubt]:
+    """Doubt that t is the time of each sub-test where no column names the edges, by rows that follow each other.
+
+    With ``inferred`` a row whose time is not longer was taken as the first of a new edge.
+    """
+    if t is None or wear is None or not settings:
+        return
+    step = np.diff(t)
+    alike = ~np.logical_or.reduce([differs(x[1:], x[:-1]) for x in settings.values()])
+    alike &= step <= 0 if inferred else step == 0
+    yield from duration(draft, wear[:-1][alike], wear[1:][alike], certain=inferred)
+
+
+def duration(draft: Draft, before: Array, after: Array, *, certain: bool = False) -> Iterator[Doubt]:
     """Doubt that t is the time of each sub-test, by the wear of neighbouring rows of one edge in which t is equal.
 
-    A time that is the same in all rows is in no law, so that the doubt is on the wear as well.
+    A time that is the same in all rows is in no law, so that the doubt is on the wear as well. It is ``certain`` of
+    rows that edges were inferred from, since the wear of a new edge does not begin above that of the one before.
     """
     there = (before > 0) & (after > 0)
     known = np.log(after[there] / before[there])
@@ -233,7 +249,7 @@ def duration(draft: Draft, before: Array, after: Array) -> Iterator[Doubt]:
             ("t", *worn),
             f"t does not rise while wear does, in {len(known)} rows of edges: is it the time of each sub-test? "
             f"{ADD_UP} in the file",
-            unsettled=constant,
+            unsettled=constant or certain,
         )
 
 
