@@ -231,7 +231,7 @@ def parameter_file(path: str, *, writes: bool = False) -> "ParameterFile":
 
     pf = parameters.read(path)
     if writes:
-        from ..parameters.checks.values import check_texts
+        from ..parameters.checks.record import check_texts
 
         require_seal(pf, path)
         if finding := next(check_texts(pf), None):

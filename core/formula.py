@@ -26,7 +26,8 @@ Montgomery & Anderson-Cook, Response Surface Methodology, ch. 6.
 """
 
 import math
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -258,6 +259,40 @@ class Formula(Displayable):
     def equation(self, coefficients: Sequence[str]) -> str:
         """Right-hand side of the equation with these coefficients, given as text."""
         return self.form.equation(self, coefficients)
+
+    def printed(self, text: str) -> dict[str, float]:
+        """Coefficients on the right of the text of an equation, by name; empty where the text is not this equation.
+
+        A power may be written as the symbol alone (exponent 1) or be absent (exponent 0).
+
+        Examples
+        --------
+        >>> Formula("power", "AW", ("V", "f", "t")).printed("AW = 0.01 V^-0.5 t")
+        {'c0': 0.01, 'V': -0.5, 'f': 0.0, 't': 1.0}
+        """
+        found = re.match(_pattern(self), text)
+        held = {} if found is None else found.groupdict()
+        return {name: _printed(held, i) for i, name in enumerate(self.names)} if held else {}
+
+
+def _pattern(formula: Formula) -> str:
+    """Regular expression of an equation: ``value<i>`` is coefficient i, ``power<i>`` a power with its symbol."""
+    marks = [f"\0{i}\0" for i in range(len(formula.names))]  # stand for the coefficients
+    pattern = re.escape(formula.equation(marks))
+    for i, symbol in enumerate(formula.factors if formula.first_order else (), 1):
+        power = rf"(?P<power{i}>\ {re.escape(symbol)}(?:\^{marks[i]})?)?"
+        pattern = pattern.replace(re.escape(f" {symbol}^{marks[i]}"), power)
+    number = r"\\s*\\d+\\.?\\d*(?:[eE][-+]?\\d+)?)"
+    pattern = re.sub(r"\\\+\\ \0(\d+)\0", rf"(?P<value\1>[-+]{number}", pattern)  # a term of a sum
+    pattern = re.sub(r"\0(\d+)\0", rf"(?P<value\1>[-+]?{number}", pattern)
+    return rf"[^=]*= {pattern}(?= for |$)".replace("\\ ", r"\s*")
+
+
+def _printed(held: Mapping[str, str | None], i: int) -> float:
+    """Value of coefficient i in the groups of an equation: that of a power without a number is 1, of no power 0."""
+    if value := held[f"value{i}"]:
+        return float("".join(value.split()))
+    return 1.0 if held[f"power{i}"] else 0.0
 
 
 def _products(formula: Formula, c: Sequence[str]) -> str:

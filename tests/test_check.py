@@ -168,6 +168,48 @@ def test_each_thing_that_is_wrong_is_found(pf, change, name, words):
     assert any(__import__("re").search(words, reported) for reported in found), found
 
 
+@pytest.mark.parametrize(
+    ("law", "values", "words"),
+    [
+        ("P", {"V": -0.82}, "lacks its coefficient V = -0.82 and has 0.82 there"),
+        ("P", {"V": 0.0}, "lacks its coefficient V = 0"),
+        ("P", {"f": 1.0}, "lacks its coefficient f = 1"),
+        ("P", {"V": 0.61, "f": 0.82}, "lacks its coefficient V = 0.61 and has 0.82 there"),
+        ("AW", {"t": 0.0}, "lacks its coefficient t = 0"),
+    ],
+)
+def test_an_exponent_is_compared_with_its_sign_and_with_that_of_its_own_symbol(tmp_path, law, values, words):
+    data = published("AC-2016").model_dump()
+    exponents = data["laws"][law]["coefficients"]
+    exponents |= values
+    path = write(parameters.ParameterFile.model_validate(data), tmp_path / "params.json")
+    assert words in " ".join(finding.words for finding in check(read(path), tmp_path).failed)
+
+
+def test_powers_that_an_equation_leaves_out_are_1_and_0(tmp_path):
+    milling = published("CLM-2023")
+    assert milling.laws["VB"].equation.endswith(" t")
+    exponents = milling.laws["VB"].coefficients
+    assert (exponents["t"], exponents["fm"]) == (1.0, 0.0)
+    assert not [one for one in check(milling, tmp_path).findings if one.name == "equation"]
+    wrong = changed(milling, put("laws.VB.coefficients", fm=1.0))
+    assert "lacks its coefficient fm = 1 and has 0 there" in " ".join(
+        one.words for one in check(wrong, tmp_path).failed
+    )
+
+
+@pytest.mark.parametrize("shifts", [{"2": -0.3}, {"2": 0.0}])
+def test_the_shift_of_a_level_is_that_of_the_equation(pf, tmp_path, shifts):
+    law = pf.model_dump()["laws"]["fm"]
+    right = {"column": "material", "reference": "1", "shifts": {"2": 0.3}}
+    none = {"kind": "none", "reason": "given"}
+    words = law["equation"] + " for material 1; plus 0.3 for 2"
+    leveled = changed(pf, put("laws.fm", by=right, equation=words, uncertainty=none, region=None, sums=None))
+    assert not [one for one in check(leveled, tmp_path).findings if one.name == "equation"]
+    wrong = check(changed(leveled, put("laws.fm.by", shifts=shifts)), tmp_path)
+    assert "of level '2'" in next(one.words for one in wrong.failed if one.name == "equation")
+
+
 @pytest.mark.parametrize("part", ["laws.fm", "dynamics", "adaptive_force"])
 def test_a_part_that_must_not_be_used_fails_the_file(pf, part):
     reasons = [f"Reason {number}." for number in range(1, 6)]

@@ -2,7 +2,8 @@
 
 report   findings; verdicts of laws, dynamics and force process, and the refusal to export what must not be used
 values   units, covariances, posterior, dynamics and settings; gains, loop_figures: the gains on the dynamics
-record   the record of the dynamics against the load tests: range, slope, scaling; the limits against the tests
+record   coefficients against the equations; the record of the dynamics against the load tests: range, slope, scaling;
+         the limits against the tests
 """
 
 import os
@@ -15,9 +16,9 @@ from ..data_sources import corrections
 from ..draws import read_draws
 from ..file import seal_fault
 from .gains import check_gains
-from .record import check_limits, record_notes
+from .record import check_limits, check_texts, record_notes
 from .report import CheckReport, FileFinding, check_verdicts
-from .values import check_estimates, check_settings, check_texts, check_units
+from .values import check_estimates, check_settings, check_units
 
 if TYPE_CHECKING:
     from ..file import ParameterFile

@@ -1,10 +1,11 @@
-"""Checks of the other parts of a file against its tests.
+"""Checks of the parts of a file against each other and against its tests.
 
-The record of the dynamics against the load tests: ranges of load, static gain and slope, scaling of the command. Limits
-of machine, tool and work: possible, usual, and near the tests.
+Coefficients of laws against the text of their equations. The record of the dynamics against the load tests: ranges of
+load, static gain and slope, scaling of the command. Limits of machine, tool and work: possible, usual, near the tests.
 """
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from typing import Final
 
@@ -15,13 +16,51 @@ from ...datasets.vocabulary import ROLES
 from ..file import ParameterFile
 from ..messages import in_unit, short
 from ..sections.law import LawSection
+from ..sections.law_parts import LevelShifts
 from ..sections.load_line import Bound, LimitsSection, Range
 from ..setting_words import loads_tested
 from .report import FileFinding
 
 AGREE: Final = 1.25  # static gain and slope of a load law are from two experiments
 REFUSED: Final = 2.0  # a ratio of the two beyond this, or its inverse, is a wrong scaling or unit
+DIGITS: Final = 6e-6  # of a coefficient: half of the last of six digits, and rounding
 MARGIN: Final = 0.25  # of the range of loads tested: a mean of the record may lie this far outside
+
+
+def check_texts(pf: ParameterFile) -> Iterator[FileFinding]:
+    """Findings where a number and its text contradict each other: one of them was changed without the other."""
+    from ...datasets.runs import disclaimers
+
+    for name, law in pf.laws.items():
+        if law.equation and (wrong := _not_in_equation(law)):
+            words = f"laws.{shortened(name)}: the equation, {shortened(law.equation, 80)!r}, {wrong}; restore the file."
+            yield FileFinding("equation", False, words)
+    if pf.identity.simulated is False and pf.identity.note and disclaimers([pf.identity.note]):
+        words = f"the note, {shortened(pf.identity.note, 80)!r}, but identity.simulated is false; restore the file."
+        yield FileFinding("simulated", False, f"The data were simulated according to {words}")
+
+
+def _not_in_equation(law: LawSection) -> str:
+    """What the equation lacks: its form, a coefficient with its sign, or a level; empty where it is right."""
+    held = law.formula.printed(law.equation)
+    if not held:
+        right = law.formula.equation([f"{law.coefficients[name]:.6g}" for name in law.formula.names])
+        return f"is not that of its coefficients, {shortened(f'{law.response} = {right}', 80)!r}"
+    for name, value in law.coefficients.items():
+        if not abs(held[name] - value) <= DIGITS * abs(value):
+            return f"lacks its coefficient {name} = {value:.6g} and has {held[name]:.6g} there"
+    return "" if law.by is None else _not_in_levels(law, law.by)
+
+
+def _not_in_levels(law: LawSection, by: LevelShifts) -> str:
+    """The shift of a level that the equation lacks: its factor, or what it adds to a line."""
+    for level, shift in by.shifts.items():
+        found = re.search(rf"; (times|plus|minus) (\S+) for {re.escape(level)}(?=; |$)", law.equation)
+        printed = found and float(found[2]) * (-1.0 if found[1] == "minus" else 1.0)
+        value = math.exp(shift) if law.logarithmic else shift
+        if printed is None or not abs(printed - value) <= DIGITS * abs(value):
+            return f"lacks the shift {shift:.6g} of level {short(level)}"
+    return ""
 
 
 def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> list[str]:

@@ -1,6 +1,5 @@
 """Checks of single values: covariances, posterior, dynamics, units, and settings in order."""
 
-import re
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import NamedTuple
@@ -23,7 +22,6 @@ from .report import FileFinding
 
 # Vehtari et al. 2021, doi 10.1214/20-BA1221, section 4.1; Vehtari et al. 2024, Pareto smoothed importance sampling
 R_HAT, ESS, K_HAT = 1.01, 400.0, 0.7
-DIGITS = 6e-6  # of a coefficient: half of the last of six digits, and rounding
 SURE = 2.0  # standard errors between the static gain and zero
 
 
@@ -217,27 +215,6 @@ def _problem(item: Stated) -> str:
 
 
 EXCEEDS = 1 + 1e-9
-
-
-def check_texts(pf: ParameterFile) -> Iterator[FileFinding]:
-    """Findings where a number and its text contradict each other: one of them was changed without the other."""
-    from ...datasets.runs import disclaimers
-
-    for name, law in pf.laws.items():
-        if missing := [symbol for symbol in law.coefficients if not _in_equation(law, symbol)]:
-            words = f"the equation, {shortened(law.equation, 80)!r}, lacks its coefficient"
-            value = f"{missing[0]} = {law.coefficients[missing[0]]:.6g}"
-            yield FileFinding("equation", False, f"laws.{shortened(name)}: {words} {value}; restore the file.")
-    if pf.identity.simulated is False and pf.identity.note and disclaimers([pf.identity.note]):
-        words = f"the note, {shortened(pf.identity.note, 80)!r}, but identity.simulated is false; restore the file."
-        yield FileFinding("simulated", False, f"The data were simulated according to {words}")
-
-
-def _in_equation(law: LawSection, symbol: str) -> bool:
-    """Whether the equation holds a coefficient to six digits; a factor of 1 and exponents of 0 and 1 are left out."""
-    value = abs(law.coefficients[symbol])
-    texts = re.findall(r"\d+\.?\d*(?:[eE][+-]?\d+)?", law.equation)
-    return value in (0.0, 1.0) or not law.equation or any(abs(float(text) - value) <= DIGITS * value for text in texts)
 
 
 def check_settings(pf: ParameterFile) -> Iterator[FileFinding]:
