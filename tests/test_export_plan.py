@@ -462,7 +462,8 @@ def test_what_is_not_known_counts_as_the_worse_end_and_is_latched():
 def test_laws_without_time_need_none():
     pf = published("AC-2016")
     laws = {"Fz": pf.laws["AW"].model_copy(update={
-        "response": "Fz", "unit": "N", "factors": tuple(f for f in pf.laws["AW"].factors if f.symbol != "t"),
+        "response": "Fz", "unit": "N", "equation": "",
+        "factors": tuple(f for f in pf.laws["AW"].factors if f.symbol != "t"),
         "coefficients": {k: v for k, v in pf.laws["AW"].coefficients.items() if k != "t"},
     })}  # fmt: skip
     limits = {"speed": {"low": 50.0, "high": 200.0, "unit": "m/min"},

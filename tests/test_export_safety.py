@@ -15,6 +15,8 @@ from fitmodels.core.errors import GateError, ParameterError, UsageError
 from fitmodels.parameters.exports import VALUES
 from fitmodels.parameters.exports.names import plain, plain_unit, safe_name
 from fitmodels.parameters.exports.view import NO_SAFETY, NOT_DETECTED, export_view
+from fitmodels.parameters.file import sealed
+from fitmodels.parameters.published import published
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import loadmat
@@ -187,6 +189,16 @@ def test_feed_limits_of_an_unknown_law_are_assumed_to_be_right(constant_load_fil
 def test_the_check_still_refuses_gains_where_the_verdict_is_accepted(constant_load_file, tmp_path):
     with pytest.raises(GateError, match="not stable"):
         export(constant_load_file(pi={"ki": 8.0e6}), "hal", tmp_path / "out", accept_verdict=True)
+
+
+@pytest.mark.parametrize("kind", ["c", "st", "ini"])
+def test_the_interface_too_refuses_a_coefficient_that_is_not_that_of_its_equation(tmp_path, kind):
+    data = published("AC-2016").model_dump()
+    data["laws"]["P"]["coefficients"]["V"] = -0.82
+    pf = sealed(parameters.ParameterFile.model_validate(data))
+    with pytest.raises(GateError, match=r"fails the check: laws\.P: the equation, .* lacks its coefficient V = -0\.82"):
+        export(pf, kind, tmp_path / "out", system=None if kind == "ini" else "region", accept_verdict=True)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_command_accepts_a_verdict_by_name(constant_load_file, tmp_path, monkeypatch, capsys):

@@ -2,8 +2,8 @@
 
 report   findings; verdicts of laws, dynamics and force process, and the refusal to export what must not be used
 values   units, covariances, posterior, dynamics and settings; gains, loop_figures: the gains on the dynamics
-record   coefficients against the equations; the record of the dynamics against the load tests: range, slope, scaling;
-         the limits against the tests
+record   laws against their equations, posteriors and regions; the record of the dynamics against the load tests: range,
+         slope, scaling; the limits against the tests
 """
 
 import os
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> CheckReport:
     """Check a parameter file before a controller loads it.
 
-    Checksum; simulated data; equations and their mark against the text; verdicts of laws, dynamics and force process;
-    doubts about the data; units known and of the right dimension; covariances; convergence of the posterior; dynamics
+    Checksum; simulated data; laws against the text of their equations, their posteriors and their tested regions;
+    verdicts of laws, dynamics and force process; doubts about the data; units known and of the right dimension; covariances; convergence of the posterior; dynamics
     stable, with a gain of known sign; gains stable on them and within their specification, recomputed from the file;
     feed limits in order and above zero; windows and settings in order; limits possible and near the tests; the file of
     draws.
@@ -37,8 +37,7 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     ----------
     pf : ParameterFile
     folder : path, optional
-        Folder of the file, which must then have a checksum, and equations of its coefficients; without it neither
-        these nor the draws are checked.
+        Folder of the file, which must then have a checksum; without it neither this nor the draws are checked.
 
     Returns
     -------
@@ -53,7 +52,7 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     """
     found = [
         _checksum(pf, on_disk=folder is not None),
-        *(() if folder is None else check_texts(pf)),
+        *check_texts(pf),
         *_origin(pf),
         *check_verdicts(pf),
         *_reading(pf),
