@@ -2,6 +2,7 @@
 
 import json
 import random
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.core.errors import ParameterError
+from fitmodels.fit.bayes.priors import Normal
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
 from fitmodels.ident.pi.loop import loop_of
@@ -275,6 +277,59 @@ def test_gains_in_other_units_are_tried_through_their_scaling(pf):
 
 
 # --- the posterior and its draws ------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def with_posterior():
+    """A file with a law and its posterior, and the same with a prior that the data contradict."""
+    law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    weak = fit.posterior(law, seed=1, draws=1000)
+    narrow = replace(weak.priors, of={**weak.priors.of, "V": Normal(-0.4, 0.01)}, name="given")
+    posteriors = (weak, fit.posterior(law, seed=1, draws=1000, priors=narrow))
+    return [collect(tool="GC435", work="709M40", laws=[law], posteriors=[post]) for post in posteriors]
+
+
+def with_equation(pf, **coefficients):
+    """The file with other coefficients of its law, and the equation of these."""
+
+    def change(data):
+        law = data["laws"]["AW"]
+        law["coefficients"] |= coefficients
+        texts = [f"{law['coefficients'][name]:.6g}" for name in pf.laws["AW"].formula.names]
+        law["equation"] = f"AW = {pf.laws['AW'].formula.equation(texts)}"
+
+    return changed(pf, change)
+
+
+def test_a_law_is_compared_with_its_own_posterior(with_posterior):
+    pf = with_posterior[0]
+    of = pf.laws["AW"].coefficients
+    assert check(pf).ok
+    assert check(with_equation(pf, V=of["V"] + 1e-3)).ok
+    for other in ({"c0": of["c0"] / 10}, {"V": of["V"] + 0.6}, {"V": -of["V"]}, {"c0": of["c0"] * 1.3}):
+        report = check(with_equation(pf, **other))
+        assert {finding.name for finding in report.failed} == {"law"}, other
+    assert "laws.AW: in the middle of the tests it gives" in report.failed[0].words
+    assert check(with_equation(pf, V=of["V"] + 1.0)).failed[1].words.startswith("laws.AW: its coefficient V is 1.53")
+
+
+def test_an_informative_prior_may_move_the_posterior_away_from_the_law(with_posterior):
+    law, post = with_posterior[1].laws["AW"], with_posterior[1].posterior.laws["AW"]
+    assert law.coefficients["V"] - post.parameters["V"].mean > 10 * post.parameters["V"].sd
+    assert not [finding for finding in check(with_posterior[1]).failed if finding.name == "law"]
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [
+        ({"high": 200000.0}, "the tested range of V is 50 to 200000 m/min, in its own region 50 to 200 m/min"),
+        ({"low": 5.0}, "is 5 to 200 m/min, in its own region 50 to 200 m/min"),
+        ({"low": -50.0}, "is -50 to 200 m/min; it cannot be below zero"),
+    ],
+)
+def test_a_tested_range_is_that_of_the_region_and_not_below_zero(with_posterior, ends, words):
+    wrong = changed(with_posterior[0], put("laws.AW.factors.0", **ends))
+    assert [words in finding.words for finding in check(wrong).failed] == [True]
 
 
 def drawn(folder):

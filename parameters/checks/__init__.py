@@ -28,10 +28,10 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     """Check a parameter file before a controller loads it.
 
     Checksum; simulated data; laws against the text of their equations, their posteriors and their tested regions;
-    verdicts of laws, dynamics and force process; doubts about the data; units known and of the right dimension; covariances; convergence of the posterior; dynamics
-    stable, with a gain of known sign; gains stable on them and within their specification, recomputed from the file;
-    feed limits in order and above zero; windows and settings in order; limits possible and near the tests; the file of
-    draws.
+    verdicts of laws, dynamics and force process; doubts about the data; units known and of the right dimension;
+    covariances; convergence of the posterior; dynamics stable, with a gain of known sign; gains stable on them and
+    within their specification, recomputed from the file; feed limits in order and above zero; windows and settings in
+    order; limits possible and near the tests; the file of draws.
 
     Parameters
     ----------

@@ -1,28 +1,37 @@
 """Checks of the parts of a file against each other and against its tests.
 
-Coefficients of laws against the text of their equations. The record of the dynamics against the load tests: ranges of
-load, static gain and slope, scaling of the command. Limits of machine, tool and work: possible, usual, near the tests.
+Laws against the text of their equations, their posteriors and their regions. The record of the dynamics against the
+load tests: ranges of load, static gain and slope, scaling of the command. Limits: possible, usual, and near the tests.
 """
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
+import numpy as np
+
+from ...core.arrays import Array
 from ...core.text import shortened
 from ...core.verdict import DO_NOT_USE
 from ...datasets.plausibility.ranges import Plausible, plausible, process_of, widest
 from ...datasets.vocabulary import ROLES
+from ..evaluation import covariance_of
 from ..file import ParameterFile
 from ..messages import in_unit, short
+from ..sections.base import Covariance
 from ..sections.law import LawSection
-from ..sections.law_parts import LevelShifts
+from ..sections.law_parts import LevelShifts, Region
 from ..sections.load_line import Bound, LimitsSection, Range
+from ..sections.posterior import LawPosterior
 from ..setting_words import loads_tested
 from .report import FileFinding
 
 AGREE: Final = 1.25  # static gain and slope of a load law are from two experiments
 REFUSED: Final = 2.0  # a ratio of the two beyond this, or its inverse, is a wrong scaling or unit
+APART: Final = 10.0  # SD of its posterior or SE between a coefficient and its posterior: honest files reach 5 or 6
+INFORMATIVE: Final = 3.0  # a prior narrower than so many SD of the posterior moves it away from the estimate
+SAME_RANGE: Final = 1e-6  # relative: the region holds logarithms
 DIGITS: Final = 6e-6  # of a coefficient: half of the last of six digits, and rounding
 MARGIN: Final = 0.25  # of the range of loads tested: a mean of the record may lie this far outside
 
@@ -35,6 +44,8 @@ def check_texts(pf: ParameterFile) -> Iterator[FileFinding]:
         if law.equation and (wrong := _not_in_equation(law)):
             words = f"laws.{shortened(name)}: the equation, {shortened(law.equation, 80)!r}, {wrong}; restore the file."
             yield FileFinding("equation", False, words)
+        for wrong in (*_off_posterior(pf, name, law), *_off_region(law)):
+            yield FileFinding("law", False, f"laws.{shortened(name)}: {wrong}; restore the file or fit again.")
     if pf.identity.simulated is False and pf.identity.note and disclaimers([pf.identity.note]):
         words = f"the note, {shortened(pf.identity.note, 80)!r}, but identity.simulated is false; restore the file."
         yield FileFinding("simulated", False, f"The data were simulated according to {words}")
@@ -57,10 +68,79 @@ def _not_in_levels(law: LawSection, by: LevelShifts) -> str:
     for level, shift in by.shifts.items():
         found = re.search(rf"; (times|plus|minus) (\S+) for {re.escape(level)}(?=; |$)", law.equation)
         printed = found and float(found[2]) * (-1.0 if found[1] == "minus" else 1.0)
-        value = math.exp(shift) if law.logarithmic else shift
-        if printed is None or not abs(printed - value) <= DIGITS * abs(value):
+        if printed is None or not abs(printed - _value(law, shift)) <= DIGITS * abs(printed):
             return f"lacks the shift {shift:.6g} of level {short(level)}"
     return ""
+
+
+def _off_posterior(pf: ParameterFile, name: str, law: LawSection) -> Iterator[str]:
+    """What of a law lies far from its posterior with weak priors: its value at the middle of the tests, an exponent."""
+    post, names = None if pf.posterior is None else pf.posterior.laws.get(name), law.parameter_names
+    if post is None or not ({*names, "sd"} <= {*post.parameters} and {*names[1:]} <= {*post.level_at}):
+        return
+    to_level = np.eye(len(names))
+    to_level[0, 1:] = [post.level_at[one] for one in names[1:]]
+    here, mean = to_level @ law.theta, to_level @ [post.parameters[one].mean for one in names]
+    scale = _scale_of_posterior(law, post, to_level)
+    far = () if _informative(post, names, scale) else np.flatnonzero(np.abs(here - mean) > APART * scale)
+    for j in far:
+        if j:
+            sd = post.parameters[names[j]].sd
+            yield f"its coefficient {names[j]} is {here[j]:.4g}, in its own posterior {mean[j]:.4g} +- {sd:.2g}"
+        else:
+            own, of = (_value(law, one) for one in (here[0], mean[0]))
+            yield f"in the middle of the tests it gives {own:.3g} {law.unit}, its own posterior {of:.3g} {law.unit}"
+
+
+def _value(law: LawSection, linear: float) -> float:
+    """A response, or a factor between levels, from its value in the linear form of the law."""
+    return _unlogged(linear) if law.logarithmic else linear
+
+
+def _unlogged(value: float) -> float:
+    return math.exp(min(value, 700.0))  # numbers of a damaged file may be of any size
+
+
+def _scale_of_posterior(law: LawSection, post: LawPosterior, to_level: Array) -> Array:
+    """The larger of posterior SD and SE of level and exponents, shape (p,); the SD of the level is not in the file."""
+    held = [post.parameters[one] for one in law.parameter_names]
+    sd, per = np.array([one.sd for one in held]), 1.0
+    if law.logarithmic and law.error == "additive":  # scatter in the unit of the response, level as a logarithm
+        per = _unlogged(float(to_level[0] @ [one.mean for one in held])) or 1.0
+    sd[0] = post.parameters["sd"].mean / per / math.sqrt(max(1, law.n_edges or law.n))
+    if not isinstance(law.uncertainty, Covariance):
+        return sd
+    with np.errstate(all="ignore"):
+        variances = np.diag(to_level @ covariance_of(law) @ to_level.T)
+    return np.asarray(np.fmax(sd, np.sqrt(np.fmax(variances, 0.0))))
+
+
+def _informative(post: LawPosterior, names: Sequence[str], scale: Array) -> bool:
+    """Whether a prior is so narrow that it moves the posterior away from the estimate."""
+    priors = [post.priors.get(one) for one in ("level", *names[1:])]
+    widths = [prior.numbers["sd"] if prior and prior.distribution == "normal" else math.inf for prior in priors]
+    return bool((np.array(widths) < INFORMATIVE * scale).any())
+
+
+def _off_region(law: LawSection) -> Iterator[str]:
+    """Ranges of factors that begin below zero, or are other than those of the tested region."""
+    for j, factor in enumerate(law.factors):
+        words = f"the tested range of {shortened(factor.symbol)} is {factor.low:.6g} to {factor.high:.6g} {factor.unit}"
+        ranges = plausible(factor.symbol, None)
+        if factor.low < 0 and (law.formula.logs[j] or (ranges is not None and ranges.hard[0] >= 0)):
+            yield f"{words}; it cannot be below zero"
+        elif law.region is not None:
+            low, high = _range_of_region(law, law.region, j)
+            if max(abs(low - factor.low), abs(high - factor.high)) > SAME_RANGE * max(abs(low), abs(high)):
+                yield f"{words}, in its own region {low:.6g} to {high:.6g} {factor.unit}"
+
+
+def _range_of_region(law: LawSection, region: Region, j: int) -> tuple[float, float]:
+    """Range of factor j by the region, and by edges that later versions of the file added."""
+    half = 0.0 if law.factors[j].low == law.factors[j].high else region.half_range[j]  # of one value it is arbitrary
+    added = [one.mean[j] for one in law.sums.edges] if law.sums and law.formula.first_order else []
+    low, high = min([region.centre[j] - half, *added]), max([region.centre[j] + half, *added])
+    return (_unlogged(low), _unlogged(high)) if law.formula.logs[j] else (low, high)
 
 
 def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> list[str]:
