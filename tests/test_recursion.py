@@ -666,6 +666,49 @@ def test_the_diameter_gives_the_spindle_speed(pf):
     assert plan_of(pf).rows[0].n is None
 
 
+def on_machine(pf):
+    """The file with limits of spindle speed and feed rate."""
+    ranges = {"spindle_speed": (50.0, 2500.0, "1/min"), "feed_rate": (10.0, 120.0, "mm/min")}
+    limits = {name: {"low": low, "high": high, "unit": unit} for name, (low, high, unit) in ranges.items()}
+    data = {**pf.model_dump(), "content_sha256": None}
+    return ParameterFile.model_validate({**data, "limits": {**data["limits"], **limits}})
+
+
+@pytest.mark.parametrize("objective", [{}, {"objective": "life", "removal": 8e3}, {"objective": "time", "time": 6.0}])
+@pytest.mark.parametrize("diameter", [12.0, 60.0])
+def test_a_plan_keeps_the_limits_of_spindle_and_feed_rate_where_the_diameter_is_known(pf, objective, diameter):
+    """12 mm: 2500 1/min is 94 m/min; 60 mm: 120 mm/min is a feed of 0.226 mm/rev at 100 m/min."""
+    options = {"time": 6.0, **objective, "at": {"D": diameter}, "grid": (10.0, 0.02)}
+    plan = plan_of(on_machine(pf), options=PlanOptions(**options))
+    assert plan.rows
+    for row in plan.rows:
+        assert row.n <= 2500 * (1 + 1e-9)
+        assert 10 <= row.f * row.n <= 120 * (1 + 1e-9)
+    words = "V and f keep the limits of the machine, n 50 to 2500 1/min and fm 10 to 120 mm/min, on a diameter of"
+    assert f"{words} {diameter:g} mm." in plan.assumed
+    free = plan_of(pf, options=PlanOptions(**{**options, "objective": "removal", "removal": None})).rows[0]
+    assert free.f * free.n > 120
+    assert free.n > 2500 or diameter > 12
+
+
+def test_the_exact_optimum_and_the_best_fixed_pair_keep_the_limits_of_the_machine(pf):
+    laws = life_laws(on_machine(pf), at={"D": 60.0})
+    best, rules = best_exact(laws, Rules(), 0.0, 0.0), Rules()
+    assert laws.V == (50.0, 200.0)
+    assert best.V * best.f == pytest.approx(np.pi * 60 * 120 / 1000, rel=1e-9)
+    assert "feed rate" in best.stops
+    fixed = best_fixed(laws, rules)
+    assert fixed.V * fixed.f <= np.pi * 60 * 120 / 1000 * (1 + 1e-9)
+
+
+def test_limits_of_the_machine_are_named_where_the_diameter_is_not_known(pf):
+    words = "not held by the limits of the machine, n 50 to 2500 1/min and fm 10 to 120 mm/min: these need the diameter"
+    assert words in " ".join(plan_of(on_machine(pf), options=PlanOptions(time=2.0)).assumed)
+    assert "limits of the machine" not in " ".join(plan_of(pf, options=PlanOptions(time=2.0)).assumed)
+    with pytest.raises(UsageError, match=r"diameter of 2 mm the limits of n allow 0\.3142 to 15\.71 m/min"):
+        plan_of(on_machine(pf), options=PlanOptions(time=2.0, at={"D": 2.0}))
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from ...core.errors import GateError, UsageError
 from ...parameters.exports.view import ExportView, require_check, view_of_laws
 from ..recursion.from_file import require_checked, require_near_tests
-from ..recursion.laws import response_at_end
+from ..recursion.laws import held_by_moves, response_at_end
 from ..recursion.life import no_pair
 from ..recursion.plan import Plan, diameter_of, plan_of
 from ..region.log_planes import ratio
@@ -245,7 +245,7 @@ def _about(plan: Plan, settings: "Mapping[str, float | int]") -> tuple[str, ...]
         "not detected - a cut that is reported as none, a diameter in its range that is wrong or stands still",
         f"assumed: the spindle accelerates by {settings['spindle_rise']:.6g} 1/min in 1 s; feed_rate waits for it",
         f"assumed: measured wear up to {100 * WEAR_TOLERANCE:g} % above the plan has no effect",
-        *(f"assumed: {words}" for words in plan.assumed),
+        *(f"assumed: {words}" for words in held_by_moves(plan.assumed)),
     )
 
 

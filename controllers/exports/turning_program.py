@@ -23,6 +23,7 @@ from ...parameters.exports.names import gcode_text, plain, plain_lines, plain_un
 from ...parameters.exports.view import NO_SAFETY, require_check
 from ...parameters.file_format import content_sha256
 from ..recursion.from_file import require_checked, require_near_tests
+from ..recursion.laws import held_by_moves
 from ..recursion.life import no_pair
 from ..recursion.plan import Plan, PlanOptions, plan_of
 from .turning_job import CLEAR, FOOT, INCH, Move, TurningJob, TurningPlan
@@ -127,13 +128,12 @@ def turning_export(
     left_out = require_checked(pf, plan.laws, accept_verdict)
     said_first = (*left_out, *require_near_tests(pf, depths, request.beyond_tests))
     simulated = {True: "SIMULATED data, not measured", None: "not known whether the data were measured or SIMULATED"}
-    said = simulated.get(pf.identity.simulated, "")
-    who = pf.identity
+    said, who = simulated.get(pf.identity.simulated, ""), pf.identity
     pair = f"tool {plain(who.tool)}, work {plain(who.work)}, machine {plain(who.machine or 'not named')}"
     checksum = f"parameter file {pf.content_sha256 or content_sha256(pf.model_dump())}"
     doubts, inch = () if pf.reading is None else pf.reading.doubts, request.inch if part is None else part.job.inch
     doubted = (f"the data are right although the reading doubts them: {doubt.sentence}" for doubt in doubts)
-    assumed = (*doubted, *untried, *plan.assumed)
+    assumed = (*doubted, *untried, *(plan.assumed if part is None else held_by_moves(plan.assumed)))
     return TurningExport(
         plan=plan,
         part=part,

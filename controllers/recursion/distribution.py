@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.display import Plottable, as_columns
 from ...core.errors import UsageError
-from .interval_optimum import Grid, grid_of, rates
+from .interval_optimum import Grid, beyond_feed_rate, grid_of, rates
 from .laws import LifeLaws, Rules, Terms
 from .life import MOST, Life, whole_life
 
@@ -77,6 +77,7 @@ def recursions(laws: LifeLaws, many: DrawnLifeLaws, rules: Rules, grid: Grid, mo
     """
     rate = rates(laws, grid).ravel()
     order = np.argsort(-rate, kind="stable")  # of equals the slower first, as in `Surfaces.best`
+    order = order[~beyond_feed_rate(laws, grid).ravel()[order]]
     x = np.repeat(np.log(grid.V), len(grid.f))[order]
     y = np.tile(np.log(grid.f), len(grid.V))[order]
     n = np.zeros(len(many.wear.ln_c), dtype=np.float64)

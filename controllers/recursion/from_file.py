@@ -13,7 +13,7 @@ from ...datasets.units import convert, is_unit, same_dimension
 from ...datasets.vocabulary import FLANK_WEAR
 from ..region.limits import bounded_law
 from ..region.log_planes import ratio
-from .laws import LifeLaws, Terms
+from .laws import LifeLaws, Terms, on_machine
 
 if TYPE_CHECKING:
     from ...parameters import LawSection, ParameterFile
@@ -43,7 +43,7 @@ def life_laws(
     by : str, optional
         Level of laws that have levels; by default their reference.
     at : mapping, optional
-        Any other factor's value, by its symbol.
+        Any other factor's value, by its symbol; the diameter ``D``, mm, for the limits of spindle speed and feed rate.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def life_laws(
     if limits.responses:
         names = ", ".join(limits.responses)
         notes.append(f"The recursion does not apply the limits of {names}: narrow the range of feed or speed for them.")
-    return LifeLaws(
+    laws = LifeLaws(
         wear=_terms(wear, wear, criterion, fixed, by, notes),
         power=_limited(pf, "power", wear, fixed, by, notes),
         force=_limited(pf, "force", wear, fixed, by, notes),
@@ -78,6 +78,7 @@ def life_laws(
         times="published" if pf.provenance.options.get("paper") == PAPER else "full",
         notes=tuple(notes),
     )
+    return on_machine(laws, limits, fixed.get("D"))
 
 
 def shortfall(

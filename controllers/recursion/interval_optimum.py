@@ -44,7 +44,7 @@ class IntervalSurfaces(Displayable):
     P, Fxz : ndarray, shape (m, n), or None
         Power and force at the end, where they are limited.
     breaks : dict of ndarray, shape (m, n), bool
-        Pairs that exceed a limit, by its name: ``wear``, ``power``, ``force``.
+        Pairs that exceed a limit, by its name: ``wear``, ``power``, ``force``, ``feed rate``.
     """
 
     grid: Grid
@@ -106,6 +106,12 @@ def rates(laws: LifeLaws, grid: Grid) -> Array:
     return np.round(laws.mrr(grid.V[:, None], grid.f), 6)
 
 
+def beyond_feed_rate(laws: LifeLaws, grid: Grid) -> NDArray[np.bool_]:
+    """Pairs outside the limits of the feed rate at the diameter, shape (m, n)."""
+    Vf = grid.V[:, None] * grid.f
+    return np.asarray((Vf < laws.Vf[0] * (1 - EVEN)) | (Vf > laws.Vf[1] * (1 + EVEN)))
+
+
 def surfaces(laws: LifeLaws, rules: Rules, grid: Grid, before: float, start: float) -> IntervalSurfaces:
     """Wear, power, force and MRR of every pair in the interval that begins at ``start`` min with wear ``before``.
 
@@ -124,6 +130,8 @@ def surfaces(laws: LifeLaws, rules: Rules, grid: Grid, before: float, start: flo
     AW = wear_after(laws, rules, V, f, before, start, end)
     values = {name: response_at_end(terms, rules, V, f, end, AW) for name, terms in laws.limited}
     breaks = {"wear": laws.wear.most < AW, **{name: terms.most < values[name] for name, terms in laws.limited}}
+    if (beyond := beyond_feed_rate(laws, grid)).any():
+        breaks["feed rate"] = beyond
     return IntervalSurfaces(grid, AW, values.get("power"), values.get("force"), rates(laws, grid), breaks)
 
 
@@ -143,7 +151,7 @@ class Choice(Displayable):
     MRR : float
         mm3/min.
     stops : tuple of str
-        Active limits: ``power``, ``force``, ``wear``, ``most speed``, ``most feed``.
+        Active limits: ``power``, ``force``, ``wear``, ``feed rate``, ``most speed``, ``most feed``.
     """
 
     V: float
@@ -237,8 +245,13 @@ def best_exact(laws: LifeLaws, rules: Rules, before: float, start: float) -> Cho
 
 
 def _box(laws: LifeLaws) -> tuple[Array, Array]:
-    (v, V), (f, F) = laws.V, laws.f
-    return np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]), np.log([V, 1 / v, F, 1 / f])
+    (v, V), (f, F), (least, most) = laws.V, laws.f, laws.Vf
+    slopes, bounds = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]], [V, 1 / v, F, 1 / f]
+    if math.isfinite(most):
+        slopes, bounds = [*slopes, [1.0, 1.0]], [*bounds, most]
+    if least > 0:
+        slopes, bounds = [*slopes, [-1.0, -1.0]], [*bounds, 1 / least]
+    return np.array(slopes), np.log(bounds)
 
 
 def _best_corner(slopes: Array, bounds: Array) -> Array | None:
@@ -277,7 +290,7 @@ def _limits_at(laws: LifeLaws, rules: Rules, before: float, start: float, z: Arr
 def _choice(laws: LifeLaws, rules: Rules, before: float, start: float, z: Array, over: Array) -> Choice:
     names = ("wear", *(name for name, _ in laws.limited))
     stops = [name for name, by in zip(names, over, strict=True) if by > -ACTIVE]
-    ends = zip(("most speed", "most feed"), z, (laws.V[1], laws.f[1]), strict=True)
+    ends = zip(("most speed", "most feed", "feed rate"), (*z, z.sum()), (laws.V[1], laws.f[1], laws.Vf[1]), strict=True)
     stops += [name for name, at, most in ends if at > math.log(most) - ACTIVE]
     V, f = (min(max(math.exp(at), low), high) for at, (low, high) in zip(z, (laws.V, laws.f), strict=True))
     end = start + rules.interval

@@ -4,8 +4,10 @@ A law R = c0 V^a f^b d^g t^h AW^k becomes R = C V^a f^b t^h AW^k, with d and all
 equations 4 to 7 of AC-2017 and their alternative readings.
 """
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +15,12 @@ from numpy.typing import ArrayLike
 from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
+from ..region.log_planes import ratio
 
+if TYPE_CHECKING:
+    from ...parameters.sections.load_line import LimitsSection, Range
+
+NOT_HELD: Final = "The pairs of V and f are not held by the limits of the machine"
 Times = Literal["published", "full"]
 
 
@@ -66,6 +73,8 @@ class LifeLaws(Displayable):
         Depth of cut, mm.
     V, f : (float, float)
         Ranges of the machine, m/min and mm/rev.
+    Vf : (float, float)
+        Range of V f, m/min mm/rev, that the limits of the feed rate allow at the diameter.
     times : {"published", "full"}
         Default of `Rules`: all times, except for the paper's own file.
     notes : tuple of str
@@ -80,6 +89,7 @@ class LifeLaws(Displayable):
     f: tuple[float, float]
     times: Times = "full"
     notes: tuple[str, ...] = ()
+    Vf: tuple[float, float] = (0.0, math.inf)
 
     def mrr(self, V: ArrayLike, f: ArrayLike) -> Array:
         """MRR = 1000 V f d, mm3/min (eq. 8)."""
@@ -90,6 +100,44 @@ class LifeLaws(Displayable):
         """Power and force by name, as far as limited."""
         both = (("power", self.power), ("force", self.force))
         return tuple((name, terms) for name, terms in both if terms is not None)
+
+
+def on_machine(laws: LifeLaws, limits: "LimitsSection", D: float | None) -> LifeLaws:
+    """The laws within the limits of spindle speed and feed rate at a diameter D, mm; a note names them without one.
+
+    Raises
+    ------
+    UsageError
+        No speed of the range is within the limits of the spindle.
+    """
+    n, fm = limits.spindle_speed, limits.feed_rate
+    stated = [f"{name} {one.low:g} to {one.high:g} {one.unit}" for name, one in (("n", n), ("fm", fm)) if one]
+    if not stated:
+        return laws
+    if D is None:
+        words = f"{NOT_HELD}, {' and '.join(stated)}: these need the diameter, --at D=60mm."
+        return replace(laws, notes=(*laws.notes, words))
+    around = math.pi * D / 1000  # m in one revolution
+    slow, fast = _ends(n, "1/min", around)
+    V = max(laws.V[0], slow), min(laws.V[1], fast)
+    if V[0] > V[1]:
+        raise UsageError(
+            f"on a diameter of {D:g} mm the limits of n allow {slow:.4g} to {fast:.4g} m/min, and the range of V is "
+            f"{laws.V[0]:g} to {laws.V[1]:g} m/min: give another diameter, or another range of V or n."
+        )
+    note = f"V and f keep the limits of the machine, {' and '.join(stated)}, on a diameter of {D:g} mm."
+    return replace(laws, V=V, Vf=_ends(fm, "mm/min", around), notes=(*laws.notes, note))
+
+
+def held_by_moves(words: Iterable[str]) -> tuple[str, ...]:
+    """Sentences on a plan without that on limits that its pairs do not keep, where each move keeps them."""
+    return tuple(one for one in words if not one.startswith(NOT_HELD))
+
+
+def _ends(given: "Range | None", unit: str, times: float) -> tuple[float, float]:
+    """Ends of a range of the machine in a unit, multiplied; unlimited without one."""
+    k = 1.0 if given is None else ratio(given.unit, unit) * times
+    return (0.0, math.inf) if given is None else (given.low * k, given.high * k)
 
 
 WearRule = Literal["clock", "wear_state"]

@@ -10,7 +10,18 @@ from numpy.typing import ArrayLike
 from ...core.arrays import Array
 from ...core.display import Displayable, Plottable, as_columns
 from ...core.errors import UsageError
-from .interval_optimum import Choice, Grid, IntervalSurfaces, SearchMethod, choose, grid_of, outcome, rates, surfaces
+from .interval_optimum import (
+    Choice,
+    Grid,
+    IntervalSurfaces,
+    SearchMethod,
+    beyond_feed_rate,
+    choose,
+    grid_of,
+    outcome,
+    rates,
+    surfaces,
+)
 from .laws import LifeLaws, Rules, Terms, response_at_end, wear_after
 
 if TYPE_CHECKING:
@@ -320,7 +331,7 @@ def best_fixed(
         raise UsageError(f"most={most!r}: it is 'per_minute' or 'removed'.")
     rules, grid = rules or Rules(laws.times), grid or grid_of(laws)
     minutes, peaks = _to_the_end(laws, rules, grid.V[:, None], grid.f)
-    keeps = np.full(minutes.shape, True)
+    keeps = ~beyond_feed_rate(laws, grid)
     for name, terms in laws.limited:
         keeps &= peaks[name] <= terms.most * (1 + EQUAL)
     score = np.where(keeps, rates(laws, grid) * (minutes if most == "removed" else 1.0), 0.0)

@@ -28,7 +28,10 @@ Objective = Literal["removal", "life", "cost", "time"]
 OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 WHOLE = 1e-9  # of an interval
 EARLY = 2.0  # intervals before the first test that are not worth a note
-ENDS = {"most speed": "the upper limit of speed", "most feed": "the upper limit of feed"}
+ENDS = {
+    "most speed": "the upper limit of speed", "most feed": "the upper limit of feed",
+    "feed rate": "the limit of the feed rate",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -240,12 +243,13 @@ def plan_of(
     """
     options = options or PlanOptions()
     _need_known(pf, options)
-    laws = life_laws(pf, d=options.depth, by=options.by, at=options.at)
+    diameter = diameter_of(pf, options)
+    at = options.at if diameter is None else {**options.at, "D": diameter}
+    laws = life_laws(pf, d=options.depth, by=options.by, at=at)
     wear: WearRule = "wear_state" if options.by_wear else "clock"
     rules = Rules(options.factors or laws.times, wear, options.interval or 1.0)
     grid = grid_of(laws, *options.steps)
     life, bound, least = _chosen(pf, laws, rules, grid, options)
-    diameter = diameter_of(pf, options)
     path = {"V": life.V, "f": life.f, "t": life.time, laws.wear.response: life.AW}
     tested, outside = outside_tests(pf, laws, path, options.at, options.by)
     rows = tuple(_row(life, k, diameter, bool(tested[k])) for k in range(len(life.time)))

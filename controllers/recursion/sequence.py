@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import UsageError
-from .interval_optimum import Choice, Grid, not_convex, outcome, rates, surfaces
+from .interval_optimum import Choice, Grid, beyond_feed_rate, not_convex, outcome, rates, surfaces
 from .laws import LifeLaws, Rules
 from .life import MOST, Life, life_of
 
@@ -188,7 +188,8 @@ def pairs_of(laws: LifeLaws, rules: Rules, grid: Grid) -> Pairs:
     wear = laws.wear.ln_c + laws.wear.V * x + laws.wear.f * y
     base = np.array([np.log(one.most) - one.ln_c - one.V * x - one.f * y for _, one in laws.limited])
     scale = laws.wear.t if rules.wear == "wear_state" else 1.0
-    return Pairs(rate, np.exp(wear / scale), base.reshape(-1, len(rate)))
+    kept = ~beyond_feed_rate(laws, grid).ravel()
+    return Pairs(rate[kept], np.exp(wear / scale)[kept], base.reshape(-1, len(rate))[:, kept])
 
 
 def cells_for(count: int) -> int:
