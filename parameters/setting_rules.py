@@ -27,7 +27,7 @@ from .messages import schema_message
 from .sections.base import Covariance
 from .sections.law import LawSection
 from .sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection, NoInterval
-from .setting_words import cause_of_refusal, feeds_far_beyond_tests, rounded, window_note
+from .setting_words import cause_of_refusal, feeds_far_beyond_tests, no_overload, rounded, window_note
 
 SAFETY_FACTOR = 0.85
 WINDOW = (0.18, 0.22)  # mm
@@ -60,9 +60,10 @@ def settings(
     pf : ParameterFile
         With a law of the form load_line or feed_line.
     worn : float
-        Load that a worn tool withstands without chipping, from the wear tests, in the unit of the load.
+        Load that a worn tool withstands without chipping, from the wear tests, in the unit of the load; at most 3 times
+        the largest load tested.
     safety_factor : float
-        Above 0, below 1.
+        At least 0.5, below 1: below, twice the reference would be no overload.
     rounded_to : float or None
         Step that the reference is rounded to; None leaves it as it is.
     window : tuple of float, optional
@@ -107,6 +108,8 @@ def settings(
     notes = [*_check_held(found, reference), *([window_note(*window, found.factors[-1].unit)] if assumed else [])]
     upper, lower = (feed_limit(found, reference, wear, by=by, level=level) for wear in (0.0, limit))
     _check_order(found, float(worn), reference, lower, upper)
+    if words := no_overload(found, worn, safety_factor, found.unit if found.form == "load_line" else "A"):
+        raise UsageError(f"{words}.")
     probability, words = wear_in_window(found, reference, lower.value, window, by=by)
     return LoadLineSection.model_validate({
         "reference": reference,

@@ -14,6 +14,8 @@ from .sections.law import LawSection
 from .sections.load_line import FeedLimit, LimitsSection, LoadLineSection, not_applied_words
 
 FAR_WEAR: Final = 2.0  # times the largest wear tested: a wear in another unit
+LEAST_FACTOR: Final = 0.5  # safety factor: below, twice the reference is still no overload
+FAR_WORN: Final = 3.0  # times the largest load tested: a load of a worn tool that no test supports
 FAR_LOAD: Final = 5.0  # times the largest load tested, or its inverse: a load in another unit
 BEYOND: Final = 1.5  # times the largest or smallest feed tested: a feed limit further out is a mistake
 # Beginning of the note on a window that was not given. The schema has no field of it.
@@ -200,6 +202,27 @@ def loads_tested(law: LawSection) -> tuple[float, float]:
     level = None if law.by is None else law.by.reference
     found = [float(law.values(dict(zip(names, corner, strict=True)), by=level)) for corner in corners]
     return min(found), max(found)
+
+
+def no_overload(law: LawSection | None, worn: float, factor: float, unit: str) -> str:
+    """Why a worn tool's load and a safety factor find no overload, without a period; empty where they do.
+
+    >>> no_overload(None, 2.2, 0.109, "A").partition(":")[0]
+    'the safety factor 0.109 is below 0.5'
+    """
+    remedy = "give the load that a worn tool withstands, from the wear tests, and the safety factor, in the paper 0.85"
+    if factor < LEAST_FACTOR:
+        return (
+            f"the safety factor {factor:g} is below {LEAST_FACTOR:g}: twice the reference, {2 * factor * worn:.3g} "
+            f"{unit}, is below {worn:g} {unit} and would not be found as an overload; {remedy}"
+        )
+    if law is None or law.form != "load_line" or law.unit != unit:
+        return ""
+    tested = loads_tested(law)[1]
+    if worn > FAR_WORN * tested > 0:
+        times = f"{worn / tested:.3g} times the largest load tested, {tested:.3g} {unit}, more than {FAR_WORN:g} times"
+        return f"the load that a worn tool withstands, {worn:g} {unit}, is {times}; {remedy}"
+    return ""
 
 
 def feeds_far_beyond_tests(law: LawSection, lower: float, upper: float) -> str:

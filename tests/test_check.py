@@ -149,6 +149,8 @@ def test_a_good_file_passes_every_question(pf):
         (put("limits.wear", value=0.1), "window", "is above the criterion, 0.1"),
         (put("load_line", reference=0.3), "reference", "not between 0 and the load that a worn tool withstands"),
         (put("load_line", reference=0.2), "reference", "is not 0.85 x 0.28 = 0.238 A"),
+        (put("load_line", worn=2.2, safety_factor=0.109), "reference", r"factor 0\.109 is below 0\.5: twice the ref"),
+        (put("load_line", worn=0.85, safety_factor=0.28), "reference", r"0\.476 A, is below 0\.85 A and would not be"),
         (put("load_line", law="I"), "reference", "law of 'I' that the limits come from is not in the file"),
         (put("load_line.engagement", engage_at=0.24), "engagement", "engages at 0.25 A, not below the reference 0.24"),
         (put("load_line.engagement", load_low=0.7), "engagement", "leave no range"),
@@ -198,6 +200,14 @@ def test_powers_that_an_equation_leaves_out_are_1_and_0(tmp_path):
     assert "lacks its coefficient fm = 1 and has 0 there" in " ".join(
         one.words for one in check(wrong, tmp_path).failed
     )
+
+
+def test_a_load_of_a_worn_tool_that_no_test_comes_near_fails():
+    milling = published("CLM-2023")  # tests up to 0.293 A
+    reference = {"reference": 0.52, "worn": 1.0, "safety_factor": 0.52}
+    words = "load_line: the load that a worn tool withstands, 1 A, is 3.41 times the largest load tested, 0.293 A, more"
+    assert words in " ".join(one.words for one in check(changed(milling, put("load_line", **reference))).failed)
+    assert not [one for one in check(milling).failed if one.name == "reference"]
 
 
 @pytest.mark.parametrize("shifts", [{"2": -0.3}, {"2": 0.0}])

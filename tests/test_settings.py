@@ -234,6 +234,8 @@ def test_a_worn_load_in_another_unit_or_ten_times_as_large_is_refused(worn):
         ({"worn": 0.0}, UsageError, "worn 0.0: it must be above zero"),
         ({"worn": float("nan")}, UsageError, "worn nan"),
         ({"safety_factor": 1.17}, UsageError, r"safety_factor 1.17: it must be between 0 and 1, in the paper 0.85"),
+        ({"worn": 2.2, "safety_factor": 0.109}, UsageError, "factor 0.109 is below 0.5: twice the reference, 0.48 A"),
+        ({"worn": 0.85, "safety_factor": 0.28}, UsageError, "factor 0.28 is below 0.5: twice the reference, 0.476 A"),
         ({"window": (0.22, 0.18)}, UsageError, "the smaller first"),
         ({"wear_limit": 0.3}, UsageError, "outside the window 0.18 to 0.22"),
         ({"rounded_to": 10.0}, UsageError, "rounds to nothing"),

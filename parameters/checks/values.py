@@ -17,7 +17,7 @@ from ..sections.force_control import AdaptiveForceSection
 from ..sections.law import LawSection
 from ..sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection
 from ..sections.posterior import LawPosterior
-from ..setting_words import feeds_far_beyond_tests
+from ..setting_words import feeds_far_beyond_tests, no_overload
 from .report import FileFinding
 
 # Vehtari et al. 2021, doi 10.1214/20-BA1221, section 4.1; Vehtari et al. 2024, Pareto smoothed importance sampling
@@ -225,7 +225,7 @@ def check_settings(pf: ParameterFile) -> Iterator[FileFinding]:
         )
         yield from _findings("window", "load_line", [*_window(line), *_criterion(pf, line)])
         yield from _findings(
-            "reference", "load_line", [*_reference(line), *_limit_of_load(pf, line), *_source(pf, line)]
+            "reference", "load_line", [*_reference(pf, line), *_limit_of_load(pf, line), *_source(pf, line)]
         )
         if line.engagement is not None:
             yield from _findings("engagement", "load_line.engagement", list(_engagement(line.engagement, line)))
@@ -296,8 +296,10 @@ def _criterion(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
         yield f"the wear at the lower feed limit, {wear:g} {line.unit_wear}, is above the criterion, {limit:g}"
 
 
-def _reference(line: LoadLineSection) -> Iterator[str]:
+def _reference(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
     unit = line.unit_load
+    if words := no_overload(pf.laws.get(line.law), line.worn, line.safety_factor, unit):
+        yield words
     if not 0 < line.reference < line.worn:
         limit = f"the load that a worn tool withstands, {line.worn:g} {unit}"
         yield f"the reference {line.reference:g} is not between 0 and {limit}"
