@@ -245,7 +245,7 @@ def test_reservations_and_an_unknown_verdict_are_notes(pf, part):
 
 def test_a_tool_life_that_is_extrapolated_qualifies_itself_alone(pf):
     life = {
-        "wear": "AW", "criterion": 0.3, "unit_of_wear": "mm", "unit": "min", "coefficients": {"c0": 1.0},
+        "wear": "AW", "criterion": 0.3, "unit_of_wear": "mm", "unit": "min", "coefficients": {"c0": 200.0},
         "t_observed": 20.0, "typical": 200.0, "typical_at": {},
         "verdict": {"level": "do not use for control", "reasons": ["200 min is 10 times the longest test."]},
     }  # fmt: skip
@@ -287,6 +287,41 @@ def test_gains_in_other_units_are_tried_through_their_scaling(pf):
 
 
 # --- the posterior and its draws ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (
+            {"criterion": 2.0},
+            "tool_life: the law of AW gives 0.3 mm after the typical life, 99.07 min, not its criterion",
+        ),
+        ({"c0": 10.0}, "tool_life: its coefficients give 990.7 min, not the typical life, 99.07 min"),
+        ({"c0": 10.0, "typical": 10.0}, "after the typical life, 990.7 min, not its criterion"),
+    ],
+)
+def test_a_tool_life_is_that_of_its_law_of_wear(values, words):
+    runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    wear = fit.power_law(runs, "AW", ["V", "f", "d", "t"])
+    pf = collect(tool="GC435", work="709M40", laws=[wear], tool_life=fit.tool_life(wear, 0.3))
+    assert check(pf).ok
+
+    def change(data):
+        life = data["tool_life"]
+        life["criterion"] = values.get("criterion", life["criterion"])
+        life["typical"] *= values.get("typical", 1.0)
+        life["coefficients"]["c0"] *= values.get("c0", 1.0)
+
+    assert words in " ".join(finding.words for finding in check(changed(pf, change)).failed)
+
+
+def test_wears_at_which_an_edge_is_changed_are_in_the_range_of_limits(pf):
+    for section, field in (("limits.wear", "value"), ("load_line", "window")):
+        high = {"value": 2.2, "window": [0.18, 2.2]}[field]
+        found = [one.words for one in check(changed(pf, put(section, **{field: high}))).findings if one.name == "doubt"]
+        assert any("up to 2.2 mm is unusual, beyond 1 mm" in words for words in found), found
+    worn = check(changed(pf, put("load_line", window=[0.18, 7.0]))).failed
+    assert "load_line.window: VB up to 7 mm is impossible, beyond 5 mm; correct it." in [one.words for one in worn]
 
 
 @pytest.fixture(scope="module")

@@ -16,12 +16,12 @@ from ...core.text import shortened
 from ...core.verdict import DO_NOT_USE
 from ...datasets.plausibility.ranges import Plausible, plausible, process_of, widest
 from ...datasets.vocabulary import ROLES
-from ..evaluation import covariance_of
+from ..evaluation import covariance_of, point_values
 from ..file import ParameterFile
 from ..messages import in_unit, short
 from ..sections.base import Covariance
 from ..sections.law import LawSection
-from ..sections.law_parts import LevelShifts, Region
+from ..sections.law_parts import LevelShifts, Region, ToolLifeSection
 from ..sections.load_line import Bound, LimitsSection, Range
 from ..sections.posterior import LawPosterior
 from ..setting_words import loads_tested
@@ -32,6 +32,8 @@ REFUSED: Final = 2.0  # a ratio of the two beyond this, or its inverse, is a wro
 APART: Final = 10.0  # SD of its posterior or SE between a coefficient and its posterior: honest files reach 5 or 6
 INFORMATIVE: Final = 3.0  # a prior narrower than so many SD of the posterior moves it away from the estimate
 SAME_RANGE: Final = 1e-6  # relative: the region holds logarithms
+LIFE_AGREES: Final = 1e-4  # relative: a tool life is solved from its law
+CRITERION: Final = "tool_life.criterion"
 DIGITS: Final = 6e-6  # of a coefficient: half of the last of six digits, and rounding
 MARGIN: Final = 0.25  # of the range of loads tested: a mean of the record may lie this far outside
 
@@ -46,6 +48,8 @@ def check_texts(pf: ParameterFile) -> Iterator[FileFinding]:
             yield FileFinding("equation", False, words)
         for wrong in (*_off_posterior(pf, name, law), *_off_region(law)):
             yield FileFinding("law", False, f"laws.{shortened(name)}: {wrong}; restore the file or fit again.")
+    if pf.tool_life is not None and (wrong := _off_life(pf.tool_life, pf.laws.get(pf.tool_life.wear))):
+        yield FileFinding("tool life", False, f"tool_life: {wrong}; restore the file or fit again.")
     if pf.identity.simulated is False and pf.identity.note and disclaimers([pf.identity.note]):
         words = f"the note, {shortened(pf.identity.note, 80)!r}, but identity.simulated is false; restore the file."
         yield FileFinding("simulated", False, f"The data were simulated according to {words}")
@@ -141,6 +145,34 @@ def _range_of_region(law: LawSection, region: Region, j: int) -> tuple[float, fl
     added = [one.mean[j] for one in law.sums.edges] if law.sums and law.formula.first_order else []
     low, high = min([region.centre[j] - half, *added]), max([region.centre[j] + half, *added])
     return (_unlogged(low), _unlogged(high)) if law.formula.logs[j] else (low, high)
+
+
+def _off_life(life: ToolLifeSection, law: LawSection | None) -> str:
+    """How a tool life contradicts itself, or the law of wear that it is solved from; empty where it does not."""
+    typical = f"typical life, {life.typical:.4g} {life.unit}"
+    found = _ln(life.coefficients.get("c0", 1.0))
+    found += sum(life.coefficients.get(name, 0.0) * _ln(x) for name, x in life.typical_at.items())
+    if not abs(found - _ln(life.typical)) < LIFE_AGREES:
+        return f"its coefficients give {_unlogged(found):.4g} {life.unit}, not the {typical}"
+    if law is None or law.form != "power" or {factor.symbol for factor in law.factors} != {"t", *life.typical_at}:
+        return ""
+    worn, criterion = _wear_at_life(life, law), in_unit(life.criterion, life.unit_of_wear, law.unit)
+    if worn is None or criterion is None or abs(worn - criterion) <= LIFE_AGREES * criterion:
+        return ""
+    return f"the law of {shortened(life.wear)} gives {worn:.4g} {law.unit} after the {typical}, not its criterion"
+
+
+def _wear_at_life(life: ToolLifeSection, law: LawSection) -> float | None:
+    """Wear after the typical life by the law, at its reference level; None where it cannot be evaluated."""
+    unit = next(factor.unit for factor in law.factors if factor.symbol == "t")
+    t = in_unit(life.typical, life.unit, unit)
+    if t is None or min([t, *life.typical_at.values()]) <= 0:
+        return None
+    return float(point_values(law, None if law.by is None else law.by.reference, {**life.typical_at, "t": t}))
+
+
+def _ln(value: float) -> float:
+    return math.log(max(value, 1e-300))
 
 
 def record_notes(pf: ParameterFile, ends: tuple[float, float] | None = None) -> list[str]:
@@ -281,12 +313,13 @@ def check_limits(pf: ParameterFile) -> Iterator[FileFinding]:
     """Findings on limits that are impossible, unusual or far beyond the tests, and on two wear criteria."""
     factors = {factor.symbol for law in pf.laws.values() for factor in law.factors}
     process = process_of(factors, (pf.identity.tool, pf.identity.work, pf.identity.machine or ""))
-    for where, symbol, value, unit in _upper_ends(pf.limits):
+    for where, symbol, value, unit in (*_upper_ends(pf.limits), *_wears(pf)):
         ranges = widest(symbol) if (symbol, process) == ("f", None) else plausible(symbol, process)
         high = None if symbol not in ROLES else in_unit(value, unit, ROLES[symbol].unit)
         if ranges is not None and high is not None:
-            words = f"limits.{where}: {shortened(symbol)} up to {value:g} {unit}"
-            yield from _size(words, symbol, high, ranges, _largest_tested(pf, symbol, ROLES[symbol].unit))
+            words = f"{where}: {shortened(symbol)} up to {value:g} {unit}"
+            tested = None if where == CRITERION else _largest_tested(pf, symbol, ROLES[symbol].unit)
+            yield from _size(words, symbol, high, ranges, tested)
     yield from _two_criteria(pf)
 
 
@@ -319,12 +352,21 @@ def _upper_ends(limits: LimitsSection | None) -> Iterator[tuple[str, str, float,
     for name, usual in LIMITED.items():
         limit = getattr(limits, name, None)
         if isinstance(limit, Bound):
-            yield name, limit.of or usual, limit.value, limit.unit
+            yield f"limits.{name}", limit.of or usual, limit.value, limit.unit
         elif isinstance(limit, Range):
-            yield name, usual, limit.high, limit.unit
+            yield f"limits.{name}", usual, limit.high, limit.unit
     for symbol, ends in () if limits is None else limits.responses.items():
         if ends.high is not None:
-            yield f"responses.{shortened(symbol)}", symbol, ends.high, ends.unit
+            yield f"limits.responses.{shortened(symbol)}", symbol, ends.high, ends.unit
+
+
+def _wears(pf: ParameterFile) -> Iterator[tuple[str, str, float, str]]:
+    """Name, symbol, value and unit of the wears at which an edge is changed, besides the limits."""
+    if (line := pf.load_line) is not None:
+        law = pf.laws.get(line.law)
+        yield "load_line.window", "VB" if law is None else law.factors[-1].symbol, line.window[1], line.unit_wear
+    if (life := pf.tool_life) is not None:  # far beyond the tests it is extrapolated, as its verdict says
+        yield CRITERION, life.wear, life.criterion, life.unit_of_wear
 
 
 def _largest_tested(pf: ParameterFile, symbol: str, unit: str) -> float | None:
