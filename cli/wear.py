@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 
 LISTED = 5  # folders that are named
+AFTER_DRAWS = "\nThe posterior changes a verdict. This replaces the above:\n"
 OF_OUTPUT = ("--force", "--full", "--quiet", "-q")  # options that change no result
 
 
@@ -113,6 +114,8 @@ def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> 
     if left:
         out.show(_left(left, runs))
     screen.end(pairs)
+    if unused := _unused_priors(options, pairs):
+        complain(unused)
     if args.json:
         print_json("report", {"understood": facts(runs), "pairs": reports, "left": list(map(str, left))}, version=4)
     if any(pair.failed for pair in pairs):
@@ -174,6 +177,7 @@ class _First(_Full):
         doubts = sorted(self.runs.doubts, key=lambda doubt: not doubt.unsettled)
         words = [shlex.split(corrected(self.args.words, one.remedy)) if one.remedy else [] for one in doubts[:1]]
         self.judged: list[object] = []
+        self.shown = ""
         self.screen = FirstScreen(self.out.width, self.number, ascii=self.out.ascii)
         self.out.show(rendered(self.screen.input_lines(self.runs, words[0] if words else [])))
 
@@ -189,7 +193,11 @@ class _First(_Full):
             self.out.show(terminal.comparison_line(pair.comparisons))
         if pair.parameters is not None and not self._unchanged(pair.name, pair.parameters):
             path = "params.json" if folder is None else str(folder.path / "params.json")
+            again = complete and self.shown == pair.name
+            self.shown = pair.name
             lines = self.screen.pair_lines(pair.parameters, pair.runs, pair.refused, path, pair.no_life)
+            if lines and again:
+                self.out.show(AFTER_DRAWS)
             if lines:
                 self.out.show(rendered(lines))
 
@@ -235,6 +243,16 @@ def _reminders(runs: "Runs", pairs: "Sequence[PairAnalysis]") -> list[str]:
     judged = {pair.name: "" if pair.parameters is None else verdicts_reminder(pair.parameters) for pair in pairs}
     lines = [f"{name}: {line}" if len(pairs) > 1 else line for name, line in judged.items() if line]
     return [*lines, *filter(None, [doubts_reminder(runs)])]
+
+
+def _unused_priors(options: "FitOptions", pairs: "Sequence[PairAnalysis]") -> str:
+    """A sentence on priors for responses that have no law; empty where there are none."""
+    from ..fit.bayes.priors_file import laws_of
+
+    tables = options.prior_tables()
+    fitted = {law.response for pair in pairs for law in pair.laws}
+    unused = [] if isinstance(tables, str) else [name for name in laws_of(tables) if name not in fitted]
+    return f"priors of {', '.join(unused)} are not used: this file has no such law." if unused else ""
 
 
 def _identify(args: argparse.Namespace, path: Path) -> int:

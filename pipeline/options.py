@@ -151,12 +151,19 @@ checks) to 1000000.
         return form_for(response, self.forms)
 
     def prior_tables(self) -> str | Mapping[str, object]:
-        """The priors as `fit.posterior` takes them, read where they are a file."""
-        if isinstance(self.priors, Mapping) or self.priors in NAMED_PRIORS:
+        """The priors as `fit.posterior` takes them, read where they are a file; refused for an unknown response."""
+        if not isinstance(self.priors, Mapping) and self.priors in NAMED_PRIORS:
             return self.priors
-        from ..fit.bayes.priors_file import read_priors
+        from ..datasets.vocabulary import ROLES
+        from ..fit.bayes.priors_file import laws_of, read_priors
+        from ..fit.law_requests import parse_laws
 
-        return read_priors(Path(self.priors))
+        tables = self.priors if isinstance(self.priors, Mapping) else read_priors(Path(self.priors))
+        asked = [request.response for request in parse_laws(self.laws)]
+        for name in laws_of(tables):
+            if name not in ROLES and name not in asked:
+                raise UsageError(f"priors of {name}: there is no such response. {did_you_mean(name, list(ROLES))}")
+        return tables
 
     def recorded(self) -> dict[str, Any]:
         """Options for the provenance of a parameter file: the kind of errors, and what differs from the defaults.

@@ -6,10 +6,12 @@ from fitmodels import datasets, fit
 from fitmodels.fit.checks.agreement import (
     Estimate,
     compare_estimates,
+    contradicting_prior,
     estimates_of,
     posterior_agreement,
 )
 from fitmodels.fit.checks.check import FAMILY_LEVEL, TITLES, WEIGHTS, Check, family_wise
+from fitmodels.parameters.gather.law import law_section
 
 FACTORS = ["V", "f", "d", "t"]
 
@@ -44,6 +46,40 @@ def test_a_posterior_that_disagrees_with_the_table_is_said():
     assert (found.exponent, found.concern) == ("t", 1)
     sound = wear(2)
     assert posterior_agreement(sound, fit.posterior(sound, seed=1)).concern == 0
+
+
+@pytest.mark.parametrize("edges", [True, False])
+@pytest.mark.parametrize(("mean", "sd", "named"), [(1.6, 0.1, True), (-3.0, 0.01, True), (0.6, 0.1, False)])
+def test_a_prior_that_contradicts_the_tests_is_named_alone(mean, sd, named, edges):
+    """The exponent of V is 0.577: the first prior draws the posterior away from it, the second is repeated by it."""
+    law = wear(2)
+    if not edges:
+        law = law.with_rows(edge=None, edges=fit.NotAvailable("no edge column"))
+    given = {"AW": {"V": {"distribution": "normal", "mean": mean, "sd": sd}}}
+    post = fit.posterior(law, priors=given, seed=1)
+    found = contradicting_prior(law, post)
+    checks = law_section(law, posterior=post).checks
+    if not named:
+        assert found is None
+        assert not checks.keys() & {"priors"}
+        return
+    assert found.verdict.startswith(f"The prior of V, {mean:.{3 if sd < 0.1 else 2}f} ± {sd:.{3 if sd < 0.1 else 2}f}")
+    assert "usual causes" not in found.verdict
+    assert next(iter(checks)) == "priors"
+    assert not checks["agreement"].concern if edges else "agreement" not in checks
+
+
+@pytest.mark.parametrize(("median", "named"), [(2.0, True), (0.17, False)])
+def test_a_prior_of_the_level_in_another_size_is_named_with_its_unit(median, named):
+    law = wear(2)
+    given = {"AW": {"level": {"distribution": "lognormal", "median": median, "factor": 1.1}}}
+    found = contradicting_prior(law, fit.posterior(law, priors=given, seed=1))
+    assert (found is not None) == named
+    assert not named or "The prior of the level (AW at the middle of the tests), 2.00 ± 0.20 mm" in found.verdict
+
+
+def test_weak_priors_contradict_no_tests():
+    assert contradicting_prior(wear(2), fit.posterior(wear(2), seed=1)) is None
 
 
 def test_a_bootstrap_agrees_with_the_fit_that_it_resamples():

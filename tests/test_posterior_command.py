@@ -39,6 +39,25 @@ def test_priors_that_no_law_has_are_refused_before_a_law_is_shown(run, tmp_path)
     assert "the law of AW has no parameter 'nosuch'" in err
 
 
+def test_a_second_screen_says_why_it_follows_and_that_the_prior_contradicts_the_tests(run, tmp_path):
+    mine = tmp_path / "p.toml"
+    mine.write_text('[AW]\nV = { distribution = "normal", mean = 3, sd = 0.1 }\n[Fc]\nsource = "x"\n')
+    code, out, err = run(GC435, "--out", "a", "--priors", mine)
+    assert code == 0
+    first, _, second = " ".join(out.split()).partition("The posterior changes a verdict. This replaces the above:")
+    assert "prior" not in first
+    assert "AW usable with reservations; prior contradicts the tests" in second
+    assert "The prior of V, 3.00 ± 0.10, contradicts the tests" in second
+    assert "priors of Fc are not used: this file has no such law." in err
+
+
+def test_priors_of_a_response_that_does_not_exist_are_refused(run, tmp_path):
+    (tmp_path / "p.toml").write_text('[VX]\nV = { distribution = "normal", mean = 3, sd = 0.1 }\n')
+    code, out, err = run(GC435, "--out", "a", "--priors", "p.toml")
+    assert (code, out) == (2, "")
+    assert "priors of VX: there is no such response" in err
+
+
 def test_draws_in_the_folder_are_those_of_the_laws(run, tmp_path):
     assert run(GC435, "--out", "a")[0] == 0
     folder = pair_of(tmp_path / "a")

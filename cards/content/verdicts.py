@@ -52,6 +52,7 @@ REMEDIES: Mapping[str, tuple[str, str]] = MappingProxyType({
     "competing forms": ("Compare the forms, and keep the one that predicts best.", "compare"),
     "number of edges": ("Test more edges.", "next"),
     "gauge error": ("Measure the wear more precisely, or as the mean of several readings.", ""),
+    "priors": ("Correct the prior or its width, or leave --priors out.", ""),
     "agreement": ("Use the cluster-robust interval; further edges decide between the estimates.", "next"),
     "reading": ("Look at the columns as they were read, and correct them.", "look"),
     "run-outs": ("Run tests until the edges are worn out.", "next"),
@@ -76,6 +77,7 @@ SHORT: Mapping[str, str] = MappingProxyType({
     "even scatter of edges": "scatter not even", "normality": "scatter not normal", "reading": "doubts about the data",
     "normality of edges": "scatter not normal", "competing forms": "another form predicts better",
     "number of edges": "edges not named", "agreement": "estimates disagree",
+    "priors": "prior contradicts the tests",
     "longest lives": "run-outs not marked",
     "extrapolated lives": "lives extrapolated", "single lives": "rests on one life", "run-outs": "many run-outs",
 })  # fmt: skip

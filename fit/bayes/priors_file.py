@@ -49,6 +49,15 @@ def read_priors(path: str | Path) -> dict[str, object]:
     return found
 
 
+def laws_of(tables: Mapping[str, object]) -> list[str]:
+    """Responses that tables of priors are of; what is no table of a law is refused with the law (`replaced`).
+
+    >>> laws_of({"AW": {"V": {"distribution": "normal", "mean": 2.0, "sd": 0.5}}, "sd": {"distribution": "half-t"}})
+    ['AW']
+    """
+    return [key for key, given in tables.items() if isinstance(given, Mapping) and "distribution" not in given]
+
+
 def replaced(priors: Priors, law: LawFit, tables: Mapping[str, object], name: str) -> Priors:
     """The priors of a law with those that ``tables`` gives for it.
 

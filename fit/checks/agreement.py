@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...core.errors import FitError
+from ...core.rounding import with_error
 from ..available import NotAvailable
 from ..composite_law import without_fixed
 from ..edges import EdgeInference, left_out_moves
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 MATTERS = 0.1  # of the logarithm of the response, over the tested range, by which a fixed exponent may be wrong
 APART = 0.005  # of each tail: probability of so large a difference of two estimates of one exponent
+CONTRADICTS = 3.0  # standard deviations between a prior and an estimate, from which on they contradict each other
 CAUSES = (
     "usual causes: times of some edges that start later or have another unit, edges that were stopped by their wear, "
     "a factor that is missing, or rows of an edge that follow each other"
@@ -128,6 +130,56 @@ def posterior_agreement(law: LawFit, posterior: "Posterior") -> Agreement | NotA
     0
     """
     return compare_estimates(law, of_draws(law, "posterior", posterior.names, posterior.draws))
+
+
+def contradicting_prior(law: LawFit, posterior: "Posterior") -> Check | None:
+    """The normal prior of the user that lies furthest from the estimate of these tests; None where none contradicts it.
+
+    The draws are then a compromise of two different numbers, or repeat the prior, and are no estimate of these tests.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    >>> given = {"AW": {"V": {"distribution": "normal", "mean": 3.0, "sd": 0.1}}}
+    >>> contradicting_prior(law, fit.posterior(law, priors=given)).concern
+    1
+    """
+    from ..bayes.priors import Normal, weak
+
+    usual = weak(law, "icc" in posterior.priors.of).of
+    priors = {j: posterior.priors.of[name] for j, name in enumerate(("level", *law.theta_names[1:]))}
+    given = {j: one for j, one in priors.items() if isinstance(one, Normal) and one not in usual.values()}
+    to_level = np.eye(len(law.theta))
+    to_level[0, 1:] = posterior.density.centre[1:]
+    value, se = to_level @ law.theta, np.sqrt(np.diag(to_level @ law.covariance() @ to_level.T))
+    apart = {j: abs(one.mean - float(value[j])) / float(np.hypot(one.sd, se[j])) for j, one in given.items()}
+    j = max(apart, key=apart.__getitem__, default=0)
+    if apart.get(j, 0.0) <= CONTRADICTS:
+        return None
+    drawn = posterior.draws[:, : len(law.theta)] @ to_level[j]
+    return Check(
+        null="priors that were given agree with the tests",
+        statistic=apart[j],
+        symbol="largest difference in SD",
+        concern=1,
+        verdict=_contradiction(
+            law, j, (given[j].mean, given[j].sd), (float(value[j]), float(se[j])), (drawn.mean(), drawn.std())
+        ),
+    )
+
+
+def _contradiction(law: LawFit, j: int, *three: tuple[float, float]) -> str:
+    """The sentence on a prior, an estimate and a posterior, each with its standard deviation."""
+    if j == 0 and law.formula.logarithmic:
+        three = tuple((float(np.exp(value)), float(np.exp(value) * np.expm1(sd))) for value, sd in three)
+    unit = law.units[law.response] if j == 0 else ""
+    prior, estimate, drawn = (with_error(value, sd, unit) for value, sd in three)
+    what = law.theta_names[j] if j else f"the level ({law.response} at the middle of the tests)"
+    return (
+        f"The prior of {what}, {prior}, contradicts the tests, {estimate}: the posterior, {drawn}, and limits and "
+        "replay from its draws are no result of these tests."
+    )
 
 
 def fixed_exponents(law: LawFit) -> Check | NotAvailable | None:

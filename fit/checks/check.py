@@ -65,6 +65,7 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "copies": "Duplicated rows and readings",
     "sensor limit": "Readings at the limit of a sensor",
     "gauge error": "Error of the wear gauge",
+    "priors": "Agreement of priors and tests",
     "agreement": "Agreement of estimates",
     "run-outs": "Share of lives that ended",
     "longest lives": "Run-outs written as lives",

@@ -172,19 +172,26 @@ def _optional(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], l
     return {name: None if name in failed else value for name, value in found.items()}, notes
 
 
-def disagreement(law: "LawFit", posterior: "Posterior | None") -> "Check | None":
-    """The check of a posterior whose exponents disagree with other estimates; None where none does or none is given."""
-    from ...fit.available import NotAvailable, computed
-    from ...fit.checks.agreement import posterior_agreement
+def disagreement(law: "LawFit", posterior: "Posterior | None") -> "dict[str, Check]":
+    """The concern of a posterior by its key: a prior that contradicts the tests, or exponents that disagree.
 
-    check = None if posterior is None else computed(partial(posterior_agreement, law, posterior))
-    return None if check is None or isinstance(check, NotAvailable) or not check.concern else check
+    Of several causes of disagreement the prior is known, so that the others are not named. Empty where there is none.
+    """
+    from ...fit.available import NotAvailable, computed
+    from ...fit.checks.agreement import contradicting_prior, posterior_agreement
+
+    for key, check in (("priors", contradicting_prior), ("agreement", posterior_agreement)):
+        found = None if posterior is None else computed(partial(check, law, posterior))
+        if found is not None and not isinstance(found, NotAvailable) and found.concern:
+            return {key: found}
+    return {}
 
 
 def _compared(found: "Judgement", law: "LawFit", posterior: "Posterior | None") -> "Judgement":
-    """The judgement with the agreement of the posterior, where its exponents disagree with other estimates."""
-    check = disagreement(law, posterior)
-    return found if check is None else replace(found, checks={**found.checks, "agreement": check})
+    """The judgement with the concern of the posterior, a prior that contradicts the tests before all others."""
+    checks = disagreement(law, posterior)
+    first = {} if "agreement" in checks else checks
+    return replace(found, checks={**first, **found.checks, **checks}) if checks else found
 
 
 def fitted_fields(law: "LawFit") -> dict[str, Any]:
