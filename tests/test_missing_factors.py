@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.fit.available import NotAvailable
+from fitmodels.fit.checks.autocorrelation import aliased_columns
 from fitmodels.fit.checks.missing_factors import added_between, added_within, missing_conditions, unused_columns
 from fitmodels.fit.checks.strata import blocks_between
 
@@ -124,6 +125,53 @@ def test_a_column_of_words_that_shifts_the_law_is_named(name, levels):
     assert f"--by {name}, or name the work by it with --map work={name} " in found.verdict
     some = in_blocks(1, 0.2, ("", *levels[1:])).rename(columns={"day": name})
     assert of_columns(some) is None
+
+
+def aliased(name, of, levels, response="AW"):
+    """The finding on a column whose level follows from a factor of the wear test, value by value."""
+    w = wear(1).drop(columns="D")
+    w = w.assign(**{name: w[of].map(dict(zip(np.unique(w[of]).tolist(), levels, strict=True)))})
+    runs = datasets.runs_from_frame(w, judge=False)
+    return aliased_columns(fit.power_law(runs, response, ["V", "f", "d", "t"]), runs)
+
+
+@pytest.mark.parametrize(
+    ("name", "of", "levels", "named"),
+    [
+        ("edge condition", "d", ("new", "reground", "honed"), "new at d 1, reground at d 1.5, honed at d 2.5"),
+        ("coolant", "V", ("dry", "oil", "mist"), "dry at V 80, oil at V 120, mist at V 180"),
+        ("batch", "f", ("B1", "B2", "B3"), "B1 at f 0.1, B2 at f 0.2, B3 at f 0.4"),
+        ("criterion VB [mm]", "d", (0.3, 0.2, 0.25), "0.3 at d 1, 0.2 at d 1.5, 0.25 at d 2.5"),
+    ],
+)
+def test_a_condition_that_changes_with_a_factor_alone_is_a_reservation(name, of, levels, named):
+    found = aliased(name, of, levels)
+    assert found.concern == 1
+    assert found.verdict.startswith(f"The effect of {of} on AW may be that of column {name!r}: {named}, never varied")
+
+
+@pytest.mark.parametrize(
+    ("name", "of", "levels"),
+    [
+        ("n", "V", (318, 477, 716)),  # follows from the speed
+        ("h [mm]", "f", (0.09, 0.18, 0.36)),  # follows from the feed
+        ("V_coded", "V", (-1, 0, 1)),
+        ("speed level", "V", ("alpha", "beta", "gamma")),
+        ("range", "V", ("low", "mid", "high")),
+        ("cell", "V", ("C1", "C2", "C3")),
+        ("day", "V", ("Mon", "Tue", "Wed")),
+        ("Bemerkung", "d", ("leise", "laut", "sehr laut")),
+        ("chip", "f", ("ribbon", "helical", "broken")),
+    ],
+)
+def test_columns_that_follow_from_a_factor_or_name_it_are_no_conditions(name, of, levels):
+    assert aliased(name, of, levels) is None
+
+
+def test_a_condition_that_varies_beside_the_factors_is_tested_instead():
+    w = in_blocks(1, 0.0).rename(columns={"day": "coolant"})
+    runs = datasets.runs_from_frame(w, judge=False)
+    assert aliased_columns(fit.power_law(runs, "AW", ["V", "f", "d", "t"]), runs) is None
 
 
 def test_blocks_without_effect_are_seldom_reported():

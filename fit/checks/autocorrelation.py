@@ -1,10 +1,13 @@
-"""Order of the tests: autocorrelation of residuals within edges, and drift of their levels from test to test.
+"""Order of the tests: autocorrelation of residuals within edges, and drift of their levels; columns that are aliases.
 
-The pooled lag-1 correlation is compared with its exact moments; the drift is tested as an added variable.
+The pooled lag-1 correlation is compared with its exact moments; the drift is tested as an added variable. A column that
+changes with a factor alone cannot be tested: it is named.
 
 Source: Durbin & Watson 1950, Biometrika 37, 409 (exact moments of a ratio of quadratic forms in residuals).
 """
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import exp
 
@@ -13,18 +16,36 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.arrays import Array
+from ...core.rounding import format_plain, join_words, label_of, listed
 from ...datasets import Runs
 from ..available import NotAvailable
 from ..edges import changes_within
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, STRONG, Check, concern_of, format_p
-from .missing_factors import added_between
+from .missing_factors import BLOCK, added_between, blocks_of, settings_of
 from .residual_tests import HELD
 from .strata import Strata, levels_of_edges, no_scatter, rows_in, units_of
 
 FREE = 8  # degrees of freedom that a test of drift needs
 SPREAD = 0.5  # of the order that the factors must leave free, as a share of its range
 SMALL = 0.05  # drift in ln response over all tests below which it is not reported
+T_KNOWN = 2.0  # t of an effect from which on it is asked what it may be of
+SIMPLE = 0.05  # distance of an exponent from a multiple of 1/2 below which a column is computed from a factor
+LABEL = re.compile(  # names of columns that name tests, remark on them, or follow from them
+    r".*(?:\b(?:day|date|tag|jour|d[ií]a|fecha|time|series?|session|block|group|gruppe|set|point|level|stufe|niveau|nivel"
+    r"|coded?|id|nr|name|file|photo|foto|image|sheet|setting|test|trial|experiment|sample|probe|stage"
+    r"|remarks?|comments?|notes?|notas?|status|result|ok)\b|datum|versuch|bemerkung|kommentar|remarque|commentaire"
+    r"|observaci|comentario|chip|span|copeau|viruta|failure|mode|form|chatter|ratter|vibra|broutement|built|bue|sound"
+    r"|finish|surface|colou?r|farbe).*|.|conditions?(?: no\.?)?|bedingung(?:en)?",
+    flags=re.IGNORECASE,
+)
+LEVEL = re.compile(  # labels of a setting
+    r"(?:very )?(?:low|mid(?:dle)?|medium|high|min|max|slow|fast|small|large|light|heavy|rough(?:ing)?|finish(?:ing)?"
+    r"|cent(?:re|er)|axial|factorial|niedrig|mittel|hoch|klein|gro(?:ß|ss)|langsam|schnell|schruppen|schlichten|bajo|medio|alto|bas|moyen"
+    r"|haut|[a-z+-]{1,2}|.*\d.*)",
+    flags=re.IGNORECASE,
+)
+IN_UNIT = re.compile(r".*[\[(][^\])\d][^\])]*[\])]\s*+")  # a header that ends with a unit
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -152,6 +173,79 @@ def _drift(law: LawFit, found: tuple[float, float, int, float], by: str) -> Chec
         f"last, adjusted for the law ({format_p(p)}), as when the machine warms up, a sensor drifts or a batch "
         "changes; repeat the first test, and note the order in a column 'run'.",
         kept=f"No drift over the tests by {by} that this test shows ({format_p(p)}).",
+    )
+
+
+def aliased_columns(law: LawFit, runs: Runs | None) -> Check | None:
+    """Columns of conditions that change with one factor of the law alone, whose effect may be theirs; None without any.
+
+    Left out are columns that name tests or remark on them, labels of the levels of a factor, numbers without a unit
+    (coded levels), and numbers that are computed from the factor.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> aliased_columns(fit.power_law(runs, "AW", ["V", "f", "d", "t"]), runs) is None
+    True
+    """
+    if runs is None or law.by is not None or no_scatter(law):
+        return None
+    unit = units_of(law)[1]
+    moving = changes_within(law.X, unit)
+    factors = {
+        name: law.X[:, j]
+        for j, name in enumerate(law.factors)
+        if not moving[j] and name in law.tvalues and abs(law.tvalues[name]) > T_KNOWN
+    }
+    found = [
+        (name, x, [factor for factor, values in factors.items() if _one_to_one(values, x) and _is_own(name, x, values)])
+        for name, x in _conditions(law, runs).items()
+    ]
+    sentences = [_alias(law, *one, factors) for one in found if one[2]]
+    null = "columns of conditions vary beside the factors"
+    return Check(null=null, concern=1, verdict=" ".join(sentences[:2])) if sentences else None
+
+
+def _conditions(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
+    """Columns of conditions that the law does not use, at its rows: blocks and words by name, numbers by their unit."""
+    words = {
+        name: x
+        for name, x in blocks_of(law, runs).items()
+        if not LABEL.fullmatch(name) and (BLOCK.fullmatch(name) or not all(map(LEVEL.fullmatch, x.tolist())))
+    }
+    numbers = settings_of(law, runs)
+    columns = {} if isinstance(numbers, NotAvailable) else numbers
+    with_unit = {name: x.astype(object) for name, x in columns.items() if IN_UNIT.fullmatch(name)}
+    return {**words, **{name: x for name, x in with_unit.items() if not LABEL.fullmatch(name)}}
+
+
+def _one_to_one(values: Array, labels: NDArray[np.object_]) -> bool:
+    """Whether each value of a factor has one label, and each label one value."""
+    pairs = set(zip(values.tolist(), labels.tolist(), strict=True))
+    return len(pairs) == len({value for value, _ in pairs}) == len({label for _, label in pairs}) > 1
+
+
+def _is_own(name: str, labels: NDArray[np.object_], values: Array) -> bool:
+    """Whether a column is a condition of its own: words, or numbers that are no simple power of the factor."""
+    if not IN_UNIT.fullmatch(name) or isinstance(labels[0], str):
+        return True
+    x = labels.astype(float)
+    if (x <= 0).any() or (values <= 0).any():
+        return True
+    exponent = float(np.polyfit(np.log(values), np.log(x), 1)[0])
+    return abs(2 * exponent - round(2 * exponent)) > 2 * SIMPLE
+
+
+def _alias(law: LawFit, name: str, labels: NDArray[np.object_], factors: list[str], values: Mapping[str, Array]) -> str:
+    """The sentence on a column that changes with factors."""
+    first = factors[0]
+    level = {value: label_of(label) for value, label in zip(values[first].tolist(), labels.tolist(), strict=True)}
+    shown = [f"{level[value]} at {first} {format_plain(value)}" for value in sorted(level)]
+    effect = f"effect{'s' if len(factors) > 1 else ''} of {join_words(factors)} on {law.response}"
+    return (
+        f"The {effect} may be that of column {name!r}: {listed(shown, 3)}, never varied separately. Only tests that "
+        "vary them separately tell them apart."
     )
 
 

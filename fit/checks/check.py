@@ -59,6 +59,7 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "time restarts": "Restarts of the time",
     "missing conditions": "Missing conditions",
     "unused columns": "Columns that are not in the law (added variables)",
+    "aliased columns": "Columns that change with a factor (aliases)",
     "wrong rows": "Outlying rows (robust fit)",
     "mixed units": "Mixed units of a condition (split test)",
     "wrong edges": "Outlying edges (studentized residuals)",

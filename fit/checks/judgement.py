@@ -23,7 +23,7 @@ from ..available import NotAvailable, computed
 from ..composite_law import without_fixed
 from ..lawfit import LawFit
 from .agreement import compare_estimates, fixed_exponents
-from .autocorrelation import drift, serial_correlation
+from .autocorrelation import aliased_columns, drift, serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
 from .competing_models import preferable_form
 from .deletion_diagnostics import Deletion, DeterminesAlone, deletion, influence, precision, press, sole_unit
@@ -361,6 +361,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "predictive use": lambda given: predictive_use(given.stated, given.runs),
     "missing conditions": lambda given: missing_conditions(given.stated, given.runs),
     "unused columns": lambda given: unused_columns(given.stated, given.runs, given.icc),
+    "aliased columns": lambda given: aliased_columns(given.stated, given.runs),
     "form": lambda given: lack_of_fit(given.law, given.strata),
     "form within edges": lambda given: lack_of_fit_within(given.law),
     "curvature": lambda given: curvature(given.law, given.strata),

@@ -152,7 +152,7 @@ def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAva
     """
     if runs is None:
         return None
-    columns = _columns(law, runs)
+    columns = settings_of(law, runs)
     if isinstance(columns, NotAvailable):
         return columns
     blocks = blocks_of(law, runs)
@@ -165,7 +165,7 @@ def unused_columns(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAva
     return _check(law, runs, min(tests, key=lambda one: one.p), tests)
 
 
-def _columns(law: LawFit, runs: Runs) -> dict[str, Array] | NotAvailable:
+def settings_of(law: LawFit, runs: Runs) -> dict[str, Array] | NotAvailable:
     """Columns that are set by the plan of tests and that the law does not use, at the rows of the law."""
     names = _unused(law, runs)
     if not names:
