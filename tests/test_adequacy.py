@@ -284,6 +284,35 @@ def test_no_drift_is_found_without_one_or_where_the_factors_follow_the_order():
     )
 
 
+def passes_over_a_bar(columns, speed=600.0):
+    """Forces of 16 passes from D 100 to 40 mm, 2 % more with each; ``columns`` of run, D, V, f and Fc."""
+    rng, k = np.random.default_rng(5), np.arange(16)
+    D = 100.0 - 4 * k
+    V, f = np.round(np.pi * D * speed / 1000, 1), np.tile([0.1, 0.2], 8)
+    Fc = 4000 * f**0.75 * V**-0.1 * 1.02**k * np.exp(rng.normal(0, 0.03, 16))
+    return datasets.runs_from_frame(pd.DataFrame({"run": k + 1, "D": D, "V": V, "f": f, "d": 2.0, "Fc": Fc})[columns])
+
+
+@pytest.mark.parametrize("columns", [["run", "V", "f", "Fc"], ["D", "V", "f", "Fc"]])
+def test_a_speed_that_falls_with_every_pass_over_a_bar_cannot_be_told_from_a_drift(columns):
+    runs = passes_over_a_bar(columns)
+    found = drift(fit.power_law(runs, "Fc", ["V", "f"]), runs, 0.0)
+    assert found.concern == 1
+    assert found.verdict == (
+        "V falls from test to test: a drift (the machine warms up, the tool wears, a sensor drifts) cannot be "
+        "separated from the effect of V on Fc."
+    )
+
+
+def test_a_table_that_is_sorted_by_a_factor_is_not_accused():
+    """Without run numbers or a bar the rows may be sorted; three levels in order are a plan in standard order."""
+    runs = passes_over_a_bar(["V", "f", "Fc"])
+    assert "in the order of a factor" in drift(fit.power_law(runs, "Fc", ["V", "f"]), runs, 0.0).reason
+    plan = forces(0.0, "sorted")
+    numbered = datasets.runs_from_frame(plan.data.assign(run=np.arange(1, 28)))
+    assert "in the order of a factor" in drift(fit.power_law(numbered, "Fc", ["V", "f", "d"]), numbered, 0.0).reason
+
+
 def test_a_sound_plan_is_rarely_accused_of_a_drift():
     """At .05 each, before the tests of the law are counted together: 5 of 100, here at most 10."""
     rng, accused = np.random.default_rng(11), 0

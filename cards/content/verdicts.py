@@ -74,7 +74,7 @@ SHORT: Mapping[str, str] = MappingProxyType({
     "form": "lack of fit", "collinearity": "factors vary together", "signal to noise": "scatter hides the effect",
     "prediction": "rests on few edges", "single edges": "rests on one edge",
     "scale of the response": "curved or uneven",
-    "order within edges": "rows of an edge alike", "order of tests": "drift over the tests",
+    "order within edges": "rows of an edge alike", "order of tests": "order of the tests",
     "even scatter": "scatter not even",
     "even scatter of edges": "scatter not even", "normality": "scatter not normal", "reading": "doubts about the data",
     "normality of edges": "scatter not normal", "competing forms": "another form predicts better",

@@ -29,6 +29,7 @@ from .strata import Strata, levels_of_edges, no_scatter, rows_in, units_of
 FREE = 8  # degrees of freedom that a test of drift needs
 SPREAD = 0.5  # of the order that the factors must leave free, as a share of its range
 SMALL = 0.05  # drift in ln response over all tests below which it is not reported
+SAME_SPEED = 0.02  # variation of V / D, of readings that are rounded, at one spindle speed
 T_KNOWN = 2.0  # t of an effect from which on it is asked what it may be of
 SIMPLE = 0.05  # distance of an exponent from a multiple of 1/2 below which a column is computed from a factor
 LABEL = re.compile(  # names of columns that name tests, remark on them, or follow from them
@@ -153,9 +154,41 @@ def drift(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | 
     left = order - adjusted @ np.linalg.lstsq(adjusted, order, rcond=1e-9)[0]
     found = added_between(levels, adjusted, order, 1 / (icc + (1 - icc) / size))
     if found is None or np.ptp(left) < SPREAD:
+        if (numbers is not None or _turned_down(law, runs)) and (alias := _alias_of_order(law, unit, place)):
+            return alias
         what = "were cut" if numbers is not None else "stand in the file"
         return NotAvailable(f"the tests {what} in the order of a factor: a drift cannot be separated from its effect")
     return _drift(law, found, "the column of run numbers" if numbers is not None else "the order of the rows")
+
+
+def _turned_down(law: LawFit, runs: Runs | None) -> bool:
+    """Whether the diameter falls from row to row at one spindle speed: the rows are then passes over one bar."""
+    rows = rows_in(law, runs) if runs is not None and runs.has("D") and "V" in law.factors else None
+    if runs is None or rows is None:
+        return False
+    D = runs.values("D")[rows][np.argsort(law.lines, kind="stable")]
+    V = law.X[np.argsort(law.lines, kind="stable"), law.factors.index("V")]
+    return bool((np.diff(D) <= 0).all() and np.ptp(V / D) < SAME_SPEED * np.mean(V / D))
+
+
+def _alias_of_order(law: LawFit, unit: NDArray[np.intp], place: NDArray[np.intp]) -> Check | None:
+    """The concern about factors that rise or fall with nearly every test; None where there are none."""
+    moving = changes_within(law.X, unit)
+    first = np.unique(unit, return_index=True)[1][np.argsort(place)]
+    found = []
+    for name, values in ((one, law.X[first, j]) for j, one in enumerate(law.factors) if not moving[j]):
+        step = np.diff(values)
+        if np.count_nonzero(step) >= max(FREE, len(step) / 2) and abs(np.sign(step).sum()) == np.count_nonzero(step):
+            found.append(f"{name} {'rises' if step.sum() > 0 else 'falls'}")
+    if not found:
+        return None
+    named = join_words([one.split()[0] for one in found])
+    return Check(
+        null="the order of the tests is not that of a factor",
+        concern=1,
+        verdict=f"{join_words(found)} from test to test: a drift (the machine warms up, the tool wears, a sensor "
+        f"drifts) cannot be separated from the effect of {named} on {law.response}.",
+    )
 
 
 def _drift(law: LawFit, found: tuple[float, float, int, float], by: str) -> Check:
