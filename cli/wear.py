@@ -114,8 +114,7 @@ def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> 
     if left:
         out.show(_left(left, runs))
     screen.end(pairs)
-    if unused := _unused_priors(options, pairs):
-        complain(unused)
+    _name_unused_priors(options, pairs)
     if args.json:
         print_json("report", {"understood": facts(runs), "pairs": reports, "left": list(map(str, left))}, version=4)
     if any(pair.failed for pair in pairs):
@@ -193,13 +192,16 @@ class _First(_Full):
             self.out.show(terminal.comparison_line(pair.comparisons))
         if pair.parameters is not None and not self._unchanged(pair.name, pair.parameters):
             path = "params.json" if folder is None else str(folder.path / "params.json")
-            again = complete and self.shown == pair.name
-            self.shown = pair.name
             lines = self.screen.pair_lines(pair.parameters, pair.runs, pair.refused, path, pair.no_life)
-            if lines and again:
-                self.out.show(AFTER_DRAWS)
             if lines:
+                self._introduce(pair.name)
                 self.out.show(rendered(lines))
+
+    def _introduce(self, name: str) -> None:
+        """Say that what follows is in place of an earlier screen of the pair, if there is one."""
+        if self.shown == name:
+            self.out.show(AFTER_DRAWS)
+        self.shown = name
 
     def _unchanged(self, name: str, pf: "ParameterFile") -> bool:
         """Whether the pair stands on the screen already, with the same verdicts."""
@@ -245,14 +247,15 @@ def _reminders(runs: "Runs", pairs: "Sequence[PairAnalysis]") -> list[str]:
     return [*lines, *filter(None, [doubts_reminder(runs)])]
 
 
-def _unused_priors(options: "FitOptions", pairs: "Sequence[PairAnalysis]") -> str:
-    """A sentence on priors for responses that have no law; empty where there are none."""
+def _name_unused_priors(options: "FitOptions", pairs: "Sequence[PairAnalysis]") -> None:
+    """Print on standard error which priors are of responses that have no law."""
     from ..fit.bayes.priors_file import laws_of
 
     tables = options.prior_tables()
     fitted = {law.response for pair in pairs for law in pair.laws}
     unused = [] if isinstance(tables, str) else [name for name in laws_of(tables) if name not in fitted]
-    return f"priors of {', '.join(unused)} are not used: this file has no such law." if unused else ""
+    if unused:
+        complain(f"priors of {', '.join(unused)} are not used: this file has no such law.")
 
 
 def _identify(args: argparse.Namespace, path: Path) -> int:

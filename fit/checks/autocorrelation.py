@@ -154,11 +154,18 @@ def drift(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | 
     left = order - adjusted @ np.linalg.lstsq(adjusted, order, rcond=1e-9)[0]
     found = added_between(levels, adjusted, order, 1 / (icc + (1 - icc) / size))
     if found is None or np.ptp(left) < SPREAD:
-        if (numbers is not None or _turned_down(law, runs)) and (alias := _alias_of_order(law, unit, place)):
-            return alias
-        what = "were cut" if numbers is not None else "stand in the file"
-        return NotAvailable(f"the tests {what} in the order of a factor: a drift cannot be separated from its effect")
+        return _in_order_of_a_factor(law, runs, place, numbers is not None)
     return _drift(law, found, "the column of run numbers" if numbers is not None else "the order of the rows")
+
+
+def _in_order_of_a_factor(
+    law: LawFit, runs: Runs | None, place: NDArray[np.intp], numbered: bool
+) -> Check | NotAvailable:
+    """A concern where the tests are known to be cut in this order, and a factor rises or falls with nearly each."""
+    if (numbered or _turned_down(law, runs)) and (alias := _alias_of_order(law, place)):
+        return alias
+    what = "were cut" if numbered else "stand in the file"
+    return NotAvailable(f"the tests {what} in the order of a factor: a drift cannot be separated from its effect")
 
 
 def _turned_down(law: LawFit, runs: Runs | None) -> bool:
@@ -171,24 +178,28 @@ def _turned_down(law: LawFit, runs: Runs | None) -> bool:
     return bool((np.diff(D) <= 0).all() and np.ptp(V / D) < SAME_SPEED * np.mean(V / D))
 
 
-def _alias_of_order(law: LawFit, unit: NDArray[np.intp], place: NDArray[np.intp]) -> Check | None:
+def _alias_of_order(law: LawFit, place: NDArray[np.intp]) -> Check | None:
     """The concern about factors that rise or fall with nearly every test; None where there are none."""
+    unit = units_of(law)[1]
     moving = changes_within(law.X, unit)
     first = np.unique(unit, return_index=True)[1][np.argsort(place)]
-    found = []
-    for name, values in ((one, law.X[first, j]) for j, one in enumerate(law.factors) if not moving[j]):
-        step = np.diff(values)
-        if np.count_nonzero(step) >= max(FREE, len(step) / 2) and abs(np.sign(step).sum()) == np.count_nonzero(step):
-            found.append(f"{name} {'rises' if step.sum() > 0 else 'falls'}")
+    steps = {name: np.diff(law.X[first, j]) for j, name in enumerate(law.factors) if not moving[j]}
+    found = {name: step.sum() for name, step in steps.items() if _is_one_way(step)}
     if not found:
         return None
-    named = join_words([one.split()[0] for one in found])
+    words = join_words([f"{name} {'rises' if change > 0 else 'falls'}" for name, change in found.items()])
     return Check(
         null="the order of the tests is not that of a factor",
         concern=1,
-        verdict=f"{join_words(found)} from test to test: a drift (the machine warms up, the tool wears, a sensor "
-        f"drifts) cannot be separated from the effect of {named} on {law.response}.",
+        verdict=f"{words} from test to test: a drift (the machine warms up, the tool wears, a sensor drifts) cannot be "
+        f"separated from the effect of {join_words(list(found))} on {law.response}.",
     )
+
+
+def _is_one_way(step: Array) -> bool:
+    """Whether a factor never turns back, and moves at half of the steps between tests, eight at least."""
+    moves = np.count_nonzero(step)
+    return bool(moves >= max(FREE, len(step) / 2) and abs(np.sign(step).sum()) == moves)
 
 
 def _drift(law: LawFit, found: tuple[float, float, int, float], by: str) -> Check:
@@ -224,20 +235,22 @@ def aliased_columns(law: LawFit, runs: Runs | None) -> Check | None:
     """
     if runs is None or law.by is not None or no_scatter(law):
         return None
-    unit = units_of(law)[1]
-    moving = changes_within(law.X, unit)
-    factors = {
-        name: law.X[:, j]
-        for j, name in enumerate(law.factors)
-        if not moving[j] and name in law.tvalues and abs(law.tvalues[name]) > T_KNOWN
-    }
-    found = [
-        (name, x, [factor for factor, values in factors.items() if _one_to_one(values, x) and _is_own(name, x, values)])
-        for name, x in _conditions(law, runs).items()
-    ]
-    sentences = [_alias(law, *one, factors) for one in found if one[2]]
+    factors = _known_factors(law)
+    found = {name: (x, _followed(x, factors, name)) for name, x in _conditions(law, runs).items()}
+    sentences = [_alias(law, name, x, of, factors) for name, (x, of) in found.items() if of]
     null = "columns of conditions vary beside the factors"
     return Check(null=null, concern=1, verdict=" ".join(sentences[:2])) if sentences else None
+
+
+def _followed(labels: NDArray[np.object_], factors: Mapping[str, Array], name: str) -> list[str]:
+    """Factors with which the labels of a column change, value by value."""
+    return [one for one, x in factors.items() if _one_to_one(x, labels) and _is_own(name, labels, x)]
+
+
+def _known_factors(law: LawFit) -> dict[str, Array]:
+    """Values of the factors that are constant within edges and have an effect that the tests show."""
+    moving, known = changes_within(law.X, units_of(law)[1]), law.tvalues.abs()
+    return {name: law.X[:, j] for j, name in enumerate(law.factors) if not moving[j] and known.get(name, 0) > T_KNOWN}
 
 
 def _conditions(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
