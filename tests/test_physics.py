@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets, fit
-from fitmodels.fit.checks.exponent_ranges import local_exponents, usual_exponents
+from fitmodels.fit.checks.exponent_ranges import local_exponents, power_in_air, usual_exponents
 from fitmodels.fit.checks.physics import exponents, possible_values, region_values
 from fitmodels.fit.checks.usefulness import doubts_of_reading, number_of_edges, predictive_use
 from fitmodels.fit.life import life_verdict, usual_taylor_n
@@ -98,14 +98,15 @@ def test_feed_and_depth_exchanged_are_seen_by_their_exponents(response, c0, f, d
     assert found in check.verdict
 
 
-def power_law_of(air, seed, mechanical=POWER):
-    """The law of a power measured at 27 settings, with a part that does not depend on the cut."""
+def power_law_of(air, seed, mechanical=POWER, per_speed=0.0, times=False):
+    """The law of a power measured at 27 settings, with parts that do not depend on the cut, or on the speed alone."""
     V, f, d = np.array(np.meshgrid((100.0, 150, 200), (0.1, 0.2, 0.3), (1.0, 2, 3), indexing="ij")).reshape(3, -1)
     cut = 1900 / 60000 * V ** mechanical["V"] * f ** mechanical["f"] * d ** mechanical["d"]
-    P = (air + cut) * np.exp(np.random.default_rng(seed).normal(0, 0.03, 27))
+    P = (air + per_speed * V + cut) * np.exp(np.random.default_rng(seed).normal(0, 0.03, 27))
     frame = pd.DataFrame({"V [m/min]": V, "f [mm/rev]": f, "d [mm]": d, "P [kW]": P})
-    runs = datasets.runs_from_frame(frame, judge=False)
-    return fit.power_law(runs, "P", ["V", "f", "d"]), runs
+    frame["t [min]"] = np.random.default_rng(seed).permutation(np.arange(1.0, 28.0))
+    runs = datasets.runs_from_frame(frame if times else frame.drop(columns="t [min]"), judge=False)
+    return fit.power_law(runs, "P", ["V", "f", "d", *(["t"] if times else [])]), runs
 
 
 def test_a_power_with_the_power_in_air_is_doubted():
@@ -118,6 +119,32 @@ def test_a_power_with_the_power_in_air_is_doubted():
         assert "--correct 'all:P-1." in check.verdict
         assert not exponents(*power_law_of(0.0, seed)).concern
         assert not exponents(*power_law_of(0.0, seed, {"V": 0.6, "f": 0.5, "d": 0.7})).concern  # no constant part
+
+
+def test_a_power_in_air_that_rises_with_the_speed_is_doubted():
+    """0.35 kW + 0.002 V: the exponent of V is usual, those of f and d are low; no constant can be subtracted."""
+    for seed in range(4):
+        check = exponents(*power_law_of(0.35, seed, per_speed=0.003))
+        assert check.concern == 1
+        assert " kW over V + b V f^0.75 d follows the rows better" in check.verdict
+        assert check.verdict.endswith(" kW, at each V.")
+        assert not exponents(*power_law_of(0.0, seed, {"V": 1.0, "f": 0.55, "d": 0.75})).concern  # low, without air
+    law, _ = power_law_of(1.5, 0, times=True)
+    assert law.factors == ("V", "f", "d", "t")
+    assert "--correct 'all:P-1." in power_in_air(law)
+
+
+@pytest.mark.parametrize(("air", "said"), [(0.91, "0.9 to 0.91 kW (lines 27, 28)"), (0.005, "")])
+def test_a_power_that_was_measured_in_air_is_taken_from_its_rows(air, said):
+    _, runs = power_law_of(air, 1)
+    idle = pd.DataFrame({"V": [180.0, 230.0], "f": [0.0, 0.0], "d": [0.0, 0.0], "P": [air, air - air % 0.1]})
+    runs = datasets.runs_from_frame(
+        pd.concat([runs.data[["V", "f", "d", "P"]], idle], ignore_index=True), judge=False, units=dict(runs.units)
+    )
+    check = exponents(fit.power_law(runs, "P", ["V", "f", "d"]), runs)
+    assert check.concern == bool(said)
+    assert said in check.verdict
+    assert not said or check.verdict.endswith("Subtract it: --correct 'all:P-0.905'.")
 
 
 @pytest.mark.parametrize(

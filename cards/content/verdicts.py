@@ -89,6 +89,8 @@ OF_REASONS = (
     (("The life of", "No test reached", "95 % of lives", "The 95 % interval of the time"),
      "Run edges until the wear reaches the criterion.", "next"),
     (("No edge is named", "The file names no edges"), "Add a column 'edge' with a number for each cutting edge.", ""),
+    (("P rises less than that of a cut", "P was measured without a cut"),
+     "Measure the power in air at each speed, and subtract it.", ""),
     (("Taylor's n", "Life rises", "A life of"), "Check columns and units of speed, time and wear.", "look"),
 )  # fmt: skip
 OPTION = re.compile(r"""--(?:by|law|form|correct|leave-out) (?:"[^"]*"|'[^']*'|[^\s"'();,]*[^\s"'();,.])""")

@@ -282,16 +282,18 @@ def built_up_edge(law: LawFit, name: str) -> str:
     )
 
 
+SPEEDS = ("V", "n")
 CUT = {"V": 1.0, "n": 1.0, "f": 0.75, "fz": 0.75, "d": 1.0, "ae": 1.0}  # exponents of the power of the cut
-BETTER = 2.0  # by which the variance about a power with a part in air must be smaller than that about the law
+BETTER = 1.5  # by which the variance about a power with a part in air must be smaller than that about the law
 SURE = 4.0  # standard errors of the part in air
 
 
 def power_in_air(law: LawFit) -> str:
     """The evidence that a power contains the power in air, which does not depend on the cut; "" without any.
 
-    All exponents are then below the range of a cut, and ``P = P0 + b V f^0.75 d`` follows the rows better than the law
-    with its exponents. Both are compared by relative residuals.
+    Exponents are then below the range of a cut, and ``P = P0 + b V f^0.75 d`` follows the rows better than the law with
+    its exponents. Of a drive that takes more at more revolutions P0 rises with the speed, whose exponent need not be
+    low then. They are compared by relative residuals; wear and time have the exponents of the law.
 
     Examples
     --------
@@ -300,36 +302,61 @@ def power_in_air(law: LawFit) -> str:
     >>> power_in_air(law)
     ''
     """
-    low = {name: _POWER[SAME.get(name, name)].usual[0] for name in law.factors if name in CUT}
-    if law.form != "power" or law.rows is None or law.df < 2 or not 2 <= len(low) == len(law.factors):
+    usual = {name: _POWER[SAME.get(name, name)].usual[0] for name in law.factors if name in CUT}
+    if law.form != "power" or law.rows is None or law.df < 2 or not {*law.factors} <= {*usual, *WEAR, "t"}:
         return ""
-    if any(float(law.params[name]) >= least for name, least in low.items()):
-        return ""
-    return _with_air(law, low)
+    low = {name: least for name, least in usual.items() if float(law.params[name]) < least}
+    return next(filter(None, (_with_air(law, low, speed) for speed in _speeds(usual, low))), "")
+
+
+def _speeds(usual: Mapping[str, float], low: Mapping[str, float]) -> list[str]:
+    """Speeds over which a power in air is looked for, "" for a constant one; ``low``: factors of low exponents."""
+    feeds = [name for name in usual if name not in SPEEDS]
+    if len(usual) < 2 or not low.keys() >= set(feeds):
+        return []
+    speeds = [name for name in usual if name in SPEEDS and len(feeds) > 1]
+    return ["", *speeds] if len(low) == len(usual) else speeds
 
 
 def _power(name: str) -> str:
     return name if CUT[name] == 1 else f"{name}^{CUT[name]:g}"
 
 
-def _with_air(law: LawFit, low: Mapping[str, float]) -> str:
-    """The sentence where a power in air and a cut follow the rows better than the law; ``low``: usual exponents."""
-    cut = np.prod([law.X[:, j] ** CUT[name] for j, name in enumerate(law.factors)], axis=0)
-    A = np.column_stack([np.ones(law.nobs), cut]) / law.observed[:, None]
+def _with_air(law: LawFit, low: Mapping[str, float], speed: str) -> str:
+    """The sentence where a power in air and a cut follow the rows better than the law; "" where they do not.
+
+    The power in air is constant, or a line over ``speed``; ``low`` are usual exponents of those that are below.
+    """
+    powers = {name: CUT.get(name, float(law.params[name])) for name in law.factors}
+    cut = np.prod([law.X[:, j] ** power for j, power in enumerate(powers.values())], axis=0)
+    of_air = np.ones((law.nobs, 1)) if not speed else np.column_stack([cut**0, law.X[:, law.factors.index(speed)]])
+    Z = np.column_stack([of_air, cut])
+    A = Z / law.observed[:, None]
     inverse = np.linalg.pinv(A.T @ A)
-    air, slope = inverse @ A.sum(axis=0)
-    s2 = float(np.sum((1 - A @ [air, slope]) ** 2)) / (law.nobs - 2)
+    theta = inverse @ A.sum(axis=0)
+    s2 = float(np.sum((1 - A @ theta) ** 2)) / max(law.nobs - len(theta), 1)
     of_law = float(np.sum(np.log(law.observed / law.fitted) ** 2)) / law.df_resid
-    if not (slope > 0 and SURE * np.sqrt(s2 * inverse[0, 0]) < air < law.observed.min() and BETTER * s2 < of_law):
+    air, middle = of_air @ theta[:-1], of_air.mean(axis=0)
+    sure = SURE * np.sqrt(s2 * middle @ inverse[:-1, :-1] @ middle) < middle @ theta[:-1]
+    if not (sure and (theta[1:] > 0).all() and (air < law.observed).all() and BETTER * s2 < of_law):
         return ""
+    scatter = f"scatter {100 * np.sqrt(s2):.2g} % instead of {100 * np.sqrt(of_law):.2g} %"
     at = int(np.argmax(cut))
-    low_by = 100 * (1 - float(law.fitted[at]) / (air + slope * cut[at]))
-    powers = " ".join(map(_power, law.factors))
+    return _in_air_words(law, low, speed, air, scatter, 100 * (1 - float(law.fitted[at] / (Z[at] @ theta))))
+
+
+def _in_air_words(law: LawFit, low: Mapping[str, float], speed: str, air: Array, scatter: str, low_by: float) -> str:
+    """The sentence on a power in air, by which the law is too low at the largest cut, in per cent."""
     found = ", ".join(f"{name} {float(law.params[name]):.2g} (usual from {least:g})" for name, least in low.items())
-    size = f"{air:.2g} {law.units.get(law.response, '')}".rstrip()
+    unit = law.units.get(law.response, "")
+    size = f"{' to '.join(dict.fromkeys(f'{end:.2g}' for end in (air.min(), air.max())))} {unit}".rstrip()
+    cut = " ".join(_power(name) for name in law.factors if name in CUT)
+    over, end = (f" over {speed}", f", at each {speed}.") if speed else (
+        "", f": --correct 'all:{law.response}-{air[0]:.2g}'."
+    )  # fmt: skip
     return (
-        f"{law.response} rises less than that of a cut, exponents {found}, and {size} + b {powers} follows the rows "
-        f"better (scatter {100 * np.sqrt(s2):.2g} % instead of {100 * np.sqrt(of_law):.2g} %): the power in air is "
-        f"probably in it, and at the largest cut the law is {abs(low_by):.2g} % too {'low' if low_by > 0 else 'high'}. "
-        f"Subtract the power measured in air, about {size}: --correct 'all:{law.response}-{air:.2g}'."
+        f"{law.response} rises less than that of a cut, exponents {found}, and {size}{over} + b {cut} follows the rows "
+        f"better ({scatter}): the power in air is probably in it, and at the largest cut the law is "
+        f"{abs(low_by):.2g} % too {'low' if low_by > 0 else 'high'}. Subtract the power measured in air, about "
+        f"{size}{end}"
     )

@@ -20,10 +20,13 @@ from ...datasets.plausibility.ranges import KC, Plausible, plausible
 from ...datasets.vocabulary import ROLES, WEAR
 from ..available import NotAvailable
 from ..lawfit import LawFit
-from .check import Check
+from .check import Check, lines_of
 from .exponent_ranges import ROUGHNESS, SAME, Exponent, Range, local_exponents, power_in_air, usual_exponents
 from .strata import NO_ROWS, is_computed
 
+IN_AIR = 0.05  # of the median of the cuts, from which on a load in air is in the law
+LOADS = tuple(name for name, role in ROLES.items() if role.kind == "load" and name != "theta")
+EVEN = 0.2  # relative range of loads in air that are subtracted as one number
 Found = tuple[int, str]  # contribution to the verdict, and the sentence
 
 
@@ -72,9 +75,30 @@ def _intervals(law: LawFit) -> dict[str, tuple[float, float, float]] | NotAvaila
 
 
 def _air(law: LawFit, runs: Runs | None) -> Found | None:
-    """A measured power that contains the power in air."""
-    words = power_in_air(law) if law.response == "P" and not is_computed("P", runs) else ""
+    """A measured load that contains that in air: by rows without a cut, or of a power by its exponents."""
+    if is_computed(law.response, runs):
+        return None
+    words = _measured_in_air(law, runs) or (power_in_air(law) if law.response == "P" else "")
     return (1, words) if words else None
+
+
+def _measured_in_air(law: LawFit, runs: Runs | None) -> str:
+    """The sentence on rows of a load without feed, depth or width of cut; "" without any, or where it is near zero."""
+    names = {"f", "fz", "fm", "d", "ae"}.intersection(law.factors)
+    if runs is None or law.response not in LOADS or not names:
+        return ""
+    load = runs.values(law.response)
+    at = np.isfinite(load) & np.any([runs.values(name) == 0 for name in names], axis=0)
+    if not at.any() or np.median(load[at]) < IN_AIR * np.median(law.observed):
+        return ""
+    low, high, middle = float(load[at].min()), float(load[at].max()), float(np.median(load[at]))
+    size = " to ".join(dict.fromkeys(map(format_decimal, (low, high))))
+    remedy = f"Subtract it: --correct 'all:{law.response}-{middle:.3g}'."
+    return (
+        f"{law.response} was measured without a cut too, {size} {law.units.get(law.response, '')} "
+        f"({lines_of(list(map(int, runs.lines[at])))}), which is in every reading. "
+        f"{remedy if high - low <= EVEN * middle else 'Subtract that of each speed.'}"
+    )
 
 
 def _passed(ranges: Mapping[str, Exponent], intervals: Mapping[str, tuple[float, float, float]], where: str) -> str:
