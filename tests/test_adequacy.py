@@ -330,11 +330,55 @@ def test_readings_in_large_steps_are_named_and_no_exact_law_of_them_is_used():
     rows = pd.DataFrame({"V": V, "f": f, "Ra": np.where(f < 0.3, 1.0, 3.0)})
     runs = datasets.runs_from_frame(rows)
     law = fit.fit_law(runs, "Ra ~ V, f", form="second-order")
-    check = fit.judge(law, runs=runs).checks["predictive use"]
+    check = fit.judge(law, runs=runs).checks["limited readings"]
     assert check.concern == 2
     assert check.verdict.startswith("Ra has only 2 different values (1, 3 um) in 9 rows, in steps of 2e+02 % of")
     rough = datasets.runs_from_frame(rows.assign(Ra=1.0 + 10 * f + 0.1 * np.random.default_rng(2).normal(size=len(f))))
-    assert "different values" not in str(fit.judge(fit.power_law(rough, "Ra", ["V", "f"])).checks["predictive use"])
+    assert "limited readings" not in fit.judge(fit.power_law(rough, "Ra", ["V", "f"])).checks
+
+
+def wear_of(read, times=(2.0, 4, 7, 11, 16), seed=9, size=1.0):
+    """The judgement of the wear of 18 edges that was ``read`` from its true values."""
+    rng = np.random.default_rng(seed)
+    plan = np.array([(V, f, d) for V in (140, 180, 230) for f in (0.12, 0.2, 0.3) for d in (1, 2)], dtype=float)
+    (V, f, d), t = np.repeat(plan, len(times), axis=0).T, np.tile(times, len(plan))
+    true = 0.3 * size * (V / 180) ** 1.1 * (f / 0.2) ** 0.5 * (d / 1.5) ** 0.2 * (t / 15) ** 0.6
+    VB = true * np.exp(np.repeat(rng.normal(0, 0.08, 18), len(times)) + rng.normal(0, 0.05, len(t)))
+    edge = np.repeat([f"E{k:02d}" for k in range(1, 19)], len(times))
+    table = pd.DataFrame({"edge": edge, "V": V, "f": f, "d": d, "t": t, "VB": read(VB)})
+    runs = datasets.runs_from_frame(table, judge=False)
+    return fit.judge(fit.power_law(runs, "VB", ["V", "f", "d", "t"]), runs=runs)
+
+
+EARLY = (0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
+
+
+@pytest.mark.parametrize(
+    ("read", "times", "size", "words"),
+    [
+        (lambda VB: np.round(np.maximum(VB, 0.05) / 0.05) * 0.05, (2.0, 4, 7, 11, 16), 1.0, "in steps of"),
+        (
+            lambda VB: np.maximum(np.round(VB, 3), 0.02),
+            EARLY,
+            0.3,
+            "readings of VB are 0.02 mm, the smallest: probably",
+        ),
+        (lambda VB: np.where(VB < 0.02, 0, np.round(VB, 3)), EARLY, 0.3, "after t = 0 are zero or below a limit"),
+    ],
+)
+def test_wear_in_steps_or_at_a_floor_is_named_and_no_times_are_suspected(read, times, size, words):
+    for seed in (8, 9):
+        found = wear_of(read, times, seed, size)
+        assert words in found.checks["limited readings"].verdict
+        assert found.verdict.reasons[0] == found.checks["limited readings"].verdict
+        assert not [one for one in found.suspects if one.column == "t"]
+        assert not [name for name, one in found.checks.items() if name[:4] == "time" and getattr(one, "concern", 0)]
+
+
+def test_wear_that_is_read_to_a_hundredth_of_a_millimetre_has_no_floor_and_no_large_steps():
+    assert "limited readings" not in wear_of(lambda VB: np.maximum(np.round(VB, 2), 0.01)).checks
+    new = wear_of(lambda VB: np.where(np.arange(len(VB)) % 5, VB, 0.0), (0.0, 4, 7, 11, 16))
+    assert "limited readings" not in new.checks
 
 
 def test_a_force_at_the_limit_of_its_sensor_is_named_without_edges_too():

@@ -26,6 +26,7 @@ LISTED = 12  # edges or lines of a suspect that are named
 REMEDIES: Mapping[str, tuple[str, str]] = MappingProxyType({
     "copies": ("Check the record; leave copied rows out with --leave-out 'lines ...'.", ""),
     "sensor limit": ("Leave these rows out; measure with a wider range.", ""),
+    "limited readings": ("Measure finer, or from a larger value on.", ""),
     "time exponent": ("Predict only inside the times tested, and compare other forms of the law.", "compare"),
     "time between edges": ("Check unit and start of the times of each edge.", "look"),
     "time within edges": ("Check that t = 0 is a new edge; compare other forms of the law.", "compare"),
@@ -65,6 +66,7 @@ OF_LIVES = REMEDIES["longest lives"][0]  # before any other: other reasons may f
 # Reasons of checks in a few words, where these differ from the name of the check
 SHORT: Mapping[str, str] = MappingProxyType({
     "copies": "copied rows", "sensor limit": "sensor at its limit",
+    "limited readings": "readings in steps or at a floor",
     "time exponent": "time exponents differ", "time between edges": "times of edges differ",
     "time within edges": "not a power of time", "exponents": "unusual exponent",
     "fixed exponents": "exponent not fitted",

@@ -64,6 +64,7 @@ TITLES: Mapping[str, str] = MappingProxyType({
     "mixed units": "Mixed units of a condition (split test)",
     "wrong edges": "Outlying edges (studentized residuals)",
     "copies": "Duplicated rows and readings",
+    "limited readings": "Steps and floor of the readings",
     "sensor limit": "Readings at the limit of a sensor",
     "gauge error": "Error of the wear gauge",
     "priors": "Agreement of priors and tests",

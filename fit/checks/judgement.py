@@ -45,7 +45,14 @@ from .tool_lives import (
     single_lives,
     useful_law,
 )
-from .usefulness import doubts_of_reading, form_first, number_of_edges, order_of_reason, predictive_use
+from .usefulness import (
+    doubts_of_reading,
+    form_first,
+    limited_readings,
+    number_of_edges,
+    order_of_reason,
+    predictive_use,
+)
 from .within_edges import lack_of_fit_within
 from .wrong_edges import mixed_units, outlying_edges
 from .wrong_rows import copies, outlying_rows, sensor_limit
@@ -99,7 +106,7 @@ class CheckInput:
     @cached_property
     def times(self) -> dict[str, Found | None]:
         """Tests of times within and between edges."""
-        return time_tests(self.law, self.icc)
+        return time_tests(self.law, self.icc, limited_readings(self.whole, self.runs))
 
     @cached_property
     def left_out(self) -> Deletion | NotAvailable:
@@ -351,6 +358,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "copies": lambda given: copies(given.whole),
     "sensor limit": lambda given: sensor_limit(given.whole),
     "longest lives": lambda given: longest_lives(given.law, given.runs),
+    "limited readings": lambda given: limited_readings(given.asked, given.runs),
     "time exponent": lambda given: given.times["time exponent"],
     "time between edges": lambda given: given.times["time between edges"],
     "time within edges": lambda given: given.times["time within edges"],

@@ -144,7 +144,7 @@ def time_within(law: LawFit) -> Check | NotAvailable | None:
     )
 
 
-def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None]:
+def time_tests(law: LawFit, icc: float, limited: Check | None = None) -> dict[str, Check | NotAvailable | None]:
     """The tests of times by name; the clearest rejection names the edges whose times explain it, or usual causes.
 
     Parameters
@@ -152,6 +152,8 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
     law : LawFit
     icc : float
         Share of the residual variance that lies between edges.
+    limited : Check, optional
+        Readings in steps or at a floor, which explain a rejection: no times are suspected then.
 
     Examples
     --------
@@ -161,6 +163,15 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
     ['time exponent', 'time between edges', 'time within edges']
     """
     tests = _tests(law, icc)
+    if limited is None:
+        return _searched(law, icc, tests)
+    return {name: _of_readings(one) if isinstance(one, Check) else one for name, one in tests.items()}
+
+
+def _searched(
+    law: LawFit, icc: float, tests: dict[str, Check | NotAvailable | None]
+) -> dict[str, Check | NotAvailable | None]:
+    """The tests with the edges, or usual causes, that explain the clearest rejection."""
     rejected = {name: one for name, one in tests.items() if _rejects(one)}
     if not rejected or not isinstance(rows := rows_of(law), TimeRows):
         return tests
@@ -175,6 +186,12 @@ def time_tests(law: LawFit, icc: float) -> dict[str, Check | NotAvailable | None
     suspects = () if named.edges == ALL else (named,)
     clearest = replace(rejected[name], verdict=f"{rejected[name].verdict} {_sentence(law, named)}", suspects=suspects)
     return {**tests, **others, name: clearest}
+
+
+def _of_readings(one: Check) -> Check:
+    """The test without its concern, which coarse readings, or a floor of them, explain."""
+    explained = f"{one.verdict} Steps or a floor of the readings explain it."
+    return replace(one, concern=0, verdict=explained) if one.concern else one
 
 
 def _rejects(one: Check | NotAvailable | None) -> TypeGuard[Check]:

@@ -1,4 +1,4 @@
-"""Whether a law serves its use: explained variance and predictive error, number of edges, doubts of the reading."""
+"""Whether a law serves its use: explained variance and predictive error, readings, edges, doubts of the reading."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -44,9 +44,8 @@ def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailabl
     source, values = _measured(law, runs)
     if source and np.ptp(values) == 0:
         return _of_a_constant(law, source, float(values[0]))
-    steps = _steps(law)
     if reason := no_scatter(law):
-        return steps or NotAvailable(reason)
+        return NotAvailable(reason)
     r2 = law.rsquared
     if source:
         of_source = 1 - law.rss / float(np.sum((np.log(values) - np.log(values).mean()) ** 2))
@@ -57,36 +56,95 @@ def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailabl
     end = ends[concern]
     if r2 < LOW_R2:
         end = f". The mean {source or law.response} predicts {'about' if r2 < LEAST_R2 else 'nearly'} as well."
-    few = _hardly_determined(law) + (f"{steps.verdict} " if steps else "")
+    few = _hardly_determined(law)
     of = f" of {source}, from which {law.response} is computed" if source else ""
     explained = f"R2 {r2:.3g}: the law explains {100 * r2:.3g} % of the variance{of}; 95 % of results lie {within}"
     return Check(
         null=f"the law explains at least {100 * LOW_R2:g} % of the variance and predicts within a factor of {WIDE:g}",
         statistic=r2,
         symbol="R2",
-        concern=max(concern, int(bool(few)), steps.concern if steps else 0),
+        concern=max(concern, int(bool(few))),
         verdict=few + explained + end,
     )
 
 
+def limited_readings(law: LawFit, runs: Runs | None) -> Check | None:
+    """The finding that a response was read in large steps, or no lower than a floor; None where it was not.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> runs = datasets.read_runs(datasets.bundled("gc435_709m40"))
+    >>> limited_readings(fit.power_law(runs, "AW", ["V", "f", "d", "t"]), runs) is None
+    True
+    """
+    if law.rows is None or law.life is not None:
+        return None
+    return _steps(law) or (_floor(law) or _below_floor(law, runs) if law.response in WEAR else None)
+
+
 def _steps(law: LawFit) -> Check | None:
     """The finding that a response was read in steps that are large relative to it; None where it was not."""
-    values = np.unique(law.observed) if law.rows is not None else np.empty(0)
+    values = np.unique(law.observed)
     if not 1 < len(values) <= MOST_STEPS or law.nobs < FEWEST_READINGS * len(values):
         return None
     step, middle = float(np.diff(values).min()), float(np.median(law.observed))
-    if step < COARSE * middle or np.abs((places := (values - values[0]) / step) - np.round(places)).max() > ROUNDED:
+    least = COARSE if len(values) <= FEW_STEPS else 2 * COARSE
+    if step < least * middle or np.abs((places := (values - values[0]) / step) - np.round(places)).max() > ROUNDED:
         return None
-    unit = law.units.get(law.response, "")
-    listed = f"{', '.join(f'{value:.4g}' for value in values)} {unit}".rstrip()
+    shown = f"{_shown(values)} {law.units.get(law.response, '')}".rstrip()
     return Check(
-        null="the response is read in steps that are small relative to it",
+        null=NULL_OF_READINGS,
         concern=1 + int(law.exact or step > LARGE_STEP * middle),
         verdict=(
-            f"{law.response} has only {len(values)} different values ({listed}) in {law.nobs} rows, in steps of "
-            f"{100 * step / middle:.2g} % of the median: read it finer; errors and intervals do not contain the step."
+            f"{law.response} has only {len(values)} different values ({shown}) in {law.nobs} "
+            f"rows, in steps of {100 * step / middle:.2g} % of the median: read it finer; errors and intervals do not "
+            "contain the step."
         ),
     )
+
+
+def _shown(values: Array) -> str:
+    """The values, of many the ends."""
+    few = len(values) <= FEW_STEPS
+    return (", " if few else " to ").join(f"{value:.4g}" for value in (values if few else values[[0, -1]]))
+
+
+def _floor(law: LawFit) -> Check | None:
+    """The finding that the smallest wear repeats, as where a microscope reads no less; None where it does not."""
+    values, counts = np.unique(law.observed, return_counts=True)
+    n, least = law.nobs, int(counts[0])
+    if least < max(FEWEST_AT_FLOOR, AT_FLOOR * n) or max(counts[1:].max(initial=0), 1) > least / 3:
+        return None
+    if len(values) - 1 < (n - least) / 2:  # readings are coarse, and ties are no sign of a floor
+        return None
+    size = f"{values[0]:.4g} {law.units.get(law.response, '')}".rstrip()
+    return _of_floor(
+        law, f"{least} of {n} readings of {law.response} are {size}, the smallest", "the wear is smaller then"
+    )
+
+
+def _below_floor(law: LawFit, runs: Runs | None) -> Check | None:
+    """The finding that wear after t = 0 was read as zero, or below a mark, and is not in the law; None otherwise."""
+    if runs is None or not runs.has("t"):
+        return None
+    marks = runs.data.get(f"{law.response} mark")
+    marked = np.zeros(len(runs), dtype=bool) if marks is None else marks.astype(str).str.startswith("<").to_numpy()
+    below = int(((runs.values("t") > 0) & ((runs.values(law.response) == 0) | marked)).sum())
+    if below < max(FEWEST_AT_FLOOR, AT_FLOOR * (law.nobs + below)):
+        return None
+    size = f"{law.observed.min():.4g} {law.units.get(law.response, '')}".rstrip()
+    what = f"{below} of {law.nobs + below} readings of {law.response} after t = 0 are zero or below a limit"
+    return _of_floor(law, f"{what}, the others {size} or more", "the small wear is missing in the law")
+
+
+def _of_floor(law: LawFit, readings: str, so: str) -> Check:
+    """The concern about readings at a floor, or below it."""
+    verdict = (
+        f"{readings}: probably the floor of the instrument, and {so}: exponents, that of t first, are biased. Measure "
+        f"finer, or use rows of larger {law.response} alone."
+    )
+    return Check(null=NULL_OF_READINGS, concern=1, verdict=verdict)
 
 
 def _exactly_determined(law: LawFit) -> Check:
@@ -157,7 +215,10 @@ def _scatter(law: LawFit) -> tuple[float, str]:
     )
 
 
-MOST_STEPS, FEWEST_READINGS = 5, 3  # different values of a coarse response, and rows for each
+NULL_OF_READINGS = "the response is read in steps that are small relative to it, and has no floor"
+FEW_STEPS, MOST_STEPS = 5, 15  # different values of a coarse response; above the first its steps must be larger
+FEWEST_READINGS = 3  # rows for each value
+FEWEST_AT_FLOOR, AT_FLOOR = 5, 0.1  # readings at the floor of an instrument, and their share
 LARGE_STEP = 0.5  # share of the median from which a law of such readings is not to be used
 COARSE, ROUNDED = 0.1, 1e-6  # step as a share of the median; distance of a value from a step, in steps
 CLOCKS = ("t", "lf", "lc")
