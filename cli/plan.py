@@ -216,8 +216,8 @@ def _constants(plan: "pd.DataFrame", runs: "Runs", cutter: bool) -> dict[str, fl
 
 def for_machine(plan: "pd.DataFrame", runs: "Runs") -> "pd.DataFrame":
     """The plan with settings and words (coolant) that were the same in all tests; of a cutter with fz, n and fm."""
+    from ..datasets.derived.rules import machine_settings
     from ..datasets.design import round_significant
-    from ..datasets.planning import machine_settings
     from ..datasets.vocabulary import ROLES
 
     units = dict(plan.attrs["units"])
@@ -234,6 +234,6 @@ def for_machine(plan: "pd.DataFrame", runs: "Runs") -> "pd.DataFrame":
             plan.insert(list(plan).index("f"), "fz", feed)
             plan = plan.drop(columns="f")
         plan = plan.assign(**machine_settings(plan, runs.process))
-        units |= {name: ROLES[name].unit for name in ("n", "fz", "fm") if name in plan}
+        units |= {name: ROLES[name].unit for name in ("V", "n", "fz", "fm") if name in plan}
     plan.attrs = {"units": {name: unit for name, unit in units.items() if unit not in ("", "1")}}
     return plan

@@ -19,6 +19,7 @@ from ..core.errors import UsageError
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
+Levels = tuple[float, float] | Sequence[float] | Sequence[str]
 
 SAME = 1 - 1e-9  # absolute correlation of two columns that are one
 PART = 1e-6  # absolute correlation below which two columns are orthogonal
@@ -279,3 +280,50 @@ def _groups(r: Floats, labels: Sequence[str]) -> list[str]:
         if alike:
             out.append(" = ".join([label, *(f"{'-' if r[i, j] < 0 else ''}{labels[j]}" for j in alike)]))
     return out
+
+
+def two_ends(name: str, levels: Levels) -> tuple[float, float]:
+    """The ends of the range of a factor.
+
+    Raises
+    ------
+    UsageError
+        for words, other than two numbers, and ends that have no geometric spacing
+
+    >>> two_ends("V", (80, 200))
+    (80.0, 200.0)
+    """
+    if len(levels) != 2 or isinstance(levels[0], str):
+        raise UsageError(
+            f"{name}: {', '.join(map(str, levels))}; this design takes low:high. Levels of your own need an array, "
+            "such as --design L9."
+        )
+    low, high = (float(x) for x in levels)
+    if not 0 < low < high < np.inf:
+        raise UsageError(
+            f"range of {name}: {low:g} to {high:g}; geometric spacing needs finite ends above 0, and the lower end "
+            "must be below the upper."
+        )
+    return low, high
+
+
+def products_of_blocks(scores: Floats, block: Index) -> tuple[tuple[int, ...], ...]:
+    """Products of two factors that equal a difference of blocks, as the places of these factors.
+
+    >>> products_of_blocks(two_level(2), np.array([0, 1, 1, 0]))
+    ((0, 1),)
+    """
+    pairs = list(combinations(range(scores.shape[1]), 2))
+    within = [scores[:, i] * scores[:, j] for i, j in pairs]
+    means = [np.bincount(block, x) / np.bincount(block) for x in within]
+    return tuple(p for p, x, m in zip(pairs, within, means, strict=True) if np.ptp(m) > 0 and np.allclose(x, m[block]))
+
+
+def repeat_sentences(coded: Floats) -> tuple[str, ...]:
+    """The remark that no setting is cut twice; none where one is.
+
+    >>> len(repeat_sentences(two_level(2)))
+    1
+    """
+    once = len(np.unique(coded, axis=0)) == len(coded)
+    return ("No setting is cut twice: lack of fit cannot be tested. Repeat the design, or its centre.",) * once

@@ -5,8 +5,6 @@ A plan has a row for each reading, with empty columns for what will be measured:
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from math import pi, prod
 from types import MappingProxyType
 
 import numpy as np
@@ -15,6 +13,8 @@ from numpy.typing import NDArray
 
 from ..core.arrays import is_positive as _is_positive
 from ..core.errors import UsageError
+from ..core.rounding import format_decimal, join_words
+from .derived.rules import SETTINGS, machine_settings, redundant, removal_rate
 from .design import (
     RESERVED,
     DesignPoints,
@@ -23,11 +23,21 @@ from .design import (
     planned_edges,
     round_significant,
 )
-from .factorial_designs import ARRAYS, alias_sentences, array_columns, factorial_blocks, orthogonal_array, two_level
+from .factorial_designs import (
+    ARRAYS,
+    Levels,
+    alias_sentences,
+    array_columns,
+    factorial_blocks,
+    orthogonal_array,
+    products_of_blocks,
+    repeat_sentences,
+    two_ends,
+    two_level,
+)
 from .vocabulary import ROLES
 
 Floats = NDArray[np.float64]
-Levels = tuple[float, float] | Sequence[float] | Sequence[str]
 
 DESIGNS = ("composite", "factorial", *ARRAYS)
 MOST_READINGS = 100
@@ -124,7 +134,7 @@ def plan_tests(
     if design == "composite":
         if repeats != 1:
             raise UsageError(f"repeats {repeats}: a composite design repeats its centre and axial points; set those.")
-        ends = {name: _two_ends(name, levels) for name, levels in varied.items()}
+        ends = {name: two_ends(name, levels) for name, levels in varied.items()}
         plan = central_composite(
             ends, alpha=alpha, centre=4 if centre is None else centre, axial_repeats=axial_repeats, half=half,
             blocks=blocks, seed=seed, digits=DIGITS,
@@ -150,7 +160,7 @@ def _factorial(
     ranges: Mapping[str, Levels], middle: int, half: bool, repeats: int, blocks: int, seed: int
 ) -> pd.DataFrame:
     """Edges of a two-level factorial with centre points."""
-    ends, names = {name: _two_ends(name, levels) for name, levels in ranges.items()}, list(ranges)
+    ends, names = {name: two_ends(name, levels) for name, levels in ranges.items()}, list(ranges)
     corners = two_level(len(ends), half=half)
     number, confounded = factorial_blocks(corners, blocks)
     of_centre = np.arange(middle) * blocks // max(middle, 1)
@@ -158,7 +168,7 @@ def _factorial(
     kind = np.repeat(["factorial", "centre"], [len(corners) * repeats, middle])
     points = DesignPoints(coded, kind, np.concatenate([np.repeat(number, repeats), of_centre]), confounded)
     notes = [f"Half of the {2 ** len(ends)} points: {names[-1]} = {'·'.join(names[:-1])}."] if half else []
-    notes += [*alias_sentences(corners, names), *block_sentences(points, names), *_pure_error(coded)]
+    notes += [*alias_sentences(corners, names), *block_sentences(points, names), *repeat_sentences(coded)]
     if middle:
         notes.append("The centre edges show whether there is curvature, but not of which factor.")
     return planned_edges(points, ends, span=1.0, seed=seed, digits=DIGITS, notes=notes)
@@ -185,7 +195,7 @@ def _array(
     order = np.array([int(label[1:]) - 1 for label in plan["edge"]], dtype=np.intp)
     for j, (name, levels) in enumerate(given.items()):
         plan = _with_levels(plan, name, levels, chosen[:, j], order)
-    plan.attrs["notes"] = (*notes, *_pure_error(points.coded))
+    plan.attrs["notes"] = (*notes, *repeat_sentences(points.coded))
     return plan
 
 
@@ -198,7 +208,7 @@ def _array_points(
     of_centre = np.arange(middle) * (int(block.max()) + 1) // max(middle, 1)
     coded = np.vstack([scores, np.zeros((middle, len(levels)))])
     number = np.concatenate([block, of_centre]).astype(np.intp)
-    return DesignPoints(coded, np.array(kind), number, _confounded(scores, block))
+    return DesignPoints(coded, np.array(kind), number, products_of_blocks(scores, block))
 
 
 def _words(given: Mapping[str, Sequence[float] | Sequence[str]], middle: int) -> list[str]:
@@ -208,14 +218,6 @@ def _words(given: Mapping[str, Sequence[float] | Sequence[str]], middle: int) ->
         between = " and ".join(map(str, given[words[0]]))
         raise UsageError(f"centre {middle}: {words[0]} has no middle between {between}.")
     return words
-
-
-def _confounded(scores: Floats, block: NDArray[np.intp]) -> tuple[tuple[int, ...], ...]:
-    """Products of two factors that equal a difference of blocks."""
-    pairs = list(combinations(range(scores.shape[1]), 2))
-    within = [scores[:, i] * scores[:, j] for i, j in pairs]
-    means = [np.bincount(block, x) / np.bincount(block) for x in within]
-    return tuple(p for p, x, m in zip(pairs, within, means, strict=True) if np.ptp(m) > 0 and np.allclose(x, m[block]))
 
 
 def _with_levels(
@@ -244,33 +246,13 @@ def _numbers(levels: Sequence[float] | Sequence[str]) -> tuple[float, float]:
 def _levels_of(name: str, levels: Levels, most: int) -> Sequence[float] | Sequence[str]:
     """Levels of a factor of an array: as given, or two ends and their geometric middle."""
     if len(levels) == 2 and not isinstance(levels[0], str) and most == 3 and isinstance(levels, tuple):
-        low, high = _two_ends(name, levels)
+        low, high = two_ends(name, levels)
         return (low, float(round_significant(np.sqrt(low * high), DIGITS)), high)
     if len(set(levels)) < len(levels) or len(levels) not in (2, 3):
         raise UsageError(f"{name}: {', '.join(map(str, levels))}; an array takes two or three different levels.")
     if not isinstance(levels[0], str) and not all(map(_is_positive, map(float, levels))):
         raise UsageError(f"{name}: {', '.join(map(str, levels))}; levels are numbers above zero, or words.")
     return levels
-
-
-def _two_ends(name: str, levels: Levels) -> tuple[float, float]:
-    if len(levels) != 2 or isinstance(levels[0], str):
-        raise UsageError(
-            f"{name}: {', '.join(map(str, levels))}; this design takes low:high. Levels of your own need an array, "
-            "such as --design L9."
-        )
-    low, high = (float(x) for x in levels)
-    if not 0 < low < high < np.inf:
-        raise UsageError(
-            f"range of {name}: {low:g} to {high:g}; geometric spacing needs finite ends above 0, and the lower end "
-            "must be below the upper."
-        )
-    return low, high
-
-
-def _pure_error(coded: Floats) -> tuple[str, ...]:
-    once = len(np.unique(coded, axis=0)) == len(coded)
-    return ("No setting is cut twice: lack of fit cannot be tested. Repeat the design, or its centre.",) * once
 
 
 def _check(
@@ -287,10 +269,48 @@ def _check(
     if twice:
         raise UsageError(f"{twice[0]} is a factor or a column of the plan already; leave it out.")
     for name, value in constants.items():
-        if not _is_positive(value):
-            raise UsageError(f"{name} {value:g}: a constant of the process is above zero.")
-    if process == "milling" and (wide := [x for x in ranges.get("ae", ()) if float(x) > constants.get("Dc", np.inf)]):
-        raise UsageError(f"ae {wide[0]:g} mm: the width of cut is at most the diameter, Dc {constants['Dc']:g} mm.")
+        if not _is_positive(value) or (name == "z" and value != round(value)):
+            what = "a number of teeth is whole and" if name == "z" else "a constant of the process is"
+            raise UsageError(f"{name} {value:g}: {what} above zero.")
+    given = numbers_of({**ranges, **{name: (value,) for name, value in constants.items()}})
+    _check_settings(given, process)
+    _check_width(given, process)
+
+
+def numbers_of(ranges: Mapping[str, Levels]) -> dict[str, Floats]:
+    """Levels of the factors that have numbers, in the order of the factors.
+
+    >>> numbers_of({"V": (80, 200), "coolant": ["dry", "flood"]})
+    {'V': array([ 80., 200.])}
+    """
+    words = [name for name, levels in ranges.items() if any(isinstance(level, str) for level in levels)]
+    return {name: np.array(levels, dtype=float) for name, levels in ranges.items() if name not in words}
+
+
+def _check_settings(given: Mapping[str, Floats], process: str | None) -> None:
+    """Refuse a setting that follows from others, the first of the constants before factors."""
+    order = sorted((name for name in SETTINGS if name in given), key=lambda name: given[name].size > 1)
+    if found := redundant({name: given[name] for name in order}, process):
+        role, rules = found
+        others = [name for name in given if any(name in rule.inputs for rule in rules)]
+        raise UsageError(
+            f"{role} {_ends(given[role])} {ROLES[role].unit}: it follows from {join_words(others)}, which are given "
+            f"too ({', '.join(rule.equation for rule in rules)}). Leave out {role}, or one of these."
+        )
+
+
+def _check_width(given: Mapping[str, Floats], process: str | None) -> None:
+    """Refuse a width of cut above the diameter of the mill."""
+    tool = "Dc" if "Dc" in given else "D"
+    if process in ("milling", None) and {"ae", tool} <= given.keys() and given["ae"].max() > given[tool].min():
+        raise UsageError(
+            f"ae {given['ae'].max():g} mm: the width of cut is at most the diameter, {tool} {given[tool].min():g} mm."
+        )
+
+
+def _ends(values: Floats) -> str:
+    low, high = (format_decimal(float(end)) for end in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
 
 
 def _check_times(ranges: Mapping[str, Levels], duration: tuple[float, ...] | None, readings: int) -> None:
@@ -319,19 +339,6 @@ def _check_process(ranges: Mapping[str, Levels], process: str, constants: Mappin
             f"{strange[0]} ({ROLES[strange[0]].quantity}) is not set in {process}; its factors are "
             f"{', '.join(known.factors)}, its constants {', '.join(known.constants)}."
         )
-
-
-def machine_settings(plan: pd.DataFrame, process: str | None) -> dict[str, Floats]:
-    """Spindle speed and feed rate, where they follow from speed, diameter, feed and teeth; 4 digits."""
-    names = ("V", "n", "f", "fz", "fm", "z", "Dc", "D")
-    has = {name: plan[name].to_numpy(dtype=float) for name in names if name in plan}
-    diameter, out = has.get("Dc", has.get("D")), dict[str, Floats]()
-    if "n" not in has and "V" in has and diameter is not None:
-        out["n"] = has["n"] = round_significant(1000 * has["V"] / (pi * diameter), DIGITS)
-    per_turn = has["fz"] * has["z"] if {"fz", "z"} <= has.keys() else has.get("f")
-    if "fm" not in has and "n" in has and process != "turning" and per_turn is not None:
-        out["fm"] = round_significant(per_turn * has["n"], DIGITS)
-    return out
 
 
 def _with_readings(plan: pd.DataFrame, readings: int) -> pd.DataFrame:
@@ -371,25 +378,6 @@ def _effort(plan: pd.DataFrame, process: str | None) -> list[str]:
 def _two(value: float) -> str:
     """Two digits, without a power of ten."""
     return f"{float(f'{value:.2g}'):.15g}"
-
-
-def removal_rate(plan: pd.DataFrame, process: str | None) -> Floats | None:
-    """Material removal rate of each row, mm3/min; None where a setting is missing or the process is not known.
-
-    Examples
-    --------
-    >>> removal_rate(pd.DataFrame({"V": [150.0], "f": [0.3], "d": [2.5]}), "turning").tolist()
-    [112500.0]
-    """
-    diameter = "Dc" if "Dc" in plan else "D"
-    needed = {"turning": ("V", "f", "d"), "milling": ("d", "ae", "fm"), "drilling": ("V", "f", diameter)}
-    if process is None:
-        process = "turning" if {"V", "f", "d"} <= set(plan) and not {"fz", "fm", "ae"} & set(plan) else ""
-    names = needed.get(process, ())
-    if not names or not set(names) <= set(plan):
-        return None
-    rate = prod((plan[name].to_numpy(dtype=float) for name in names), start=np.ones(len(plan)))
-    return np.asarray({"turning": 1000.0, "milling": 1.0, "drilling": 250.0}[process] * rate, dtype=np.float64)
 
 
 def _units(plan: pd.DataFrame) -> dict[str, str]:

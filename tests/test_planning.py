@@ -7,6 +7,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
 from fitmodels.datasets import plan_tests, read_runs
+from fitmodels.datasets.derived.rules import removal_rate
 from fitmodels.datasets.factorial_designs import (
     ARRAYS,
     alias_sentences,
@@ -15,10 +16,11 @@ from fitmodels.datasets.factorial_designs import (
     orthogonal_array,
     two_level,
 )
-from fitmodels.datasets.planning import DESIGNS, PROCESSES, removal_rate
+from fitmodels.datasets.planning import DESIGNS, PROCESSES
 
 TURNING = {"V": (80.0, 200.0), "f": (0.1, 0.4), "d": (1.0, 2.5)}
 MILLING = {"V": (80.0, 200.0), "fz": (0.05, 0.2), "d": (1.0, 3.0), "ae": (2.0, 8.0)}
+MILL = {"V": (80.0, 200.0), "fz": (0.05, 0.2)}
 # get_orthogonal_array of pyDOE3 1.6.2, columns as strings
 PUBLISHED = {
     "L4": ["0011", "0101", "0110"],
@@ -173,6 +175,15 @@ def test_the_settings_of_the_machine_agree_with_the_reader(tmp_path):
     assert runs.values("MRR") == pytest.approx(removal_rate(plan, "milling"), rel=2e-3)
 
 
+def test_the_speed_and_power_of_a_plan_follow_from_spindle_speed_and_diameter():
+    plan = plan_tests(
+        {"n": (800.0, 2000.0), "f": (0.1, 0.3), "d": (1.0, 2.0)}, process="turning", constants={"D": 80.0}
+    )
+    assert plan["V"].to_numpy() == pytest.approx(np.pi * 80 * plan["n"] / 1000, rel=1e-3)
+    power = (plan["V"] * plan["f"] * plan["d"] / 60).max() * 2  # kW at 2000 N/mm2
+    assert any(f"about {power:.2g} kW" in words for words in plan.attrs["notes"])
+
+
 def test_the_effort_is_that_of_the_cutting_conditions():
     plan = plan_tests({"V": (150.0, 150.1), "f": (0.3, 0.3001), "d": (2.5, 2.5001)}, design="L4", duration=(10.0,))
     assert removal_rate(plan, None) == pytest.approx(np.full(4, 112500.0), rel=2e-3)  # facts of turning: 1000 V f d
@@ -193,6 +204,24 @@ def test_a_process_without_ranges_names_its_factors(process):
             {"ranges": {"V": (100, 200), "ae": (2, 12)}, "process": "milling", "constants": {"Dc": 10}},
             r"ae 12 mm: the width of cut is at most the diameter, Dc 10 mm",
         ),
+        (
+            {"ranges": MILL, "process": "milling", "constants": {"Dc": 20.0, "ae": 25.0}},
+            r"ae 25 mm: the width of cut is at most the diameter, Dc 20 mm",
+        ),
+        ({"ranges": MILL, "process": "milling", "constants": {"z": 3.5}}, r"z 3.5: a number of teeth is whole"),
+        (
+            {"ranges": {"n": (800.0, 2000.0), "f": (0.1, 0.3)}, "process": "turning", "constants": {"D": 80, "V": 100}},
+            r"V 100 m/min: it follows from n and D, .* \(V = pi D n/1000\). Leave out V, or one of these",
+        ),
+        (
+            {"ranges": {"n": (800.0, 2000.0), **MILL}, "process": "milling", "constants": {"Dc": 20.0}},
+            r"n 800 to 2000 1/min: it follows from V and Dc",
+        ),
+        (
+            {"ranges": {**MILL, "fm": (100.0, 200.0)}, "process": "milling", "constants": {"Dc": 20.0, "z": 4.0}},
+            r"fm 100 to 200 mm/min: it follows from V, fz, Dc and z",
+        ),
+        ({"ranges": {"f": (0.1, 0.4), "fz": (0.1, 0.2)}, "constants": {"z": 2.0}}, r"f 0.1 to 0.4 mm/rev: it follows"),
         ({"ranges": {"f": (0.1, 0.2)}, "process": "milling"}, r"f \(feed\) is not set in milling"),
         ({"ranges": TURNING, "process": "turning", "constants": {"z": 4.0}}, "z .* is not set in turning"),
         ({"ranges": TURNING, "process": "sawing"}, "process 'sawing'"),

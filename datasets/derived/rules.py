@@ -6,14 +6,16 @@ information of Kyocera (R27-R28); Fxz, and Fy as the power force, as Alaskari an
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from math import pi
+from math import pi, prod
 from typing import Any, TypeAlias
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ...core.rounding import join_words
 from ..columns import NONE, Values
+from ..design import round_significant
 from ..notes import Given, given_values
 from ..options import Process, ReadOptions
 from ..plausibility.ranges import KC, process_of
@@ -24,6 +26,7 @@ Number: TypeAlias = Array | float
 TORQUE = 60000 / (2 * pi)  # P in kW from M in N m and n in 1/min: P = M n/9549.2966
 LONG = 20_000.0  # mm: a cut length in turning above it is along the cut, at 50 to 1000 times the travel of the feed
 HALF = 0.5
+PLANNED = 4  # digits of planned settings
 SOME = 10_000  # rows from which a convention is recognized
 ROTATING = ("fz", "ae", "z", "Dc")  # columns of tests with a rotating tool
 
@@ -87,6 +90,10 @@ RULES = (
 
 TARGETS = ("V", "f", "fz", "t", "AW", "Fxz", "P", "MRR")
 """Quantities that are computed where they are not measured; others only on the way to these."""
+
+
+SETTINGS = ("fm", "n", "f", "V", "fz", "z", "Dc", "D")
+"""Settings of which some follow from others, in the order in which a plan does without them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,6 +206,21 @@ def apply(
     return found
 
 
+def redundant(given: Mapping[str, Array], process: Any) -> tuple[str, tuple[Rule, ...]] | None:  # noqa: ANN401
+    """The first setting that follows from the others, with the rules by which it does; None where none does.
+
+    >>> role, rules = redundant({name: np.ones(2) for name in ("n", "V", "Dc")}, "milling")
+    >>> role, rules[0].equation
+    ('n', 'n = 1000 V/(pi Dc)')
+    """
+    for role in given:
+        others: dict[str, Values] = {name: values for name, values in given.items() if name != role}
+        rules = _steps(role, Known(others, {}, frozenset(), process, process is not None), frozenset(), None)
+        if rules:
+            return role, rules
+    return None
+
+
 def _steps(role: str, known: Known, above: frozenset[str], allowed: frozenset[str] | None) -> tuple[Rule, ...] | None:
     """Rules that give a role, in the order of their use; None where none does."""
     if known.has(role):
@@ -247,3 +269,37 @@ def _not_thrust(known: Known) -> str:
     if largest == "Fy":
         return ""
     return f"; it is the thrust only where Fy is the cutting force, and {largest} is the largest of the three here"
+
+
+def machine_settings(plan: pd.DataFrame, process: str | None) -> dict[str, Array]:
+    """Cutting speed, spindle speed and feed rate, where they follow from the other settings; 4 digits."""
+    names = ("V", "n", "f", "fz", "fm", "z", "Dc", "D")
+    has = {name: plan[name].to_numpy(dtype=float) for name in names if name in plan}
+    diameter, out = has.get("Dc", has.get("D")), dict[str, Array]()
+    if "V" not in has and "n" in has and diameter is not None:
+        out["V"] = round_significant(pi * diameter * has["n"] / 1000, PLANNED)
+    if "n" not in has and "V" in has and diameter is not None:
+        out["n"] = has["n"] = round_significant(1000 * has["V"] / (pi * diameter), PLANNED)
+    per_turn = has["fz"] * has["z"] if {"fz", "z"} <= has.keys() else has.get("f")
+    if "fm" not in has and "n" in has and process != "turning" and per_turn is not None:
+        out["fm"] = round_significant(per_turn * has["n"], PLANNED)
+    return out
+
+
+def removal_rate(plan: pd.DataFrame, process: str | None) -> Array | None:
+    """Material removal rate of each row, mm3/min; None where a setting is missing or the process is not known.
+
+    Examples
+    --------
+    >>> removal_rate(pd.DataFrame({"V": [150.0], "f": [0.3], "d": [2.5]}), "turning").tolist()
+    [112500.0]
+    """
+    diameter = "Dc" if "Dc" in plan else "D"
+    needed = {"turning": ("V", "f", "d"), "milling": ("d", "ae", "fm"), "drilling": ("V", "f", diameter)}
+    if process is None:
+        process = "turning" if {"V", "f", "d"} <= set(plan) and not {"fz", "fm", "ae"} & set(plan) else ""
+    names = needed.get(process, ())
+    if not names or not set(names) <= set(plan):
+        return None
+    rate = prod((plan[name].to_numpy(dtype=float) for name in names), start=np.ones(len(plan)))
+    return np.asarray({"turning": 1000.0, "milling": 1.0, "drilling": 250.0}[process] * rate, dtype=np.float64)
