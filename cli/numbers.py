@@ -59,22 +59,53 @@ def check_apart(word: str, unit: str | None) -> None:
 
 
 def ranges(words: list[str] | None, option: str = "--range", most: int = 3) -> dict[str, tuple[float, ...]]:
-    """``["V=50:200"]`` as numbers, at most ``most`` of them.
+    """``["V=50:200"]`` as numbers, at most ``most`` of them, in the unit of the quantity, which may be written.
 
-    >>> ranges(["V=50:200"])
-    {'V': (50.0, 200.0)}
+    >>> ranges(["V=50:200", "f=0.004:0.016in/rev"])
+    {'V': (50.0, 200.0), 'f': (0.1016, 0.4064)}
     """
     out: dict[str, tuple[float, ...]] = {}
     for key, text in pairs(words, option, "V=50:200").items():
-        try:
-            out[key] = tuple(float(part) for part in text.split(":"))
-        except ValueError:
-            out[key] = ()
+        out[key] = in_units(key, text.split(":")) or ()
         if not 2 <= len(out[key]) <= most:
             raise UsageError(
-                f"{option} {key}={text}: give low:high or low:centre:high, with decimal points, as V=50:200."
+                f"{option} {key}={text}: give low:high or low:centre:high, with decimal points, as V=50:200"
+                f"{_written_unit(key)}."
             )
     return out
+
+
+def in_units(name: str, texts: list[str]) -> tuple[float, ...] | None:
+    """Numbers of a quantity in its unit; a unit after the last is that of all without one. None for other texts.
+
+    >>> in_units("V", ["260", "650sfm"]), in_units("f", ["0.1", "0.2"]), in_units("coolant", ["dry", "flood"])
+    ((79.248, 198.12), (0.1, 0.2), None)
+    """
+    from ..datasets.headers import setting_named
+    from ..datasets.vocabulary import ROLES, understood_unit
+
+    symbol = setting_named(name)
+    unit = ROLES[symbol].unit if symbol in ROLES else ""
+    found = [WITH_UNIT.fullmatch(text.strip()) for text in texts]
+    last = found[-1]
+    for one, text in zip(found, texts, strict=True):
+        check_apart(f"{name}={text}", one[2] if one else None)
+    written = [one[2] if one else last[2] if last else "" for one in found]
+    numbers = [one[1] if one else text for one, text in zip(found, texts, strict=True)]
+    units = [(each and symbol in ROLES and understood_unit(symbol, each)) or each for each in written]
+    try:
+        return tuple(float(_in_unit(number + each, unit)) for number, each in zip(numbers, units, strict=True))
+    except ValueError:
+        return None
+
+
+def _written_unit(name: str) -> str:
+    """Remark on the unit of a range, for a quantity that has one."""
+    from ..datasets.headers import setting_named
+    from ..datasets.vocabulary import ROLES
+
+    role = ROLES.get(setting_named(name))
+    return f" or, with a unit of {name}, 50:200{role.unit}" if role is not None and role.unit not in ("", "1") else ""
 
 
 def values(words: list[str] | None, option: str = "--value") -> dict[str, float]:
@@ -98,12 +129,9 @@ def constants(words: list[str] | None) -> dict[str, float]:
     >>> constants(["d=1.5mm", "D=8cm", "z=2"])
     {'d': 1.5, 'D': 80.0, 'z': 2.0}
     """
-    from ..datasets.vocabulary import ROLES
-
     found = pairs(words, "--value", "D=80")
-    units = {name: ROLES[name].unit if name in ROLES else "" for name in found}
-    plain = [f"{name}={_in_unit(text, units[name]) if units[name] else text}" for name, text in found.items()]
-    return values(plain)
+    numbers = {name: in_units(name, [text]) for name, text in found.items()}
+    return values([f"{name}={repr(given[0]) if (given := numbers[name]) else text}" for name, text in found.items()])
 
 
 def measured(text: str, unit: str, option: str, example: str) -> float:

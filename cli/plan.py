@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 from .arguments import Parser, seed
-from .numbers import constants, pairs, ranges
+from .numbers import constants, in_units, pairs, ranges
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
@@ -32,7 +32,10 @@ def parser() -> Parser:
         "drawn at random. Filled in, the file is read by 'fitmodels plan.csv'. Without --out the plan is printed.",
     )
     p.add_argument(
-        "--range", action="append", metavar="V=50:200", help="a condition and its range; up to six (default: none)"
+        "--range",
+        action="append",
+        metavar="V=50:200",
+        help="a condition and its range, V=160:650sfm in another unit; up to six (default: none)",
     )
     p.add_argument(
         "--levels",
@@ -117,7 +120,8 @@ def _factors(args: argparse.Namespace) -> dict[str, tuple[float, float] | list[f
         if name in out:
             raise UsageError(f"--levels {name}: its range is given too; leave one out.")
         words = [word.strip() for word in text.split(",")]
-        out[name] = _numbers(words) or words
+        found = in_units(name, words)
+        out[name] = words if found is None else list(found)
     if not out and args.process is None:
         raise UsageError("no range: give at least one, for instance --range V=50:200.")
     return out
@@ -140,7 +144,7 @@ def _duration(text: str | None) -> tuple[float, ...] | None:
 
     if text is None:
         return None
-    numbers = tuple(_numbers(text.split(":")))
+    numbers = in_units("t", text.split(":")) or ()
     if len(numbers) not in (1, 2):
         raise UsageError(f"--duration {text}: give minutes in cut as 12, or a range as 5:20.")
     if not 0 < numbers[0] <= numbers[-1] or (len(numbers) == 2 and numbers[0] == numbers[1]):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from .tables import Table
 from .units import canonical, is_unit
-from .vocabulary import fits, roles_named
+from .vocabulary import ROLES, fits, role_of, roles_named
 
 _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\{([^{}]*)\}|\(([^()]*)\)")
 _MARKS = (
@@ -206,6 +206,16 @@ def is_known(text: str) -> bool:
     (True, False)
     """
     return bool(text.strip()) and bool(roles_named(parse_header(text).name))
+
+
+def setting_named(name: str) -> str:
+    """Symbol of the setting that a name denotes in a header; the name itself where it denotes none.
+
+    >>> setting_named("vc"), setting_named("ap"), setting_named("coolant"), setting_named("insert")
+    ('V', 'd', 'coolant', 'insert')
+    """
+    role = None if name in ROLES else role_of(name, None)
+    return role if role is not None and (role == "t" or ROLES[role].kind in ("condition", "other")) else name
 
 
 def with_latin_headers(table: Table) -> Table:

@@ -6,15 +6,16 @@ A plan has a row for each reading, with empty columns for what will be measured:
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from pandas.api.types import is_numeric_dtype
 
 from ..core.arrays import is_positive as _is_positive
 from ..core.errors import UsageError
-from ..core.rounding import format_decimal, join_words
-from .derived.rules import SETTINGS, machine_settings, redundant, removal_rate
+from .derived.rules import check_settings, machine_settings, removal_rate
 from .design import (
     RESERVED,
     DesignPoints,
@@ -35,13 +36,17 @@ from .factorial_designs import (
     two_ends,
     two_level,
 )
+from .headers import setting_named
+from .plausibility.quantities import planned_doubts
 from .vocabulary import ROLES
 
 Floats = NDArray[np.float64]
+_T = TypeVar("_T")
 
 DESIGNS = ("composite", "factorial", *ARRAYS)
 MOST_READINGS = 100
 STEEL = 2000.0  # N/mm2, an assumed specific cutting force, for the power of the heaviest edge
+KW = STEEL / 6e7  # power of a removal rate in mm3/min
 DIGITS = 4
 
 
@@ -127,7 +132,8 @@ def plan_tests(
     >>> len(plan), plan["edge"].nunique(), sorted(plan["t"].unique().tolist())
     (24, 8, [4.0, 8.0, 12.0])
     """
-    fixed = dict(constants or {})
+    assumed = _assumed((*ranges, *(constants or ())))
+    ranges, fixed = _by_symbol(ranges), _by_symbol(constants or {})
     _check(ranges, design, process, fixed, measure)
     _check_times(ranges, duration, readings)
     varied = {**ranges, **({"t": duration} if duration is not None and len(duration) > 1 else {})}
@@ -150,10 +156,26 @@ def plan_tests(
         plan["t"] = float(duration[0])
     loads = (ROLES[name] for name in varied if name in ROLES and ROLES[name].kind in ("load", "surface"))
     measured = (f"{role.symbol} is the {role.quantity}, which tests measure and do not set." for role in loads)
-    notes = (*notes, *_effort(plan, process), *measured)
+    doubts = _doubts(plan, process, (*varied, *fixed, "t"))
+    notes = (*assumed, *doubts, *notes, *_effort(plan, process), *measured)
     plan = _with_readings(plan, readings).assign(**dict.fromkeys(measure, np.nan))
     plan.attrs = {"notes": notes, "units": _units(plan)}
     return plan
+
+
+def _by_symbol(given: Mapping[str, _T]) -> dict[str, _T]:
+    """What is given for settings, by their symbols."""
+    named = [setting_named(name) for name in given]
+    if twice := [symbol for symbol in named if named.count(symbol) > 1]:
+        both = " and ".join(name for name in given if setting_named(name) == twice[0])
+        raise UsageError(f"{both} are one quantity, {ROLES[twice[0]].quantity}: give one of them.")
+    return dict(zip(named, given.values(), strict=True))
+
+
+def _assumed(names: Sequence[str]) -> list[str]:
+    """Sentences on names that are other names of a setting."""
+    read = {name: ROLES[setting_named(name)] for name in names if setting_named(name) != name}
+    return [f"{name} is read as {role.symbol} ({role.quantity}, {role.unit})." for name, role in read.items()]
 
 
 def _factorial(
@@ -273,8 +295,7 @@ def _check(
             what = "a number of teeth is whole and" if name == "z" else "a constant of the process is"
             raise UsageError(f"{name} {value:g}: {what} above zero.")
     given = numbers_of({**ranges, **{name: (value,) for name, value in constants.items()}})
-    _check_settings(given, process)
-    _check_width(given, process)
+    check_settings(given, process)
 
 
 def numbers_of(ranges: Mapping[str, Levels]) -> dict[str, Floats]:
@@ -285,32 +306,6 @@ def numbers_of(ranges: Mapping[str, Levels]) -> dict[str, Floats]:
     """
     words = [name for name, levels in ranges.items() if any(isinstance(level, str) for level in levels)]
     return {name: np.array(levels, dtype=float) for name, levels in ranges.items() if name not in words}
-
-
-def _check_settings(given: Mapping[str, Floats], process: str | None) -> None:
-    """Refuse a setting that follows from others, the first of the constants before factors."""
-    order = sorted((name for name in SETTINGS if name in given), key=lambda name: given[name].size > 1)
-    if found := redundant({name: given[name] for name in order}, process):
-        role, rules = found
-        others = [name for name in given if any(name in rule.inputs for rule in rules)]
-        raise UsageError(
-            f"{role} {_ends(given[role])} {ROLES[role].unit}: it follows from {join_words(others)}, which are given "
-            f"too ({', '.join(rule.equation for rule in rules)}). Leave out {role}, or one of these."
-        )
-
-
-def _check_width(given: Mapping[str, Floats], process: str | None) -> None:
-    """Refuse a width of cut above the diameter of the mill."""
-    tool = "Dc" if "Dc" in given else "D"
-    if process in ("milling", None) and {"ae", tool} <= given.keys() and given["ae"].max() > given[tool].min():
-        raise UsageError(
-            f"ae {given['ae'].max():g} mm: the width of cut is at most the diameter, {tool} {given[tool].min():g} mm."
-        )
-
-
-def _ends(values: Floats) -> str:
-    low, high = (format_decimal(float(end)) for end in (values.min(), values.max()))
-    return low if low == high else f"{low} to {high}"
 
 
 def _check_times(ranges: Mapping[str, Levels], duration: tuple[float, ...] | None, readings: int) -> None:
@@ -367,12 +362,23 @@ def _effort(plan: pd.DataFrame, process: str | None) -> list[str]:
         litres = float(rate @ time) / 1e6
         out.append(f"Chips: {_two(litres)} dm3 ({_two(7.85 * litres)} kg if the work is steel).")
     at = int(np.argmax(rate))
-    power = float(rate[at]) * STEEL / 6e7
+    power = _two(float(rate[at]) * KW)
     out.append(
-        f"The heaviest edge, {plan['edge'].iloc[at]}, removes {rate[at] / 1000:.3g} cm3/min: about {_two(power)} kW, "
+        f"The heaviest edge, {plan['edge'].iloc[at]}, removes {rate[at] / 1000:.3g} cm3/min: about {power} kW, "
         f"if the specific cutting force is {STEEL:g} N/mm2 (assumed). Check machine and tool there first."
     )
     return out
+
+
+def _doubts(plan: pd.DataFrame, process: str | None, given: Sequence[str]) -> list[str]:
+    """Sentences on settings, and a power, that are unusual."""
+    set_at = [name for name in map(str, plan) if name in ROLES and ROLES[name].kind in ("condition", "time", "other")]
+    numbers = {name: plan[name].to_numpy(dtype=float) for name in set_at if is_numeric_dtype(plan[name])}
+    rate = removal_rate(plan, process)
+    if rate is not None and rate.max() * KW > 1:  # less is that of a small tool
+        numbers["P"] = np.array([float(_two(float(rate.max()) * KW))])
+    known: Any = process
+    return [f"Doubt: {words}." for words in planned_doubts(numbers, known, given)]
 
 
 def _two(value: float) -> str:

@@ -1,10 +1,12 @@
 """Plans of tests: orthogonal arrays, aliases, blocks, durations, processes; a filled plan is a data file."""
 
+import json
 from itertools import combinations
 
 import numpy as np
 import pytest
 from fitmodels import datasets, fit
+from fitmodels.cli import main
 from fitmodels.core.errors import UsageError
 from fitmodels.datasets import plan_tests, read_runs
 from fitmodels.datasets.derived.rules import removal_rate
@@ -255,3 +257,59 @@ def test_settings_that_an_array_repeats_are_a_pure_error():
 def test_a_factor_that_tests_measure_is_named():
     plan = datasets.plan_tests({"V": (150, 300), "F": (0.1, 0.3)}, design="L4")
     assert any(note.startswith("F is the ") and "do not set" in note for note in plan.attrs["notes"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "doubted"),
+    [
+        ({"ranges": TURNING, "process": "turning", "duration": (5.0, 20.0)}, []),
+        ({"ranges": MILLING, "process": "milling", "constants": {"Dc": 20.0, "z": 4.0}}, []),
+        ({"ranges": {"V": (20.0, 60.0), "fz": (0.003, 0.01), "d": (0.02, 0.1)}, "process": "milling",
+          "constants": {"Dc": 0.5, "z": 2.0, "ae": 0.1}}, []),
+        ({"ranges": {"V": (20.0, 60.0), "f": (0.05, 0.2)}, "process": "drilling", "constants": {"Dc": 3.0}}, []),
+        ({"ranges": {"V": (260.0, 650.0), "f": (0.004, 0.016), "d": (0.04, 0.1)}}, ["f", "d"]),
+        ({"ranges": {"V": (60.0, 200.0), "f": (0.012, 0.03), "d": (0.03, 0.1)}}, ["f", "d"]),
+        ({"ranges": {"V": (60.0, 200.0), "f": (0.001, 0.01)}, "process": "turning"}, ["f"]),
+        ({"ranges": {"V": (500.0, 2000.0), "fz": (0.1, 0.2)}, "process": "milling", "constants": {"Dc": 4.0}}, ["n"]),
+        ({"ranges": {"V": (100.0, 400.0), "fz": (0.4, 0.9), "d": (20.0, 40.0)}, "process": "milling",
+          "constants": {"Dc": 50.0, "ae": 40.0, "z": 4.0}}, ["P"]),
+        ({"ranges": TURNING, "duration": (600.0,)}, ["t"]),
+        ({"ranges": TURNING, "duration": (0.001,)}, ["t"]),
+    ],
+)  # fmt: skip
+def test_settings_that_are_unusual_are_doubted_before_they_are_cut(arguments, doubted, tmp_path):
+    plan = plan_tests(**arguments, axial_repeats=1)
+    notes = [note for note in plan.attrs["notes"] if note.startswith("Doubt: ")]
+    assert [note.split()[1] for note in notes] == doubted
+    plan["VB"] = 0.1
+    datasets.write_csv(plan, tmp_path / "plan.csv", plan.attrs["notes"])
+    assert read_runs(tmp_path / "plan.csv").values("V").tolist() == plan["V"].tolist()  # the notes change nothing
+
+
+def test_settings_that_cannot_be_are_refused():
+    with pytest.raises(UsageError, match=r"V 10000 to 20000 m/min cannot be \(usual"):
+        plan_tests({"V": (10000.0, 20000.0)}, process="turning")
+    with pytest.raises(UsageError, match=r"n 1592000 to 3183000 1/min cannot be .* it follows from other settings"):
+        plan_tests({"V": (500.0, 1000.0)}, process="milling", constants={"Dc": 0.1})
+
+
+def test_other_names_of_settings_are_read_as_in_headers():
+    plan = plan_tests({"vc": (80, 200), "ap": (1, 2)}, design="L4", constants={"diameter": 80.0})
+    assert {"V", "d", "D", "n"} <= set(plan)
+    assert plan.attrs["notes"][:2] == ("vc is read as V (cutting speed, m/min).", "ap is read as d (depth of cut, mm).")
+    assert "coolant" in plan_tests({"V": (80.0, 200.0), "coolant": ["dry", "flood"]}, design="L4")
+    with pytest.raises(UsageError, match="V and vc are one quantity, cutting speed"):
+        plan_tests({"V": (80, 200), "vc": (80, 200)})
+
+
+def test_ranges_and_levels_take_units_as_values_do(capsys):
+    words = ["--range", "V=260:650sfm", "--levels", "f=0.004,0.008,0.016in", "--range", "ap=0.04in:2mm"]
+    assert main(["plan", "--design", "L9", *words, "--duration", "120s", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    columns = {name: [row[name] for row in told["rows"]] for name in ("V", "f", "d", "t")}
+    ends = {name: (min(values), max(values)) for name, values in columns.items()}
+    expected = {"V": (260 * 0.3048, 650 * 0.3048), "f": (0.1016, 0.4064), "d": (1.016, 2), "t": (2, 2)}
+    assert all(ends[name] == pytest.approx(values) for name, values in expected.items())
+    assert not any(note.startswith("Doubt") for note in told["notes"])
+    assert main(["plan", "--range", "V=260:650mm"]) == 2
+    assert "or, with a unit of V, 50:200m/min" in capsys.readouterr().err

@@ -13,12 +13,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.rounding import join_words
+from ...core.errors import UsageError
+from ...core.rounding import format_decimal, join_words
 from ..columns import NONE, Values
 from ..design import round_significant
 from ..notes import Given, given_values
 from ..options import Process, ReadOptions
 from ..plausibility.ranges import KC, process_of
+from ..vocabulary import ROLES
 
 Array: TypeAlias = NDArray[np.float64]
 Number: TypeAlias = Array | float
@@ -206,19 +208,48 @@ def apply(
     return found
 
 
-def redundant(given: Mapping[str, Array], process: Any) -> tuple[str, tuple[Rule, ...]] | None:  # noqa: ANN401
-    """The first setting that follows from the others, with the rules by which it does; None where none does.
+def check_settings(given: Mapping[str, Array], process: Any) -> None:  # noqa: ANN401
+    """Refuse a setting that follows from others, constants first, and a width of cut above the diameter of the mill.
 
-    >>> role, rules = redundant({name: np.ones(2) for name in ("n", "V", "Dc")}, "milling")
-    >>> role, rules[0].equation
-    ('n', 'n = 1000 V/(pi Dc)')
+    Raises
+    ------
+    UsageError
+
+    >>> check_settings({"V": np.array([50.0, 100.0]), "Dc": np.array([20.0])}, "milling")
     """
+    _check_width(given, process)
+    order = sorted((name for name in SETTINGS if name in given), key=lambda name: given[name].size > 1)
+    if found := _redundant({name: given[name] for name in order}, process):
+        role, rules = found
+        others = [name for name in given if any(name in rule.inputs for rule in rules)]
+        raise UsageError(
+            f"{role} {_ends(given[role])} {ROLES[role].unit}: it follows from {join_words(others)}, which are given "
+            f"too ({', '.join(rule.equation for rule in rules)}). Leave out {role}, or one of these."
+        )
+
+
+def _redundant(given: Mapping[str, Array], process: Any) -> tuple[str, tuple[Rule, ...]] | None:  # noqa: ANN401
+    """The first setting that follows from the others, with the rules by which it does; None where none does."""
     for role in given:
         others: dict[str, Values] = {name: values for name, values in given.items() if name != role}
         rules = _steps(role, Known(others, {}, frozenset(), process, process is not None), frozenset(), None)
         if rules:
             return role, rules
     return None
+
+
+def _check_width(given: Mapping[str, Array], process: str | None) -> None:
+    """Refuse a width of cut above the diameter of the mill."""
+    tool = "Dc" if "Dc" in given else "D"
+    if process in ("milling", None) and {"ae", tool} <= given.keys() and given["ae"].max() > given[tool].min():
+        raise UsageError(
+            f"ae {given['ae'].max():g} mm: the width of cut is at most the diameter, {tool} {given[tool].min():g} mm."
+        )
+
+
+def _ends(values: Array) -> str:
+    low, high = (format_decimal(float(end)) for end in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
 
 
 def _steps(role: str, known: Known, above: frozenset[str], allowed: frozenset[str] | None) -> tuple[Rule, ...] | None:

@@ -1,17 +1,22 @@
-"""Numeric columns of a file of tests with their values as written, the unit named and the plausible ranges."""
+"""Numeric columns of a file of tests with their values as written, the unit named and the plausible ranges.
 
+Settings of a plan are judged by the same ranges, before they are cut.
+"""
+
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import UsageError
 from ...core.rounding import format_decimal
 from ..draft import Draft
 from ..options import Process, ReadOptions
 from ..units import canonical, convert
 from ..vocabulary import ROLES
-from .ranges import Plausible, Range, plausible, process_of
+from .ranges import INCH, Plausible, Range, candidate_units, plausible, process_of
 
 SAMPLE = 20000  # values of a long column that settle its unit
 
@@ -113,3 +118,65 @@ def take_unit(draft: Draft, one: Quantity, unit: str) -> None:
     uses[one.place] = replace(uses[one.place], unit=canonical(unit) or unit, converted=True)
     draft.uses = tuple(uses)
     draft.data[one.role] = convert(np.asarray(draft.data[one.role], dtype=float), unit, ROLES[one.role].unit)
+
+
+def planned_doubts(settings: Mapping[str, Array], process: Process | None, given: Collection[str]) -> tuple[str, ...]:
+    """Sentences on the settings of a plan that are unusual in a process; ``given`` ones may be in another unit.
+
+    Raises
+    ------
+    UsageError
+        Settings cannot be.
+
+    >>> planned_doubts({"f": np.array([0.004, 0.016])}, "turning", ["f"])[0]  # doctest: +ELLIPSIS
+    'f 0.004 to 0.016 mm/rev is unusual (usual 0.05 to 0.8 mm/rev); 0.004 to 0.016 in/rev would be usual...'
+    """
+    columns = [_planned(role, x, ranges) for role, x in settings.items() if (ranges := plausible(role, process))]
+    units = {one.role: _usual_units(one) for one in columns if one.role in given}
+    _refuse_planned(columns, units)
+    inch = _in_inch(columns, units)
+    return tuple(
+        f"{one.role} {one.shown(one.unit)} is unusual ({one.usual}){_in_other_unit(one, units)}"
+        for one in columns
+        if one.role in inch or _is_unusual(one, units)
+    )
+
+
+def _in_inch(columns: list[Quantity], units: Mapping[str, list[str]]) -> list[str]:
+    """Settings that would be usual in inch units, where several would and the cutting speed is possible in sfm."""
+    metric = any(one.role == "V" and not one.lies_in(one.ranges.usual, unit_factor("sfm", "V")) for one in columns)
+    inch = [role for role, others in units.items() if not INCH.isdisjoint(others)]
+    return inch if len(inch) > 1 and not metric else []
+
+
+def _refuse_planned(columns: list[Quantity], units: Mapping[str, list[str]]) -> None:
+    """Refuse settings of a plan that cannot be."""
+    for one in columns:
+        if not one.lies_in(one.ranges.hard):
+            other = _in_other_unit(one, units) if one.role in units else "; it follows from other settings"
+            raise UsageError(f"{one.role} {one.shown(one.unit)} cannot be ({one.usual}){other}.")
+
+
+def _planned(role: str, values: Array, ranges: Plausible) -> Quantity:
+    ends = float(values.min()), float(values.max())
+    return Quantity(role, 0, ends, ends, ROLES[role].unit, given=False, factor=1.0, ranges=ranges)
+
+
+def _usual_units(one: Quantity) -> list[str]:
+    """Other units in which settings that are not usual would be."""
+    others = () if one.lies_in(one.ranges.usual) else candidate_units(one.role)[1:]
+    return [unit for unit in others if one.lies_in(one.ranges.usual, unit_factor(unit, one.role))]
+
+
+def _is_unusual(one: Quantity, units: Mapping[str, list[str]]) -> bool:
+    """Whether settings are beyond the unusual, or are long times that would be usual in another unit."""
+    long = one.role == "t" and units.get("t") and one.bulk[1] > one.ranges.usual[1]
+    return bool(long) or not one.lies_in(one.ranges.unusual)
+
+
+def _in_other_unit(one: Quantity, units: Mapping[str, list[str]]) -> str:
+    """The unit in which settings would be usual, and how to write it; empty where there is none."""
+    if not units.get(one.role):
+        return ""
+    unit, low = units[one.role][0], format_decimal(one.span[0])
+    return f"; {one.shown(unit)} would be usual, written {low}{unit}"
