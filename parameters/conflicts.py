@@ -13,8 +13,10 @@ from ..core.errors import ParameterError, UsageError
 from ..core.suggestions import did_you_mean
 from .draws import Draws
 from .file import ParameterFile
-from .messages import difference, in_unit, short
+from .messages import ROUNDING, agree, difference, in_unit, short
 from .sections.base import Section
+from .sections.law import LawSection
+from .sections.law_parts import ToolLifeSection
 from .sections.load_line import Bound, LimitsSection, Range, ResponseLimit
 from .sections.origin import DesignSection
 from .setting_rules import LOAD_FORMS
@@ -23,6 +25,9 @@ WHOLE: Final = ("design", "dynamics", "drive", "costs", "adaptive_force")
 FOLLOWING: Final = ("pi", "tool_life", "load_line", "roughness")  # each from the file of what it was computed from
 IDENTITY: Final = ("machine", "iso513", "setup")
 RANGES: Final = ("feed", "feed_rate", "speed", "spindle_speed")
+ITERATED: Final = {"edges": 1e-5, "checks": 1e-5}  # parts of a law found by iterations: relative difference
+OF_EDGES: Final = {"sums", "curves"}  # parts of a law and of a tool life with an entry for each edge, by its name
+NAMED: Final = ("verdict", "suspects")  # of a check: words that hold names of edges
 ASSUMED: Final = "average flank wear of ISO 3685"  # source of a criterion that nobody gave
 AGAIN: Final = {
     "pi": "fitmodels tune", "load_line": "fitmodels settings", "roughness": "fitmodels roughness",
@@ -270,11 +275,37 @@ def plain(value: Any) -> Any:  # noqa: ANN401
 
 
 def same_section(one: Any, two: Any) -> bool:  # noqa: ANN401
-    """Whether two sections say the same; limits also in other units."""
+    """Whether two sections say the same within rounding; limits also in other units."""
     a, b = plain(one), plain(two)
+    if isinstance(one, LawSection | ToolLifeSection) and type(one) is type(two):
+        return _of_same_data(a, b)
     if not (isinstance(one, (Bound, Range, ResponseLimit)) and type(one) is type(two)):
-        return bool(a == b)
+        return agree(a, b)
     return all(_end(b, key, a["unit"]) == value for key, value in a.items() if key != "unit")
+
+
+def _of_same_data(one: Mapping[str, Any], two: Mapping[str, Any]) -> bool:
+    """Whether two laws, or tool lives, are of the same data; names of edges may differ."""
+    for key in {**one, **two}.keys() - OF_EDGES:
+        x, y = one.get(key), two.get(key)
+        if key == "alternative" and isinstance(x, Mapping) and isinstance(y, Mapping):
+            same = _of_same_data(x, y)
+        else:
+            x, y = (_unnamed(value) if key == "checks" else value for value in (x, y))
+            same = agree(x, y, ITERATED.get(key, ROUNDING))
+        if not same:
+            return False
+    return True
+
+
+def _unnamed(checks: Any) -> Any:  # noqa: ANN401
+    """Checks without the words that hold names of edges."""
+    if not isinstance(checks, Mapping):
+        return checks
+    return {
+        name: {key: value for key, value in check.items() if key not in NAMED} if isinstance(check, Mapping) else check
+        for name, check in checks.items()
+    }
 
 
 def _end(limit: Mapping[str, Any], key: str, to: str) -> Any:  # noqa: ANN401

@@ -1,6 +1,8 @@
 """Validation errors of the schema and differences of sections as one sentence, and values shortened for messages."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from math import isclose
 from typing import TYPE_CHECKING, Any
 
 from ..core.rounding import count
@@ -83,6 +85,7 @@ def short(value: object, limit: int = 40) -> str:
     return shortened(repr(value), limit)
 
 
+ROUNDING = 1e-9  # relative difference of numbers that two computers, or two orders of the rows, give for the same data
 SHOWN = 4  # fields of a difference that are named; the others are counted
 FIRST = ("form", "unit", "coefficients", "criterion", "kp", "ki", "b", "a", "reference", "worn")
 LIMIT = {"value", "low", "high", "unit", "of"}
@@ -109,8 +112,30 @@ def difference(one: object, two: object, a: str, b: str) -> str:
     return f"{next(held)} in {a}; {next(held)} in {b}{further}"
 
 
+def agree(one: object, two: object, near: float = ROUNDING, scale: float = 0.0) -> bool:
+    """Whether two contents hold the same, numbers within rounding: of each other, in a list of its largest.
+
+    >>> agree({"b": [1.0, 1e-17]}, {"b": [1.0 + 1e-12, 0.0]}), agree(0.3, 0.3001), agree(0.3, "0.3")
+    (True, False, False)
+    """
+    if isinstance(one, Mapping) and isinstance(two, Mapping):
+        return one.keys() == two.keys() and all(agree(one[key], two[key], near) for key in one)
+    if isinstance(one, list | tuple) and isinstance(two, list | tuple):
+        return len(one) == len(two) and _lists_agree(one, two, near)
+    if isinstance(one, float) and isinstance(two, float):
+        return isclose(one, two, rel_tol=near, abs_tol=near * scale)
+    return bool(one == two)
+
+
+def _lists_agree(one: Sequence[object], two: Sequence[object], near: float) -> bool:
+    largest = max((abs(x) for x in (*one, *two) if isinstance(x, float)), default=0.0)
+    return all(agree(x, y, near, largest) for x, y in zip(one, two, strict=True))
+
+
 def _values(x: object, y: object) -> tuple[str, str]:
     """Two values that differ, numbers at six digits where these differ."""
+    if isinstance(x, list | tuple) and isinstance(y, list | tuple):
+        return count(len(x), "entry", "entries"), count(len(y), "entry", "entries")
     if isinstance(x, float) and isinstance(y, float) and f"{x:.6g}" != f"{y:.6g}":
         return f"{x:.6g}", f"{y:.6g}"
     return short(x), short(y)
@@ -134,14 +159,22 @@ def in_unit(value: float, unit: str, to: str) -> float | None:
 
 
 def _fields(a: Mapping[str, Any], b: Mapping[str, Any], names: Iterable[str]) -> Iterator[tuple[str, Any, Any]]:
+    """Name and values of each field that differs, a list counted once."""
     for key in names:
-        x, y = a.get(key), b.get(key)
-        if x == y:
-            continue
+        name, x, y = _entry(key, a.get(key), b.get(key))
         if isinstance(x, dict) and isinstance(y, dict):
-            yield from _fields(x, y, dict.fromkeys([*x, *y]))
-        else:
-            yield key, x, y
+            inside = _fields(x, y, dict.fromkeys([*x, *y]))
+            yield from inside if name == key else islice(inside, 1)
+        elif not agree(x, y):
+            yield name, x, y
+
+
+def _entry(name: str, x: object, y: object) -> tuple[str, object, object]:
+    """Of lists of one length the first entry that differs, with its name and place; anything else as it is."""
+    while isinstance(x, list | tuple) and isinstance(y, list | tuple) and len(x) == len(y) and not agree(x, y):
+        place = next(i for i, (one, two) in enumerate(zip(x, y, strict=True)) if not agree(one, two))
+        name, x, y = f"{name}[{place}]", x[place], y[place]
+    return name, x, y
 
 
 def limit_words(limit: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from fitmodels.parameters.conflicts import MergeInput
 from fitmodels.parameters.draws import Draws
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.merging import merge
+from fitmodels.parameters.messages import difference
 from fitmodels.parameters.published import published
 
 CLM = published("CLM-2023")
@@ -85,6 +86,29 @@ def test_other_contents_are_refused_and_named(two, words):
     with pytest.raises(ParameterError, match=r"a\.json") as found:
         joined(LOAD, two)
     assert words in str(found.value)
+
+
+def fitted(near, edge):
+    """The load file with a law as other columns names or another computer give it: rounding, names of edges."""
+    law = LOAD.laws["I"].model_dump()
+    check = {"null": "no edge", "symbol": "D", "statistic": 0.5 * (1 + 1e4 * near), "p": 0.5, "concern": 0,
+             "verdict": f"The largest influence is that of edge {edge}."}  # fmt: skip
+    coefficients = {name: value * (1 + near) for name, value in law["coefficients"].items()}
+    return sealed(LOAD, laws={"I": {**law, "coefficients": coefficients, "checks": {"single edges": check},
+                                    "sums": {"reason": f"edge {edge}"}}})  # fmt: skip
+
+
+def test_laws_of_the_same_data_do_not_contradict_each_other():
+    same = joined(fitted(0.0, "E01"), fitted(1e-13, "1")).pf
+    assert same.laws == fitted(0.0, "E01").laws
+    with pytest.raises(ParameterError, match=r"1 conflict: laws.I: A 0\.11584"):
+        joined(fitted(0.0, "E01"), fitted(1e-7, "E01"))
+
+
+def test_a_list_that_differs_is_named_by_its_first_entry_that_does():
+    one, two = {"b": [0.1, 0.2], "m": [[1.0, 1e-18], [0.0, 2.0]]}, {"b": [0.1, 0.3], "m": [[1.0, 0.0], [0.0, 2.5]]}
+    assert difference(one, two, "x", "y") == "b[1] 0.2, m[1][1] 2 in x; b[1] 0.3, m[1][1] 2.5 in y"
+    assert difference({"b": [0.1]}, {"b": [0.1, 0.2]}, "x", "y") == "b 1 entry in x; b 2 entries in y"
 
 
 def test_all_conflicts_are_named_at_once_and_decided_one_by_one_or_together():
