@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 
 from ..core.errors import UsageError
 from ..datasets.corrections import parse_correction
-from ..datasets.edges.assignment import EDGE_WORDS
+from ..datasets.edges.columns import names_edge
 from ..datasets.options import BY_ROLE, OF_ROWS
 from ..datasets.units import SPELLINGS, canonical, same_dimension
 from ..datasets.vocabulary import ROLES
@@ -273,7 +273,7 @@ def assumptions(look: Mapping[str, Any], options: Sequence[str]) -> list[str]:
     found = [words for words in look.get("assumed", ()) if not words.startswith(AS_ASKED)]
     for one in look.get("columns", ()):
         is_asked = "--edge" in options or any(word.startswith("edge=") for word in options)
-        is_named = any(word in one["header"].casefold() for word in EDGE_WORDS)
+        is_named = names_edge(one["header"])
         if one["role"] == "edge" and not (is_asked or is_named) and not any("edges" in words for words in found):
             found.append(f"column {one['header']!r} numbers the cutting edges: rows of equal number are of one edge")
     return found

@@ -440,3 +440,13 @@ def test_a_column_that_rises_along_the_edges_is_named_by_the_role_that_its_unit_
     if remedy:
         role = remedy.split('"')[1].split("=")[0]
         assert "no column is the cutting time" not in doubted(read(frame, map={role: header}))
+
+
+@pytest.mark.parametrize(("test", "edge"), [("Versuch", "Schneide"), ("Test no", "cutting edge"), ("Ensayo", "Filo")])
+def test_a_column_of_edges_counts_before_one_of_tests_which_is_the_run(test, edge):
+    names = np.random.default_rng(1).permutation(NUMBER.max() + 1)[NUMBER]
+    runs = read(without().assign(**{test: NUMBER + 1, edge: [f"S{k + 1:02d}" for k in names]}))
+    assert runs.labels("edge").tolist() == [f"S{k + 1:02d}" for k in names]
+    assert runs.labels("run").tolist() == [str(k + 1) for k in NUMBER]
+    corners = read(without().assign(**{edge: NUMBER % 4 + 1, test: NUMBER + 1}))  # an edge of an insert, not of all
+    assert partition(corners) == NUMBER.tolist()

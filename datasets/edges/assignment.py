@@ -13,7 +13,7 @@ from ..draft import Draft
 from ..options import ReadOptions
 from ..vocabulary import MEASURED, ROLES, roles_named
 from .checks import SHIFTED
-from .columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, numbered
+from .columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, names_edge, numbered
 from .merged_cells import lines_text
 from .names import join_types, tidy_names
 from .order import edges_by_design, settings_of
@@ -26,7 +26,6 @@ FEWEST_LIVES = 4  # tools of one row each
 SURE = 6  # values from which labels that are no numbering can be edges too
 
 GENERAL = ("tool", "cutting tool", "werkzeug", "outil", "outil de coupe", "herramienta")  # of types too
-EDGE_WORDS = ("edge", "schneid", "arête", "filo")  # in names that can mean nothing but the edge
 
 Kind = Literal["edge", "tool", "run", "other"]
 
@@ -104,7 +103,7 @@ def _decide(draft: Draft, tests: Tests, given: dict[str, str]) -> None:
             "it as edges"
         )
     elif by_name is not None and _numbers_rows(by_name, draft):
-        if any(word in by_name.use.name.casefold() for word in EDGE_WORDS):
+        if names_edge(by_name.use.name):
             draft.doubts.append(
                 Doubt(
                     ("edge",),
@@ -157,7 +156,7 @@ def _chosen(labels: list[_Labels], tests: Tests, work: Codes | None) -> tuple[_L
     """
     types = [one for one in labels if one.use.role == "tool" and not _numbers_inserts(one)]
     named = [one for one in labels if one.kind == "edge" and one.several]
-    for one in named:
+    for one in sorted(named, key=lambda one: not names_edge(one.use.name)):
         if holds_edges(_by_work(_crossed([one, *types[:1]]), work), tests):
             return (one,)
     if tests.time is None and named:
@@ -229,7 +228,8 @@ def _edges_are(draft: Draft, chosen: tuple[_Labels, ...], by_name: _Labels | Non
     if chosen == (by_name,):
         return
     if by_name is not None and by_name not in chosen:
-        _give(draft, by_name, None)
+        of_run = names_edge(chosen[0].use.name) and is_numbering(by_name.names) and "run" not in draft.data
+        _give(draft, by_name, "run" if of_run else None)
     texts = [_texts(draft, one) for one in chosen]
     for one in chosen:
         _give(draft, one, "edge" if len(chosen) == 1 else None)

@@ -23,6 +23,7 @@ _OTHERS = (
     "coin, bec, pointe, éprouvette, échantillon, fichier, feuille, numéro",
     "esquina, punta, muestra, probeta, archivo, hoja, número",
 )
+_EDGE_WORDS = ("edge", "schneid", "arête", "filo")  # in names that can mean nothing but the edge
 _NUMBER_WORDS = frozenset(
     ("no", "nr", "num", "number", "nummer", "id", "numero", "numéro", "número", "n°", "nº", "n", "#")
 )
@@ -54,6 +55,15 @@ def meant_by(name: str) -> str:
                 return role
     plain = " ".join(words).casefold()
     return "other" if plain in _other_names() or (words and not rest) else ""
+
+
+def names_edge(name: str) -> bool:
+    """Whether a name of edges can mean nothing else, as that of a test or case can.
+
+    >>> names_edge("Schneide"), names_edge("edge no"), names_edge("Versuch")
+    (True, True, False)
+    """
+    return any(word in name.casefold() for word in _EDGE_WORDS)
 
 
 @lru_cache(maxsize=1)
