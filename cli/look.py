@@ -107,11 +107,7 @@ def _laws(runs: "Runs") -> str:
 
 def _commands(runs: "Runs", words: list[str]) -> list[tuple[str, str]]:
     """Purpose and whole command: as read, with every assumption written out, and corrected."""
-    fits = any(_laws(pair) for pair in runs.pairs())
-    purpose = (
-        "Fit it as read:" if fits else "No law can be fitted to these columns; add columns to this command with --map:"
-    )
-    found = [(purpose, corrected(words, ""))]
+    found = [(_purpose(runs), corrected(words, ""))]
     if written := explicit(runs):
         found.append(("The same, with the units that the file does not name written out:", corrected(words, written)))
     remedies = [doubt.remedy for doubt in runs.doubts if doubt.remedy]
@@ -120,6 +116,23 @@ def _commands(runs: "Runs", words: list[str]) -> list[tuple[str, str]]:
     if len(dict.fromkeys(remedies)) > 1:
         found.append(("Corrected, all of them:", corrected(words, " ".join(dict.fromkeys(remedies)))))
     return list({command: (why, command) for why, command in reversed(found)}.values())[::-1]
+
+
+def _purpose(runs: "Runs") -> str:
+    """What the command of the file as read is for; where no law can be fitted, the columns that are empty."""
+    import numpy as np
+
+    from ..core.rounding import join_words
+    from ..datasets.vocabulary import MEASURED, ROLES
+
+    if any(_laws(pair) for pair in runs.pairs()):
+        return "Fit it as read:"
+    measured = [use for use in runs.columns if use.role and ROLES[use.role].kind in MEASURED]
+    empty = [f"{use.header!r}" for use in measured if np.isnan(runs.values(str(use.role))).all()]
+    if not empty:
+        return "No law can be fitted to these columns; add columns to this command with --map:"
+    what = f"column {empty[0]} is" if len(empty) == 1 else f"columns {join_words(empty)} are"
+    return f"No law can be fitted: {what} empty. Filled in, the file is read by:"
 
 
 def _named(columns: tuple[str, ...]) -> str:
