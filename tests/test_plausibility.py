@@ -668,6 +668,22 @@ def test_remarks_beside_a_few_rows_are_named(read, header):
     assert {"VB", "P"} <= set(found[0].columns)
 
 
+def test_only_laws_that_use_a_remarked_row_have_a_reservation(read):
+    frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").assign(Remark="")
+    rows = frame.index[frame["AW [mm]"].notna()][[7, 30]]
+    frame.loc[rows, "Remark"] = "broken"
+    for empty, refused in (("", {"AW", "P"}), ("AW [mm]", {"P"}), ("edge", set())):
+        of = frame.copy()
+        if empty == "edge":  # whole edges, of which nothing was measured
+            of.loc[of["edge"].isin(of.loc[rows, "edge"]), ["AW [mm]", "P [kW]", "Remark"]] = [np.nan, np.nan, "broken"]
+        elif empty:
+            of.loc[rows, empty] = np.nan
+        runs = read(of.to_csv(index=False))
+        assert any("carry remarks" in doubt.sentence for doubt in runs.doubts)
+        laws = [fit.power_law(runs, response, ["V", "f", "d", "t"]) for response in ("AW", "P")]
+        assert {law.response for law in laws if "carry remarks" in doubts_of_reading(law, runs).verdict} == refused
+
+
 @pytest.mark.parametrize("words", [["dry", "oil"], ["broken", "whole"], ["series A"], ["new bar", "", "", ""]])
 def test_words_in_most_rows_and_those_without_a_finding_are_no_remarks(read, words):
     content = [

@@ -1,5 +1,6 @@
 """Whether a law serves its use: explained variance and predictive error, readings, edges, doubts of the reading."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -23,6 +24,7 @@ WIDE, VERY_WIDE = 2.0, 4.0  # factor within which 95 % of results lie
 NORMAL_95 = 1.96
 FEW_EDGES = 5
 MOST_DOUBTS = 3  # quoted
+_LEFT_OUT = re.compile(r'--leave-out "(?:lines (?P<lines>[\d,-]+)|(?P<edges>.+))"')  # a remedy that names rows
 FEWEST_LEFT = 3  # degrees of freedom below which a standard deviation is hardly known
 
 
@@ -345,7 +347,18 @@ def _doubts_on(law: LawFit, runs: Runs) -> list[Doubt]:
     for one in reversed(runs.derived):
         if one.role in columns:
             columns |= set(one.inputs)
-    return [doubt for doubt in runs.doubts if columns.intersection(doubt.columns)]
+    return [doubt for doubt in runs.doubts if columns.intersection(doubt.columns) and _uses_doubted(law, doubt)]
+
+
+def _uses_doubted(law: LawFit, doubt: Doubt) -> bool:
+    """Whether a law uses a row that a doubt would leave out; also where the doubt names no rows, or it is not known."""
+    target = _LEFT_OUT.fullmatch(doubt.remedy)
+    if target is None or law.rows is None:
+        return True
+    if target["edges"]:
+        return any(name in target["edges"] for name in np.unique(np.asarray(law.edge, dtype=str)).tolist())
+    ends = [span.split("-") for span in target["lines"].split(",")]
+    return any(bool(np.any((law.lines >= int(span[0])) & (law.lines <= int(span[-1])))) for span in ends)
 
 
 OF_SCATTER = ("predictive use", "prediction", "signal to noise")  # checks that find that a law says little
