@@ -14,7 +14,11 @@ from .numbers import constants, in_units, pairs, ranges
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
+    from numpy.typing import NDArray
+
+MOST = 12  # edges beyond a limit that are named
 
     from ..datasets import Runs
 
@@ -47,6 +51,10 @@ def parser() -> Parser:
         "--process", choices=["turning", "milling", "drilling"], help="checks names, adds n and fm (default: none)"
     )
     p.add_argument("--value", action="append", metavar="Dc=20", help="what is the same in all tests (default: none)")
+    p.add_argument(
+        "--limit", action="append", metavar="n=8000",
+        help="limit of the machine, also P=7kW, n=50:8000: edges beyond it are named (default: none)",
+    )  # fmt: skip
     p.add_argument(
         "--design", default="composite", metavar="NAME",
         help="composite (default), factorial, or an orthogonal array: L4, L8, L9, L12, L16, L18, L27",
@@ -92,11 +100,54 @@ def run(args: argparse.Namespace) -> int:
     )
     notes = [
         f"plan: {what}, {plan['edge'].nunique()} edges, seed {args.seed}",
+        *_beyond_limits(plan, args),
         *plan.attrs["notes"],
         "Cut the edges in the order of run; measure wear, forces and power after each sub-test, a row each.",
     ]
     write_table(plan, args, notes)
     return 0
+
+
+def _beyond_limits(plan: "pd.DataFrame", args: argparse.Namespace) -> list[str]:
+    """A sentence on each limit of the machine, with the edges beyond it."""
+    from ..core.errors import UsageError
+    from ..core.rounding import format_decimal, listed
+    from ..datasets.headers import setting_named
+    from ..datasets.vocabulary import ROLES
+
+    found, edges = [], plan.drop_duplicates("edge")
+    for name, text in pairs(args.limit, "--limit", "n=8000").items():
+        ends, symbol = in_units(name, text.split(":")) or (), setting_named(name)
+        if len(ends) not in (1, 2) or not 0 < ends[0] <= ends[-1]:
+            raise UsageError(f"--limit {name}={text}: give one number above zero, or low:high, as n=8000 or P=7kW.")
+        values = _set_values(edges, symbol, args.process)
+        beyond = (values > ends[-1]) | (values < ends[0] if len(ends) > 1 else False)
+        which = [f"{edge} ({format_decimal(x)})" for edge, x in zip(edges["edge"][beyond], values[beyond], strict=True)]
+        head = f"Limit: {symbol} {'at most' if len(ends) == 1 else 'from'} {' to '.join(map(format_decimal, ends))}"
+        said = (
+            f"{len(which)} of {len(edges)} edges are beyond it: {listed(which, MOST)}" if which else "all edges keep it"
+        )
+        found.append(f"{head} {ROLES[symbol].unit}; {said}.")
+    return found
+
+
+def _set_values(edges: "pd.DataFrame", symbol: str, process: str | None) -> "NDArray[np.float64]":
+    """Values of a setting, or the power, of each edge of a plan."""
+    from ..core.errors import UsageError
+    from ..datasets.derived.rules import removal_rate
+    from ..datasets.planning import KW
+    from ..datasets.vocabulary import ROLES
+
+    rate = removal_rate(edges, process) if symbol == "P" else None
+    if rate is not None:
+        return rate * KW
+    if symbol not in edges or symbol not in ROLES or edges[symbol].dtype == object:
+        what = f"{symbol} ({ROLES[symbol].quantity})" if symbol in ROLES else symbol
+        raise UsageError(
+            f"--limit {symbol}: the plan has no {what}. Spindle speed, feed rate and power follow with --process and "
+            "--value of what is the same in all tests, such as D=80, or Dc=20, z=4 and ae=8."
+        )
+    return edges[symbol].to_numpy(dtype=float)
 
 
 def _ends(texts: list[str] | None) -> dict[str, tuple[float, float]]:

@@ -1,6 +1,7 @@
 """Plans of tests: orthogonal arrays, aliases, blocks, durations, processes; a filled plan is a data file."""
 
 import json
+import re
 from itertools import combinations
 
 import numpy as np
@@ -313,3 +314,21 @@ def test_ranges_and_levels_take_units_as_values_do(capsys):
     assert not any(note.startswith("Doubt") for note in told["notes"])
     assert main(["plan", "--range", "V=260:650mm"]) == 2
     assert "or, with a unit of V, 50:200m/min" in capsys.readouterr().err
+
+
+def test_edges_beyond_a_limit_of_the_machine_are_named(capsys):
+    words = ["--process", "milling", "--range", "V=80:200", "--range", "fz=0.05:0.2", "--range", "d=1:2"]
+    words += ["--value", "Dc=10", "--value", "z=4", "--value", "ae=8", "--axial", "1", "--json"]
+    limits = ["--limit", "n=80rev/s", "--limit", "P=1kW", "--limit", "fm=50:20000"]
+    assert main(["plan", *words, *limits]) == 0
+    told = json.loads(capsys.readouterr().out)
+    beyond = [row["edge"] for row in told["rows"] if row["n"] > 4800]
+    power = [row["edge"] for row in told["rows"] if row["d"] * 8 * row["fm"] * 2000 / 6e7 > 1]
+    n, P, fm = (note for note in told["notes"] if note.startswith("Limit: "))
+    assert n.startswith(f"Limit: n at most 4800 1/min; {len(beyond)} of ")
+    assert (re.findall(r"E\d\d", n), re.findall(r"E\d\d", P)) == (beyond, power)
+    assert len(power) > 0
+    assert fm == "Limit: fm from 50 to 20000 mm/min; all edges keep it."
+    assert main(["plan", "--range", "V=80:200", "--limit", "n=4800"]) == 2
+    assert "the plan has no n (spindle speed)" in capsys.readouterr().err
+    assert main(["plan", "--range", "V=80:200", "--limit", "V=many"]) == 2
