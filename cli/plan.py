@@ -14,14 +14,12 @@ from .numbers import constants, in_units, pairs, ranges
 from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
     from numpy.typing import NDArray
 
-MOST = 12  # edges beyond a limit that are named
-
     from ..datasets import Runs
 
+MOST = 12  # edges beyond a limit that are named
 SET = (("V", "n"), ("f", "fz", "fm"), ("d",), ("ae",))  # settings of a machine; of each group one is enough
 DIGITS = 4  # of a setting
 HARDLY = 0.01  # range over the median of a setting that counts as the same in all tests

@@ -236,9 +236,9 @@ def analyse(
     return analyse_runs(read_source(source, options), options, command=command)
 
 
-def analyse_runs(runs: "Runs", options: FitOptions, *, command: str | None = None, step: Step = no_step) -> Analysis:
-    """The analysis of runs that were read with ``options``; ``step`` receives progress updates."""
-    stages = analysis_stages(runs, options, command=command, step=step, previews=False)
+def analyse_runs(runs: "Runs", options: FitOptions, *, command: str | None = None) -> Analysis:
+    """The analysis of runs that were read with ``options``."""
+    stages = analysis_stages(runs, options, command=command, previews=False)
     return Analysis(runs, tuple(pair for pair, _ in stages), options)
 
 

@@ -208,7 +208,7 @@ class PairAnalysis(Displayable):
         return Display(head, table=table, sentences=(*refused, *filter(None, (self.failed, self.no_life))))
 
 
-def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: Step = no_step) -> PairAnalysis:
+def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True) -> PairAnalysis:
     """Fit every law that the columns of a pair allow, solve the wear law for tool life, draw the posteriors.
 
     Parameters
@@ -218,8 +218,6 @@ def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: 
     options : FitOptions
     needs_life : bool
         With a criterion and no tool life for it, raise; otherwise ``no_life`` gives the reason.
-    step : callable
-        Receives progress updates.
 
     Raises
     ------
@@ -233,7 +231,7 @@ def fit_pair(runs: Runs, options: FitOptions, *, needs_life: bool = True, step: 
     >>> [law.response for law in fitted.laws], fitted.life, fitted.not_converged
     (['AW', 'Fxz', 'P'], None, '')
     """
-    return with_posteriors(fit_laws(runs, options, needs_life=needs_life), options, step=step)
+    return with_posteriors(fit_laws(runs, options, needs_life=needs_life), options)
 
 
 def fit_laws(runs: Runs, options: FitOptions, *, needs_life: bool = True) -> PairAnalysis:

@@ -22,6 +22,7 @@ from ...datasets.vocabulary import FLANK_WEAR
 from ..available import NotAvailable, computed
 from ..composite_law import without_fixed
 from ..lawfit import LawFit
+from . import tool_lives
 from .agreement import compare_estimates, fixed_exponents
 from .autocorrelation import aliased_columns, drift, serial_correlation
 from .check import FAMILY_LEVEL, TITLES, Check, Suspect, family_wise, frame_of_checks, sentences
@@ -34,17 +35,6 @@ from .residual_tests import Residuals, normality, residual_sets, spread
 from .response_scale import box_cox, error_structure
 from .strata import MOST_ROWS, Strata, even_choice, has_repeated_edges, split, without_found, without_suspects
 from .time_offsets import time_restarts, time_tests
-from .tool_lives import (
-    curvature_of_lives,
-    distribution_of_lives,
-    edges_of_lives,
-    extrapolated_lives,
-    longest_lives,
-    outlying_lives,
-    run_outs,
-    single_lives,
-    useful_law,
-)
 from .usefulness import (
     doubts_of_reading,
     form_first,
@@ -357,7 +347,7 @@ CHECKS: Mapping[str, OneCheck] = {
     "wrong edges": lambda given: outlying_edges(*given.one_unit, given.runs),
     "copies": lambda given: copies(given.whole),
     "sensor limit": lambda given: sensor_limit(given.whole),
-    "longest lives": lambda given: longest_lives(given.law, given.runs),
+    "longest lives": lambda given: tool_lives.longest_lives(given.law, given.runs),
     "limited readings": lambda given: limited_readings(given.asked, given.runs),
     "time exponent": lambda given: given.times["time exponent"],
     "time between edges": lambda given: given.times["time between edges"],
@@ -396,14 +386,14 @@ CHECKS: Mapping[str, OneCheck] = {
 USUAL = ("unused columns", "form", "prediction", "normality")
 OF_EVERY_LAW = ("longest lives", "exponents", "possible values", "missing conditions", "collinearity", "reading")
 CHECKS_OF_LIVES: Mapping[str, OneCheck] = {
-    "number of edges": lambda given: edges_of_lives(given.law),
-    "run-outs": lambda given: run_outs(given.law),
-    "extrapolated lives": lambda given: extrapolated_lives(given.law),
-    "distribution of lives": lambda given: distribution_of_lives(given.law),
-    "single lives": lambda given: single_lives(given.law),
+    "number of edges": lambda given: tool_lives.edges_of_lives(given.law),
+    "run-outs": lambda given: tool_lives.run_outs(given.law),
+    "extrapolated lives": lambda given: tool_lives.extrapolated_lives(given.law),
+    "distribution of lives": lambda given: tool_lives.distribution_of_lives(given.law),
+    "single lives": lambda given: tool_lives.single_lives(given.law),
 }
 CHECKS_OF_BOUNDS: Mapping[str, OneCheck] = {  # of lives that least squares does not fit
-    "wrong rows": lambda given: outlying_lives(given.law),
-    "predictive use": lambda given: useful_law(given.law),
-    "curvature": lambda given: curvature_of_lives(given.law),
+    "wrong rows": lambda given: tool_lives.outlying_lives(given.law),
+    "predictive use": lambda given: tool_lives.useful_law(given.law),
+    "curvature": lambda given: tool_lives.curvature_of_lives(given.law),
 }

@@ -3,8 +3,7 @@
 Rows of one edge share that edge's level, so their scatter carries no information on how two edges at the same setting
 differ. Edges of unequal length are weighted by the variance split, estimated from the law itself.
 
-Sources: Henderson 1953, Biometrics 9, 226, method 3 (variance split); Hurlbert 1984, Ecological Monographs 54, 187
-(pseudoreplication).
+Sources: Henderson 1953, Biometrics 9, 226, method 3; Hurlbert 1984, Ecological Monographs 54, 187 (pseudoreplication).
 """
 
 from collections.abc import Mapping

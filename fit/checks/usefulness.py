@@ -356,7 +356,7 @@ def _uses_doubted(law: LawFit, doubt: Doubt) -> bool:
     if target is None or law.rows is None:
         return True
     if target["edges"]:
-        return any(name in target["edges"] for name in np.unique(np.asarray(law.edge, dtype=str)).tolist())
+        return not set(target["edges"].split(",")).isdisjoint(np.unique(np.asarray(law.edge, dtype=str)).tolist())
     ends = [span.split("-") for span in target["lines"].split(",")]
     return any(bool(np.any((law.lines >= int(span[0])) & (law.lines <= int(span[-1])))) for span in ends)
 
