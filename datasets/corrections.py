@@ -135,6 +135,10 @@ class Corrections:
             edges = by_edge(trial)
             self._groups = np.split(edges.order, edges.first[1:])
         self._check(trial)
+        self._find_left_out(trial, rows)
+
+    def _find_left_out(self, trial: Draft, rows: RowsOf) -> None:
+        """Find the rows that are left out, and refuse where none is left, or none of a correction."""
         for target in self._options.leave_out:
             found = rows.of(target, f"--leave-out {target}")
             self._words.append(_left_out(trial, target, found))
@@ -155,14 +159,15 @@ class Corrections:
                 _apply(draft, one, rows, as_written=step == "as written" and one.symbol not in self._options.ranges)
         if step == "computed":
             _compute_anew(draft, self._options, {one.symbol for one, _ in self._given if self._steps[one.text] == step})
-            for one, rows in self._given:
-                _refuse_impossible(draft, self._options, one, rows)
-            was = self._was
-            draft.assumed[:0] = [
-                *(_sentence(draft, one, rows, was.get(one.text)) for one, rows in self._given),
-                *self._words,
-            ]
+            self._state(draft)
         self._leave_out(draft, step)
+
+    def _state(self, draft: Draft) -> None:
+        """State all corrections, and refuse those whose result cannot be."""
+        for one, rows in self._given:
+            _refuse_impossible(draft, self._options, one, rows)
+        sentences = (_sentence(draft, one, rows, self._was.get(one.text)) for one, rows in self._given)
+        draft.assumed[:0] = [*sentences, *self._words]
 
     def _leave_out(self, draft: Draft, step: Step) -> None:
         """Remove the rows: before units are settled, or after sums along an edge are made."""

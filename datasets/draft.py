@@ -246,21 +246,25 @@ def _stated_run_outs(draft: Draft) -> tuple[str, NDArray[np.bool_]] | None:
 def _by_role(column: Column, role: str) -> NDArray[np.bool_]:
     """Run-outs by a column that says yes or no, or in words, whether a life was cut off or ended, or what ended it."""
     cells = [str(cell).strip().casefold() for cell in column.labels()]
-    out = []
-    for row, cell in enumerate(cells):
-        if cell in _YES or cell in _NO:
-            out.append((cell in _YES) == (role == "censored"))
-        elif _RUN_OUT.match(cell) or _ENDED.match(cell):
-            out.append(bool(_RUN_OUT.match(cell)))
-        elif (_WORN.search(cell) or _BROKEN.search(cell)) and not _NOT.search(cell):
-            out.append(False)
-        else:
-            raise DataError(
-                f"column {column.name!r}, row {row + 1} of the data: {cell!r} does not say whether the life ended. "
-                "Write yes or no, or what ended it (wear, breakage), or give the column no role with --map "
-                f"{role}=none."
-            )
+    out = [_is_run_out(cell, role) for cell in cells]
+    if None in out:
+        row = out.index(None)
+        raise DataError(
+            f"column {column.name!r}, row {row + 1} of the data: {cells[row]!r} does not say whether the life ended. "
+            "Write yes or no, or what ended it (wear, breakage), or give the column no role with --map "
+            f"{role}=none."
+        )
     return np.array(out, dtype=bool)
+
+
+def _is_run_out(cell: str, role: str) -> bool | None:
+    """Whether a cell says that a life was cut off; None where it says neither."""
+    if cell in _YES or cell in _NO:
+        return (cell in _YES) == (role == "censored")
+    if _RUN_OUT.match(cell) or _ENDED.match(cell):
+        return bool(_RUN_OUT.match(cell))
+    names_end = (_WORN.search(cell) or _BROKEN.search(cell)) and not _NOT.search(cell)
+    return False if names_end else None
 
 
 def _by_codes(draft: Draft, name: str, cells: NDArray[np.object_], lives: NDArray[np.float64]) -> NDArray[np.bool_]:

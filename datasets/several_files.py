@@ -152,10 +152,14 @@ def _has_one_condition(part: _Part) -> bool:
 
 def _have_own_pairs(parts: Sequence[_Part]) -> bool:
     """Whether each file names a tool and work that no other file names."""
-    columns = [{role: set(p.columns[role].labels().tolist()) for role in UNNAMED if role in p.columns} for p in parts]
-    named = [{role: {name} for role, name in p.pair.items()} | here for p, here in zip(parts, columns, strict=True)]
-    pairs = [frozenset(product(*(names.get(role, {""}) for role in UNNAMED))) for names in named]
+    pairs = [frozenset(product(*(_names_of(part, role) for role in UNNAMED))) for part in parts]
     return all(any(map(any, pair)) for pair in pairs) and sum(map(len, pairs)) == len(frozenset().union(*pairs))
+
+
+def _names_of(part: _Part, role: str) -> frozenset[str]:
+    """Names of tools or works in a file, by its column or its notes; one empty name without either."""
+    column = part.columns.get(role)
+    return frozenset([part.pair.get(role, "")] if column is None else column.labels().tolist())
 
 
 def _part(table: Table) -> _Part:

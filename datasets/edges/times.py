@@ -78,10 +78,16 @@ def doubts_of_time(draft: Draft, edges: EdgeRows, t: Array, wear: Array | None, 
     if apart is not None:
         yield apart
         return
-    if falls.any():
-        yield from _falls(draft, edges, x, falls)
     if repeats.any():
         yield from _repeats(draft, edges, x, repeats, wear)
+    yield from _of_falls(draft, edges, t, falls)
+
+
+def _of_falls(draft: Draft, edges: EdgeRows, t: Array, falls: Flags) -> Iterator[Doubt]:
+    """Times that fall within an edge, stand far above the others, or run on from edge to edge."""
+    x = t[edges.order]
+    if falls.any():
+        yield from _falls(draft, edges, x, falls)
     if not falls.any() or edges.edges_of(falls) > edges.few:
         yield from _late(draft, edges, t)
     yield from _begun(draft, edges, x)

@@ -190,11 +190,15 @@ def blocks_of(law: LawFit, runs: Runs | None) -> dict[str, NDArray[np.object_]]:
     rows = None if runs is None or law.by is not None or no_scatter(law) else rows_in(law, runs)
     if runs is None or rows is None:
         return {}
-    names = [name for name in map(str, runs.data.columns) if name not in (*ROLES, "point")]  # point: of a plan
-    names = [name for name in names if BLOCK.fullmatch(name) or _are_words(runs.data[name].to_numpy())]
-    columns = {name: _as_labels(runs.data[name].to_numpy()[rows]) for name in names}
+    columns = {name: _as_labels(runs.data[name].to_numpy()[rows]) for name in _named_blocks(runs)}
     unit = units_of(law)[1]
     return {name: x for name, x in columns.items() if _are_blocks(x, unit)}
+
+
+def _named_blocks(runs: Runs) -> list[str]:
+    """Columns without a role that are named as blocks, or hold words."""
+    names = [name for name in map(str, runs.data.columns) if name not in (*ROLES, "point")]  # point: of a plan
+    return [name for name in names if BLOCK.fullmatch(name) or _are_words(runs.data[name].to_numpy())]
 
 
 def _are_words(values: NDArray[np.generic]) -> bool:

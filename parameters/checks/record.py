@@ -43,16 +43,21 @@ def check_texts(pf: ParameterFile) -> Iterator[FileFinding]:
     from ...datasets.runs import disclaimers
 
     for name, law in pf.laws.items():
-        if law.equation and (wrong := _not_in_equation(law)):
-            words = f"laws.{shortened(name)}: the equation, {shortened(law.equation, 80)!r}, {wrong}; restore the file."
-            yield FileFinding("equation", False, words)
-        for wrong in (*_off_posterior(pf, name, law), *_off_region(law)):
-            yield FileFinding("law", False, f"laws.{shortened(name)}: {wrong}; restore the file or fit again.")
+        yield from _of_law(pf, name, law)
     if pf.tool_life is not None and (wrong := _off_life(pf.tool_life, pf.laws.get(pf.tool_life.wear))):
         yield FileFinding("tool life", False, f"tool_life: {wrong}; restore the file or fit again.")
     if pf.identity.simulated is False and pf.identity.note and disclaimers([pf.identity.note]):
         words = f"the note, {shortened(pf.identity.note, 80)!r}, but identity.simulated is false; restore the file."
         yield FileFinding("simulated", False, f"The data were simulated according to {words}")
+
+
+def _of_law(pf: ParameterFile, name: str, law: LawSection) -> Iterator[FileFinding]:
+    """Findings where a law contradicts its equation, its posterior or its region."""
+    if law.equation and (wrong := _not_in_equation(law)):
+        words = f"laws.{shortened(name)}: the equation, {shortened(law.equation, 80)!r}, {wrong}; restore the file."
+        yield FileFinding("equation", False, words)
+    for wrong in (*_off_posterior(pf, name, law), *_off_region(law)):
+        yield FileFinding("law", False, f"laws.{shortened(name)}: {wrong}; restore the file or fit again.")
 
 
 def _not_in_equation(law: LawSection) -> str:
