@@ -26,7 +26,7 @@ from ..edges import changes_within, left_out_moves
 from ..lawfit import LawFit
 from ..least_squares import sums_by
 from .check import Check, concern_of, format_p
-from .strata import Codes, blocks_between, levels_of_edges, no_scatter, rows_in, units_of
+from .strata import FEWEST, Codes, blocks_between, levels_of_edges, no_scatter, rows_in, units_of
 
 # Conditions that determine the response in each process, and quantities that stand for them.
 NEEDED: Mapping[str | None, tuple[str, ...]] = {
@@ -47,7 +47,6 @@ BLOCK = re.compile(  # names of columns of blocks: nuisance levels that shift al
 LEAST = np.log(1.05)  # spread of a column, given the factors, below which it is a rounding or a copy of them
 MOST_LEVELS = 7  # of a column without a role: a setting of the plan, not a measurement
 KNOWN = 0.9  # share of the rows in which a column has a value
-FEWEST = 3  # degrees of freedom
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,20 +189,18 @@ def blocks_of(law: LawFit, runs: Runs | None) -> dict[str, NDArray[np.object_]]:
     rows = None if runs is None or law.by is not None or no_scatter(law) else rows_in(law, runs)
     if runs is None or rows is None:
         return {}
-    columns = {name: _as_labels(runs.data[name].to_numpy()[rows]) for name in _named_blocks(runs)}
+    every = {str(name): runs.data[name].to_numpy() for name in runs.data.columns}
+    columns = {name: _as_labels(x[rows]) for name, x in every.items() if _is_block(name, x)}
     unit = units_of(law)[1]
     return {name: x for name, x in columns.items() if _are_blocks(x, unit)}
 
 
-def _named_blocks(runs: Runs) -> list[str]:
-    """Columns without a role that are named as blocks, or hold words."""
-    names = [name for name in map(str, runs.data.columns) if name not in (*ROLES, "point")]  # point: of a plan
-    return [name for name in names if BLOCK.fullmatch(name) or _are_words(runs.data[name].to_numpy())]
-
-
-def _are_words(values: NDArray[np.generic]) -> bool:
-    """Whether every row of a column has a text."""
-    return values.dtype.kind == "O" and all(isinstance(x, str) and x.strip() for x in values)
+def _is_block(name: str, values: NDArray[np.generic]) -> bool:
+    """Whether a column without a role is named as a block, or has a word in every row."""
+    if name in (*ROLES, "point"):  # point: of a plan
+        return False
+    words = values.dtype.kind == "O" and all(isinstance(x, str) and x.strip() for x in values)
+    return words or BLOCK.fullmatch(name) is not None
 
 
 def _as_labels(values: NDArray[np.generic]) -> NDArray[np.object_]:
