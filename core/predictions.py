@@ -240,10 +240,10 @@ def within_tests(found: P, longest: float | None, unreached: str = "") -> P:
     return replace(found, inside=single(inside), longest=longest, unreached=unreached)
 
 
-def tested_time(life: Any, longest: float) -> NDArray[np.float64]:  # noqa: ANN401
+def compared_time(life: Any, longest: float) -> NDArray[np.float64]:  # noqa: ANN401
     """Time at which a life is compared with the tests: that of the longest test if it is longer by less than 5 %.
 
-    >>> tested_time([12.0, 16.3, 24.0], 16.0).tolist()
+    >>> compared_time([12.0, 16.3, 24.0], 16.0).tolist()
     [12.0, 16.0, 24.0]
     """
     t = np.asarray(life, dtype=float)

@@ -16,7 +16,7 @@ from ..core.calls import Conditions, Takes, check_share, conditions
 from ..core.display import Plottable
 from ..core.errors import FitError, UsageError
 from ..core.intervals import Kind, Root, edge_words, fieller, solved_for
-from ..core.predictions import EXTRAPOLATED, LifePrediction, single, tested_time, unreached_words, within_tests
+from ..core.predictions import EXTRAPOLATED, LifePrediction, compared_time, single, unreached_words, within_tests
 from ..core.predicts import Predicts
 from ..core.verdict import Verdict, verdict_from
 from ..datasets import Runs
@@ -105,7 +105,7 @@ class ToolLife(Predicts, Plottable):
         rows = table.drop(columns="t").to_dict("records")
         ends = np.array([self.interval(of, level, **row) for row in rows])  # type: ignore[arg-type]
         band = pd.DataFrame({"value": table["t"], "low": ends[:, 0], "high": ends[:, 1]})
-        band["inside"] = inside_of(self.law, table.assign(t=tested_time(table["t"], self.t_observed)))[0]
+        band["inside"] = inside_of(self.law, table.assign(t=compared_time(table["t"], self.t_observed)))[0]
         edge = edge_words(no_edge_interval(self.law), known=self.law.n_edges is not None)
         whose = f"{100 * level:g} % interval of {'the law' if kind == 'mean' else edge}, by Fieller's theorem,"
         words = f"time at which {self.wear} reaches {self.criterion:g} {self.unit_of_wear}, {whose}"

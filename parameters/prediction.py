@@ -11,9 +11,9 @@ from ..core.predictions import (
     GivenFactor,
     LifePrediction,
     Prediction,
+    compared_time,
     doubt_of_curves,
     single,
-    tested_time,
     unreached_words,
     within_tests,
 )
@@ -120,7 +120,7 @@ def predict_life(
     with np.errstate(over="ignore", under="ignore"):
         value, low, high = (float(np.exp(end)) for end in (root.value, root.low, root.high))
     at = {**values, "t": value}
-    found_at = checked_values(law, {**at, "t": tested_time(value, life.t_observed)})
+    found_at = checked_values(law, {**at, "t": compared_time(value, life.t_observed)})
     inside = bool(contains_values(law, None, found_at))
     given = tuple(
         GivenFactor(f.symbol, f.unit, at[f.symbol], f.low, f.high, single(beyond))

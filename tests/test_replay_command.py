@@ -77,6 +77,7 @@ def test_wear_in_mm_is_printed_in_mm_with_three_digits(tmp_path, capsys):
     laws, line = data["laws"], data["load_line"]
     laws["I"]["coefficients"]["k1"] *= 1000
     laws["VB"]["coefficients"]["c0"] /= 1000
+    laws["I"]["equation"] = laws["VB"]["equation"] = ""
     laws["VB"]["unit"] = line["unit_wear"] = laws["I"]["factors"][-1]["unit"] = "mm"
     factor = laws["I"]["factors"][-1]
     factor.update({name: factor[name] / 1000 for name in ("low", "high")})
