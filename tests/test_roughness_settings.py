@@ -370,6 +370,14 @@ def test_values_that_cannot_be_used_are_refused_with_one_sentence(params, capsys
     assert named in refused(params, capsys, *GIVEN[1:], *words)
 
 
+def test_a_feed_that_gives_too_little_force_is_named_with_its_value(params, capsys):
+    """0.2 mm/min at 610 1/min is 0.000328 mm/rev: no threshold was given."""
+    words = refused(params, capsys, *GIVEN[:2], "f=0.2mm/min", GIVEN[3])
+    assert "f=0.0003279mm/rev gives" in words
+    assert "correct f or its unit; threshold=" in words
+    assert "correct f" not in refused(params, capsys, *GIVEN, "threshold=1N")
+
+
 def test_what_is_missing_is_named(params, tmp_path, capsys):
     assert "n=610rpm" in refused(params, capsys, "Ra=1.6um")
     assert "servo=0.13s" in refused(params, capsys, *GIVEN[:3])

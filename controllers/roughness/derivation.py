@@ -318,9 +318,11 @@ class _Draft:
                 "threshold", _down(OF_REFERENCE * reference), f"{100 * OF_REFERENCE:g} % of the reference, assumed"
             )
         if not 0.01 * reference <= self.values["threshold"] < reference:
+            own = f"f={self.values['feed']:.4g}mm/rev gives {lowest:.4g} N at its lower limit: correct f or its unit; "
             raise UsageError(
-                f"threshold={self.values['threshold']:.4g}N is not above 1 % of the reference force and below it, "
-                f"{reference:.4g} N; only there is a cut distinguished from noise in air and acted upon."
+                f"{own if cut.threshold is None else ''}threshold={self.values['threshold']:.4g}N is not above 1 % of "
+                f"the reference force and below it, {reference:.4g} N; only there is a cut distinguished from noise in "
+                "air and acted upon."
             )
         if self.values["threshold"] >= lowest:
             words = f"At the lower feed limit the force is {lowest:.4g} N, not above the threshold: the control takes "
