@@ -214,3 +214,14 @@ def test_what_cannot_be_is_refused_in_a_sentence(refit, call, words):
     pf, draws = refit
     with pytest.raises(UsageError, match=words):
         call(life_laws(pf), draws)
+
+
+def test_the_share_of_edges_that_exceed_a_limit_is_named(refit):
+    pf, draws = refit
+    found = life_draws(life_laws(pf), draws, rules=PUBLISHED)
+    for peak, terms in ((found.peak_power, found.plan.laws.power), (found.peak_force, found.plan.laws.force)):
+        share = (peak > terms.most).mean()
+        words = f"{100 * share:.0f} % exceed {terms.response} {terms.most:g} {terms.unit} before they are worn out"
+        assert (words in " ".join(found.exceeding)) == (share >= 0.005)
+    assert found.exceeding
+    assert replace(found, peak_power=None, peak_force=None).exceeding == ()

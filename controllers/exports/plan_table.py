@@ -250,9 +250,10 @@ def _about(plan: Plan, settings: "Mapping[str, float | int]") -> tuple[str, ...]
 
 
 def _ends_early(plan: Plan) -> tuple[str, ...]:
-    if plan.ends_early is None:
+    if plan.chance is None:
         return ()
-    return (f"of new edges drawn from the laws {100 * plan.ends_early:.0f} % are worn out before the plan ends",)
+    early = f"of new edges drawn from the laws {100 * plan.chance.ends_early:.0f} % are worn out before the plan ends"
+    return (early, *plan.chance.exceeding)
 
 
 def plan_notes(pf: "ParameterFile", control: PlanControl) -> tuple[str, ...]:

@@ -154,11 +154,11 @@ def _chance(plan: Plan) -> tuple[str, ...]:
     """Share of new edges that the plan overtaxes, and the time that it should end after; empty without draws."""
     if plan.chance is None:
         return ()
-    early = plan.chance.band("minutes", 1 - 2 * RISK)[0]
+    early, over = plan.chance.band("minutes", 1 - 2 * RISK)[0], plan.chance.exceeding
     words = f"of new edges drawn from the laws {100 * plan.chance.ends_early:.0f} % are worn out before the plan ends"
     if plan.chance.ends_early <= RISK:
-        return (words,)
-    return (f"{words}, {100 * RISK:.0f} % before {early:.3g} min: --time {early:.3g}min ends the plan there",)
+        return (words, *over)
+    return (f"{words}, {100 * RISK:.0f} % before {early:.3g} min: --time {early:.3g}min ends the plan there", *over)
 
 
 def _settings(plan: Plan, inch: bool) -> tuple[str, ...]:

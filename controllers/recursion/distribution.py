@@ -11,7 +11,7 @@ Draws are processed in batches that fit in the cache.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,6 +157,7 @@ def plan_on(plan: Life, many: DrawnLifeLaws, most: int) -> tuple[Array, Array, A
     return n, removed, peaks[0], peaks[1]
 
 
+SHOWN: Final = 0.005  # share of draws that is rounded to 1 %
 Of = Literal["plan", "own"]
 Edge = Literal["law", "new"]
 
@@ -200,6 +201,18 @@ class LifeDraws(Plottable):
     def ends_early(self) -> float:
         """Share of draws that are worn out before the plan's last interval has been cut."""
         return float((self.minutes < self.plan.minutes - 1e-9).mean())
+
+    @property
+    def exceeding(self) -> tuple[str, ...]:
+        """Words on the share of draws that exceed a limit of power or force in their life; empty where few do."""
+        pairs = ((self.peak_power, self.plan.laws.power), (self.peak_force, self.plan.laws.force))
+        shares = [(t, float((peak > t.most).mean())) for peak, t in pairs if peak is not None and t is not None]
+        return tuple(
+            f"of new edges drawn from the laws {100 * share:.0f} % exceed {t.response} {t.most:g} {t.unit} before they "
+            "are worn out, the last pair held"
+            for t, share in shares
+            if share >= SHOWN
+        )
 
     def band(self, what: str = "removed", level: float = 0.95) -> tuple[float, float, float]:
         """Lower end, median and upper end of the equal-tailed interval of ``removed``, ``minutes``, ``peak_power`` ...
