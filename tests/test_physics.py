@@ -134,6 +134,21 @@ def test_a_power_in_air_that_rises_with_the_speed_is_doubted():
     assert "--correct 'all:P-1." in power_in_air(law)
 
 
+@pytest.mark.parametrize(("offset", "of_edge"), [(60.0, 0.0), (0.0, 0.0), (0.0, 90.0)])
+def test_a_constant_in_a_force_is_named_and_in_the_power_computed_from_it(offset, of_edge):
+    """A force on the edge that grows with the depth is no constant."""
+    V, f, d = np.array(np.meshgrid((140.0, 230), (0.05, 0.1, 0.2, 0.4), (0.5, 1, 2), indexing="ij")).reshape(3, -1)
+    for seed in range(4):
+        noise = np.exp(np.random.default_rng(seed).normal(0, 0.02, 24))
+        Fc = offset + d * (1700 * f**0.75 + of_edge) * noise
+        frame = pd.DataFrame({"V [m/min]": V, "f [mm/rev]": f, "ap [mm]": d, "Fc [N]": Fc})
+        runs = datasets.runs_from_frame(frame, judge=False)
+        for response in ("Fc", "P"):
+            check = exponents(fit.power_law(runs, response, ["V", "f", "d"]), runs)
+            assert check.concern == bool(offset)
+            assert ("N + b f^0.75 d follows Fc better than the law" in check.verdict) == bool(offset)
+
+
 @pytest.mark.parametrize(("air", "said"), [(0.91, "0.9 to 0.91 kW (lines 27, 28)"), (0.005, "")])
 def test_a_power_that_was_measured_in_air_is_taken_from_its_rows(air, said):
     _, runs = power_law_of(air, 1)

@@ -284,16 +284,15 @@ def built_up_edge(law: LawFit, name: str) -> str:
 
 SPEEDS = ("V", "n")
 CUT = {"V": 1.0, "n": 1.0, "f": 0.75, "fz": 0.75, "d": 1.0, "ae": 1.0}  # exponents of the power of the cut
-BETTER = 1.5  # by which the variance about a power with a part in air must be smaller than that about the law
+BETTER, CLEARLY_BETTER = 1.5, 3.0  # ratio of the variance about the law to that with a part in air: power, force
 SURE = 4.0  # standard errors of the part in air
 
 
 def power_in_air(law: LawFit) -> str:
     """The evidence that a power contains the power in air, which does not depend on the cut; "" without any.
 
-    Exponents are then below the range of a cut, and ``P = P0 + b V f^0.75 d`` follows the rows better than the law with
-    its exponents. Of a drive that takes more at more revolutions P0 rises with the speed, whose exponent need not be
-    low then. They are compared by relative residuals; wear and time have the exponents of the law.
+    Exponents are then below the range of a cut, and ``P = P0 + b V f^0.75 d`` follows the rows better than the law, by
+    relative residuals. P0 may rise with the speed, whose exponent need not be low then.
 
     Examples
     --------
@@ -303,7 +302,7 @@ def power_in_air(law: LawFit) -> str:
     ''
     """
     usual = {name: _POWER[SAME.get(name, name)].usual[0] for name in law.factors if name in CUT}
-    if law.form != "power" or law.rows is None or law.df < 2 or not {*law.factors} <= {*usual, *WEAR, "t"}:
+    if not (_has_rows(law) and {*law.factors} <= {*usual, *WEAR, "t"}):
         return ""
     low = {name: least for name, least in usual.items() if float(law.params[name]) < least}
     return next(filter(None, (_with_air(law, low, speed) for speed in _speeds(usual, low))), "")
@@ -318,23 +317,26 @@ def _speeds(usual: Mapping[str, float], low: Mapping[str, float]) -> list[str]:
     return ["", *speeds] if len(low) == len(usual) else speeds
 
 
+def _has_rows(law: LawFit) -> bool:
+    return law.form == "power" and law.rows is not None and law.df > 1
+
+
+def _product(law: LawFit, powers: Mapping[str, float]) -> Array:
+    """Product of the factors at each row, to these powers, or exponents of the law."""
+    each = [law.X[:, j] ** powers.get(x, float(law.params[x])) for j, x in enumerate(law.factors)]
+    return np.asarray(np.prod(each, axis=0), dtype=np.float64)
+
+
 def _power(name: str) -> str:
     return name if CUT[name] == 1 else f"{name}^{CUT[name]:g}"
 
 
 def _with_air(law: LawFit, low: Mapping[str, float], speed: str) -> str:
-    """The sentence where a power in air and a cut follow the rows better than the law; "" where they do not.
-
-    The power in air is constant, or a line over ``speed``; ``low`` are usual exponents of those that are below.
-    """
-    powers = {name: CUT.get(name, float(law.params[name])) for name in law.factors}
-    cut = np.prod([law.X[:, j] ** power for j, power in enumerate(powers.values())], axis=0)
+    """The sentence where a power in air, or a line of it over ``speed``, and a cut are better than the law; else ""."""
+    cut = _product(law, CUT)
     of_air = np.ones((law.nobs, 1)) if not speed else np.column_stack([cut**0, law.X[:, law.factors.index(speed)]])
     Z = np.column_stack([of_air, cut])
-    A = Z / law.observed[:, None]
-    inverse = np.linalg.pinv(A.T @ A)
-    theta = inverse @ A.sum(axis=0)
-    s2 = float(np.sum((1 - A @ theta) ** 2)) / max(law.nobs - len(theta), 1)
+    theta, s2, inverse = _relative(Z, law.observed)
     of_law = float(np.sum(np.log(law.observed / law.fitted) ** 2)) / law.df_resid
     air, middle = of_air @ theta[:-1], of_air.mean(axis=0)
     sure = SURE * np.sqrt(s2 * middle @ inverse[:-1, :-1] @ middle) < middle @ theta[:-1]
@@ -345,15 +347,51 @@ def _with_air(law: LawFit, low: Mapping[str, float], speed: str) -> str:
     return _in_air_words(law, low, speed, air, scatter, 100 * (1 - float(law.fitted[at] / (Z[at] @ theta))))
 
 
+def _relative(Z: Array, observed: Array) -> tuple[Array, float, Array]:
+    """Coefficients of columns Z by least relative squares, their residual variance, and the unscaled covariance."""
+    A = Z / observed[:, None]
+    inverse = np.asarray(np.linalg.pinv(A.T @ A), dtype=np.float64)
+    theta: Array = inverse @ A.sum(axis=0)
+    return theta, float(np.sum((1 - A @ theta) ** 2)) / max(len(observed) - len(theta), 1), inverse
+
+
+def constant_in_force(law: LawFit, name: str, force: Array) -> str:
+    """What shows that a main force, from which the law may be computed, contains a constant; "" where nothing does.
+
+    ``F0 + b f^0.75 d`` then follows ``force``, shape (n,), N, much better than the law, whose other exponents it has.
+
+    Examples
+    --------
+    >>> from fitmodels import datasets, fit
+    >>> law = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "P", ["V", "f", "d"])
+    >>> constant_in_force(law, "P", law.observed)
+    ''
+    """
+    powers = {one: CUT[one] for one in law.factors if one in CUT and one not in SPEEDS}
+    if len(powers) < 2 or not _has_rows(law):
+        return ""
+    cut = _product(law, {**CUT, **dict.fromkeys(SPEEDS, 0.0)})
+    (constant, _), s2, inverse = _relative(np.column_stack([np.ones(law.nobs), cut]), force)
+    of_law = float(np.sum(np.log(law.observed / law.fitted) ** 2)) / law.df_resid
+    sure = SURE * np.sqrt(s2 * inverse[0, 0]) < constant < force.min()
+    if not (sure and CLEARLY_BETTER * s2 < of_law):
+        return ""
+    return (
+        f"{constant:.2g} N + b {' '.join(map(_power, powers))} follows {name} better than the law (scatter "
+        f"{100 * np.sqrt(s2):.2g} % instead of {100 * np.sqrt(of_law):.2g} %): probably the zero of the dynamometer "
+        "was not subtracted, or a force on the edge that does not depend on the cut is in it. If it reads about "
+        f"{constant:.2g} N in air: --correct 'all:{name}-{constant:.2g}'."
+    )
+
+
 def _in_air_words(law: LawFit, low: Mapping[str, float], speed: str, air: Array, scatter: str, low_by: float) -> str:
     """The sentence on a power in air, by which the law is too low at the largest cut, in per cent."""
     found = ", ".join(f"{name} {float(law.params[name]):.2g} (usual from {least:g})" for name, least in low.items())
     unit = law.units.get(law.response, "")
     size = f"{' to '.join(dict.fromkeys(f'{end:.2g}' for end in (air.min(), air.max())))} {unit}".rstrip()
     cut = " ".join(_power(name) for name in law.factors if name in CUT)
-    over, end = (f" over {speed}", f", at each {speed}.") if speed else (
-        "", f": --correct 'all:{law.response}-{air[0]:.2g}'."
-    )  # fmt: skip
+    constant = ("", f": --correct 'all:{law.response}-{air[0]:.2g}'.")
+    over, end = (f" over {speed}", f", at each {speed}.") if speed else constant
     return (
         f"{law.response} rises less than that of a cut, exponents {found}, and {size}{over} + b {cut} follows the rows "
         f"better ({scatter}): the power in air is probably in it, and at the largest cut the law is "

@@ -21,8 +21,18 @@ from ...datasets.vocabulary import ROLES, WEAR
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .check import Check, lines_of
-from .exponent_ranges import ROUGHNESS, SAME, Exponent, Range, local_exponents, power_in_air, usual_exponents
+from .exponent_ranges import (
+    ROUGHNESS,
+    SAME,
+    Exponent,
+    Range,
+    constant_in_force,
+    local_exponents,
+    power_in_air,
+    usual_exponents,
+)
 from .strata import NO_ROWS, is_computed
+from .usefulness import measured_of
 
 IN_AIR = 0.05  # of the median of the cuts, from which on a load in air is in the law
 LOADS = tuple(name for name, role in ROLES.items() if role.kind == "load" and name != "theta")
@@ -75,10 +85,13 @@ def _intervals(law: LawFit) -> dict[str, tuple[float, float, float]] | NotAvaila
 
 
 def _air(law: LawFit, runs: Runs | None) -> Found | None:
-    """A measured load that contains that in air: by rows without a cut, or of a power by its exponents."""
-    if is_computed(law.response, runs):
+    """A load that contains that in air: by rows without a cut, of power and main force also by the exponents."""
+    if law.rows is None:
         return None
-    words = _measured_in_air(law, runs) or (power_in_air(law) if law.response == "P" else "")
+    source, values = measured_of(law, runs) if is_computed(law.response, runs) else (law.response, law.observed)
+    words = _measured_in_air(law, runs) if source == law.response else ""
+    if not words and source in ("P", "Fc"):
+        words = power_in_air(law) if source == "P" else constant_in_force(law, source, values)
     return (1, words) if words else None
 
 

@@ -43,7 +43,7 @@ def predictive_use(law: LawFit, runs: Runs | None = None) -> Check | NotAvailabl
     """
     if law.df_resid < 1:
         return _exactly_determined(law)
-    source, values = _measured(law, runs)
+    source, values = measured_of(law, runs)
     if source and np.ptp(values) == 0:
         return _of_a_constant(law, source, float(values[0]))
     if reason := no_scatter(law):
@@ -173,7 +173,7 @@ def _hardly_determined(law: LawFit) -> str:
     )
 
 
-def _measured(law: LawFit, runs: Runs | None) -> tuple[str, Array]:
+def measured_of(law: LawFit, runs: Runs | None) -> tuple[str, Array]:
     """The quantity that a response was computed from with factors of the law alone, and its values; "" where none."""
     none = "", np.empty(0)
     rule = None if runs is None else next((one for one in runs.derived if one.role == law.response), None)
