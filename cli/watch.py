@@ -338,7 +338,7 @@ def _first_lines(args: argparse.Namespace, monitor: "Monitor") -> Iterator[str]:
     from ..live.facts import SHADOW
 
     laws, identity = monitor.laws, monitor.identity
-    loads = ", ".join(laws.loads) or "none: the time of contact alone is known"
+    loads = ", ".join(n for n, law in laws.loads.items() if law.shows_wear) or "none: by the time of contact alone"
     simulated = "; the laws are from simulated tests" if identity["simulated"] else ""
     yield f"{identity['tool']} on {identity['work']}: wear {laws.wear.symbol}, loads {loads}{simulated}"
     unit, limit = laws.wear.unit, monitor.estimate.criterion

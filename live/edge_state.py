@@ -163,7 +163,9 @@ class EdgeState:
             P[slow, slow], P[fast, fast] = known.load_wander[name].sd ** 2, self.fast[name] ** 2
         levels = [self.u, *(of[1] for of in self.of_load.values())]
         sd = np.array([laws.wear.sd_level, *(law.sd_level for law in laws.loads.values())])
-        P[np.ix_(levels, levels)] = known.correlation * np.outer(sd, sd)
+        shown = np.array([True, *(law.shows_wear for law in laws.loads.values())])
+        together = np.outer(shown, shown) | np.eye(len(shown), dtype=bool)
+        P[np.ix_(levels, levels)] = np.where(together, known.correlation, 0.0) * np.outer(sd, sd)
         return P
 
     def advance(self, minutes: float) -> None:
@@ -209,7 +211,7 @@ class EdgeState:
         at = {**given, TIME: max(float(exposure.minutes.sum()), SOONEST), wear.symbol: exp(ln_wear[0])}
         columns = law.columns(at)
         theta, u, slow, fast = self.of_load[name]
-        H = law.slope(wear.symbol, at) * rows[0]
+        H = (law.slope(wear.symbol, at) if law.shows_wear else 0.0) * rows[0]
         H[theta] = columns
         H[u] = H[slow] = H[fast] = 1.0
         return float(columns @ law.theta), H

@@ -105,7 +105,8 @@ def facts_of(monitor: "Monitor", now: Reading) -> Facts:
         "advice": [*monitor.decisions, *now.advice],
         "alarms": [*monitor.alarms],
         "source": dict(now.source),
-        "notes": [*(f"{clock(note['time'])} {note['text']}" for note in monitor.notes), *monitor.estimate.notes],
+        "notes": [f"{clock(note['time'])} {note['text']}" for note in monitor.notes]
+        + [*monitor.estimate.notes, *laws.unused],
         "journal": dict(now.journal),
         "control": dict(now.control),
     }

@@ -9,7 +9,7 @@ over the minutes t_i at each setting, in any order.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
@@ -30,6 +30,13 @@ if TYPE_CHECKING:
 TIME = "t"
 ONE = np.ones(1)
 FEWEST_DRAWS = 100  # from which a covariance is estimated
+CLEARLY = 1.96  # standard errors of its exponent of wear above zero, from which a load shows wear
+UNCLEAR = (
+    "{0} is not used to estimate {1}: in its law the exponent of {1} is {2:.2g} (95 % between {3:.2g} and {4:.2g}), "
+    "not clearly above zero. A sudden rise or fall of {0} is still an alarm. {5}"
+)
+WITHOUT_T = 'Fit the law of {0} without t (--law "{0} ~ {1}"), which shares its rise between t and {2}.'
+WIDER = "Test over a wider range of {0}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +60,8 @@ class LiveLaw:
         Factors from the usual units of V, f, d and t to those of the law.
     ranges : mapping of (low, high)
         Tested, by factor, in the usual units.
+    unclear : str
+        Of a load: why its law is not used to estimate wear; it gives the expected load in any case.
 
     """
 
@@ -67,6 +76,12 @@ class LiveLaw:
     shifts: Array
     scales: Array
     ranges: Mapping[str, tuple[float, float]]
+    unclear: str = ""
+
+    @property
+    def shows_wear(self) -> bool:
+        """Whether the law of a load is used to estimate wear."""
+        return not self.unclear
 
     def columns(self, given: Mapping[str, float]) -> Array:
         """Columns of the law at given factors, shape (p,), in the usual units."""
@@ -76,13 +91,25 @@ class LiveLaw:
 
     def slope(self, symbol: str, given: Mapping[str, float]) -> float:
         """Derivative of the ln of the response by the ln of one factor."""
+        return float(self._by_ln(symbol, given) @ self.theta)
+
+    def slope_se(self, symbol: str, given: Mapping[str, float]) -> float:
+        """Standard error of `slope`."""
+        by_ln = self._by_ln(symbol, given)
+        return float((by_ln @ self.covariance @ by_ln) ** 0.5)
+
+    def _by_ln(self, symbol: str, given: Mapping[str, float]) -> Array:
+        """Derivatives of the columns by the ln of one factor, shape (p,)."""
+        by_ln: Array = np.zeros(len(self.theta))
         if symbol not in self.formula.factors:
-            return 0.0
+            return by_ln
         if self.formula.name == "power":
-            return float(self.theta[1 + self.formula.factors.index(symbol)])
+            by_ln[1 + self.formula.factors.index(symbol)] = 1.0
+            return by_ln
         step = 1e-4
         up, down = ({**given, symbol: given[symbol] * np.exp(sign * step)} for sign in (1, -1))
-        return float((self.columns(up) - self.columns(down)) @ self.theta / (2 * step))
+        by_ln += (self.columns(up) - self.columns(down)) / (2 * step)
+        return by_ln
 
     def outside(self, given: Mapping[str, float]) -> tuple[str, ...]:
         """Factors outside their tested ranges, in words."""
@@ -103,7 +130,7 @@ class LiveLaws:
     wear : LiveLaw
         A power law on the time of contact t.
     loads : mapping of LiveLaw
-        By symbol; each depends on the wear.
+        By symbol; each depends on the wear. Those whose exponent of it is not clearly above zero show no wear.
     criterion : float or None
         Wear at the end of life that the file states, in the unit of the wear law.
     tested : (float, float)
@@ -176,7 +203,10 @@ class LiveLaws:
             if fault:
                 notes.append(fault)
                 continue
-            found[name] = _live_law(pf.laws[name], draws.get(name), by, {**USUAL, symbol: law.unit})
+            one = _live_law(pf.laws[name], draws.get(name), by, {**USUAL, symbol: law.unit})
+            if unclear := _unclear(one, symbol):  # the printed law gives the expected load
+                one = replace(_live_law(pf.laws[name], None, by, {**USUAL, symbol: law.unit}), unclear=unclear)
+            found[name] = one
         life, limits = pf.tool_life, pf.limits
         criterion = life.criterion * ratio(life.unit_of_wear, law.unit) if life and life.wear == symbol else None
         if limits and limits.wear and (limits.wear.of or symbol) == symbol:
@@ -190,8 +220,13 @@ class LiveLaws:
         scatter = scatter_of_edges(
             pf.laws[symbol], [pf.laws[name] for name in found], exponent, assumptions or Assumptions()
         )
-        every = (*notes, *scatter.notes)
-        return cls(law, found, criterion, (low, high), bool(pf.identity.simulated), scatter, every)
+        laws = cls(law, found, criterion, (low, high), bool(pf.identity.simulated), scatter)
+        return replace(laws, notes=(*notes, *laws.unused, *scatter.notes))
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Sentences on the loads that show no wear, with the remedy."""
+        return tuple(law.unclear for law in self.loads.values() if law.unclear)
 
     @property
     def fingerprint(self) -> str:
@@ -208,7 +243,7 @@ class LiveLaws:
 
         As for a sum of about equal variances (Satterthwaite 1946, Biometrics Bulletin 2, 110).
         """
-        return self.wear.df + sum(law.df for law in self.loads.values())
+        return self.wear.df + sum(law.df for law in self.loads.values() if law.shows_wear)
 
     @property
     def largest_wear(self) -> float:
@@ -274,20 +309,29 @@ def _check_wear(law: LiveLaw) -> None:
 
 
 def _load_fault(pf: "ParameterFile", name: str, wear: str) -> str:
-    """Reason why a load says nothing of the wear; empty where it does."""
+    """Reason why the law of a load cannot serve; empty where it can."""
     if name not in pf.laws:
         return f"the file has no law of {name}; it has {', '.join(pf.laws)}."
     law = pf.laws[name]
     if wear not in law.formula.factors:
         return f"the law of {name} does not depend on {wear}: this load does not show wear."
-    if law.coefficients.get(wear, 1.0) <= 0:
-        power = law.coefficients[wear]
-        return f"the law of {name} falls with {wear} (exponent {power:.2g}): it does not give the wear."
     if not (law.logarithmic and law.formula.linearisable):
         return (
             f"the law of {name} is {law.form.replace('_', ' ')}, not linear in ln {name}: it is not used for the wear."
         )
     return ""
+
+
+def _unclear(load: LiveLaw, wear: str) -> str:
+    """Why a load does not show wear, by the exponent that is used, with the remedy; empty where it does."""
+    at = {name: (low * high) ** 0.5 if low > 0 else (low + high) / 2 for name, (low, high) in load.ranges.items()}
+    slope, half = load.slope(wear, at), CLEARLY * load.slope_se(wear, at)
+    if slope > half:
+        return ""
+    factors = load.formula.factors
+    without = ", ".join(name for name in factors if name != TIME)
+    remedy = WITHOUT_T.format(load.symbol, without, wear) if TIME in factors else WIDER.format(wear)
+    return UNCLEAR.format(load.symbol, wear, slope, slope - half, slope + half, remedy)
 
 
 def _live_law(law: "LawSection", draws: "Draws | None", by: str | None, units: Mapping[str, str]) -> LiveLaw:

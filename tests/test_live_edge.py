@@ -12,10 +12,12 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.core.errors import UsageError
 from fitmodels.live.advice import Bounds, advise, highest
 from fitmodels.live.decision import change_now
+from fitmodels.live.detection import Detection
 from fitmodels.live.edge_estimate import EdgeEstimate
 from fitmodels.live.edge_scatter import Assumptions, Wander, level_correlation, slope_variance
 from fitmodels.live.live_laws import LiveLaws
 from fitmodels.live.samples import LoadMean, Window
+from fitmodels.parameters.draws import Draws
 from fitmodels.parameters.file import sealed
 from fitmodels.parameters.sections.costs import CostsSection
 
@@ -240,14 +242,30 @@ def test_beyond_the_tests_is_said(laws):
     assert not any("largest wear tested" in note for note in EdgeEstimate(laws, 0.3).notes)
 
 
-def test_load_that_falls_with_wear_is_not_used(pf):
+def test_load_that_falls_with_wear_is_read_and_not_used(pf):
     law = pf.laws["P"].model_copy(update={"coefficients": {**pf.laws["P"].coefficients, "AW": -0.1}})
-    turned = pf.model_copy(update={"laws": {**pf.laws, "P": law}})
-    found = LiveLaws.of(turned)
-    assert tuple(found.loads) == ("Fxz",)
-    assert any("falls with AW" in note for note in found.notes)
-    with pytest.raises(UsageError, match="falls with AW"):
-        LiveLaws.of(turned, loads=["P"])
+    found = LiveLaws.of(pf.model_copy(update={"laws": {**pf.laws, "P": law}}))
+    assert [law.shows_wear for law in found.loads.values()] == [False, True]
+    assert any("exponent of AW is -0.1 (95 %" in note and '--law "P ~ V, f, d, AW"' in note for note in found.notes)
+
+
+def test_a_load_whose_draws_do_not_show_the_wear_leaves_it_to_time_and_jumps_are_still_seen(pf):
+    """The draws are what is used: their exponent of AW is here 0, the printed one clearly above it."""
+    rng, names, law = np.random.default_rng(4), pf.laws["P"].parameter_names, pf.laws["P"]
+    mean = np.where(np.array(names) == "AW", 0.0, law.theta)
+    draws = {"P": Draws(names, rng.multivariate_normal(mean, np.diag(np.full(len(names), 1e-4)), 400))}
+    assert LiveLaws.of(pf, loads=["P"]).loads["P"].shows_wear
+    laws = LiveLaws.of(pf, draws, loads=["P"])
+    assert not laws.loads["P"].shows_wear
+    assert laws.unused[0] in laws.notes
+    assert laws.df == laws.wear.df
+    edge, by_time, detection, seen = EdgeEstimate(laws, 0.3), EdgeEstimate(laws, 0.3), Detection(), []
+    for change in (0.0,) * 20 + (0.3,) * 12:
+        cut(edge, 1, change=change)
+        by_time.advance(1 / 6, AT)
+        seen += [alarm.kind for alarm in detection.add(edge)]
+    assert edge.wear() == by_time.wear()
+    assert seen == ["chipping"]
 
 
 def test_laws_that_cannot_serve_are_refused_by_name(pf):
