@@ -32,6 +32,7 @@ SETTLING = 24  # windows after an alarm
 MEMORY = 60  # windows from which the scatter of a load is learned
 ASSUMED = 10.0  # windows that the scatter of the model counts as
 BATCH_LIMIT = 3.5  # of the CUSUM of edges
+USUAL_SLOPE = 0.3  # of ln load by ln wear, of a load whose law does not show it
 FIRST = 5  # windows of an edge
 OTHER = 5.0  # standard deviations of these from what was expected that show another tool
 CHECKED = (5, 10, 20, 40)  # windows after which the deviation from the laws is compared
@@ -53,9 +54,10 @@ TOOL = (
     "than those of the parameter file."
 )
 RARE = (
-    "{} is {:.0f} % {} its law in this edge ({:.2g} standard deviations of edges), which is taken in part as {} wear. "
-    "Check depth of cut, work material and unit, and gauge the edge."
+    "{} is {:.0f} % {} its law in this edge ({:.2g} standard deviations of edges){}. Check depth of cut, work material "
+    "and unit, and gauge the edge."
 )
+TAKEN = ", which is taken in part as {} wear"
 SHIFTED = (
     "loads of the last edges are {} than it is, if the work material or the tools are of another batch (the last edge "
     "against its laws: {}). Measure the wear of an edge and learn from it."
@@ -228,7 +230,8 @@ class Detection:
             return []
         self.windows += 1
         for name in found.keys() - self.slopes.keys():
-            self.slopes[name] = estimate.law_deviation(name).slope
+            slope = estimate.law_deviation(name).slope
+            self.slopes[name] = slope if slope > 0 else USUAL_SLOPE
         z = {name: one.value / one.sd for name, one in found.items()}
         if self.windows <= FIRST:
             self.far += any(abs(value) > OTHER for value in z.values())
@@ -253,7 +256,8 @@ class Detection:
             of = estimate.law_deviation(name)
             if abs(of.value) > UNUSUAL * of.sd:
                 side, wear = ("above", "more") if of.value > 0 else ("below", "less")
-                return RARE.format(name, 100 * abs(exp(of.value) - 1), side, abs(of.value) / of.sd, wear)
+                taken = TAKEN.format(wear) if estimate.laws.loads[name].shows_wear else ""
+                return RARE.format(name, 100 * abs(exp(of.value) - 1), side, abs(of.value) / of.sd, taken)
         return ""
 
     def _is_foreign(self, estimate: "EdgeEstimate") -> bool:
@@ -268,7 +272,8 @@ class Detection:
         self.chipping = ChippingDetector()
         if used < FIRST or foreign:
             return []
-        found = {name: estimate.law_deviation(name) for name in estimate.laws.loads}
+        loads = estimate.laws.loads
+        found = {name: estimate.law_deviation(name) for name in loads if loads[name].shows_wear}
         side = self.batch.finish(found)
         if not side:
             return []
