@@ -16,6 +16,7 @@ from .samples import Block, CutEnd, Notice, Sample, State, Window
 
 BLOCK = 0.1  # s; five samples at 50 Hz
 GAP = 2.0  # s without a sample, at least, that are a gap
+FORGOTTEN = 5.0  # s without a reading of a condition that is to be read, after which its last value is not used
 INTERVALS = 5.0  # usual intervals between samples that are a gap
 BRIDGED = 5.0  # s; a shorter gap within a cut counts as cutting
 SECONDS_OF_DRIFT = 5.0  # s in which the idle level drifts by the noise of a second of air, before it is learned
@@ -153,6 +154,7 @@ class Blocks:
         self.constants = dict(constants or {})
         self._held: list[Sample] = []
         self._known = dict(self.constants)  # conditions as they were last given
+        self._unread: dict[str, float] = {}  # s, since when a condition could not be read
         self._begin = self._last = float("nan")  # s: where the block that is being filled begins, and the last sample
         self._intervals: deque[float] = deque(maxlen=21)
 
@@ -175,10 +177,19 @@ class Blocks:
             self._begin = sample.time
         self._last = sample.time
         self._held.append(sample)
-        self._known |= {name: value for name, value in sample.conditions.items() if isfinite(value)}
+        self._keep(sample)
         length = max(BLOCK, _revolution(self._known))
         if sample.time - self._begin > length - 0.5 * self.interval:
             yield from self.close()
+
+    def _keep(self, sample: Sample) -> None:
+        """Keep the conditions of a sample; one that could not be read for a time is not known any more."""
+        for name, value in sample.conditions.items():
+            if isfinite(value):
+                self._known[name] = value
+                self._unread.pop(name, None)
+            elif not 0 <= sample.time - self._unread.setdefault(name, sample.time) <= FORGOTTEN:
+                self._known.pop(name, None)
 
     def close(self) -> Iterator[Block]:
         """The block of the samples held, if there are any."""

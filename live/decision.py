@@ -1,6 +1,6 @@
 """Moment to change an edge, at a stated risk or at least cost."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -13,10 +13,22 @@ from .edge_estimate import EdgeEstimate
 
 if TYPE_CHECKING:
     from ..parameters.sections.costs import CostsSection
+    from .monitor import Monitor
 
-LOST = (
-    "Not known whether to go on, because a load is lost: by the contact that was counted, {}; the limit is {:g}. Gauge "
-    "the edge, and acknowledge the alarm once the load is read again."
+UNKNOWN = "Not known whether to go on, because {}: by the contact that was counted, {}; the limit is {:g}. {}"
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """Why it is not known whether to go on, and what to do, as parts of sentences."""
+
+    reason: str
+    remedy: str
+
+
+LOST = Doubt("a load is lost", "Gauge the edge, and acknowledge the alarm once the load is read again.")
+UNREAD = Doubt(
+    "a part was cut at conditions that were not read", "Gauge the edge, and acknowledge the alarm once they are read."
 )
 
 
@@ -48,7 +60,7 @@ def change_now(
     conditions: Mapping[str, float] | None = None,
     costs: "CostsSection | None" = None,
     *,
-    lost: bool = False,
+    doubts: Sequence[Doubt] = (),
 ) -> Advice:
     """Whether to change the edge before the next cut: at a stated risk, or at least cost where costs are given.
 
@@ -64,8 +76,8 @@ def change_now(
     costs : CostsSection, optional
         With a cost of failure: the edge is changed when the expected cost of failing in the next cut exceeds the mean
         cost of an edge over that time (age replacement).
-    lost : bool
-        Whether a load is lost, so that the contact may not all be counted: then it is not advised to go on.
+    doubts : sequence of Doubt
+        Where there are any, such as a load that is lost, it is not advised to go on.
 
     Raises
     ------
@@ -82,7 +94,18 @@ def change_now(
     if estimate.distrusted:
         words += f" (without {', '.join(estimate.distrusted)}, which is far from its law)"
     found = _by_cost(estimate, next_cut_minutes, conditions, costs, words) or _by_risk(words, after, risk)
-    return Advice("not known", LOST.format(words, risk), after) if lost and found.kind != "change" else found
+    if not doubts or found.kind == "change":
+        return found
+    reasons, remedies = " and ".join(one.reason for one in doubts), " ".join(one.remedy for one in doubts)
+    return Advice("not known", UNKNOWN.format(reasons, words, risk, remedies), after)
+
+
+def doubts_of(monitor: "Monitor") -> list[Doubt]:
+    """Why it is not known whether to go on with the edge of a watch; none where it is."""
+    found = [LOST] if monitor.alarmed("load") else []
+    if monitor.uncounted > 0 or monitor.alarmed("conditions"):
+        found.append(UNREAD)
+    return found
 
 
 def _by_risk(words: str, after: float, risk: float) -> Advice:

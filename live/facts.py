@@ -131,7 +131,7 @@ def advice_of(monitor: "Monitor", bounds: "Bounds | None") -> list[Facts]:
     if unknown or bounds is None or not minutes or not monitor.conditions:
         return []
     try:
-        lost = monitor.load_lost
+        lost = monitor.alarmed("load")
         found = advise(monitor.estimate, bounds, monitor.conditions, minutes, asked.risk, asked.costs, lost=lost)
     except FitmodelsError:
         return []
@@ -153,8 +153,8 @@ def _loads(monitor: "Monitor", now: Reading) -> Facts:
 
 
 def _forecast(monitor: "Monitor", now: Reading, conditions: Mapping[str, float]) -> Facts:
-    """Remaining life and probabilities, where the conditions are known."""
-    if not conditions:
+    """Remaining life and probabilities, where the conditions are known and were throughout."""
+    if not conditions or monitor.uncounted > 0:
         return {"life": None, "probability_past": None, "probability_past_after_next_cut": None}
     level, ahead = monitor.settings.level, monitor.next_cut
     life = _interval(lambda: monitor.estimate.life(conditions, level, now.open), monitor)

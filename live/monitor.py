@@ -5,6 +5,7 @@ give the same state again. What is shown but not kept (the last reading, the sta
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import exp
 from statistics import median
 from typing import TYPE_CHECKING, Any, Final
@@ -27,6 +28,10 @@ ALARMS: Final = 50
 FINISHED: Final = 12  # edges that are kept for learning
 PAST: Final = 0.5  # probability of being past the criterion, from which it is an alarm
 CUTS: Final = 50  # lengths of the last cuts
+UNREAD: Final = (
+    "{} is not read: contact is counted at the last value, without the loads, and the wear is not known. Check its "
+    "signal, and gauge the edge once it is read again."
+)
 
 
 class Monitor:
@@ -112,9 +117,13 @@ class Monitor:
             self.note(self.time, self.refused[-1])
             return
         minutes = float(record.get("contact", record.get("minutes", 0.0)))
-        self.uncounted += minutes
+        self._unknown(minutes, f"contact is not counted, and the wear is not known: {reason}")
+
+    def _unknown(self, minutes: float, text: str) -> None:
+        """Note contact at conditions that are not known: until a gauge reading the wear is not known either."""
         if minutes > 0:
-            text = f"contact is not counted, and the wear is not known: {reason}"
+            self.edge.summary.gaps += self.uncounted == 0
+            self.uncounted += minutes
             self._alarm({"time": self.time, "kind_of_alarm": "conditions", "text": text})
 
     def take_messages(self) -> list[str]:
@@ -125,8 +134,11 @@ class Monitor:
     # what records do -------------------------------------------------------------------------------------------------
 
     def _window(self, record: Record) -> None:
-        window = window_of(record)
+        window, given = window_of(record), dict(record["conditions"])
         self.open = self.lost = None  # no gap is left open beside a window
+        if missing := self.laws.missing(given):
+            window = replace(window, conditions=self.estimate.complete(given), loads={})
+            self._unknown(window.contact, UNREAD.format(", ".join(missing)))
         self._expect(window)
         if self.distrusted:
             self.estimate.advance(window.contact, window.conditions)
@@ -213,7 +225,7 @@ class Monitor:
         if certain:
             self.edge.summary.marks.clear()
         self.edge.summary.measured(symbol, wear)
-        self.edge.gauges += 1
+        self.edge.gauges, self.uncounted = self.edge.gauges + 1, 0.0
         self.decisions = [one for one in self.decisions if one["kind"] != "change"]
         self.alarms = [one for one in self.alarms if one["kind"] != "worn"]
         ends = f"{before.median:.3g} ({before.low:.3g} to {before.high:.3g}) {before.unit}"
@@ -257,7 +269,7 @@ class Monitor:
             return
         self.alarms = [*self.alarms[1 - ALARMS :], alarm]
         self._messages.append(f"ALARM {alarm['text']}")
-        if alarm["kind"] == "load" and self.conditions:
+        if alarm["kind"] in ("load", "conditions") and not self.laws.missing(self.conditions):
             self._decide()
 
     def _acknowledge(self, _: Record) -> None:
@@ -283,10 +295,9 @@ class Monitor:
         self.notes = [*others[1 - SHOWN :], {"time": time, "text": text}]
         self._messages.append(text)
 
-    @property
-    def load_lost(self) -> bool:
-        """Whether the alarm is active that a load is lost."""
-        return any(alarm["kind"] == "load" for alarm in self.alarms)
+    def alarmed(self, kind: str) -> bool:
+        """Whether an alarm of a kind is active, such as ``"load"``, of a load that is lost."""
+        return any(alarm["kind"] == kind for alarm in self.alarms)
 
     @property
     def next_cut(self) -> float | None:
@@ -315,11 +326,11 @@ class Monitor:
 
     def _decide(self) -> None:
         """Decide on the moment to change; a decision to change stays until an edge begins or a gauge reading."""
-        from .decision import change_now
+        from .decision import change_now, doubts_of
 
-        asked = self.settings
-        ahead, lost = self.next_cut or 0.0, self.load_lost
-        found = change_now(self.estimate, asked.risk, ahead, self.conditions, asked.costs, lost=lost)
+        asked, doubts = self.settings, doubts_of(self)
+        ahead = self.next_cut or 0.0
+        found = change_now(self.estimate, asked.risk, ahead, self.conditions, asked.costs, doubts=doubts)
         last = self.decisions[-1] if self.decisions else None
         text = f"{found.text} Loads are not used: by time alone." if self.distrusted else found.text
         decision = {"time": self.time, "kind": found.kind, "text": text, "probability": found.probability}
@@ -340,10 +351,9 @@ class Monitor:
 
     def as_json(self) -> dict[str, Any]:
         """The whole state, for a snapshot."""
-        kept = {name: getattr(self, name) for name in _KEPT}
         return {
             "identity": self.identity,
-            **kept,
+            **{name: getattr(self, name) for name in _KEPT},
             "edge": self.edge.as_json(),
             "detection": self.detection.as_json(),
             "estimate": self.estimate.as_json(),
@@ -383,18 +393,8 @@ _KEPT: Final = (
     "requests", "expected", "measured", "label", "finished", "uncounted", "distrusted",
 )  # fmt: skip
 _ACTS: Final[Mapping[str, Callable[[Monitor, Record], None]]] = {
-    "window": Monitor._window,
-    "cutend": Monitor._cut_end,
-    "contact": Monitor._contact,
-    "resumed": Monitor._resumed,
-    "gap": Monitor._gap,
-    "gauge": Monitor._gauge,
-    "used": Monitor._used,
-    "edge": Monitor._begin_edge,
-    "tool": Monitor._tool,
-    "alarm": Monitor._alarm,
-    "acknowledge": Monitor._acknowledge,
-    "notice": Monitor._notice,
-    "source": Monitor._source,
-    "air": Monitor._air,
-}
+    "window": Monitor._window, "cutend": Monitor._cut_end, "contact": Monitor._contact, "resumed": Monitor._resumed,
+    "gap": Monitor._gap, "gauge": Monitor._gauge, "used": Monitor._used, "edge": Monitor._begin_edge,
+    "tool": Monitor._tool, "alarm": Monitor._alarm, "acknowledge": Monitor._acknowledge, "notice": Monitor._notice,
+    "source": Monitor._source, "air": Monitor._air,
+}  # fmt: skip

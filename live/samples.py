@@ -40,7 +40,8 @@ class Sample:
         Readings of loads by their symbol in the parameter file (``P``, ``Fc``, ``I``), in the units of its laws. A load
         that was not read, or whose quality is bad, is absent.
     conditions : mapping
-        ``V`` in m/min, ``f`` in mm/rev, ``d`` in mm and others, as far as the source has them.
+        ``V`` in m/min, ``f`` in mm/rev, ``d`` in mm and others, as far as the source has them: one that is absent is
+        as it was before, and one that is NaN could not be read.
     state : str
         Of the machine as it says itself: ``"off"`` (spindle stopped), ``"idle"`` (no feed motion), ``"feed"``.
     tool : str

@@ -91,7 +91,7 @@ def wear_words(wear: Facts) -> str:
 def life_words(life: Facts | None) -> str:
     """Median and interval of the remaining life."""
     if life is None:
-        return "not known: the conditions of a cut are not known yet"
+        return "not known: conditions of cutting are not known"
     return _interval(life, "min of cutting left" if life["median"] is not None else "min", LEAST_LIFE)
 
 

@@ -155,7 +155,7 @@ class Watch:
             self.record("gap", time=sample.time, minutes=minutes, text=text)
         elif self.monitor.lost is not None and sample.time > self.monitor.lost["since"] + UNREAD:
             text = f"no load was read for {UNREAD:g} s in mid-cut: {NOT_COUNTED}"
-            if not self.monitor.load_lost:
+            if not self.monitor.alarmed("load"):
                 self._say_notice(Notice(sample.time, "load", text))
         self.now.time, self.now.loads = sample.time, sample.loads
         if usable:

@@ -309,6 +309,18 @@ def test_a_connection_is_signed_and_encrypted(tmp_path):
             until(items, kind("lost"))
 
 
+def test_a_condition_of_bad_quality_is_no_number_and_a_silent_one_is_as_it_was():
+    found = channels_for({"P": ("p", "kW"), "V": ("v", "m/min")}, SourceOptions(loads={"P": "kW"}), "x")
+    merger, out = Merger(found), []
+    for reading in (Reading(1, 0.0, 150.0, "", 0.0), *(Reading(0, k, 1.0 + k, "", k) for k in (0.0, 1.0))):
+        out += merger.add(reading)
+    for reading in (Reading(1, 2.0, None, "BadSensorFailure", 2.0), Reading(0, 2.0, 3.0, "", 2.0)):
+        out += merger.add(reading)
+    out += merger.take(float("inf"))
+    given = [item.conditions["V"] for item in out if isinstance(item, Sample)]
+    assert given == pytest.approx([150.0, 150.0, float("nan")], nan_ok=True)
+
+
 def test_loads_of_different_times_are_not_lost_and_not_mixed():
     found = channels_for(
         {"P": ("p", "kW"), "Fc": ("f", "N"), "V": ("v", "m/min")}, SourceOptions(loads={"P": "kW", "Fc": "N"}), "x"

@@ -126,6 +126,22 @@ def test_bad_cells_are_named_and_torn_rows_left_out(tmp_path):
     assert ["line 4" in n.text for n in notices if n.kind == "bad"] == [True]
 
 
+@pytest.mark.parametrize("cell", ["", "NaN"])
+@pytest.mark.parametrize("usual", [True, False])
+def test_an_empty_cell_is_a_loss_in_a_full_column_and_none_in_one_of_changes(tmp_path, cell, usual):
+    rows = [f"{k},1.{k % 9},{120 if usual or k % 10 == 0 else cell}\n" for k in range(40)]
+    samples, _ = read(written(tmp_path, "t [s],P [kW],V\n" + "".join(rows) + f"40,1.8,{cell}\n41,1.8,130\n"))
+    assert [math.isnan(s.conditions["V"]) for s in samples[-2:] if "V" in s.conditions] == [True] * usual + [False]
+
+
+def test_a_null_of_json_is_a_loss_where_values_are_usual_and_a_missing_key_is_none():
+    lines = Lines("tcp", SourceOptions(loads={"P": "kW"}))
+    texts = [{"t": k / 2, "P": 1 + k, "V": 120} for k in range(25)] + [{"t": 13, "P": 2}, {"t": 14, "P": 3, "V": None}]
+    items = [item for text in texts for item in lines.take(json.dumps(text)) if isinstance(item, Sample)]
+    assert items[-2].conditions == {}
+    assert math.isnan(items[-1].conditions["V"])
+
+
 def test_a_run_whose_load_stays_empty_is_noticed_once(tmp_path):
     path = written(tmp_path, "t [s],P [kW]\n0,1\n" + "".join(f"{k / 2},\n" for k in range(1, 60)))
     samples, notices = read(path)

@@ -255,6 +255,33 @@ def test_contact_at_unknown_conditions_is_an_alarm_and_the_wear_is_not_shown():
     json.dumps(watch.said.facts)
 
 
+@pytest.mark.parametrize(("until", "kinds"), [(3.0, set()), (1e9, {"conditions"})])
+def test_a_condition_that_cannot_be_read_for_a_time_is_an_alarm_and_no_go_on(until, kinds):
+    """NaN from the second cut on, for 3 s or for good; the contact counts at the last value, without the loads."""
+    lost = [
+        replace(item, conditions={**CONDITIONS, "V": float("nan")}) if 0 < item.time - 90.0 < until else item
+        for item in samples(cuts=3)
+    ]
+    watch, whole = watched(lost), watched(samples(cuts=3))
+    assert {alarm["kind"] for alarm in watch.monitor.alarms} == kinds
+    assert watch.monitor.edge.minutes == pytest.approx(whole.monitor.edge.minutes, abs=0.02)
+    assert watch.monitor.decisions[-1]["kind"] == ("not known" if kinds else "go on")
+    assert (watch.said.facts["wear"]["median"] is None) == bool(kinds)
+    assert (watch.said.facts["life"] is None) == bool(kinds)
+    assert any("V was not read for a time" in note for note in watch.said.facts["notes"]) == bool(kinds)
+    if kinds:
+        watch.record("gauge", time=500.0, wear=watch.monitor.estimate.wear().median, sd_ln=0.02)
+        watch.record("acknowledge", time=500.0)
+        assert watch.monitor.decisions[-1]["kind"] == "go on"
+
+
+def test_a_condition_that_is_given_only_where_it_changes_is_not_lost():
+    first, *others = samples(cuts=2)
+    watch = watched([first, *(replace(item, conditions={}) for item in others)])
+    assert watch.monitor.alarms == []
+    assert watch.monitor.decisions[-1]["kind"] == "go on"
+
+
 def test_a_change_of_tool_ends_the_cut_and_the_time_of_the_other_tool_does_not_count():
     own = [item for item in samples(cuts=1, tool="T1") if item.time < 68.0]  # ends in mid-cut
     other = [replace(item, time=item.time + 68.0) for item in samples(cuts=2, tool="T7")]

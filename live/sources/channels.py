@@ -1,8 +1,9 @@
 """Columns, keys or nodes of a source as the quantities of a `Sample`, in the units of the laws."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 from typing import Literal
 
 import numpy as np
@@ -31,6 +32,7 @@ _WORDS: Mapping[str, State] = {
     **dict.fromkeys(("feed", "cut", "cutting", "feeding", "vorschub"), "feed"),
 }
 _USUAL = {"V": "120m/min", "f": "0.2mm/rev", "fz": "0.1mm", "d": "2mm", "ae": "10mm", "D": "50mm"}
+FEWEST_ROWS = 20  # with a condition, before an empty cell of it is a loss
 _STANDS = 1e-9  # a speed or feed below this is zero
 
 
@@ -89,7 +91,8 @@ class Channels:
     def sample(self, time: float, values: Sequence[Value]) -> Sample:
         """Reading at a time (s) from the values of ``channels``: numbers, or None where nothing was read.
 
-        A load that is a text, such as a cell that is no number or a bad status, is absent and named in ``bad``.
+        A load that is a text, such as a cell that is no number or a bad status, is absent and named in ``bad``; such a
+        condition is NaN.
         """
         loads: dict[str, float] = {}
         conditions: dict[str, float] = {}
@@ -102,7 +105,9 @@ class Channels:
                 state, tool = (state_of(text), tool) if kind == "state" else (state, text)
             elif isinstance(value, float) and isfinite(x := channel.factor * value + channel.shift):
                 (loads if kind == "load" else conditions)[channel.symbol] = x
-            elif kind == "load" and value is not None:
+            elif kind == "condition" and value is not None:
+                conditions[channel.symbol] = nan
+            elif value is not None:
                 text = f"{channel.symbol} is {shortened(str(value), 40)!r}"
                 bad = f"{bad}, {text}" if bad else text
         if "override" in conditions:
@@ -110,6 +115,40 @@ class Channels:
         if state == "unknown":
             state = _state_by_motion(conditions)
         return Sample(time, loads, conditions, state, tool, bad)
+
+
+class Blanks:
+    """Conditions of rows that are lost: empty or NaN where most rows before held a value.
+
+    A table that holds changes alone is empty most of the time, and what it does not hold is as it was.
+
+    Examples
+    --------
+    >>> found = channels_of(["P [kW]", "V [m/min]"], SourceOptions(loads={"P": "kW"}), "run.csv")
+    >>> blanks = Blanks()
+    >>> [blanks.mark(found, [1.0, v], empty=True)[1] for v in [120.0] * 20 + [None]][-2:]
+    [120.0, 'empty']
+    """
+
+    def __init__(self) -> None:
+        self._filled, self._blank, self._now = Counter[str](), Counter[str](), Counter[str]()
+
+    def mark(self, channels: Channels, values: Sequence[Value], *, empty: bool) -> list[Value]:
+        """The values of a row, with a text for each condition that is lost; ``empty``: None is a blank."""
+        return [
+            self._condition(channel.symbol, value, empty=empty) if channel.kind == "condition" else value
+            for channel, value in zip(channels.channels, values, strict=True)
+        ]
+
+    def _condition(self, symbol: str, value: Value, *, empty: bool) -> Value:
+        if isinstance(value, float):
+            self._filled[symbol] += 1
+            self._blank[symbol] += self._now.pop(symbol, 0)
+        if isinstance(value, float) or (value is None and not empty) or (value and value.casefold() != "nan"):
+            return value
+        self._now[symbol] += 1
+        usual = self._filled[symbol] >= FEWEST_ROWS and self._filled[symbol] > self._blank[symbol]
+        return "empty" if usual else None
 
 
 def state_of(text: str) -> State:
@@ -133,7 +172,7 @@ def _apply_override(conditions: dict[str, float]) -> None:
 def _state_by_motion(conditions: Mapping[str, float]) -> State:
     if abs(conditions.get("n", 1.0)) < _STANDS:
         return "off"
-    if "fm" not in conditions:
+    if not isfinite(conditions.get("fm", nan)):
         return "unknown"
     return "idle" if abs(conditions["fm"]) < _STANDS else "feed"
 

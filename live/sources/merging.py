@@ -63,6 +63,7 @@ class Merger:
     def __init__(self, channels: Channels) -> None:
         self._channels = channels
         self._loads = [k for k, c in enumerate(channels.channels) if c.kind == "load"]
+        self._words = {k for k, c in enumerate(channels.channels) if c.kind in ("state", "tool")}
         self._held: list[Value] = [None] * len(channels.channels)
         self._bad: dict[int, str] = {}
         self._pending: list[Reading] = []
@@ -175,7 +176,7 @@ class Merger:
             self._last = time, arrival
             absent = set(self._loads) - set(places) - set(self._bad)
             values = [
-                None if k in absent or (k in self._bad and k not in self._loads) else value
+                None if k in absent or (k in self._bad and k in self._words) else value
                 for k, value in enumerate(self._held)
             ]
             out.append(self._channels.sample(time, values))

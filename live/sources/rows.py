@@ -3,7 +3,7 @@
 import csv
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from time import monotonic
 from time import time as wall_time
 from typing import Any, Final
@@ -12,7 +12,7 @@ from ...core.errors import FitmodelsError
 from ...core.text import shortened
 from ...datasets.units import is_unit
 from ..samples import Notice, Sample
-from .channels import Channel, Channels, Value, channels_of, require_conditions
+from .channels import Blanks, Channel, Channels, Value, channels_of, require_conditions
 from .clock import Clock, Stamps, no_time
 from .options import SourceOptions
 
@@ -248,7 +248,7 @@ class _Csv:
         while self._labels and not self._labels[-1]:
             self._labels.pop()
         self._decimal = ""
-        self._first = True
+        self._first, self._blanks = True, Blanks()
         self._use(channels_of(self._labels, options, name))
 
     def _use(self, channels: Channels) -> None:
@@ -271,7 +271,7 @@ class _Csv:
         if not len(self._labels) <= len(cells) <= len(self._labels) + 1 or any(cells[len(self._labels) :]):
             raise ValueError(f"{len(cells)} cells, not {len(self._labels)}")
         values: list[Value] = [cells[place] if text else self._value(cells[place]) for place, text in self._places]
-        clock = self._channels.time
+        clock, values = self._channels.time, self._blanks.mark(self._channels, values, empty=True)
         return self._channels, None if clock is None else self._value(cells[clock.place]), values
 
     def _units(self, cells: Sequence[str]) -> list[str] | None:
@@ -302,7 +302,7 @@ class _Json:
         self._name, self._options = name, options
         self._channels: Channels | None = None
         self._labels: list[str] = []
-        self._objects = 0
+        self._objects, self._blanks = 0, Blanks()
         self._news = ""
 
     def news(self) -> str:
@@ -330,7 +330,8 @@ class _Json:
         channels = self._channels
         if channels is None:
             return None
-        values = [_json_value(channel, flat.get(channel.label)) for channel in channels.channels]
+        values = [_json_value(channel, flat) for channel in channels.channels]
+        values = self._blanks.mark(channels, values, empty=False)
         return channels, None if channels.time is None else _plain(flat.get(channels.time.label)), values
 
     def _learn(self, new: Sequence[str]) -> None:
@@ -358,8 +359,11 @@ def _flat(data: dict[str, Any], above: str = "", depth: int = 0) -> Iterator[tup
             yield f"{above}{key}", value
 
 
-def _json_value(channel: Channel, value: Any) -> Value:  # noqa: ANN401  of JSON
-    plain = _plain(value)
+def _json_value(channel: Channel, flat: Mapping[str, Any]) -> Value:
+    """A value of an object, None where it has no such key; a condition that is null is NaN."""
+    plain = _plain(flat.get(channel.label))
+    if channel.kind == "condition" and plain is None and channel.label in flat:
+        return "NaN"
     return f"{plain:g}" if channel.kind == "tool" and isinstance(plain, float) else plain
 
 
