@@ -28,8 +28,10 @@ class Doubt:
 
 LOST = Doubt("a load is lost", "Gauge the edge, and acknowledge the alarm once the load is read again.")
 UNREAD = Doubt(
-    "a part was cut at conditions that were not read", "Gauge the edge, and acknowledge the alarm once they are read."
+    "a part was cut at conditions that were not read or far from the tests",
+    "Gauge the edge, and acknowledge the alarm once they are as tested.",
 )
+FAR_REMEDY = "Check the unit, or fit laws to tests at such conditions."
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +105,9 @@ def change_now(
 def doubts_of(monitor: "Monitor") -> list[Doubt]:
     """Why it is not known whether to go on with the edge of a watch; none where it is."""
     found = [LOST] if monitor.alarmed("load") else []
-    if monitor.uncounted > 0 or monitor.alarmed("conditions"):
+    if far := monitor.laws.far(monitor.conditions):
+        found.append(Doubt(" and ".join(far.values()), FAR_REMEDY))
+    elif monitor.uncounted > 0 or monitor.alarmed("conditions"):
         found.append(UNREAD)
     return found
 

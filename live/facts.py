@@ -117,6 +117,8 @@ def _wear(monitor: "Monitor", now: Reading, conditions: Mapping[str, float]) -> 
     nothing = {"median": None, "low": None, "high": None, "level": monitor.settings.level}
     if monitor.uncounted > 0:
         return {**nothing, "reason": f"not known: {monitor.uncounted:.3g} min were cut at unknown conditions"}
+    if far := monitor.laws.far(conditions):
+        return {**nothing, "reason": f"not known: {', '.join(far)} far from the tests"}
     if monitor.edge.minutes + now.open <= 0:
         return {**nothing, "reason": "new edge, no contact yet"}
     return _interval(lambda: monitor.estimate.wear(monitor.settings.level, now.open, conditions), monitor)
@@ -127,7 +129,7 @@ def advice_of(monitor: "Monitor", bounds: "Bounds | None") -> list[Facts]:
     from .advice import advise
 
     minutes, asked = monitor.next_cut, monitor.settings
-    unknown = monitor.distrusted or monitor.uncounted > 0
+    unknown = monitor.distrusted or monitor.uncounted > 0 or monitor.laws.far(monitor.conditions)
     if unknown or bounds is None or not minutes or not monitor.conditions:
         return []
     try:
@@ -154,7 +156,7 @@ def _loads(monitor: "Monitor", now: Reading) -> Facts:
 
 def _forecast(monitor: "Monitor", now: Reading, conditions: Mapping[str, float]) -> Facts:
     """Remaining life and probabilities, where the conditions are known and were throughout."""
-    if not conditions or monitor.uncounted > 0:
+    if not conditions or monitor.uncounted > 0 or monitor.laws.far(conditions):
         return {"life": None, "probability_past": None, "probability_past_after_next_cut": None}
     level, ahead = monitor.settings.level, monitor.next_cut
     life = _interval(lambda: monitor.estimate.life(conditions, level, now.open), monitor)

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 TIME = "t"
 ONE = np.ones(1)
 FEWEST_DRAWS = 100  # from which a covariance is estimated
+FAR = 3.0  # times outside of the tested range, from which a law does not tell whether to go on
+OTHER_UNITS = {"m/min": ("m/s", "ft/min"), "mm/rev": ("in/rev",), "mm": ("in", "m", "um")}  # that may be meant
 CLEARLY = 1.96  # standard errors of its exponent of wear above zero, from which a load shows wear
 UNCLEAR = (
     "{0} is not used to estimate {1}: in its law the exponent of {1} is {2:.2g} (95 % between {3:.2g} and {4:.2g}), "
@@ -262,6 +264,18 @@ class LiveLaws:
         """Conditions that are absent, or not numbers above zero."""
         return tuple(name for name in self.conditions if not is_positive(given.get(name, 0.0)))
 
+    def far(self, given: Mapping[str, float]) -> dict[str, str]:
+        """Conditions that lie `FAR` times or more outside of their tested ranges, each with a clause."""
+        tested = {name: ends for law in (*self.loads.values(), self.wear) for name, ends in law.ranges.items()}
+        found = {}
+        for name in self.conditions:
+            value, (low, high) = given.get(name, 0.0), tested[name]
+            if is_positive(value) and is_positive(low) and not low / FAR < value < FAR * high:
+                unit = USUAL.get(name, "")
+                text = f"{name} {value:.3g} {unit}".rstrip() + f" is far from the tested {low:g} to {high:g}"
+                found[name] = text + _other_unit(name, value, unit, low, high)
+        return found
+
     def beyond(self, given: Mapping[str, float], minutes: float) -> tuple[str, ...]:
         """Sentences on conditions and on a time of contact outside the tests."""
         laws = (self.wear, *self.loads.values())
@@ -273,6 +287,15 @@ class LiveLaws:
             times = f"{minutes:.3g} min of contact, {minutes / self.tested[1]:.2g} times the longest test"
             found.append(f"EXTRAPOLATED: {times} ({self.tested[1]:g} min).")
         return tuple(found)
+
+
+def _other_unit(name: str, value: float, unit: str, low: float, high: float) -> str:
+    """The unit with which a value lies in its tested range, as the end of a clause; empty where there is none."""
+    for other in OTHER_UNITS.get(unit, ()):
+        meant = value * ratio(other, unit)
+        if low <= meant <= high:
+            return f" (in {other} it would be {meant:.4g} {unit}: --unit {name}={other})"
+    return ""
 
 
 def _wear_symbol(pf: "ParameterFile", named: str | None) -> str:

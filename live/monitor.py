@@ -15,7 +15,7 @@ from ..core.rounding import format_plain
 from .detection import Detection
 from .edge_summary import EdgeSummary
 from .samples import Window
-from .watch_edge import Edge, WatchSettings, by_time_alone, check_identity, window_of
+from .watch_edge import FAR_CONDITIONS, UNREAD_CONDITIONS, Edge, WatchSettings, by_time_alone, check_identity, window_of
 
 if TYPE_CHECKING:
     from .edge_estimate import EdgeEstimate
@@ -28,10 +28,6 @@ ALARMS: Final = 50
 FINISHED: Final = 12  # edges that are kept for learning
 PAST: Final = 0.5  # probability of being past the criterion, from which it is an alarm
 CUTS: Final = 50  # lengths of the last cuts
-UNREAD: Final = (
-    "{} is not read: contact is counted at the last value, without the loads, and the wear is not known. Check its "
-    "signal, and gauge the edge once it is read again."
-)
 
 
 class Monitor:
@@ -138,7 +134,7 @@ class Monitor:
         self.open = self.lost = None  # no gap is left open beside a window
         if missing := self.laws.missing(given):
             window = replace(window, conditions=self.estimate.complete(given), loads={})
-            self._unknown(window.contact, UNREAD.format(", ".join(missing)))
+            self._unknown(window.contact, UNREAD_CONDITIONS.format(", ".join(missing)))
         self._expect(window)
         if self.distrusted:
             self.estimate.advance(window.contact, window.conditions)
@@ -147,6 +143,9 @@ class Monitor:
             self._detect(window)
         self.edge.summary.add(window)
         self.conditions = dict(window.conditions)
+        if (far := self.laws.far(self.conditions)) and not self.alarmed("conditions"):
+            text = FAR_CONDITIONS.format(" and ".join(far.values()))
+            self._alarm({"time": self.time, "kind_of_alarm": "conditions", "text": text})
         self.cut_minutes += window.contact
         self._decide()
 

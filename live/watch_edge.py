@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     from .edge_estimate import EdgeEstimate
 
 GAUGE_SD: Final = 0.03  # of ln wear, of a gauge reading that is taken in again
+FAR_CONDITIONS: Final = "{}: the laws say nothing of the wear there. Check the unit, or fit laws to such tests."
+UNREAD_CONDITIONS: Final = (
+    "{} is not read: contact is counted at the last value, without the loads, and the wear is not known. Check its "
+    "signal, and gauge the edge once it is read again."
+)
 
 
 @dataclass(frozen=True, slots=True)

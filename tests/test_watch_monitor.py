@@ -110,6 +110,24 @@ def test_a_window_without_a_condition_that_was_never_known_is_said_and_changes_n
     assert ["f is not known" in alarm["text"] for alarm in found.alarms] == [True]
 
 
+def test_no_go_on_at_conditions_far_from_the_tests_and_the_unit_that_fits_is_named():
+    """A speed in m/s under m/min; the laws were tested at 50 to 200 m/min."""
+    near, far = ([{**one, "conditions": {**CONDITIONS, "V": V}} for one in records(6)] for V in (17.0, 2.5))
+    assert applied(near).decisions[-1]["kind"] == "go on"
+    found = applied(far)
+    assert found.decisions[-1]["kind"] == "not known"
+    assert (
+        "V 2.5 m/min is far from the tested 50 to 200 (in m/s it would be 150 m/min: --unit V=m/s)"
+        in (found.decisions[-1]["text"])
+    )
+    assert [alarm["kind"] for alarm in found.alarms] == ["conditions"]
+    facts = facts_of(found, Reading())
+    assert facts["wear"]["reason"] == "not known: V far from the tests"
+    assert facts["life"] is None
+    applied([{"kind": "acknowledge", "time": 100.0}, *near[-2:]], found)
+    assert found.decisions[-1]["kind"] == "go on"
+
+
 @pytest.mark.parametrize("name", ["tool", "work", "content"])
 def test_a_journal_of_another_edge_or_file_is_refused(name):
     state = applied(records(3)).as_json()
