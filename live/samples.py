@@ -26,6 +26,14 @@ FELL = (
     "the load is lost, and what is cut from here on may not be counted. Check its sensor and channel, map the state of "
     "the machine, and gauge the edge."
 )
+CUT_UNREAD = (
+    "no load was read for {:g} s in mid-cut: unless the machine says that it feeds, what is cut is not counted until a "
+    "load is read again, and then up to the longest cut so far. Check sensor and channel, and gauge the edge."
+)
+FED_UNREAD = (
+    "no load was read for {:g} s of feed: all feed counts as cutting until one is. Check sensor and channel, and gauge "
+    "the edge."
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from ..core.errors import FitmodelsError, UsageError
 from ..core.files import cause
 from .facts import Facts, Reading, advice_of, clock, facts_of
 from .monitor import Monitor
-from .samples import CutEnd, Notice, Sample, Window
+from .samples import CUT_UNREAD, FED_UNREAD, CutEnd, Notice, Sample, Window
 from .watch_edge import window_record
 from .watch_journal import WatchJournal, read_newest, remove_request, replay, requests
 
@@ -29,11 +29,7 @@ ASKED_EACH: Final = 1.0  # s between two looks for requests and for the paramete
 REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {
     "gauge": ("wear", "sd_ln"), "used": ("minutes",), "tool": (), "edge": (), "acknowledge": (),
 }  # fmt: skip
-UNREAD: Final = 5.0  # s without a load in mid-cut, after which it is an alarm
-NOT_COUNTED: Final = (
-    "unless the machine says that it feeds, what is cut is not counted until a load is read again, and then up to the "
-    "longest cut so far. Check sensor and channel, and gauge the edge."
-)
+UNREAD: Final = 5.0  # s without a load in mid-cut or feed, after which it is an alarm
 OPTIONAL: Final = ("request", "tool", "certain", "conditions")  # fields that a request may have besides
 OUTLETS: Final = {"JsonLines": "--stream", "Page": "--page", "OpcUaServer": "--serve"}
 SAID: Final = ("connected", "lost", "gap", "bad", "clock", "replaced", "refused")  # notices that are kept
@@ -83,6 +79,7 @@ class Watch:
         self._windows = 0  # of the open cut
         self._at: Mapping[str, float] = {}  # last conditions that the laws can use
         self._at_time = float("-inf")
+        self._read = float("inf")  # s, last sample with a load, or out of feed
 
     def run(self, source: Iterable[Sample | Notice], stopped: Callable[[], bool] = lambda: False) -> None:
         """Watch until the source ends or ``stopped`` gives true; the journal is complete then."""
@@ -154,9 +151,11 @@ class Watch:
             minutes, text = self.monitor.gap_minutes(sample.time)
             self.record("gap", time=sample.time, minutes=minutes, text=text)
         elif self.monitor.lost is not None and sample.time > self.monitor.lost["since"] + UNREAD:
-            text = f"no load was read for {UNREAD:g} s in mid-cut: {NOT_COUNTED}"
-            if not self.monitor.alarmed("load"):
-                self._say_notice(Notice(sample.time, "load", text))
+            self._lose_load(sample, CUT_UNREAD.format(UNREAD))
+        if usable or sample.state != "feed":
+            self._read = sample.time
+        elif sample.time > self._read + UNREAD:
+            self._lose_load(sample, FED_UNREAD.format(UNREAD))
         self.now.time, self.now.loads = sample.time, sample.loads
         if usable:
             self.now.source = {**self.now.source, "state": "connected", "text": ""}
@@ -169,6 +168,11 @@ class Watch:
                 self._at = self.cuts.conditions
         self._found(found)
         self._note_contact(sample.time)
+
+    def _lose_load(self, sample: Sample, text: str) -> None:
+        """Say that no load is read, unless the alarm is active already."""
+        if not self.monitor.alarmed("load"):
+            self._say_notice(Notice(sample.time, "load", text))
 
     def _notice(self, notice: Notice) -> None:
         if notice.kind == "idle":

@@ -346,6 +346,17 @@ def test_feed_counts_as_cutting_when_the_load_reads_air_or_less(become):
     assert whole.monitor.decisions[-1]["kind"] == "go on"
 
 
+def test_a_load_that_is_lost_while_idle_is_an_alarm_once_the_machine_feeds():
+    lost = [replace(item, loads={}) if item.time > 2 * 68 + 4 else item for item in samples(cuts=4)]
+    whole, watch = watched(samples(cuts=4)), watched(lost)
+    (alarm,) = watch.monitor.alarms
+    assert alarm["kind"] == "load"
+    assert "no load was read for 5 s of feed" in alarm["text"]
+    assert alarm["time"] == pytest.approx(2 * 68 + 8 + 5, abs=0.5)
+    assert watch.monitor.decisions[-1]["kind"] == "not known"
+    assert watch.monitor.edge.minutes == pytest.approx(whole.monitor.edge.minutes, abs=0.1)
+
+
 def test_a_load_that_falls_below_idle_at_once_is_lost_where_the_machine_says_nothing():
     watch = watched(dying(lambda _, k: 0.0, state=False))
     (alarm,) = (alarm for alarm in watch.monitor.alarms if alarm["kind"] == "load")
