@@ -163,12 +163,12 @@ def _pass_on(folder: Path, monitor: "Monitor", asked: list[dict[str, Any]]) -> b
 
 def _restore(folder: Path, monitor: "Monitor") -> None:
     """The state of a journal that another process may be writing."""
-    from ..live.watch_journal import read_newest, replay
+    from ..live.watch_journal import read_newest, restore
 
     newest = read_newest(folder)
     if newest is None:
         raise UsageError(f"{folder}: holds no journal of a watch; begin one with --from SOURCE --journal {folder}.")
-    replay(newest.records, monitor)
+    restore(newest, monitor)
 
 
 def _learn(args: argparse.Namespace, pf: "ParameterFile", monitor: "Monitor") -> int:

@@ -363,8 +363,8 @@ class EdgeEstimate:
             raise UsageError(f"snapshot of schema {data.get('schema')!r}: it must be {SCHEMA}; start a new journal.")
         if data.get("laws") != laws.fingerprint:
             raise UsageError(
-                f"snapshot of the laws {data.get('laws')}, these are {laws.fingerprint}: it was made with another "
-                "parameter file; start a new journal."
+                f"snapshot of the laws {data.get('laws')}, these are {laws.fingerprint}: of another parameter file or "
+                f"version, after {data.get('minutes')!s:.5} min; start a new journal with --used, and gauge the edge."
             )
         try:
             return cls._restored(laws, data)

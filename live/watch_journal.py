@@ -20,9 +20,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from ..core.arrays import is_positive
 from ..core.bounded import LIMITS, open_regular, parse_json, read_bounded
 from ..core.errors import DataError, FitmodelsError
 from ..core.files import cause, make_folder, synchronised_folder, write_whole
+from ..core.rounding import count
 from ..core.text import json_text
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ SYNCHRONISED: Final = 1.0  # s
 RETRY: Final = 5.0  # s between attempts to write to a disk that refuses
 WAITING: Final = 10_000  # records held while the disk refuses
 OF_EDGE: Final = ("window", "cutend", "contact", "gap", "gauge", "used")  # records that depend on the laws
+MISSING: Final = "{} of the journal cannot be read: contact may be missing. Gauge the edge."
 _synchronise = getattr(os, "fdatasync", os.fsync)
 
 
@@ -188,11 +191,12 @@ class WatchJournal:
 
 @dataclass(frozen=True, slots=True)
 class Newest:
-    """The newest file of a journal.
+    """The newest part of a journal.
 
     Attributes
     ----------
     path : Path
+        Of the newest file.
     records : list of dict
         The snapshot and what followed it.
     torn : bool
@@ -208,24 +212,73 @@ class Newest:
 
 
 def read_newest(folder: Path) -> Newest | None:
-    """The newest file of a journal that begins with a snapshot; None where the folder holds no journal.
+    """The records of a journal from its last snapshot on; None where the folder holds no journal.
+
+    Where the first line of the newest file is damaged, they begin with the snapshot of the file before.
 
     Raises
     ------
     DataError
-        There are files of a journal, but none begins with a snapshot that this version can read.
+        There are files of a journal, but none begins with a snapshot that this version can read. It names the contact
+        of the edge that they show.
     """
     found = journal_files(folder)
+    later: list[Record] = []
+    empty, torn = 0, False
     for path in reversed(found):
-        newest = _read(path)
-        if newest.records and newest.records[0].get("kind") == "snapshot":
-            schema = newest.records[0].get("schema")
-            if schema != SCHEMA:
-                raise DataError(f"{path}: has schema {schema!r}, and this version reads {SCHEMA!r}. Take a new folder.")
-            return newest
+        one = _read(path)
+        torn = one.torn if path == found[-1] else torn
+        records = [*one.records, *later]
+        if not one.records or one.records[0].get("kind") != "snapshot":
+            later, empty = records, empty + (not one.records)
+            continue
+        if (schema := one.records[0].get("schema")) != SCHEMA:
+            raise DataError(f"{path}: has schema {schema!r}, and this version reads {SCHEMA!r}. {_anew(records)}")
+        return Newest(found[-1], records, torn, _gaps(records) + empty)
     if found:
-        raise DataError(f"{found[-1]}: begins with no snapshot of a watch: it is damaged. Take a new folder.")
+        raise DataError(f"{found[-1]}: begins with no snapshot of a watch: it is damaged. {_anew(later)}")
     return None
+
+
+def _anew(records: Sequence[Record]) -> str:
+    """What to do without a state: the contact of the edge in use, as far as records show it, and the options."""
+    minutes = still_open = 0.0
+    for record in records:
+        kind = record.get("kind")
+        if kind == "edge":
+            minutes = still_open = 0.0
+        elif kind == "contact":
+            still_open = _minutes(record)
+        elif kind in OF_EDGE:
+            minutes, still_open = minutes + _minutes(record), 0.0
+        elif kind == "snapshot":
+            with suppress(KeyError, TypeError, AttributeError):  # of another version
+                minutes, still_open = _minutes(record["state"]["edge"]["summary"]), 0.0
+    minutes += still_open
+    if not minutes > 0:
+        return (
+            "The contact of the edge in use is not known: give another folder with --journal, and put in a new edge or "
+            "state what this one has cut with --used and gauge it with --gauge."
+        )
+    return (
+        f"What can be read of it shows {minutes:.3g} min of contact of the edge in use or more: give another folder "
+        f"with --journal and --used {minutes:.3g}min, and gauge the edge with --gauge."
+    )
+
+
+def _minutes(record: Record) -> float:
+    """Minutes of contact of a record; 0 where it states none."""
+    value = record.get("contact", record.get("minutes", 0.0))
+    return float(value) if isinstance(value, int | float) and is_positive(value) else 0.0
+
+
+def restore(newest: "Newest", monitor: "Monitor") -> None:
+    """Bring a monitor to the state of a journal, as `replay`, and say where records of it are missing."""
+    replay(newest.records, monitor)
+    if newest.missing:
+        monitor.edge.summary.missed()
+        text = MISSING.format(count(newest.missing, "record"))
+        monitor.apply({"kind": "alarm", "time": monitor.time, "kind_of_alarm": "journal", "text": text})
 
 
 def read_journal(folder: Path) -> Iterator[Record]:
@@ -282,8 +335,12 @@ def _read(path: Path) -> Newest:
     with open_regular(path, "state") as file:
         lines = file.read(LIMITS["state"].size).split(b"\n")
     records = [record for line in lines if line and (record := _parsed(line)) is not None]
-    steps = [later["n"] - earlier["n"] - 1 for earlier, later in pairwise(records)]
-    return Newest(path, records, torn=bool(lines[-1]), missing=sum(step for step in steps if step > 0))
+    return Newest(path, records, torn=bool(lines[-1]), missing=_gaps(records))
+
+
+def _gaps(records: Sequence[Record]) -> int:
+    """Numbers that are missing between records."""
+    return sum(max(later["n"] - earlier["n"] - 1, 0) for earlier, later in pairwise(records))
 
 
 def _parsed(line: bytes) -> Record | None:

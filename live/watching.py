@@ -16,7 +16,7 @@ from .facts import Facts, Reading, advice_of, clock, facts_of
 from .monitor import Monitor
 from .samples import CUT_UNREAD, FED_UNREAD, CutEnd, Notice, Sample, Window
 from .watch_edge import window_record
-from .watch_journal import WatchJournal, read_newest, remove_request, replay, requests
+from .watch_journal import WatchJournal, read_newest, remove_request, requests, restore
 
 if TYPE_CHECKING:
     from .advice import Bounds
@@ -334,7 +334,7 @@ def take_requests(folder: Path, monitor: Monitor) -> None:
     journal, newest = WatchJournal(folder), read_newest(folder)
     if newest is None:
         return
-    replay(newest.records, monitor)
+    restore(newest, monitor)
     left = list(requests(folder))
     if not left:
         return
@@ -382,13 +382,12 @@ def open_journal(folder: Path, monitor: Monitor, source: str) -> tuple[WatchJour
         monitor.label = f"{folder.resolve().name}-{secrets.token_hex(2)}"
         journal.rotate(monitor.as_json())
     else:
-        replay(newest.records, monitor)
+        restore(newest, monitor)
         journal.resume(newest)
-        if newest.records[0]["state"]["identity"] != monitor.identity:
+        if newest.missing or newest.records[0]["state"]["identity"] != monitor.identity:
             journal.rotate(monitor.as_json())
         after = monitor.time if monitor.source == source else None
-        lost = f" {newest.missing} of its records are missing." if newest.missing else ""
-        text = f"the journal was taken up again; its last record is of {clock(monitor.time)}.{lost}"
+        text = f"the journal was taken up again; its last record is of {clock(monitor.time)}."
         begun.append({"kind": "resumed", "time": monitor.time, "since": monitor.time, "text": text})
     for record in (*begun, {"kind": "source", "source": source}):
         journal.append(record)

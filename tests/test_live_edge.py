@@ -225,7 +225,7 @@ def test_snapshot_goes_on_bit_for_bit(laws, pf):
     for one in (edge, again):
         cut(one, 20, change=0.01)
     assert again.as_json() == edge.as_json()
-    with pytest.raises(UsageError, match="another parameter"):
+    with pytest.raises(UsageError, match=r"another parameter file .* after \d+.* min; .* with --used"):
         EdgeEstimate.from_json(LiveLaws.of(pf, loads=["P"]), edge.as_json())
     broken = [{"minutes": "many"}, {"mean": [1.0]}, {"covariance": None}, {"exposure": {}}, {"fast": {}}, {"before": 3}]
     for part in broken:

@@ -138,6 +138,37 @@ def test_another_schema_and_a_damaged_first_line_are_refused(tmp_path):
         read_newest(tmp_path)
 
 
+def test_a_journal_without_a_snapshot_names_the_contact_that_its_lines_show(tmp_path):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+    for kind, minutes in (("window", 9.0), ("edge", 0.0), ("used", 4.0), ("window", 2.5), ("contact", 0.5)):
+        journal.append({"kind": kind, "minutes": minutes})
+    journal.close()
+    lines = journal.path.read_bytes().splitlines(keepends=True)
+    journal.path.write_bytes(b"\x00\x01garbage" + b"".join(lines))
+    with pytest.raises(DataError, match=r"shows 7 min of contact .* --used 7min, and gauge the edge with --gauge"):
+        read_newest(tmp_path)
+    journal.path.write_bytes(b"")
+    with pytest.raises(DataError, match=r"not known: .* new edge or state what this one has cut with --used"):
+        read_newest(tmp_path)
+
+
+@pytest.mark.parametrize(("emptied", "kinds"), [(False, ["window", "edge", "window"]), (True, ["window", "edge"])])
+def test_a_damaged_newest_file_is_read_after_the_one_before(tmp_path, emptied, kinds):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({"first": True})
+    journal.append({"kind": "window"})
+    journal.append({"kind": "edge"})
+    journal.rotate({})
+    journal.append({"kind": "window"})
+    journal.close()
+    journal.path.write_bytes(b"" if emptied else b"{" + journal.path.read_bytes())
+    newest = read_newest(tmp_path)
+    assert [record["kind"] for record in newest.records] == ["snapshot", *kinds]
+    assert newest.records[0]["state"] == {"first": True}
+    assert (newest.path, newest.missing) == (journal.path, 1)
+
+
 def test_requests_are_left_and_found_once(tmp_path):
     leave_request(tmp_path, {"kind": "gauge", "wear": 0.2, "sd_ln": 0.02})
     (tmp_path / "request-0123456789abcdef.json").write_text("{not json")

@@ -163,6 +163,22 @@ def test_a_full_disk_is_an_alarm_and_watching_goes_on(tmp_path, monkeypatch):
     assert other.as_json() == found.as_json()
 
 
+def test_records_that_are_missing_are_said_by_each_command_and_a_new_file_begins(tmp_path):
+    watched(samples(), tmp_path)
+    path = read_newest(tmp_path).path
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([*lines[:10], b"\x00garbage\n", *lines[11:]]))
+    asked, again = monitor(), monitor()
+    take_requests(tmp_path, asked)
+    text = "1 record of the journal cannot be read: contact may be missing. Gauge the edge."
+    assert asked.take_messages() == [f"ALARM {text}"]
+    assert asked.edge.summary.gaps == 1
+    journal, _ = open_journal(tmp_path, again, "run.csv")
+    journal.close()
+    assert read_newest(tmp_path).missing == 0
+    assert [alarm["text"] for alarm in again.alarms if alarm["kind"] == "journal"] == [text]
+
+
 def test_requests_are_taken_by_the_process_that_watches_and_by_a_later_command(tmp_path):
     items = list(samples(cuts=2))
     found = monitor()
