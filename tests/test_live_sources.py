@@ -178,6 +178,14 @@ def test_gaps_and_clocks_that_were_set():
     assert "back by 3.6e+03" in seen[7][1].text
 
 
+def test_an_extra_value_of_a_slow_source_makes_no_gap_of_its_usual_step():
+    """A value each 2 s, and another one 0.15 s after each ninth; 12 s without one are a gap."""
+    clock = Clock()
+    times = sorted([2.0 * k for k in range(200)] + [2.0 * k + 0.15 for k in range(0, 200, 9)])
+    assert [notice for t in times if (notice := clock.take(t)[1])] == []
+    assert clock.take(398.0 + 12.0)[1].kind == "gap"
+
+
 def test_a_clock_set_forward_is_no_gap_and_late_rows_are_no_clock():
     clock, wall = Clock(), 100.0
     for k in range(100):  # rows come in blocks of ten

@@ -83,7 +83,7 @@ class Clock:
         """Longest step that is no gap, s; None before three steps were seen."""
         if len(self._steps) < 3:
             return None
-        return max(LEAST_GAP, GAP * median(self._steps)) if self._steps[-1] > LEAST_GAP / GAP else LEAST_GAP
+        return max(LEAST_GAP, GAP * median(self._steps))
 
     def _back(self, last: float, time: float) -> tuple[bool, Notice | None]:
         if last - time <= LATE and self._late < MOST_LATE:
