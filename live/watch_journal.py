@@ -143,8 +143,7 @@ class WatchJournal:
 
         Where the disk refuses, the former file is continued and `fault` says why.
         """
-        self._number += 1
-        snapshot = {"n": self._number, "kind": "snapshot", "schema": SCHEMA, "state": dict(state)}
+        snapshot = {"n": self._number + 1, "kind": "snapshot", "schema": SCHEMA, "state": dict(state)}
         name = f"watch-{_number_of(self.path) + 1:06d}.jsonl"
         try:
             self.synchronise()
@@ -154,7 +153,7 @@ class WatchJournal:
             self.fault = cause(failure) if isinstance(failure, OSError) else str(failure)
             self._refused = time.monotonic()
             return
-        self.records = 1
+        self._number, self.records = self._number + 1, 1
         for old in journal_files(self.folder)[: -self.kept]:
             with suppress(OSError):
                 old.unlink()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from ..core.errors import FitmodelsError, UsageError
 from ..core.files import cause
+from ..core.rounding import count
 from .facts import Facts, Reading, advice_of, clock, facts_of
 from .monitor import Monitor
 from .samples import CUT_UNREAD, FED_UNREAD, CutEnd, Notice, Sample, Window
@@ -275,7 +276,7 @@ class Watch:
                 text = f"{journal.folder}: the journal cannot be written: {journal.fault}; watching goes on without it."
                 self.record("alarm", time=self.monitor.time, kind_of_alarm="journal", text=text, latched=True)
             elif not journal.fault:
-                text = f"the journal is written again; {journal.lost} records were lost meanwhile."
+                text = f"the journal is written again; lost meanwhile: {count(journal.lost, 'record')}."
                 journal.lost = 0
                 self.record("notice", time=self.monitor.time, text=text)
                 journal.rotate(self.monitor.as_json())

@@ -114,6 +114,23 @@ def test_a_full_disk_is_said_and_what_waited_is_written_later(tmp_path, monkeypa
     assert numbers(tmp_path) == [1, 2, 3, 4, 5]
 
 
+def test_a_new_file_that_the_disk_refuses_uses_up_no_number(tmp_path, monkeypatch):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(watch_journal, "write_whole", refuse)
+        journal.rotate({})
+    assert "space" in journal.fault
+    monkeypatch.setattr(watch_journal, "RETRY", 0.0)
+    journal.append({"kind": "window"})
+    journal.close()
+    assert read_newest(tmp_path).missing == 0
+
+
 def test_what_waits_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(watch_journal, "WAITING", 10)
     journal = WatchJournal(tmp_path)
