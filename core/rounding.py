@@ -91,6 +91,15 @@ def label_of(value: object) -> str:
     return str(int(number)) if number.is_integer() else repr(number)
 
 
+def format_probability(value: float) -> str:
+    """A probability as text, with three decimals; never 0 or 1, which an estimate does not give.
+
+    >>> format_probability(7e-11), format_probability(0.0512), format_probability(0.9996)
+    ('< 0.001', '0.051', '> 0.999')
+    """
+    return "< 0.001" if value < 0.001 else "> 0.999" if value > 0.999 else f"{value:.3f}"
+
+
 def count(n: int, what: str, several: str = "") -> str:
     """A number of things, with the noun in the right number.
 

@@ -9,7 +9,8 @@ import numpy as np
 from ..controllers.region.limits import laws_of_kind
 from ..controllers.region.log_planes import USUAL, ratio
 from ..core.errors import UsageError
-from .decision import Advice, cost_of_change, probability_words
+from ..core.rounding import format_probability
+from .decision import Advice, cost_of_change
 from .edge_estimate import EdgeEstimate
 from .live_laws import LiveLaws
 
@@ -159,7 +160,7 @@ def highest(
         at = {**given, symbol: float(value)}
         past = _past(estimate, given, at, minutes)
         if past <= risk and _allowed(estimate, bounds, at):
-            work = f"{probability_words(past)} of being past the criterion after the work of {minutes:.3g} min"
+            work = f"{format_probability(past)} of being past the criterion after the work of {minutes:.3g} min"
             loads = "".join(_load(estimate, bounds, name, at) for name in estimate.laws.loads)
             text = f"Highest {_setting(symbol, at, given)}: probability {work}; the limit is {risk:g}{loads}."
             return Advice("feed" if symbol == "f" else "speed", text, past, {symbol: float(value)})
@@ -196,7 +197,7 @@ def _for_load(estimate: EdgeEstimate, name: str, bounds: Bounds, given: Mapping[
         "load",
         f"Constant {name} {bounds.reference[name]:.3g} {load.unit}: {_setting('f', at, given)}{end}; expected {name} "
         f"{load.median:.3g} ({load.low:.3g} to {load.high:.3g}, {100 * LEVEL:g} %); probability "
-        f"{probability_words(past)} of being past the criterion after the work of {minutes:.3g} min.",
+        f"{format_probability(past)} of being past the criterion after the work of {minutes:.3g} min.",
         past,
         {"f": f},
     )
@@ -231,7 +232,7 @@ def least_cost(
         yield Advice(
             "cost",
             f"Least cost {cost:.3g} {costs.currency}/cm3: {_setting('V', at, given)}, {_setting('f', at, given)}, "
-            f"edges changed at the risk {risk:g}; with this edge, probability {probability_words(past)} of being past "
+            f"edges changed at the risk {risk:g}; with this edge, probability {format_probability(past)} of being past "
             f"the criterion after the work of {minutes:.3g} min.",
             past,
             {"V": at["V"], "f": at["f"]},

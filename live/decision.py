@@ -9,6 +9,7 @@ import numpy as np
 from ..controllers.economics.age_replacement import change_interval
 from ..core.arrays import is_positive
 from ..core.errors import UsageError
+from ..core.rounding import format_probability
 from .edge_estimate import EdgeEstimate
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def change_now(
     after = estimate.probability_past(next_cut_minutes, conditions)
     goal = f"{wear} {estimate.criterion:g} {unit}"
     when = f"after the next cut of {next_cut_minutes:.3g} min" if next_cut_minutes > 0 else "now"
-    words = f"probability {probability_words(after)} that the wear is past {goal} {when}"
+    words = f"probability {format_probability(after)} that the wear is past {goal} {when}"
     if estimate.distrusted:
         words += f" (without {', '.join(estimate.distrusted)}, which is far from its law)"
     found = _by_cost(estimate, next_cut_minutes, conditions, costs, words) or _by_risk(words, after, risk)
@@ -116,15 +117,6 @@ def _by_risk(words: str, after: float, risk: float) -> Advice:
     if after > risk:
         return Advice("change", f"Change the edge: {words}; the limit is {risk:g}.", after)
     return Advice("go on", f"Go on: {words}; the limit is {risk:g}.", after)
-
-
-def probability_words(value: float) -> str:
-    """A probability with two digits.
-
-    >>> probability_words(7e-11), probability_words(0.0512)
-    ('< 0.001', '0.051')
-    """
-    return "< 0.001" if value < 0.001 else f"{value:.2g}"
 
 
 def cost_of_change(costs: "CostsSection") -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from ..core.rounding import decimals, format_plain
+from ..core.rounding import decimals, format_plain, format_probability
 from ..core.text import one_line, printable
 from .facts import Facts, clock
 
@@ -100,8 +100,10 @@ def risk_words(facts: Facts) -> str | None:
     now, then = facts["probability_past"], facts["probability_past_after_next_cut"]
     if now is None:
         return None
-    ahead = "" if then is None else f", after the next cut ({facts['next_cut_minutes']:.3g} min) {probability(then)}"
-    return f"probability of being past the criterion now {probability(now)}{ahead}"
+    ahead = (
+        "" if then is None else f", after the next cut ({facts['next_cut_minutes']:.3g} min) {format_probability(then)}"
+    )
+    return f"probability of being past the criterion now {format_probability(now)}{ahead}"
 
 
 def load_words(name: str, load: Facts) -> str:
@@ -132,17 +134,6 @@ def source_words(source: Facts) -> str:
     age = f", last reading {source['age']:.0f} s ago" if source.get("age") is not None and source["age"] >= 2 else ""
     text = f": {source['text']}" if source.get("text") else ""
     return f"{source['name']} {source['state']}{text}{age}"
-
-
-def probability(value: float) -> str:
-    """A probability as text.
-
-    >>> probability(0.0004), probability(0.0312), probability(0.9999)
-    ('< .001', '.031', '> .999')
-    """
-    if value < 0.001:
-        return "< .001"
-    return "> .999" if value > 0.999 else f"{value:.3f}".lstrip("0")
 
 
 def gauge(wear: Facts, width: int = BAR) -> str:
@@ -232,7 +223,7 @@ class PlainLines:
         if life is not None and life["median"] is not None:
             parts.append(f"life {_short(life, LEAST_LIFE)} min")
         if facts["probability_past"] is not None:
-            parts.append(f"past {probability(facts['probability_past'])}")
+            parts.append(f"past {format_probability(facts['probability_past'])}")
         return printable("  ".join(parts))
 
     def close(self) -> None:
