@@ -211,6 +211,19 @@ def test_a_controller_that_does_not_trip_is_refused(machine):
     assert machine.written == {}
 
 
+def test_a_cut_that_begins_before_the_trip_is_waited_for(machine):
+    session = ControlSession(machine.controller, machine)
+    machine.run(0.5, session)
+    machine.reset(session)
+    while session.phase != "tripping":
+        machine.run(PERIOD, session)
+    machine.last = (machine.now, {**machine.last[1], "fm-cut": True})
+    session.step(machine.now)
+    assert not machine.last[1]["fm-fault"]
+    assert session.phase == "waiting"
+    assert "a cut, another fault" in session.text
+
+
 def test_a_fault_of_another_cause_is_no_trip(machine):
     session = ControlSession(machine.controller, machine)
     machine.run(0.5, session)

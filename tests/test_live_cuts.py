@@ -394,6 +394,15 @@ def test_a_spindle_that_stops_between_cuts_and_idles_only_briefly_loses_no_cut(r
     assert sum(each.contact for each in (*windows(found), *ends(found))) == pytest.approx(4.0, abs=0.15)
 
 
+@pytest.mark.parametrize(("seconds", "lost"), [(30, False), (60, True)])
+def test_feed_in_the_air_is_lost_contact_from_three_times_the_longest_before(seconds, lost):
+    """12 s of approach before each of four cuts; then 30 s of it are usual, and 60 s are not."""
+    usual = [(4, 0.8, "idle"), (12, 0.8, "feed"), (10, 1.8, "feed")]
+    times, said = with_states([*usual * 4, (4, 0.8, "idle"), (seconds, 0.8, "feed"), (4, 0.8, "idle")], rate=10.0)
+    found = watch(Cuts(), times, state=said)
+    assert [item.kind for item in found if isinstance(item, Notice)] == ["load"] * lost
+
+
 def test_a_load_that_falls_in_the_cut_and_one_whose_idle_level_is_uncertain_are_distinguished():
     reversed_sign = [(15, -0.5, "idle"), (30, -2.0, "feed"), (15, -0.5, "idle")]
     times, states = with_states(reversed_sign)

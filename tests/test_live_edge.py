@@ -13,8 +13,9 @@ from fitmodels.core.errors import UsageError
 from fitmodels.live.advice import Bounds, advise, highest
 from fitmodels.live.decision import change_now
 from fitmodels.live.detection import Detection
-from fitmodels.live.edge_estimate import EdgeEstimate
+from fitmodels.live.edge_estimate import NOISE_DF, EdgeEstimate
 from fitmodels.live.edge_scatter import Assumptions, Wander, level_correlation, slope_variance
+from fitmodels.live.edge_state import EdgeState
 from fitmodels.live.live_laws import LiveLaws
 from fitmodels.live.samples import LoadMean, Window
 from fitmodels.parameters.draws import Draws
@@ -310,6 +311,31 @@ def test_dearer_failures_bring_the_change_forward(laws):
         return edge.minutes
 
     assert minutes(200.0) < minutes(20.0) < EdgeEstimate(laws, 0.3).life(AT).high
+
+
+def test_an_edge_that_is_likely_past_the_criterion_is_changed_at_least_cost_whatever_the_next_cut_adds(laws):
+    """Where the level is open, another minute adds little to a probability of .7: it is the failure that counts."""
+    costs = CostsSection(currency="EUR", machine=60.0, edge=4.0, change=1.5, failure=20.0)
+    edge = EdgeEstimate(laws, 0.3)
+    edge.advance(1.3 * edge.life(AT).median, AT)
+    edge.reopen()
+    now, after = edge.probability_past(0.0, AT), edge.probability_past(0.5, AT)
+    assert 0.5 < now < after < now + 0.02
+    assert change_now(edge, 0.05, 0.5, AT, costs).kind == "change"
+
+
+def test_a_window_that_is_far_off_counts_less_than_one_that_is_near(laws):
+    """Student t weights: one window 8 standard deviations off moves the mean less than one that is 2 off."""
+
+    def moved(deviations):
+        state, H = EdgeState(laws), np.zeros(len(EdgeState(laws).x))
+        H[state.u] = 1.0
+        sd = (state.P[state.u, state.u] + 0.02**2) ** 0.5
+        state.update(H, deviations * sd, 0.02**2, NOISE_DF)
+        return state.x[state.u] / sd
+
+    assert 0 < moved(8.0) < 8.0 / 2.0 * moved(2.0)
+    assert moved(60.0) < moved(20.0)
 
 
 def test_advised_feed_and_speed_keep_to_the_risk_the_limits_and_the_tests(pf, laws):
