@@ -256,7 +256,7 @@ class Detection:
             of = estimate.law_deviation(name)
             if abs(of.value) > UNUSUAL * of.sd:
                 side, wear = ("above", "more") if of.value > 0 else ("below", "less")
-                taken = TAKEN.format(wear) if estimate.laws.loads[name].shows_wear else ""
+                taken = TAKEN.format(wear) * estimate.laws.loads[name].shows_wear
                 return RARE.format(name, 100 * abs(exp(of.value) - 1), side, abs(of.value) / of.sd, taken)
         return ""
 

@@ -129,7 +129,7 @@ def advice_of(monitor: "Monitor", bounds: "Bounds | None") -> list[Facts]:
     from .advice import advise
 
     minutes, asked = monitor.next_cut, monitor.settings
-    unknown = monitor.distrusted or monitor.uncounted > 0 or monitor.laws.far(monitor.conditions)
+    unknown = any((monitor.distrusted, monitor.uncounted > 0, monitor.laws.far(monitor.conditions)))
     if unknown or bounds is None or not minutes or not monitor.conditions:
         return []
     try:

@@ -42,7 +42,7 @@ def tool_life_part(pf: ParameterFile) -> ToolLifePart | None:
     value = float(found[0].value) if found else life.typical
     beyond = life.typical > EXTRAPOLATED * life.t_observed
     end = f", but {longest}: this T is an extrapolation." if beyond else f"; {longest}."
-    unknown = "" if law is None else no_edge_interval(law, life)
+    unknown = _no_interval(law, life)
     typical = f"{place}, T = {format_plain(value, 3)} {life.unit}{_interval_words(found, unknown)}{end}"
     return ToolLifePart(
         verdict=with_remedies(pf, verdict_part(TOOL_LIFE, life.verdict)),
@@ -130,11 +130,15 @@ def edge_or_row(pf: ParameterFile) -> str:
     return "one row" if law is not None and law.n_edges is None else "new edge"
 
 
+def _no_interval(law: LawSection | None, life: ToolLifeSection) -> str:
+    return "" if law is None else no_edge_interval(law, life)
+
+
 def life_doubt(pf: ParameterFile) -> str:
     """Why there is no interval of a new edge, in a few words; empty where there is one."""
     life = pf.tool_life
     law = pf.laws.get(life.wear) if life else None
-    if life is None or law is None or not no_edge_interval(law, life):
+    if life is None or not _no_interval(law, life):
         return ""
     curves = life.curves
     if curves is not None and curves.ratio and beyond_scatter(curves.ratio_interval, curves.expected):

@@ -144,7 +144,8 @@ class Blanks:
         if isinstance(value, float):
             self._filled[symbol] += 1
             self._blank[symbol] += self._now.pop(symbol, 0)
-        if isinstance(value, float) or (value is None and not empty) or (value and value.casefold() != "nan"):
+            return value
+        if (value is None and not empty) or (value and value.casefold() != "nan"):
             return value
         self._now[symbol] += 1
         usual = self._filled[symbol] >= FEWEST_ROWS and self._filled[symbol] > self._blank[symbol]
