@@ -22,7 +22,7 @@ from ..available import NotAvailable
 from ..edges import changes_within
 from ..lawfit import LawFit
 from .check import SIGNIFICANT, STRONG, Check, concern_of, format_p
-from .missing_factors import BLOCK, added_between, blocks_of, settings_of
+from .missing_factors import added_between, blocks_of, settings_of
 from .residual_tests import HELD
 from .strata import Strata, levels_of_edges, no_scatter, rows_in, units_of
 
@@ -32,20 +32,11 @@ SMALL = 0.05  # drift in ln response over all tests below which it is not report
 SAME_SPEED = 0.02  # variation of V / D, of readings that are rounded, at one spindle speed
 T_KNOWN = 2.0  # t of an effect from which on it is asked what it may be of
 SIMPLE = 0.05  # distance of an exponent from a multiple of 1/2 below which a column is computed from a factor
-LABEL = re.compile(  # names of columns that name tests, remark on them, or follow from them
-    r".*(?:\b(?:day|date|tag|jour|d[ií]a|fecha|time|series?|session|block|group|gruppe|set|point|level|stufe|niveau|nivel"
-    r"|coded?|id|nr|name|file|photo|foto|image|sheet|setting|test|trial|experiment|sample|probe|stage"
-    r"|remarks?|comments?|notes?|notas?|status|result|ok)\b|datum|versuch|bemerkung|kommentar|remarque|commentaire"
-    r"|observaci|comentario|chip|span|copeau|viruta|failure|mode|form|chatter|ratter|vibra|broutement|built|bue|sound"
-    r"|finish|surface|colou?r|farbe).*|.|conditions?(?: no\.?)?|bedingung(?:en)?",
-    flags=re.IGNORECASE,
-)
-LEVEL = re.compile(  # labels of a setting
-    r"(?:very )?(?:low|mid(?:dle)?|medium|high|min|max|slow|fast|small|large|light|heavy|rough(?:ing)?|finish(?:ing)?"
-    r"|cent(?:re|er)|axial|factorial|niedrig|mittel|hoch|klein|gro(?:ß|ss)|langsam|schnell|schruppen|schlichten|bajo|medio|alto|bas|moyen"
-    r"|haut|[a-z+-]{1,2}|.*\d.*)",
-    flags=re.IGNORECASE,
-)
+CONDITION = re.compile(  # names of columns of words that are conditions of their own
+    r".*(?:coolant|cooling|lubric|kühl|schmier|refriger|lubrif|arrosage|(?:edge|tool|insert|surface).?condition|zustand"
+    r"|état|estado|grade|coating|beschichtung|regrind|schliff|holder|halter|clamp|spann|material|werkstoff|batch|lot"
+    r"|charge|colada|coulée|heat|machine|maschine|máquina|operator|bediener|operario|opérateur).*", flags=re.IGNORECASE
+)  # fmt: skip
 IN_UNIT = re.compile(r".*[\[(][^\])\d][^\])]*[\])]\s*+")  # a header that ends with a unit
 
 
@@ -223,8 +214,7 @@ def _drift(law: LawFit, found: tuple[float, float, int, float], by: str) -> Chec
 def aliased_columns(law: LawFit, runs: Runs | None) -> Check | None:
     """Columns of conditions that change with one factor of the law alone, whose effect may be theirs; None without any.
 
-    Left out are columns that name tests or remark on them, labels of the levels of a factor, numbers without a unit
-    (coded levels), and numbers that are computed from the factor.
+    Left out are numbers without a unit (coded levels), and numbers that are computed from the factor.
 
     Examples
     --------
@@ -254,16 +244,11 @@ def _known_factors(law: LawFit) -> dict[str, Array]:
 
 
 def _conditions(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
-    """Columns of conditions that the law does not use, at its rows: blocks and words by name, numbers by their unit."""
-    words = {
-        name: x
-        for name, x in blocks_of(law, runs).items()
-        if not LABEL.fullmatch(name) and (BLOCK.fullmatch(name) or not all(map(LEVEL.fullmatch, x.tolist())))
-    }
+    """Columns of conditions that the law does not use, at its rows: words by their name, numbers by their unit."""
+    words = {name: x for name, x in blocks_of(law, runs).items() if CONDITION.fullmatch(name)}
     numbers = settings_of(law, runs)
     columns = {} if isinstance(numbers, NotAvailable) else numbers
-    with_unit = {name: x.astype(object) for name, x in columns.items() if IN_UNIT.fullmatch(name)}
-    return {**words, **{name: x for name, x in with_unit.items() if not LABEL.fullmatch(name)}}
+    return words | {name: x.astype(object) for name, x in columns.items() if IN_UNIT.fullmatch(name)}
 
 
 def _one_to_one(values: Array, labels: NDArray[np.object_]) -> bool:
