@@ -22,8 +22,8 @@ from fitmodels.live.monitor import Monitor
 from fitmodels.live.samples import Sample
 from fitmodels.live.stream import JsonLines
 from fitmodels.live.watch_edge import WatchSettings
-from fitmodels.live.watch_journal import journal_files, read_newest
-from fitmodels.live.watching import Watch, open_journal, replay
+from fitmodels.live.watch_journal import journal_files, read_newest, replay
+from fitmodels.live.watching import Watch, open_journal
 
 CUT, AIR, LIFE = 60.0, 12.0, 20.0  # s, s, min
 IDLE, NOISE = 0.8, 0.03  # kW, relative

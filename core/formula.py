@@ -270,22 +270,24 @@ class Formula(Displayable):
         >>> Formula("power", "AW", ("V", "f", "t")).printed("AW = 0.01 V^-0.5 t")
         {'c0': 0.01, 'V': -0.5, 'f': 0.0, 't': 1.0}
         """
-        found = re.match(_pattern(self), text)
+        mine = text.startswith(f"{self.response} = ")
+        right = text[len(self.response) + 3 :] if mine else text.partition(" = ")[2]
+        found = re.match(_pattern(self), right)
         held = {} if found is None else found.groupdict()
         return {name: _printed(held, i) for i, name in enumerate(self.names)} if held else {}
 
 
 def _pattern(formula: Formula) -> str:
-    """Regular expression of an equation: ``value<i>`` is coefficient i, ``power<i>`` a power with its symbol."""
+    """Regular expression of the right of an equation: ``value<i>`` is coefficient i, ``power<i>`` a power, if present."""
     marks = [f"\0{i}\0" for i in range(len(formula.names))]  # stand for the coefficients
     pattern = re.escape(formula.equation(marks))
     for i, symbol in enumerate(formula.factors if formula.first_order else (), 1):
         power = rf"(?P<power{i}>\ {re.escape(symbol)}(?:\^{marks[i]})?)?"
         pattern = pattern.replace(re.escape(f" {symbol}^{marks[i]}"), power)
-    number = r"\\s*\\d+\\.?\\d*(?:[eE][-+]?\\d+)?)"
+    number = r"\\s*\\d+(?:\\.\\d*)?(?:[eE][-+]?\\d+)?)"
     pattern = re.sub(r"\\\+\\ \0(\d+)\0", rf"(?P<value\1>[-+]{number}", pattern)  # a term of a sum
     pattern = re.sub(r"\0(\d+)\0", rf"(?P<value\1>[-+]?{number}", pattern)
-    return rf"[^=]*= {pattern}(?= for |$)".replace("\\ ", r"\s*")
+    return rf"{pattern}(?= for |$)".replace("\\ ", r"\s*")
 
 
 def _printed(held: Mapping[str, str | None], i: int) -> float:

@@ -16,7 +16,7 @@ Sources: Fedorov 1972, Theory of Optimal Experiments, sections 2.7 and 3.2; Cook
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import log, sqrt
+from math import inf, log, sqrt
 from typing import Any
 
 import numpy as np
@@ -81,11 +81,12 @@ class Narrowing(Displayable):
     def words(self) -> tuple[str, ...]:
         """Interval now and expected; when to stop."""
         d, (low, high) = self.decision, self.now
-        ratio = log(self.after[1] / self.after[0]) / log(high / low) if high > low else 1.0
+        bounded = 0 < low < high < inf and self.after[0] > 0
+        ratio = log(self.after[1] / self.after[0]) / log(high / low) if bounded else 1.0
+        width = f" ({100 * ratio:.0f} % of the width, in logarithms)" if bounded else ""
         out = [
             f"{d.name}: {_rounded(d.value, low, high)} {d.unit}, 95 % interval of the law {_ends(low, high)} {d.unit}; "
-            f"expected after {_tests(self.tests)} {_ends(*self.after)} {d.unit} ({100 * ratio:.0f} % of the width, in "
-            "logarithms).",
+            f"expected after {_tests(self.tests)} {_ends(*self.after)} {d.unit}{width}.",
         ]
         if d.no_edge:  # when to stop is not known either
             also = "The interval of the law does not allow for that either."

@@ -50,9 +50,10 @@ iso513 = "{group}"
 
 def law(exponent=0.5, se=0.05, df=20, response="AW", form="power", symbol="V"):
     names = {"power": ("c0", symbol), "exponential": ("a", "b")}[form]
+    right = f"0.01 {symbol}^{exponent:.6g}" if form == "power" else f"0.01 exp({exponent:.6g} {symbol})"
     return {
         "form": form, "response": response, "quantity": "average wear", "unit": "mm",
-        "equation": f"{response} = 0.01 {symbol}^{exponent:.6g}", "error": "multiplicative",
+        "equation": f"{response} = {right}", "error": "multiplicative",
         "coefficients": {names[0]: 0.01, names[1]: exponent},
         "standard_errors": {names[0]: 0.002, names[1]: se},
         "factors": [{"symbol": symbol, "quantity": "cutting speed", "unit": "m/min", "low": 50.0, "high": 200.0}],

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array
 from ...core.rounding import format_plain, join_words, label_of, listed
 from ...datasets import Runs
+from ...datasets.headers import parse_header
 from ..available import NotAvailable
 from ..edges import changes_within
 from ..lawfit import LawFit
@@ -37,7 +38,6 @@ CONDITION = re.compile(  # names of columns of words that are conditions of thei
     r"|état|estado|grade|coating|beschichtung|regrind|schliff|holder|halter|clamp|spann|material|werkstoff|batch|lot"
     r"|charge|colada|coulée|heat|machine|maschine|máquina|operator|bediener|operario|opérateur).*", flags=re.IGNORECASE
 )  # fmt: skip
-IN_UNIT = re.compile(r".*[\[(][^\])\d][^\])]*[\])]\s*+")  # a header that ends with a unit
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -248,7 +248,7 @@ def _conditions(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
     words = {name: x for name, x in blocks_of(law, runs).items() if CONDITION.fullmatch(name)}
     numbers = settings_of(law, runs)
     columns = {} if isinstance(numbers, NotAvailable) else numbers
-    return words | {name: x.astype(object) for name, x in columns.items() if IN_UNIT.fullmatch(name)}
+    return words | {name: x.astype(object) for name, x in columns.items() if parse_header(name).unit_text}
 
 
 def _one_to_one(values: Array, labels: NDArray[np.object_]) -> bool:
@@ -259,7 +259,7 @@ def _one_to_one(values: Array, labels: NDArray[np.object_]) -> bool:
 
 def _is_own(name: str, labels: NDArray[np.object_], values: Array) -> bool:
     """Whether a column is a condition of its own: words, or numbers that are no simple power of the factor."""
-    if not IN_UNIT.fullmatch(name) or isinstance(labels[0], str):
+    if not parse_header(name).unit_text or isinstance(labels[0], str):
         return True
     x = labels.astype(float)
     if (x <= 0).any() or (values <= 0).any():

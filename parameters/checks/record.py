@@ -35,6 +35,7 @@ SAME_RANGE: Final = 1e-6  # relative: the region holds logarithms
 LIFE_AGREES: Final = 1e-4  # relative: a tool life is solved from its law
 CRITERION: Final = "tool_life.criterion"
 DIGITS: Final = 6e-6  # of a coefficient: half of the last of six digits, and rounding
+SHIFT: Final = re.compile(r"; (times|plus|minus) ([-+.\de]+) for ")  # of a level, in an equation
 MARGIN: Final = 0.25  # of the range of loads tested: a mean of the record may lie this far outside
 
 
@@ -74,10 +75,15 @@ def _not_in_equation(law: LawSection) -> str:
 
 def _not_in_levels(law: LawSection, by: LevelShifts) -> str:
     """The shift of a level that the equation lacks: its factor, or what it adds to a line."""
+    found = [*SHIFT.finditer(law.equation)]
+    ends = [one.start() for one in found[1:]] + [len(law.equation)]
+    printed = {
+        law.equation[one.end() : end]: float(one[2]) * (-1.0 if one[1] == "minus" else 1.0)
+        for one, end in zip(found, ends, strict=True)
+    }
     for level, shift in by.shifts.items():
-        found = re.search(rf"; (times|plus|minus) (\S+) for {re.escape(level)}(?=; |$)", law.equation)
-        printed = found and float(found[2]) * (-1.0 if found[1] == "minus" else 1.0)
-        if printed is None or not abs(printed - _value(law, shift)) <= DIGITS * abs(printed):
+        value = printed.get(level, math.nan)
+        if not abs(value - _value(law, shift)) <= DIGITS * abs(value):
             return f"lacks the shift {shift:.6g} of level {short(level)}"
     return ""
 
