@@ -278,7 +278,7 @@ class Formula(Displayable):
 
 
 def _pattern(formula: Formula) -> str:
-    """Regular expression of the right of an equation: ``value<i>`` is coefficient i, ``power<i>`` a power, if present."""
+    """Regular expression of the right of an equation: ``value<i>`` is coefficient i, ``power<i>`` a power."""
     marks = [f"\0{i}\0" for i in range(len(formula.names))]  # stand for the coefficients
     pattern = re.escape(formula.equation(marks))
     for i, symbol in enumerate(formula.factors if formula.first_order else (), 1):
