@@ -127,7 +127,7 @@ class Cells:
         own = OWN.fullmatch(text)
         try:
             one = parse_correction(text)
-            if own is None or one.factor is None:
+            if own is None or not one.scales:
                 return None
             cell = self.cell(int(own[1]), own[2])
         except UsageError:

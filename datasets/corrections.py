@@ -31,6 +31,7 @@ _CHANGE = re.compile(
     r"\s*(?P<symbol>[A-Za-z]\w*)\s*(?:(?P<sign>[*/+-])\s*(?P<number>-?[\d.]+(?:[eE][+-]?\d+)?)|=\s*(?P<sum>cumulative))\s*"
 )
 ADDED_UP = ("t", "lc", "lf")  # quantities of which rows may hold the part of their sub-test or pass
+INVERSE = {"*": "/", "/": "*", "+": "-", "-": "+"}  # signs that take a correction back
 Step: TypeAlias = Literal["as written", "in its unit", "computed"]
 
 
@@ -51,9 +52,9 @@ class Correction:
     number: float
 
     @property
-    def factor(self) -> float | None:
-        """Factor of the values, None for a sum."""
-        return {"*": self.number, "/": 1 / self.number}.get(self.sign) if self.sign in "*/" else None
+    def scales(self) -> bool:
+        """Whether the values are multiplied or divided."""
+        return self.sign in "*/"
 
     @property
     def cumulative(self) -> bool:
@@ -64,7 +65,7 @@ class Correction:
         """The corrected values; for a cumulative correction those of one edge, none known after an empty cell."""
         if self.cumulative:
             return np.cumsum(values)
-        if self.sign in "*/":
+        if self.scales:
             return values * self.number if self.sign == "*" else values / self.number
         return values + (self.number if self.sign == "+" else -self.number)
 
@@ -203,7 +204,7 @@ class Corrections:
     def _step(self, one: Correction, draft: Draft) -> Step:
         if one.symbol not in draft.data:
             return "computed"
-        return "in its unit" if one.factor is None else "as written"
+        return "as written" if one.scales else "in its unit"
 
 
 def _as_it_stands(draft: Draft, options: ReadOptions, *, judge: bool) -> Draft:
@@ -248,9 +249,9 @@ def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> No
     if not np.isfinite(old[rows]).any() and not as_written:
         raise UsageError(f"--correct {one.text}: {one.symbol} has no value in these rows.")
     draft.data[one.symbol] = new
-    if as_written and one.factor is not None:
+    if as_written and one.scales:
         draft.columns = tuple(
-            _multiplied(column, rows, one.factor) if use.role == one.symbol and column.is_numeric else column
+            _scaled(column, rows, one) if use.role == one.symbol and column.is_numeric else column
             for column, use in zip(draft.columns, draft.uses, strict=True)
         )
 
@@ -292,11 +293,14 @@ def _refuse_negative(
         )
 
 
-def _multiplied(column: Column, rows: Rows, factor: float) -> Column:
-    """The column of the file with the numbers of some rows multiplied, marked ones too."""
+def _scaled(column: Column, rows: Rows, one: Correction) -> Column:
+    """The column of the file with the numbers of some rows multiplied or divided, marked ones too."""
     values = np.asarray(column.values, dtype=float)
-    marks = tuple((row, replace(mark, value=mark.value * factor) if rows[row] else mark) for row, mark in column.marks)
-    return replace(column, values=np.where(rows, values * factor, values), marks=marks)
+    marks = tuple(
+        (row, replace(mark, value=float(one.apply(np.array(mark.value)))) if rows[row] else mark)
+        for row, mark in column.marks
+    )
+    return replace(column, values=np.where(rows, one.apply(values), values), marks=marks)
 
 
 def _refuse_impossible(draft: Draft, options: ReadOptions, one: Correction, rows: Rows) -> None:
@@ -345,8 +349,7 @@ def _compute_anew(draft: Draft, options: ReadOptions, corrected: set[str]) -> No
 def _sentence(draft: Draft, one: Correction, rows: Rows, was: NDArray[np.float64] | None) -> str:
     """Changes by a correction, with old and new values; ``was`` are the values that were added up."""
     new = np.asarray(draft.data[one.symbol], dtype=float)[rows]
-    old = new / one.factor if one.factor is not None else new - (one.apply(np.zeros(1))[0])
-    old = old if was is None else was[rows]
+    old = replace(one, sign=INVERSE[one.sign]).apply(new) if was is None else was[rows]
     n, unit = int(rows.sum()), ROLES[one.symbol].unit
     return (
         f"corrected as asked, --correct {one.text}: {one.symbol} of {n} row{'s' * (n != 1)} "
