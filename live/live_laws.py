@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 TIME = "t"
 ONE = np.ones(1)
 FEWEST_DRAWS = 100  # from which a covariance is estimated
-FAR = 3.0  # times outside of the tested range, from which a law does not tell whether to go on
+FAR = 3.0  # times outside of the tested range, from which on a law gives no decision
 OTHER_UNITS = {"m/min": ("m/s", "ft/min"), "mm/rev": ("in/rev",), "mm": ("in", "m", "um")}  # that may be meant
 CLEARLY = 1.96  # standard errors of its exponent of wear above zero, from which a load shows wear
 UNCLEAR = (

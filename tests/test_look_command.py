@@ -314,6 +314,6 @@ def test_next_plans_for_rows_that_have_times_but_no_edges(here):
 
 def test_the_columns_of_a_plan_that_are_empty_are_named(here):
     run("plan", "--range", "V=80:200", "--range", "f=0.1:0.4", "--measure", "VB,Fc", "--out", "plan.csv")
-    told = run("look", "plan.csv").out
-    assert "No law can be fitted: columns 'VB [mm]' and 'Fc [N]' are empty. Filled in, the file is read by:" in told
-    assert "add columns" not in told
+    printed = run("look", "plan.csv").out
+    assert "No law can be fitted: columns 'VB [mm]' and 'Fc [N]' are empty. Filled in, the file is read by:" in printed
+    assert "add columns" not in printed

@@ -306,12 +306,12 @@ def test_other_names_of_settings_are_read_as_in_headers():
 def test_ranges_and_levels_take_units_as_values_do(capsys):
     words = ["--range", "V=260:650sfm", "--levels", "f=0.004,0.008,0.016in", "--range", "ap=0.04in:2mm"]
     assert main(["plan", "--design", "L9", *words, "--duration", "120s", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    columns = {name: [row[name] for row in told["rows"]] for name in ("V", "f", "d", "t")}
+    plan = json.loads(capsys.readouterr().out)
+    columns = {name: [row[name] for row in plan["rows"]] for name in ("V", "f", "d", "t")}
     ends = {name: (min(values), max(values)) for name, values in columns.items()}
     expected = {"V": (260 * 0.3048, 650 * 0.3048), "f": (0.1016, 0.4064), "d": (1.016, 2), "t": (2, 2)}
     assert all(ends[name] == pytest.approx(values) for name, values in expected.items())
-    assert not any(note.startswith("Doubt") for note in told["notes"])
+    assert not any(note.startswith("Doubt") for note in plan["notes"])
     assert main(["plan", "--range", "V=260:650mm"]) == 2
     assert "or, with a unit of V, 50:200m/min" in capsys.readouterr().err
 
@@ -321,10 +321,10 @@ def test_edges_beyond_a_limit_of_the_machine_are_named(capsys):
     words += ["--value", "Dc=10", "--value", "z=4", "--value", "ae=8", "--axial", "1", "--json"]
     limits = ["--limit", "n=80rev/s", "--limit", "P=1kW", "--limit", "fm=50:20000"]
     assert main(["plan", *words, *limits]) == 0
-    told = json.loads(capsys.readouterr().out)
-    beyond = [row["edge"] for row in told["rows"] if row["n"] > 4800]
-    power = [row["edge"] for row in told["rows"] if row["d"] * 8 * row["fm"] * 2000 / 6e7 > 1]
-    n, P, fm = (note for note in told["notes"] if note.startswith("Limit: "))
+    plan = json.loads(capsys.readouterr().out)
+    beyond = [row["edge"] for row in plan["rows"] if row["n"] > 4800]
+    power = [row["edge"] for row in plan["rows"] if row["d"] * 8 * row["fm"] * 2000 / 6e7 > 1]
+    n, P, fm = (note for note in plan["notes"] if note.startswith("Limit: "))
     assert n.startswith(f"Limit: n at most 4800 1/min; {len(beyond)} of ")
     assert (re.findall(r"E\d\d", n), re.findall(r"E\d\d", P)) == (beyond, power)
     assert len(power) > 0

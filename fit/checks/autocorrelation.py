@@ -276,7 +276,7 @@ def _alias(law: LawFit, name: str, labels: NDArray[np.object_], factors: list[st
     effect = f"effect{'s' if len(factors) > 1 else ''} of {join_words(factors)} on {law.response}"
     return (
         f"The {effect} may be that of column {name!r}: {listed(shown, 3)}, never varied separately. Only tests that "
-        "vary them separately tell them apart."
+        "vary them separately distinguish them."
     )
 
 

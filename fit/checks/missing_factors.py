@@ -216,7 +216,7 @@ def _are_blocks(x: NDArray[np.object_], unit: Codes) -> bool:
 
 
 def _apart(blocks: Mapping[str, NDArray[np.object_]]) -> list[tuple[list[str], NDArray[np.object_]]]:
-    """Columns of blocks with the names of those whose levels are in the same rows, which no test tells apart."""
+    """Columns of blocks with the names of those whose levels are in the same rows: no test separates them."""
     groups: dict[bytes, list[str]] = {}
     for name, x in blocks.items():
         first = np.unique(x.astype(str), return_index=True, return_inverse=True)
