@@ -130,7 +130,7 @@ def run(args: argparse.Namespace) -> int:
             found = with_amplitudes(found, records)
         pf = _collected(found, records, former, args)
     if args.json:
-        print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}, version=4)
+        print_json("report", {"dynamics": _facts(found), "parameters": pf.model_dump(mode="json")}, version=5)
     else:
         out = Printer(quiet=args.quiet)
         out.show(terminal.identification_block(found, pf))

@@ -35,7 +35,7 @@ def parser() -> Parser:
     p.add_argument("file", metavar="FILE", help="table of tests, as of fitmodels FILE; - reads standard input")
     p.add_argument("--out", metavar="FILE", help="the picture (default: ./<file>-look.png)")
     p.add_argument("--force", action="store_true", help="replace a picture that another program made")
-    output_options(p, "print the reading as JSON (fitmodels.look/2); no picture")
+    output_options(p, "print the reading as JSON (fitmodels.look/3); no picture")
     reading_options(p)
     return p
 
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         if args.json:
             proposed = [{"purpose": why, "command": how} for why, how in _commands(runs, args.words)]
             found = {**facts(runs), "refused": None, "commands": proposed, **_first_rows(path, options)}
-            print_json("look", found, version=2)
+            print_json("look", found, version=3)
             return 0
     commands = _commands(runs, args.words)
     out = Printer(quiet=args.quiet)
@@ -152,7 +152,7 @@ def _show_columns(path: Path, options: "ReadOptions", refusal: "FitmodelsError",
     if args.json:
         facts = {"refused": str(refusal), "columns": _columns_as_found(table), **_first_rows(path, options)}
         pairs = [{"purpose": why, "command": how} for why, how in commands]
-        print_json("look", {**facts, "commands": pairs}, version=2)
+        print_json("look", {**facts, "commands": pairs}, version=3)
         return
     out = Printer()
     out.show(shown.raw_columns(table))

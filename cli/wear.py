@@ -116,7 +116,7 @@ def _analysed(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> 
     screen.end(pairs)
     _name_unused_priors(options, pairs)
     if args.json:
-        print_json("report", {"understood": facts(runs), "pairs": reports, "left": list(map(str, left))}, version=4)
+        print_json("report", {"understood": facts(runs), "pairs": reports, "left": list(map(str, left))}, version=5)
     if any(pair.failed for pair in pairs):
         return 5
     return 4 if any(pair.parameters is None for pair in pairs) else 0

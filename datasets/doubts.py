@@ -1,7 +1,11 @@
 """Doubts about a file of tests: unusual values, columns that contradict each other, choices that it does not settle."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..core.display import Display, Displayable
 
@@ -22,6 +26,8 @@ class Doubt(Displayable):
         Options of the command that correct the reading, as typed (``--unit VB=um``); "" where there is none.
     unsettled : bool
         Whether the values may be wrong by a factor of 10 or more, so that no law on the columns is to be used.
+    lines : tuple of int
+        Lines of the file that the doubt is about; () where it is about the columns as a whole.
 
     Examples
     --------
@@ -33,6 +39,16 @@ class Doubt(Displayable):
     sentence: str
     remedy: str = ""
     unsettled: bool = False
+    lines: tuple[int, ...] = ()
+
+    def concerns(self, lines: Sequence[int] | NDArray[np.intp]) -> bool:
+        """Whether the doubt is about one of these lines, or about the columns as a whole.
+
+        >>> doubt = Doubt(("VB",), "line 7: VB 12 mm is far from all other rows", lines=(7,))
+        >>> doubt.concerns([6, 7, 8]), doubt.concerns([9, 10])
+        (True, False)
+        """
+        return not self.lines or bool(np.isin(self.lines, lines).any())
 
     def __str__(self) -> str:
         """The sentence with its remedy."""

@@ -222,7 +222,7 @@ def _doubt_broken(draft: Draft, name: str, ended: NDArray[np.bool_]) -> None:
             f"T: {lives} ended by breakage by column {name!r} ({lines_of(draft.lines[rows])}), and a breakage counts "
             "as the end of life; if T is the life to a wear criterion, it is a run-out"
         )
-        draft.doubts.append(Doubt(("T",), sentence))
+        draft.doubts.append(Doubt(("T",), sentence, lines=numbers_of(draft, rows)))
 
 
 def _stated_run_outs(draft: Draft) -> tuple[str, NDArray[np.bool_]] | None:
@@ -283,6 +283,11 @@ def _by_codes(draft: Draft, name: str, cells: NDArray[np.object_], lives: NDArra
     return np.asarray(cells == "0", dtype=bool)
 
 
+def numbers_of(draft: Draft, rows: NDArray[np.intp] | NDArray[np.bool_]) -> tuple[int, ...]:
+    """Lines of some rows of a draft, for a doubt about them."""
+    return tuple(draft.lines[rows].tolist())
+
+
 def lines_of(lines: NDArray[np.intp]) -> str:
     """Lines in words.
 
@@ -316,7 +321,8 @@ def keep_marks(draft: Draft) -> None:
             _note_bounds(draft, marks)
             marks = [(row, mark) for row, mark in marks if mark.sign not in "<>"]
         if marks:
-            draft.doubts.append(Doubt((role,), _left_out(draft, role, marks)))
+            lines = numbers_of(draft, np.array([row for row, _ in marks], dtype=np.intp))
+            draft.doubts.append(Doubt((role,), _left_out(draft, role, marks), lines=lines))
 
 
 def _are(n: int) -> str:

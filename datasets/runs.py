@@ -157,7 +157,7 @@ class Runs(Plottable):
         return np.array(["" if v != v else label_of(v) for v in series.tolist()], dtype=object)
 
     def pairs(self) -> Iterator["Runs"]:
-        """The runs of each tool/work pair, in the order in which the file names them."""
+        """The runs of each tool/work pair, in the order of the file, with the doubts about its rows."""
         keys = [role for role in ("tool", "work") if role in self.data]
         if not keys:
             yield self
@@ -167,7 +167,9 @@ class Runs(Plottable):
         for _, group in pd.DataFrame(texts).groupby(keys, sort=False):
             rows = self.data.index.get_indexer(group.index)
             tool, work = (str(group[role].iloc[0]) if role in group else getattr(self, role) for role in UNNAMED)
-            yield replace(self, data=self.data.iloc[rows], lines=self.lines[rows], tool=tool, work=work)
+            lines = self.lines[rows]
+            doubts = tuple(doubt for doubt in self.doubts if doubt.concerns(lines))
+            yield replace(self, data=self.data.iloc[rows], lines=lines, tool=tool, work=work, doubts=doubts)
 
     def join(self, other: "Readable") -> "Runs":
         """Runs of both as one file; only columns that both have are kept."""

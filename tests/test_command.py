@@ -142,7 +142,7 @@ def test_the_json_report_holds_the_numbers_of_the_parameter_file(fitted):
     result = run(GC435, "--json")
     assert (result.code, result.err) == (0, "")
     report = strict(result.out)
-    assert report["schema"] == "fitmodels.report/4"
+    assert report["schema"] == "fitmodels.report/5"
     assert report["understood"]["source"]["rows"] == 239
     (pair,) = report["pairs"]
     assert (pair["tool"], pair["folder"], pair["refused"]) == ("GC435", None, [])

@@ -146,7 +146,7 @@ def test_a_refusal_with_a_remedy_gives_commands_that_work(here):
 def test_look_as_json_has_the_commands_and_draws_nothing(here):
     result = run("look", GC435, "--json")
     found = json.loads(result.out)
-    assert (found["schema"], found["doubts"], found["source"]["rows"]) == ("fitmodels.look/2", [], 239)
+    assert (found["schema"], found["doubts"], found["source"]["rows"]) == ("fitmodels.look/3", [], 239)
     assert found["commands"] == [{"purpose": "Fit it as read:", "command": f"fitmodels {GC435}"}]
     assert list(here.iterdir()) == []
 

@@ -851,3 +851,34 @@ def test_rows_pasted_again_in_a_table_without_edges_are_named(read, digits, copi
     said = [doubt.sentence for doubt in read(frame.to_csv(index=False)).doubts if "count twice" in doubt.sentence]
     assert len(said) == bool(found)
     assert all(one.startswith(f"{found} repeat the settings and readings of earlier rows") for one in said)
+
+
+def two_tools():
+    rng = np.random.default_rng(5)
+    V, f, t = (x.ravel() for x in np.meshgrid([100.0, 150.0, 200.0], [0.1, 0.2], [2.0, 4.0, 6.0, 8.0], indexing="ij"))
+    edge = np.repeat(np.arange(6), 4)
+    wear = 0.002 * V**0.6 * f**0.3 * t**0.6
+    parts = [
+        pd.DataFrame(
+            {"tool": tool, "work": "C45", "edge": [f"{tool}{k}" for k in edge], "V [m/min]": V, "f [mm/rev]": f}
+            | {"t [min]": t, "VB [mm]": wear * np.exp(rng.normal(0, 0.02, len(t)))}
+        )
+        for tool in "AB"
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "value", "lines"),
+    [("VB [mm]", 30, 3.0, {32}), ("t [min]", 27, 5.0, {28, 29}), ("V [m/min]", 33, 120.0, set(range(34, 38)))],
+    ids=["slipped mark of wear", "time that falls", "speed that changes"],
+)
+def test_a_doubt_about_a_line_is_one_of_its_pair_alone(tmp_path, column, row, value, lines):
+    table = two_tools()
+    table.loc[row, column] = value
+    table.to_csv(tmp_path / "two.csv", index=False)
+    pairs = {pair.tool: pair for pair in datasets.read_runs(tmp_path / "two.csv").pairs()}
+    of = {tool: [doubt for doubt in pair.doubts if doubt.lines] for tool, pair in pairs.items()}
+    assert (of["A"], {line for doubt in of["B"] for line in doubt.lines}) == ([], lines)
+    found = {tool: doubts_of_reading(fit.power_law(pair, "VB", ["V", "f", "t"]), pair) for tool, pair in pairs.items()}
+    assert (found["A"].concern, found["B"].concern > 0) == (0, True)

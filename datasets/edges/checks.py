@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ...core.arrays import MAD
 from ...core.rounding import format_plain
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import Draft, numbers_of
 from ..plausibility.stray_values import section_of
 from ..vocabulary import MEASURED, ROLES
 from .columns import Array, Codes, Flags, differs
@@ -120,6 +120,7 @@ def _of_copies(draft: Draft, copies: Flags) -> Iterator[Doubt]:
         yield Doubt(
             tuple(role for role in draft.data if role in ROLES),
             f"{which} {repeat} in every cell, and would count twice in a fit; remove what was copied",
+            lines=numbers_of(draft, copies),
         )
 
 
@@ -133,10 +134,12 @@ def _of_setting(draft: Draft, edges: EdgeRows, role: str, values: Array) -> Iter
         yield from _shifted(edges, role, moved)
         return
     cells: list[str] = []
-    for code in dict.fromkeys(edges.codes[edges.order[1:][moved]].tolist()):
+    codes = dict.fromkeys(edges.codes[edges.order[1:][moved]].tolist())
+    for code in codes:
         rows = np.flatnonzero(edges.codes == code)
         cells += _odd_cells(draft, values, rows[~np.isnan(values[rows])], str(edges.names[rows[0]]))
-    yield Doubt((role,), f"{role} changes within an edge: {listed(cells)}; correct the cell, or the name of the edge")
+    sentence = f"{role} changes within an edge: {listed(cells)}; correct the cell, or the name of the edge"
+    yield Doubt((role,), sentence, lines=numbers_of(draft, np.isin(edges.codes, list(codes))))
 
 
 def _odd_cells(draft: Draft, values: Array, rows: NDArray[np.intp], name: str) -> Iterator[str]:
@@ -202,11 +205,12 @@ def _of_response(
         if 0 < slipped.sum() <= edges.few:
             cells = (_slip_words(draft, edges, values, order, step, int(i), role) for i in np.flatnonzero(slipped))
             what = "a digit or decimal mark may have slipped"
-            yield Doubt((role,), f"{role} jumps within an edge: {listed(cells)}; {what}")
+            sentence = f"{role} jumps within an edge: {listed(cells)}; {what}"
+            yield Doubt((role,), sentence, lines=numbers_of(draft, order[slipped]))
     if grows and (step < np.log(FALL)).any():
         log_t = np.zeros(len(y)) if t is None else np.log(np.maximum(t[order], 1e-9))
         yield from _falls(draft, edges, role, values, order, step, np.diff(log_t), slipped)
-    yield from _levels(edges, role, *_over_section(draft, role, order, code, y))
+    yield from _levels(draft, edges, role, *_over_section(draft, role, order, code, y))
     yield from _shifted_response(edges, role, values)
 
 
@@ -240,7 +244,9 @@ def _falls(
             for i in np.flatnonzero(falls)
         )
         what = "wear does not heal: check these lines"
-        yield Doubt((role,), f"{role} falls by more than 20 % along an edge: {listed(cells)}; {what}")
+        ends = np.append(falls, False) | np.append(False, falls)  # either may be the wrong one
+        sentence = f"{role} falls by more than 20 % along an edge: {listed(cells)}; {what}"
+        yield Doubt((role,), sentence, lines=numbers_of(draft, order[ends]))
 
 
 def _lasting(step: Array) -> Array:
@@ -288,7 +294,7 @@ def _over_section(
     return code[known], y[known], float(np.log(APART))
 
 
-def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, far: float) -> Iterator[Doubt]:
+def _levels(draft: Draft, edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, far: float) -> Iterator[Doubt]:
     """Edges in which a measured quantity is of another order than in the others: another unit."""
     if len(y) < 3 or np.ptp(y) < far:
         return
@@ -300,23 +306,8 @@ def _levels(edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, far: f
         return
     name = dict(zip(edges.codes.tolist(), edges.names.tolist(), strict=True))
     which = listed(f"edge {name[code[i]]} by a factor of {np.exp(apart[k]):.3g}" for k, i in enumerate(at) if odd[k])
-    yield Doubt(
-        (role,),
-        f"{role} {ANOTHER_ORDER}: {which}; in another unit, or of another column?",
-    )
-
-
-def of_another_order(doubt: Doubt) -> set[str]:
-    """Names of the edges in which a doubt finds a measured quantity of another order; empty for any other doubt.
-
-    >>> doubt = Doubt(("P",), f"P {ANOTHER_ORDER}: edge E1 by a factor of 20; edge E2 by a factor of 30; in another")
-    >>> sorted(of_another_order(doubt))
-    ['E1', 'E2']
-    """
-    if ANOTHER_ORDER not in doubt.sentence:
-        return set()
-    parts = doubt.sentence.split(" by a factor of")[:-1]
-    return {part.partition("edge ")[2] for part in parts}
+    sentence = f"{role} {ANOTHER_ORDER}: {which}; in another unit, or of another column?"
+    yield Doubt((role,), sentence, lines=numbers_of(draft, np.isin(edges.codes, code[at[odd]])))
 
 
 def _may_be_shifted(edges: EdgeRows, known: Flags) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...core.text import line_spans
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import Draft, numbers_of
 from .columns import Codes, Tests, differs
 from .merged_cells import lines_text
 
@@ -112,12 +112,11 @@ def _name_the_unnamed(draft: Draft) -> None:
         target = f"lines {','.join(line_spans(sorted(lines)))}"
         where = lines_text(draft.lines[blank])
         sentence = f"{where}: {shown} in the column of edge numbers: tests, or rows of a summary?"
-        draft.doubts.append(Doubt(("edge",), sentence, f'--leave-out "{target}"'))
+        draft.doubts.append(Doubt(("edge",), sentence, f'--leave-out "{target}"', lines=numbers_of(draft, blank)))
         return
     what = "names no edge: it is read as an edge" if blank.sum() == 1 else "name no edge: each is read as an edge"
-    draft.doubts.append(
-        Doubt(("edge",), f"{lines_text(draft.lines[blank])} {what} of its own; name the edge in the file")
-    )
+    sentence = f"{lines_text(draft.lines[blank])} {what} of its own; name the edge in the file"
+    draft.doubts.append(Doubt(("edge",), sentence, lines=numbers_of(draft, blank)))
 
 
 def _doubt_single_rows(draft: Draft, tests: Tests) -> None:
@@ -138,6 +137,7 @@ def _doubt_single_rows(draft: Draft, tests: Tests) -> None:
                     ("edge",),
                     f"line {draft.lines[i]} alone is of edge {names[codes[i]]}, and its settings and time continue edge"
                     f" {beside}: is the name misspelled? Correct it in the file",
+                    lines=(int(draft.lines[i]),),
                 )
             )
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..doubts import Doubt
-from ..draft import Draft
+from ..draft import Draft, numbers_of
 from ..vocabulary import ROLES
 from .columns import Array, Codes, Flags
 from .merged_cells import lines_text
@@ -156,4 +156,5 @@ def of_equal_tests(draft: Draft, numbers: dict[str, Array], measured: tuple[str,
             tuple(role for role in draft.data if role in ROLES),
             f"{lines_text(draft.lines[copies])} repeat{'s' * int(copies.sum() == 1)} the settings and readings of "
             "earlier rows, and would count twice in a fit; tests that are repeated differ: remove what was copied",
+            lines=numbers_of(draft, copies),
         )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...core.rounding import format_plain
 from ..doubts import Doubt
-from ..draft import CORRECTS, Draft, target_of
+from ..draft import CORRECTS, Draft, numbers_of, target_of
 from ..headers import parse_header
 from ..plausibility.unused_columns import COUNTS, of_counts
 from ..tables import Column
@@ -104,7 +104,8 @@ def _falls(draft: Draft, edges: EdgeRows, x: Array, falls: Flags) -> Iterator[Do
             for i in np.flatnonzero(falls)
         )
         what = "correct the time, or begin a new edge there"
-        yield Doubt(("t", "edge"), f"t falls within an edge: {listed(cells)}; {what}")
+        at = _of_steps(draft, edges, falls)
+        yield Doubt(("t", "edge"), f"t falls within an edge: {listed(cells)}; {what}", lines=at)
         return
     first = np.zeros(len(x), dtype=bool)
     first[edges.first] = True
@@ -131,9 +132,15 @@ def _repeats(draft: Draft, edges: EdgeRows, x: Array, repeats: Flags, wear: Arra
             for i in np.flatnonzero(repeats)
         )
         what = "correct the time or the name of the edge"
-        yield Doubt(("t", "edge"), f"t repeats within an edge: {listed(cells)}; {what}")
+        at = _of_steps(draft, edges, repeats)
+        yield Doubt(("t", "edge"), f"t repeats within an edge: {listed(cells)}; {what}", lines=at)
     elif wear is not None:
         yield from duration(draft, wear[edges.order][:-1][repeats], wear[edges.order][1:][repeats])
+
+
+def _of_steps(draft: Draft, edges: EdgeRows, steps: Flags) -> tuple[int, ...]:
+    """Lines of both rows of marked steps, of shape (n - 1,) as sorted: either may be the wrong one."""
+    return numbers_of(draft, edges.order[np.append(steps, False) | np.append(False, steps)])
 
 
 def _sub_tests(draft: Draft, edges: EdgeRows, x: Array, wear: Array) -> Doubt | None:
@@ -152,6 +159,7 @@ def _sub_tests(draft: Draft, edges: EdgeRows, x: Array, wear: Array) -> Doubt | 
         f"follows the times added up: t is probably the time of each sub-test. {ADD_UP}",
         f'{CORRECTS} "{target}:t=cumulative"' if target else "",
         unsettled=True,
+        lines=numbers_of(draft, edges.order[apart]),
     )
 
 
@@ -275,7 +283,11 @@ def _late(draft: Draft, edges: EdgeRows, t: Array) -> Iterator[Doubt]:
         cells = (
             f"{format_plain(x[i])} min at line {lines[i]} after {format_plain(x[i - 1])}" for i in last[odd].tolist()
         )
-        yield Doubt(("t",), f"t jumps at the end of an edge: {listed(cells)}; a digit or decimal mark may have slipped")
+        yield Doubt(
+            ("t",),
+            f"t jumps at the end of an edge: {listed(cells)}; a digit or decimal mark may have slipped",
+            lines=numbers_of(draft, order[last[odd]]),
+        )
 
 
 def _begun(draft: Draft, edges: EdgeRows, x: Array) -> Iterator[Doubt]:
@@ -290,7 +302,9 @@ def _begun(draft: Draft, edges: EdgeRows, x: Array) -> Iterator[Doubt]:
         lines = draft.lines[edges.order]
         cells = (f"{format_plain(x[i])} min at line {lines[i]}" for i in at[odd])
         yield Doubt(
-            ("t",), f"t begins at {format_plain(usual)} min in most edges, but at {listed(cells)}; correct the time"
+            ("t",),
+            f"t begins at {format_plain(usual)} min in most edges, but at {listed(cells)}; correct the time",
+            lines=numbers_of(draft, edges.order[at[odd]]),
         )
 
 

@@ -10,7 +10,7 @@ from ...core.rounding import format_decimal
 from ..columns import ColumnUse
 from ..derived.rules import known_of
 from ..doubts import Doubt
-from ..draft import CORRECTS, Draft
+from ..draft import CORRECTS, Draft, numbers_of
 from ..options import ReadOptions
 from ..vocabulary import ROLES
 from .quantities import Quantity, table_process, take_unit, unit_factor
@@ -232,7 +232,8 @@ def _compare_engagement(draft: Draft, options: ReadOptions) -> None:
             f"{head}, in {wrong.size} of {len(size)} rows, which cannot be{hole}: correct the unit (--unit {role}=..., "
             f"--unit {tool}=...), or leave the column out with --map {role}=none."
         )
-    draft.doubts.append(Doubt((role, tool), f"{places(draft, wrong)}: {head}: {role} or {tool} is wrong there"))
+    sentence = f"{places(draft, wrong)}: {head}: {role} or {tool} is wrong there"
+    draft.doubts.append(Doubt((role, tool), sentence, lines=numbers_of(draft, wrong)))
 
 
 def _over(above: Array, below: Array) -> Array:
@@ -258,13 +259,12 @@ def _compare(draft: Draft, of: _Ratio, ratio: Array, options: ReadOptions) -> No
         return
     with np.errstate(invalid="ignore"):
         odd = np.flatnonzero((ratio > middle * DEVIATION) | (ratio < middle / DEVIATION))
-    where = places(draft, odd)
-    if 0 < len(odd) <= len(known) // 3 and not _explained(draft, roles, where):
+    if 0 < len(odd) <= len(known) // 3 and not _explained(draft, roles, odd):
         sentence = (
-            f"{where}: {name} is {format_decimal(float(ratio[odd[0]]))} {unit}".rstrip()
+            f"{places(draft, odd)}: {name} is {format_decimal(float(ratio[odd[0]]))} {unit}".rstrip()
             + f", {format_decimal(middle)} in the middle of all rows: {_one_of(roles)} is wrong there"
         )
-        draft.doubts.append(Doubt(roles, sentence))
+        draft.doubts.append(Doubt(roles, sentence, lines=numbers_of(draft, odd)))
 
 
 def _of_ratio(draft: Draft, roles: tuple[str, ...], sentence: str, possible: bool, options: ReadOptions) -> Doubt:
@@ -276,12 +276,11 @@ def _of_ratio(draft: Draft, roles: tuple[str, ...], sentence: str, possible: boo
     return Doubt(roles, f"{sentence}; if all units are right, confirm them with {units}", unsettled=True)
 
 
-def _explained(draft: Draft, roles: tuple[str, ...], where: str) -> bool:
+def _explained(draft: Draft, roles: tuple[str, ...], rows: NDArray[np.intp]) -> bool:
     """Whether a correction of one of these columns in the same rows is proposed already."""
-    return any(
-        CORRECTS in doubt.remedy and not set(roles).isdisjoint(doubt.columns) and doubt.sentence.startswith(where)
-        for doubt in draft.doubts
-    )
+    lines = set(numbers_of(draft, rows))
+    proposed = [doubt for doubt in draft.doubts if CORRECTS in doubt.remedy]
+    return any(lines == set(doubt.lines) and not set(roles).isdisjoint(doubt.columns) for doubt in proposed)
 
 
 def _one_of(roles: tuple[str, ...]) -> str:

@@ -13,7 +13,7 @@ from ..columns import NONE, ColumnUse
 from ..design import looks_numbered
 from ..doubts import Doubt
 from ..draft import CORRECTS, Draft, correction
-from ..edges.checks import of_another_order
+from ..edges.checks import ANOTHER_ORDER
 from ..edges.rows import FEW
 from ..options import Process, ReadOptions
 from ..vocabulary import ROLES, roles_named
@@ -122,14 +122,10 @@ def check_values(draft: Draft, options: ReadOptions) -> None:
 def _causes_first(doubts: list[Doubt]) -> list[Doubt]:
     """Doubts with a correction first, without loads that are of another order where a condition is to be corrected."""
     causes = [one for one in doubts if CORRECTS in one.remedy]
-    edges = {
-        name
-        for one in causes
-        if any(role in ROLES and ROLES[role].kind == "condition" for role in one.columns)
-        for name in one.remedy.partition('"')[2].rpartition(":")[0].split(",")
-    }
+    kinds = [{ROLES[role].kind for role in one.columns if role in ROLES} for one in causes]
+    lines = {line for one, of in zip(causes, kinds, strict=True) if "condition" in of for line in one.lines}
     others = [one for one in doubts if one not in causes]
-    return [*causes, *(one for one in others if not of_another_order(one) or of_another_order(one) - edges)]
+    return [*causes, *(one for one in others if ANOTHER_ORDER not in one.sentence or not lines.issuperset(one.lines))]
 
 
 def _state_unnamed(draft: Draft) -> None:

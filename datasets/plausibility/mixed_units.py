@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...core.rounding import format_decimal, listed
 from ..doubts import Doubt
-from ..draft import Draft, correction
+from ..draft import Draft, correction, numbers_of
 from ..vocabulary import ROLES
 from .unit_shifts import (
     CLOSE,
@@ -216,7 +216,8 @@ def _doubt(draft: Draft, tests: _Tests, response: str, shifts: list[_Shift]) -> 
     )
     rows = np.flatnonzero(tests.good)[shifts[0].edges[tests.code]]
     remedy = correction(draft, rows, shifts[0].role, shifts[0].factor) if with_edges and _certain(tests, shifts) else ""
-    return Doubt(tuple(dict.fromkeys(one.role for one in shifts)), sentence, remedy)
+    roles = tuple(dict.fromkeys(one.role for one in shifts))
+    return Doubt(roles, sentence, remedy, lines=numbers_of(draft, rows))
 
 
 def _certain(tests: _Tests, shifts: list[_Shift]) -> bool:

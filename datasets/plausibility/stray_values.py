@@ -1,6 +1,5 @@
 """Single cells of a file of tests that are impossible or far from all others, and levels shifted by a known factor."""
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...core.rounding import format_decimal, listed
 from ..doubts import Doubt
-from ..draft import Draft, correction, whole_edges
+from ..draft import Draft, correction, numbers_of, whole_edges
 from ..options import Process, ReadOptions
 from ..vocabulary import ROLES
 from .quantities import table_process
@@ -77,7 +76,7 @@ def _without_impossible(draft: Draft, role: str, values: Array, process: Process
         f"and is left out"
         f"{_cause(float(values[wrong[0]]), kept)}"
     )
-    draft.doubts.append(Doubt((role,), sentence))
+    draft.doubts.append(Doubt((role,), sentence, lines=numbers_of(draft, wrong)))
     return kept
 
 
@@ -303,11 +302,10 @@ def _doubt_single(draft: Draft, role: str, values: Array, levels: Array, counts:
 
 def _add(draft: Draft, role: str, rows: NDArray[np.intp], sentence: str, factor: float | None = None) -> None:
     """Add a doubt about rows of a role, unless each line is named by an earlier one; a factor would correct them."""
-    earlier = " ".join(doubt.sentence for doubt in draft.doubts if role in doubt.columns)
-    named = [*map(str, draft.lines[rows[:LISTED]].tolist()), *whole_edges(draft, rows)]
-    if not earlier or not all(re.search(rf"\b{re.escape(name)}\b", earlier) for name in named[:LISTED]):
+    named = {line for doubt in draft.doubts if role in doubt.columns for line in doubt.lines}
+    if not named.issuperset(lines := numbers_of(draft, rows)):
         remedy = "" if factor is None else correction(draft, rows, role, factor)
-        draft.doubts.append(Doubt((role,), sentence, remedy))
+        draft.doubts.append(Doubt((role,), sentence, remedy, lines=lines))
 
 
 def places(draft: Draft, rows: NDArray[np.intp]) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..design import looks_numbered
 from ..doubts import Doubt
-from ..draft import Draft, target_of
+from ..draft import Draft, numbers_of, target_of
 from ..headers import parse_header
 from ..options import Process, ReadOptions
 from ..tables import Column
@@ -129,7 +129,7 @@ def _doubt_remarks(draft: Draft) -> None:
     shown = "; ".join(f"line {draft.lines[i]}: {text}" for i, text in remarks[:SHOWN_REMARKS])
     more = f"; and {len(remarks) - SHOWN_REMARKS} more" if len(remarks) > SHOWN_REMARKS else ""
     sentence = f"the reduction of the records has remarks on {len(remarks)} of {len(draft.lines)} rows: {shown}{more}"
-    draft.doubts.append(Doubt(loads, sentence))
+    draft.doubts.append(Doubt(loads, sentence, lines=numbers_of(draft, np.array([i for i, _ in remarks]))))
 
 
 def _doubt_written_remarks(draft: Draft) -> None:
@@ -153,7 +153,8 @@ def _doubt_written_remarks(draft: Draft) -> None:
         sentence = f"{carry} in column {use.header!r} that the test is not valid: {shown}{more}"
         target = target_of(draft, rows)
         results = (one for one in draft.data if one in ROLES and (ROLES[one].kind in MEASURED or one == "T"))
-        draft.doubts.append(Doubt(tuple(results), sentence, f'--leave-out "{target}"' if target else ""))
+        remedy = f'--leave-out "{target}"' if target else ""
+        draft.doubts.append(Doubt(tuple(results), sentence, remedy, lines=numbers_of(draft, rows)))
 
 
 def _remarks(draft: Draft) -> list[tuple[int, str]]:
@@ -394,7 +395,5 @@ def _doubt_exchanged(draft: Draft, options: ReadOptions, edges: _Edges) -> None:
     for role in moving:
         for result in still:
             remedy = f'--map "{role}=col{uses[result]}" --map "{result}=col{uses[role]}"'
-            sentence = (
-                f"{role} varies within the edges and {result} is constant in each: the two columns may be exchanged"
-            )
+            sentence = f"{role} varies within the edges and {result} is constant in each: they may be exchanged"
             draft.doubts.append(Doubt((role, result), sentence, remedy))

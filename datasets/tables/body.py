@@ -73,6 +73,7 @@ class Findings:
                 names,
                 f"line{'s' * (len(self.inside) > 1)} {lines} of the file: the row is short, and {last} counts as "
                 "missing; if another cell is missing, the numbers after it stand under the wrong names",
+                lines=tuple(self.inside),
             ),
         )
 

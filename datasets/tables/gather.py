@@ -252,7 +252,7 @@ def _without_wrong_groups(name: str, values: NDArray[np.float64], grouped: list[
         f"{name}, {listed}{more}: in thousands, as the decimal mark of the file has it, this is far from the other "
         f"values ({others.min():g} to {others.max():g}); as a decimal it would lie among them. Left out"
     )
-    return [Doubt((name,), sentence)]
+    return [Doubt((name,), sentence, lines=tuple(line for line, _ in cells))]
 
 
 def _reread(body: Body, places: list[int]) -> dict[int, NDArray[np.object_]]:

@@ -1,6 +1,5 @@
 """Whether a law serves its use: explained variance and predictive error, readings, edges, doubts of the reading."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -24,7 +23,6 @@ WIDE, VERY_WIDE = 2.0, 4.0  # factor within which 95 % of results lie
 NORMAL_95 = 1.96
 FEW_EDGES = 5
 MOST_DOUBTS = 3  # quoted
-_LEFT_OUT = re.compile(r'--leave-out "(?:lines (?P<lines>[\d,-]+)|(?P<edges>.+))"')  # a remedy that names rows
 FEWEST_LEFT = 3  # degrees of freedom below which a standard deviation is hardly known
 
 
@@ -352,13 +350,7 @@ def _doubts_on(law: LawFit, runs: Runs) -> list[Doubt]:
 
 def _uses_doubted(law: LawFit, doubt: Doubt) -> bool:
     """Whether a law uses a row that a doubt would leave out; also where the doubt names no rows, or it is not known."""
-    target = _LEFT_OUT.fullmatch(doubt.remedy)
-    if target is None or law.rows is None:
-        return True
-    if target["edges"]:
-        return not set(target["edges"].split(",")).isdisjoint(np.unique(np.asarray(law.edge, dtype=str)).tolist())
-    ends = [span.split("-") for span in target["lines"].split(",")]
-    return any(bool(np.any((law.lines >= int(span[0])) & (law.lines <= int(span[-1])))) for span in ends)
+    return law.rows is None or "--leave-out" not in doubt.remedy or doubt.concerns(law.lines)
 
 
 OF_SCATTER = ("predictive use", "prediction", "signal to noise")  # checks that find that a law says little
