@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Flags
 from ..core.verdict import DO_NOT_USE, LEVELS, RESERVATIONS
 from ..datasets.plausibility.unit_shifts import DECIMAL, isolated, minorities, ratios_of
 from ..datasets.tables.numerals import is_missing
@@ -199,7 +198,7 @@ def _shifted(laws: pd.DataFrame, symbol: str, low: str, high: str) -> Iterator[t
         yield (str(row["tool"]), str(row["work"])), Concern(DOUBT, words)
 
 
-def _nearest(x: Array, i: int, found: Sequence[tuple[NDArray[np.bool_], float]]) -> tuple[Array, float]:
+def _nearest(x: Array, i: int, found: Sequence[tuple[Flags, float]]) -> tuple[Array, float]:
     """The other pairs of the minority of pair i that its factor brings nearest to their median, and the factor."""
     with_pair = ((x[~pairs], factor) for pairs, factor in found if pairs[i])
     return min(with_pair, key=lambda one: abs(x[i] + np.log(one[1]) - np.median(one[0])))

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..core.arrays import Array, Flags, Ints
 from ..fit.defaults import Asked
 from .outcomes import Cell, cell
 
@@ -30,7 +31,6 @@ COUNTS = frozenset({"nobs", "n_edges", "df", "df_resid", "dropped"})
 FLAGS = frozenset({"by_edge", "simulated"})
 TEXTS = frozenset({*LAW, "verdict", "left_out", "edge_reason", "no_posterior"})
 
-Ints = NDArray[np.intp]
 BEFORE, AFTER = (
     ("verdict", "simulated", *WHOLE),
     (*NOTES, "no_posterior"),
@@ -104,7 +104,7 @@ def flags(values: ArrayLike) -> Column:
     return pd.arrays.BooleanArray(found, np.zeros(found.shape, dtype=bool))
 
 
-def finite(values: ArrayLike) -> NDArray[np.float64]:
+def finite(values: ArrayLike) -> Array:
     """Doubles, shape (n,), NaN where they are not finite.
 
     >>> finite([1.0, float("inf")]).tolist()
@@ -165,7 +165,7 @@ def renumbered(table: pd.DataFrame, numbers: Sequence[int] | Ints) -> pd.DataFra
     return table.assign(**{PAIR: np.asarray(numbers, dtype=np.intp)[table[PAIR].to_numpy()]})
 
 
-def fitted(table: pd.DataFrame) -> NDArray[np.bool_]:
+def fitted(table: pd.DataFrame) -> Flags:
     """Mask of the rows that are laws, shape (n,); the others have a reason."""
     return (table["reason"] == "").to_numpy(dtype=bool)
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Ints
 from ..datasets import Runs
 from ..datasets.columns import ColumnUse
 from ..datasets.derived.rules import Derived
@@ -81,7 +81,7 @@ class PairRows:
     """
 
     frame: pd.DataFrame
-    lines: NDArray[np.intp] | None
+    lines: Ints | None
     units: Mapping[str, str]
     columns: tuple[ColumnUse, ...]
     source: Source
@@ -110,7 +110,7 @@ class PairRows:
             if len(where):
                 yield self._runs(where)
 
-    def _runs(self, where: NDArray[np.intp]) -> tuple[Pair, Runs]:
+    def _runs(self, where: Ints) -> tuple[Pair, Runs]:
         data = self.frame.iloc[where]
         pair = Pair(str(data["tool"].iloc[0]), str(data["work"].iloc[0]))
         about = self.of_pair.get(pair)

@@ -5,8 +5,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..datasets.vocabulary import FLANK_WEAR, USUAL_CRITERION
 from .arguments import Parser, seed
 from .numbers import criterion, values
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _left_out(law: "LawFit", runs: "Runs") -> dict[str, NDArray[np.float64]]:
+def _left_out(law: "LawFit", runs: "Runs") -> dict[str, Array]:
     """Settings of the machine that the law left out since they follow others, in its rows; none that changes in a test.
 
     Those of a file whose lines do not name its rows, and of a law of second order, are not known.
@@ -365,7 +365,7 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
 
 def _minutes(
     wear: "LawFit | None", args: argparse.Namespace, table: "pd.DataFrame", longest: float, least: float = 0.0
-) -> NDArray[np.float64]:
+) -> Array:
     """Minutes in cut of each setting: its life by the law of wear, to two digits, from the least to the longest.
 
     Factors that the table lacks are at the middle of the tests; without a life it is the longest.

@@ -15,8 +15,8 @@ from .output import Printer, output_options, print_json
 
 if TYPE_CHECKING:
     import pandas as pd
-    from numpy.typing import NDArray
 
+    from ..core.arrays import Array
     from ..datasets import Runs
 
 MOST = 12  # edges beyond a limit that are named
@@ -129,7 +129,7 @@ def _beyond_limits(plan: "pd.DataFrame", args: argparse.Namespace) -> list[str]:
     return found
 
 
-def _set_values(edges: "pd.DataFrame", symbol: str, process: str | None) -> "NDArray[np.float64]":
+def _set_values(edges: "pd.DataFrame", symbol: str, process: str | None) -> "Array":
     """Values of a setting, or the power, of each edge of a plan."""
     from ..core.errors import UsageError
     from ..datasets.derived.rules import removal_rate

@@ -1,8 +1,8 @@
 """Display of the results of this package: one registered function per class."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Ints
 from ..core.display import Display, TextTable, display_of
 from ..core.rounding import format_plain
 from .constant_load_milling.runs import ToolRun
@@ -97,7 +97,7 @@ def of_laws(laws: LifeLaws) -> Display:
     return Display(f"d {laws.d:g} mm: {head}", facts, None, laws.notes)
 
 
-def _shown(count: int) -> NDArray[np.intp]:
+def _shown(count: int) -> Ints:
     """Evenly spaced rows of a table, at most `MOST_ROWS`."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_ROWS)).astype(int))
 

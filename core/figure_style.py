@@ -12,7 +12,8 @@ from re import findall, split
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from .arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +207,7 @@ def round_numbers(low: float, high: float, fewest: int = 3, most: int = 9) -> li
     return ticks if 2 <= len(ticks) <= most else [float(f"{v:.2g}") for v in np.geomspace(low, high, 4)]
 
 
-def contour_levels(z: NDArray[np.float64]) -> NDArray[np.float64]:
+def contour_levels(z: Array) -> Array:
     """About seven contour levels at round numbers; none of a surface that is constant or not finite."""
     low, high = float(z.min()), float(z.max())
     if not (np.isfinite(z).all() and high - low > CONSTANT * max(abs(low), abs(high))):

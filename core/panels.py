@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .arrays import Array
 from .figure_style import (
     GREY,
     INK,
@@ -27,7 +28,7 @@ from .figure_style import (
     round_numbers,
     tick_values,
 )
-from .pens import LEADING, Array, Dashes, Pen, Point, Words
+from .pens import LEADING, Dashes, Pen, Point, Words
 
 Box = tuple[float, float, float, float]
 DASHED: Dashes = (3.7, 1.6)  # times the width of the line

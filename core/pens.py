@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .figure_style import DPI, INK, TEXT
 from .text import printable
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 Dashes = tuple[float, ...]
 LEADING = 1.2  # times the size of a text, from line to line

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array
 from .display import Display, Displayable, Plottable, TextTable, by_fields, display_of, plot
 from .intervals import Root
 from .rounding import format_plain as plain
@@ -240,7 +241,7 @@ def within_tests(found: P, longest: float | None, unreached: str = "") -> P:
     return replace(found, inside=single(inside), longest=longest, unreached=unreached)
 
 
-def compared_time(life: Any, longest: float) -> NDArray[np.float64]:  # noqa: ANN401
+def compared_time(life: Any, longest: float) -> Array:  # noqa: ANN401
     """Time at which a life is compared with the tests: that of the longest test if it is longer by less than 5 %.
 
     >>> compared_time([12.0, 16.3, 24.0], 16.0).tolist()

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from shlex import quote
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags
 from ..core.errors import DataError
 from .doubts import Doubt
 from .headers import last_bracket, parse_header
@@ -33,7 +33,7 @@ _FEW = 3  # times that show a course
 _RISING = 0.6  # share of rising steps in a column of times
 _MORNING = 240.0  # min after midnight: before it nobody starts a test
 
-Floats = NDArray[np.float64]
+Floats = Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class _Times:
     example: str
 
     @property
-    def has_seconds(self) -> NDArray[np.bool_]:
+    def has_seconds(self) -> Flags:
         return np.isfinite(self.parts[:, 2])
 
     def minutes(self, first: str) -> Floats:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import closest, did_you_mean
@@ -38,7 +39,7 @@ _WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:[^\W\d_]|[%°\"'])\D*")
 NONE = "none"  # --map P=none: no column of this file is the power
 DECIDED = ("edge", "tool", "run")  # roles that several columns may claim: `edges` decides by their content
 
-Values = NDArray[np.float64] | NDArray[np.object_]
+Values = Array | NDArray[np.object_]
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.errors import DataError, UsageError
 from ..core.rounding import format_decimal, format_plain
 from ..core.suggestions import did_you_mean
@@ -19,7 +19,7 @@ from .draft import Draft
 from .edges.assignment import settle_edges
 from .edges.merged_cells import lines_text
 from .edges.rows import by_edge
-from .named_rows import Rows, RowsOf
+from .named_rows import RowsOf
 from .options import ReadOptions
 from .plausibility.judgement import settle_units
 from .plausibility.quantities import table_process
@@ -61,7 +61,7 @@ class Correction:
         """Whether the values of each edge are added up, in the order of the file."""
         return self.sign == "="
 
-    def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def apply(self, values: Array) -> Array:
         """The corrected values; for a cumulative correction those of one edge, none known after an empty cell."""
         if self.cumulative:
             return np.cumsum(values)
@@ -112,12 +112,12 @@ class Corrections:
 
     def __init__(self, draft: Draft, options: ReadOptions, *, judge: bool) -> None:
         self._options = options
-        self._given: list[tuple[Correction, Rows]] = []
+        self._given: list[tuple[Correction, Flags]] = []
         self._words: list[str] = []
-        self._out: Rows = np.zeros(len(draft.lines), dtype=bool)
+        self._out: Flags = np.zeros(len(draft.lines), dtype=bool)
         self._edges: Values | None = None
-        self._groups: list[NDArray[np.intp]] = []  # rows of each edge that a column names
-        self._was: dict[str, NDArray[np.float64]] = {}  # values before they were added up
+        self._groups: list[Ints] = []  # rows of each edge that a column names
+        self._was: dict[str, Array] = {}  # values before they were added up
         self._rows_are_summed = False
         if options.correct or options.leave_out:
             self._find(_as_it_stands(draft, options, judge=judge))
@@ -187,7 +187,7 @@ class Corrections:
     def _check(self, trial: Draft) -> None:
         """Refuse a quantity that is not there, and a value that is corrected twice."""
         known = [role for role in trial.data if role in ROLES and ROLES[role].unit]
-        taken: dict[str, Rows] = {}
+        taken: dict[str, Flags] = {}
         for one, rows in self._given:
             if one.symbol not in known:
                 raise UsageError(f"--correct {one.text}: {_no_such(trial, one.symbol, known)}")
@@ -241,7 +241,7 @@ def _no_such(trial: Draft, symbol: str, known: Sequence[str]) -> str:
     return label + did_you_mean(symbol, known, names="Columns with numbers: ")
 
 
-def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> None:
+def _apply(draft: Draft, one: Correction, rows: Flags, *, as_written: bool) -> None:
     """Correct the values of a role, and with ``as_written`` the column of the file and its marked numbers."""
     old = np.asarray(draft.data[one.symbol], dtype=float)
     new = np.where(rows, one.apply(old), old)
@@ -256,9 +256,7 @@ def _apply(draft: Draft, one: Correction, rows: Rows, *, as_written: bool) -> No
         )
 
 
-def _added_up(
-    one: Correction, values: NDArray[np.float64], rows: Rows, groups: Sequence[NDArray[np.intp]]
-) -> NDArray[np.float64]:
+def _added_up(one: Correction, values: Array, rows: Flags, groups: Sequence[Ints]) -> Array:
     """Values of the edges of some rows added up within each, in the order of the file."""
     new = values.copy()
     for group in groups:
@@ -267,7 +265,7 @@ def _added_up(
     return new
 
 
-def _refuse_sums(trial: Draft, one: Correction, rows: Rows, groups: Sequence[NDArray[np.intp]]) -> None:
+def _refuse_sums(trial: Draft, one: Correction, rows: Flags, groups: Sequence[Ints]) -> None:
     """Refuse to add up what is a sum already, or rows that are not whole edges of a column of the file."""
     head = f"--correct {one.text}: "
     if any(found.role == one.symbol and found.equation.endswith(SUMMED) for found in trial.derived):
@@ -278,9 +276,7 @@ def _refuse_sums(trial: Draft, one: Correction, rows: Rows, groups: Sequence[NDA
         raise UsageError(f"{head}some rows of an edge cannot be added up; name whole edges, or all.")
 
 
-def _refuse_negative(
-    draft: Draft, one: Correction, rows: Rows, old: NDArray[np.float64], new: NDArray[np.float64]
-) -> None:
+def _refuse_negative(draft: Draft, one: Correction, rows: Flags, old: Array, new: Array) -> None:
     """Refuse a result below zero, unless most of the values were."""
     wrong = np.flatnonzero((new < 0) & (old >= 0))
     reversed_sign = one.number < 0 and np.count_nonzero(old[rows] < 0) > wrong.size
@@ -293,7 +289,7 @@ def _refuse_negative(
         )
 
 
-def _scaled(column: Column, rows: Rows, one: Correction) -> Column:
+def _scaled(column: Column, rows: Flags, one: Correction) -> Column:
     """The column of the file with the numbers of some rows multiplied or divided, marked ones too."""
     values = np.asarray(column.values, dtype=float)
     marks = tuple(
@@ -303,7 +299,7 @@ def _scaled(column: Column, rows: Rows, one: Correction) -> Column:
     return replace(column, values=np.where(rows, one.apply(values), values), marks=marks)
 
 
-def _refuse_impossible(draft: Draft, options: ReadOptions, one: Correction, rows: Rows) -> None:
+def _refuse_impossible(draft: Draft, options: ReadOptions, one: Correction, rows: Flags) -> None:
     """Refuse a correction whose result no machine reaches; such cells of the file were left out before."""
     ranges = plausible(one.symbol, table_process(draft, options))
     if ranges is None or one.symbol in options.ranges:
@@ -346,7 +342,7 @@ def _compute_anew(draft: Draft, options: ReadOptions, corrected: set[str]) -> No
     apply(known, {}, [one.equation for one in affected])
 
 
-def _sentence(draft: Draft, one: Correction, rows: Rows, was: NDArray[np.float64] | None) -> str:
+def _sentence(draft: Draft, one: Correction, rows: Flags, was: Array | None) -> str:
     """Changes by a correction, with old and new values; ``was`` are the values that were added up."""
     new = np.asarray(draft.data[one.symbol], dtype=float)[rows]
     old = replace(one, sign=INVERSE[one.sign]).apply(new) if was is None else was[rows]
@@ -357,7 +353,7 @@ def _sentence(draft: Draft, one: Correction, rows: Rows, was: NDArray[np.float64
     )
 
 
-def _span(values: NDArray[np.float64]) -> str:
+def _span(values: Array) -> str:
     known = values[np.isfinite(values)]
     if not known.size:
         return "no value"
@@ -365,7 +361,7 @@ def _span(values: NDArray[np.float64]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _left_out(trial: Draft, target: str, rows: Rows) -> str:
+def _left_out(trial: Draft, target: str, rows: Flags) -> str:
     """Rows that a target leaves out, with the values of a single one."""
     n = int(rows.sum())
     words = (

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import Array, Ints
 from ..core.errors import DataError, UsageError
 from .factorial_designs import alias_sentences, factorial_blocks, two_level
 
@@ -16,7 +17,7 @@ ORTHOGONAL = 1e-6  # correlation below which columns are orthogonal
 MOST_FACTORS = 6
 MOST_EDGES = 1000  # at one point
 
-Floats = NDArray[np.float64]
+Floats = Array
 
 
 def central_composite(
@@ -100,7 +101,7 @@ class DesignPoints:
 
     coded: Floats
     kind: NDArray[np.str_]
-    block: NDArray[np.intp]
+    block: Ints
     confounded: tuple[tuple[int, ...], ...] = ()
 
 
@@ -290,10 +291,10 @@ def _check_counts(centre: int, axial_repeats: int, digits: int | None) -> None:
         raise UsageError(f"digits {digits}: a level needs at least 1 significant digit; give 1 or more, or None.")
 
 
-Values = NDArray[np.float64] | NDArray[np.object_]
+Values = Array | NDArray[np.object_]
 
 
-def looks_coded(values: NDArray[np.float64]) -> bool:
+def looks_coded(values: Array) -> bool:
     """Whether these are coded levels of a design: few, symmetric about zero, with -1 and 1 among them.
 
     Examples
@@ -310,7 +311,7 @@ def looks_coded(values: NDArray[np.float64]) -> bool:
     return bool(np.allclose(levels, -levels[::-1]))
 
 
-def looks_numbered(values: NDArray[np.float64]) -> bool:
+def looks_numbered(values: Array) -> bool:
     """Whether these are numbers of levels, as in Taguchi's arrays: 1, 2 or 1, 2, 3 and so on, each in several rows.
 
     Examples
@@ -366,7 +367,7 @@ def decode_levels(role: str, values: Values, given: tuple[float, ...] | None) ->
     return centre + levels * (high - low) / 2, (how,)
 
 
-def _of_numbers(role: str, levels: NDArray[np.float64], given: tuple[float, ...]) -> tuple[Values, tuple[str, ...]]:
+def _of_numbers(role: str, levels: Array, given: tuple[float, ...]) -> tuple[Values, tuple[str, ...]]:
     """Conditions from levels numbered 1, 2, 3: the value given for each, and the assumption made."""
     n = int(np.nanmax(levels))
     steps = np.diff(given)

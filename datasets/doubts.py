@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Ints
 from ..core.display import Display, Displayable
 
 KEYWORDS = {"unit": "units", "map": "map", "value": "constants"}  # options of the command -> of datasets.read_runs
@@ -41,7 +41,7 @@ class Doubt(Displayable):
     unsettled: bool = False
     lines: tuple[int, ...] = ()
 
-    def concerns(self, lines: Sequence[int] | NDArray[np.intp]) -> bool:
+    def concerns(self, lines: Sequence[int] | Ints) -> bool:
         """Whether the doubt is about one of these lines, or about the columns as a whole.
 
         >>> doubt = Doubt(("VB",), "line 7: VB 12 mm is far from all other rows", lines=(7,))

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.errors import DataError
 from ..core.rounding import listed
 from ..core.text import line_spans
 from .columns import ColumnUse, Values
 from .derived.rules import Derived
 from .doubts import Doubt
-from .edges.columns import Codes, numbered
+from .edges.columns import numbered
 from .tables import Column
 from .tables.numerals import Mark
 from .units import canonical, convert, same_dimension
@@ -53,20 +54,20 @@ class Draft:
     uses: tuple[ColumnUse, ...]
     data: dict[str, Values]
     units: dict[str, str]
-    lines: NDArray[np.intp]
+    lines: Ints
     notes: tuple[str, ...] = ()
     assumed: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     doubts: list[Doubt] = field(default_factory=list)
     derived: list[Derived] = field(default_factory=list)
-    coded: dict[str, tuple[Values, Codes, list[str]]] = field(default_factory=dict, repr=False)
+    coded: dict[str, tuple[Values, Ints, list[str]]] = field(default_factory=dict, repr=False)
 
-    def numbers(self) -> dict[str, NDArray[np.float64]]:
+    def numbers(self) -> dict[str, Array]:
         """Values of the roles that have a unit, as floats."""
         with_unit = [role for role in self.data if role in ROLES and ROLES[role].unit]
         return {role: np.asarray(self.data[role], dtype=float) for role in with_unit}
 
-    def keep(self, rows: NDArray[np.bool_]) -> None:
+    def keep(self, rows: Flags) -> None:
         """Leave out the other rows; ``rows`` has shape (n,)."""
         place = np.cumsum(rows) - 1
         self.columns = tuple(
@@ -79,7 +80,7 @@ class Draft:
         self.data = {role: values[rows] for role, values in self.data.items()}
         self.lines = self.lines[rows]
 
-    def codes(self, role: str) -> tuple[Codes, list[str]]:
+    def codes(self, role: str) -> tuple[Ints, list[str]]:
         """Codes of the rows of a label, and its names; computed once for each array."""
         labels = self.data[role]
         known = self.coded.get(role)
@@ -89,7 +90,7 @@ class Draft:
         return known[1], known[2]
 
 
-def target_of(draft: Draft, rows: NDArray[np.intp]) -> str:
+def target_of(draft: Draft, rows: Ints) -> str:
     """Rows as ``--correct`` names them: ``E05,E11`` where they are whole edges, else ``lines 2-4,9``.
 
     Empty where lines hold rows of several edges, where two pairs of tool and work have edges of one name, or where the
@@ -107,7 +108,7 @@ def target_of(draft: Draft, rows: NDArray[np.intp]) -> str:
     return text if len(text) <= LONGEST_TARGET else ""
 
 
-def whole_edges(draft: Draft, rows: NDArray[np.intp]) -> list[str]:
+def whole_edges(draft: Draft, rows: Ints) -> list[str]:
     """Names of the edges whose rows these are; empty where an edge is among them with some of its rows only."""
     if "edge" not in draft.data:
         return []
@@ -121,7 +122,7 @@ def whole_edges(draft: Draft, rows: NDArray[np.intp]) -> list[str]:
     return sorted(edges, key=lambda name: (len(name), name)) if all(edges) else []
 
 
-def correction(draft: Draft, rows: NDArray[np.intp], symbol: str, factor: float) -> str:
+def correction(draft: Draft, rows: Ints, symbol: str, factor: float) -> str:
     """The option that multiplies a quantity of some rows, empty where they have no short name."""
     target = target_of(draft, rows)
     sign, size = ("*", factor) if abs(factor) >= 1 else ("/", 1 / factor)
@@ -212,7 +213,7 @@ def mark_run_outs(draft: Draft) -> None:
         )
 
 
-def _doubt_broken(draft: Draft, name: str, ended: NDArray[np.bool_]) -> None:
+def _doubt_broken(draft: Draft, name: str, ended: Flags) -> None:
     """Doubt lives that a column says ended by breakage: they are no lives to a wear criterion."""
     cells = next(column.labels() for column in draft.columns if column.name == name)
     rows = np.flatnonzero(ended & np.array([bool(_BROKEN.search(str(cell))) for cell in cells]))
@@ -225,7 +226,7 @@ def _doubt_broken(draft: Draft, name: str, ended: NDArray[np.bool_]) -> None:
         draft.doubts.append(Doubt(("T",), sentence, lines=numbers_of(draft, rows)))
 
 
-def _stated_run_outs(draft: Draft) -> tuple[str, NDArray[np.bool_]] | None:
+def _stated_run_outs(draft: Draft) -> tuple[str, Flags] | None:
     """Column that states the run-outs, and whether each row is one; None where there is no such column."""
     for column, use in zip(draft.columns, draft.uses, strict=True):
         if use.role in ("censored", "ended"):
@@ -243,7 +244,7 @@ def _stated_run_outs(draft: Draft) -> tuple[str, NDArray[np.bool_]] | None:
     return None
 
 
-def _by_role(column: Column, role: str) -> NDArray[np.bool_]:
+def _by_role(column: Column, role: str) -> Flags:
     """Run-outs by a column that says yes or no, or in words, whether a life was cut off or ended, or what ended it."""
     cells = [str(cell).strip().casefold() for cell in column.labels()]
     out = [_is_run_out(cell, role) for cell in cells]
@@ -267,7 +268,7 @@ def _is_run_out(cell: str, role: str) -> bool | None:
     return False if names_end else None
 
 
-def _by_codes(draft: Draft, name: str, cells: NDArray[np.object_], lives: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _by_codes(draft: Draft, name: str, cells: NDArray[np.object_], lives: Array) -> Flags:
     """Run-outs by codes 0 and 1: those of the longest lives if all are equal, otherwise 0, with a doubt."""
     longest = np.isfinite(lives) & (lives >= np.nanmax(lives))
     for code in ("0", "1"):
@@ -283,12 +284,12 @@ def _by_codes(draft: Draft, name: str, cells: NDArray[np.object_], lives: NDArra
     return np.asarray(cells == "0", dtype=bool)
 
 
-def numbers_of(draft: Draft, rows: NDArray[np.intp] | NDArray[np.bool_]) -> tuple[int, ...]:
+def numbers_of(draft: Draft, rows: Ints | Flags) -> tuple[int, ...]:
     """Lines of some rows of a draft, for a doubt about them."""
     return tuple(draft.lines[rows].tolist())
 
 
-def lines_of(lines: NDArray[np.intp]) -> str:
+def lines_of(lines: Ints) -> str:
     """Lines in words.
 
     >>> lines_of(np.array([2, 3, 6]))

@@ -13,12 +13,12 @@ from itertools import combinations, product
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array, Ints
 from ..core.errors import UsageError
 
-Floats = NDArray[np.float64]
-Index = NDArray[np.intp]
+Floats = Array
+Index = Ints
 Levels = tuple[float, float] | Sequence[float] | Sequence[str]
 
 SAME = 1 - 1e-9  # absolute correlation of two columns that are one

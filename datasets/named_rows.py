@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Flags
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
 from ..core.text import line_spans
@@ -20,8 +20,6 @@ _EVERY = "all"
 MOST_NAMED = 40  # edges in a refusal
 _SHOWN = 4  # cells in a sentence
 
-Rows = NDArray[np.bool_]
-
 
 @dataclass(frozen=True, slots=True)
 class RowsOf:
@@ -29,7 +27,7 @@ class RowsOf:
 
     draft: Draft
 
-    def of(self, target: str, option: str) -> Rows:
+    def of(self, target: str, option: str) -> Flags:
         """Rows of edges, of lines, or all of them; ``option`` begins the refusal of a target that does not exist."""
         target = target.strip()
         if target.lower() == _EVERY:
@@ -40,7 +38,7 @@ class RowsOf:
         within = self._of_edges(match["edges"], option) if match["edges"] else None
         return self._of_lines(match["lines"], within, option)
 
-    def _of_edges(self, target: str, option: str) -> Rows:
+    def _of_edges(self, target: str, option: str) -> Flags:
         if "edge" not in self.draft.data:
             raise UsageError(
                 f"{option}: the file has no edges; name lines, as in 'lines 12,14-16', or the column of the edges with "
@@ -57,7 +55,7 @@ class RowsOf:
             rows |= found
         return rows
 
-    def _refuse_several_pairs(self, name: str, rows: Rows, option: str) -> None:
+    def _refuse_several_pairs(self, name: str, rows: Flags, option: str) -> None:
         """Edges of one name on two tools or materials are different edges."""
         labels = [self.draft.data[role][rows] for role in UNNAMED if role in self.draft.data]
         pairs = list(zip(*(label.tolist() for label in labels), strict=True))
@@ -71,7 +69,7 @@ class RowsOf:
             )
             raise UsageError(f"{option}: edge {name!r} is in {len(kinds)} pairs of tool and work; name lines ({each}).")
 
-    def _of_lines(self, text: str, within: Rows | None, option: str) -> Rows:
+    def _of_lines(self, text: str, within: Flags | None, option: str) -> Flags:
         lines = self.draft.lines
         rows = np.zeros(len(lines), dtype=bool)
         for first, last in _ranges(text, option):
@@ -89,7 +87,7 @@ class RowsOf:
             self._refuse_several_rows(rows, option)
         return rows
 
-    def _refuse_several_rows(self, rows: Rows, option: str) -> None:
+    def _refuse_several_rows(self, rows: Flags, option: str) -> None:
         """A line may hold rows of several edges, in a wide table or in a folder of files."""
         lines = self.draft.lines[rows]
         if len(set(lines.tolist())) == len(lines) or "edge" not in self.draft.data:

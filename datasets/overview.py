@@ -12,11 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Ints
 from ..core.figure_style import BLUE, GREY, ORANGE, SERIES, SMALL, THICK, THIN
 from ..core.plotting import NotebookFigure, dress
 from ..core.rounding import count, with_unit
 from .figures import RESPONSES
-from .runs import Array, Runs
+from .runs import Runs
 from .vocabulary import MEASURED, ROLES
 
 MOST_FACTORS = 6  # small panels in a row
@@ -25,7 +26,6 @@ FEW_LEVELS = 25  # drawn one by one; more are a histogram
 NAMED_EDGES = 40  # edges whose names stand beside their lines
 MOST_EDGES = 200  # drawn as lines
 MOST_POINTS = 20_000
-Rows = NDArray[np.intp]
 LOG_SPAN = 3.0  # times and responses that span more are drawn on logarithmic axes, where a power law is straight
 PAIR_COLOURS = SERIES
 
@@ -156,7 +156,7 @@ def _curves(runs: Runs, symbol: str, ax: Axes, colours: NDArray[np.object_]) -> 
 
 
 def _lines(
-    ax: Axes, x: Array, y: Array, drawn: Rows, codes: Rows, names: NDArray[np.object_], colours: NDArray[np.object_]
+    ax: Axes, x: Array, y: Array, drawn: Ints, codes: Ints, names: NDArray[np.object_], colours: NDArray[np.object_]
 ) -> None:
     """A line for each edge, of many edges for some of them; few edges are named."""
     drawn = drawn[np.lexsort((x[drawn], codes))]
@@ -173,7 +173,7 @@ def _lines(
         _names_beside(ax, [str(name) for name in names], x[last], y[last], colours[last])
 
 
-def _some(places: Rows, most: int) -> Rows:
+def _some(places: Ints, most: int) -> Ints:
     """All places where they are few, otherwise so many of them, chosen at random and always the same."""
     return places if len(places) <= most else np.sort(np.random.default_rng(0).choice(places, most, replace=False))
 

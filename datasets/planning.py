@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pandas.api.types import is_numeric_dtype
 
+from ..core.arrays import Array, Ints
 from ..core.arrays import is_positive as _is_positive
 from ..core.errors import UsageError
 from .derived.rules import check_settings, machine_settings, removal_rate
@@ -40,7 +40,7 @@ from .headers import setting_named
 from .plausibility.quantities import planned_doubts
 from .vocabulary import ROLES
 
-Floats = NDArray[np.float64]
+Floats = Array
 _T = TypeVar("_T")
 
 DESIGNS = ("composite", "factorial", *ARRAYS)
@@ -221,9 +221,7 @@ def _array(
     return plan
 
 
-def _array_points(
-    chosen: NDArray[np.intp], block: NDArray[np.intp], levels: Sequence[int], middle: int, repeats: int
-) -> DesignPoints:
+def _array_points(chosen: Ints, block: Ints, levels: Sequence[int], middle: int, repeats: int) -> DesignPoints:
     """The rows of an array coded from -1 to 1, and centre points divided among its blocks."""
     scores = 2.0 * chosen / (np.array(levels) - 1) - 1
     kind = [*(f"row {i // repeats + 1}" for i in range(len(chosen))), *["centre"] * middle]
@@ -246,8 +244,8 @@ def _with_levels(
     plan: pd.DataFrame,
     name: str,
     levels: Sequence[float] | Sequence[str],
-    at: NDArray[np.intp],
-    order: NDArray[np.intp],
+    at: Ints,
+    order: Ints,
 ) -> pd.DataFrame:
     """The plan with the levels of one factor; words have no coded column."""
     if isinstance(levels[0], str):

@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from ..core.arrays import Array
 
 ALASKARI_2016 = "Alaskari & Oraby 2016, doi 10.15242/IIE.E1216006"
 
@@ -37,7 +39,7 @@ class PublishedLaw:
     standard_error: float | None = None
     factor: str = field(default="")
 
-    def predict(self, factors: Mapping[str, ArrayLike]) -> NDArray[np.float64] | None:
+    def predict(self, factors: Mapping[str, ArrayLike]) -> Array | None:
         """Values of the printed law at these factors; None for another form or a missing factor.
 
         >>> law = published_law("", "Ck 45", "Ra", "exponential")

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Ints
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import did_you_mean
 from .clock import clock_columns
@@ -220,7 +220,7 @@ def _column_of(position: int, name: str, series: "pd.Series[float]") -> Column:
 
 def _assemble(
     columns: tuple[Column, ...],
-    lines: NDArray[np.intp],
+    lines: Ints,
     source: Source,
     notes: tuple[str, ...],
     warnings: tuple[str, ...],
@@ -254,7 +254,7 @@ def _assemble(
 
 
 def _of_tests(
-    columns: tuple[Column, ...], lines: NDArray[np.intp], options: ReadOptions
+    columns: tuple[Column, ...], lines: Ints, options: ReadOptions
 ) -> tuple[tuple[Column, ...], tuple[str, ...]]:
     """The columns of one table, repeated readings as their means, and what was assumed for it."""
     columns = readable_but_for(columns, options.leave_out)
@@ -267,7 +267,7 @@ def _names_below(columns: tuple[Column, ...]) -> list[tuple[int, str, str]]:
     return [(line, column.name, text) for column in columns for line, text in column.bad if is_known(text)]
 
 
-def _refuse_second_table(columns: tuple[Column, ...], lines: NDArray[np.intp]) -> None:
+def _refuse_second_table(columns: tuple[Column, ...], lines: Ints) -> None:
     """Refuse names of quantities among the numbers of several columns: a second table begins there.
 
     Raises

@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from ..core.arrays import Array, Flags, Ints
+
 Facts = Mapping[str, Any]
 
 # Levels recorded with three or four digits move the coded ends of a range by about 1e-4.
@@ -58,7 +59,7 @@ def leverages(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -
     return _leverages(facts, U, level_numbers(facts, level, U.shape[:-1]))
 
 
-def _leverages(facts: Facts, U: Array, at: NDArray[np.intp]) -> Array:
+def _leverages(facts: Facts, U: Array, at: Ints) -> Array:
     """Leverage in each space at coded points U (..., k) of the level numbers ``at``, shape (...,)."""
     k, levels = U.shape[-1], max(1, len(facts["levels"]))
     z = np.ones((*U.shape[:-1], k + levels))
@@ -71,7 +72,7 @@ def _leverages(facts: Facts, U: Array, at: NDArray[np.intp]) -> Array:
     return out
 
 
-def inside(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -> NDArray[np.bool_]:
+def inside(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -> Flags:
     """Whether points lie in the region, shape (...,); arguments as in :func:`leverages`.
 
     A point is inside when every factor is within its range and neither radius nor leverage exceeds that of the
@@ -109,7 +110,7 @@ def excess(facts: Facts, points: ArrayLike, level: ArrayLike | None = None) -> A
     return np.concatenate(parts, axis=-1)
 
 
-def level_numbers(facts: Facts, level: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.intp]:
+def level_numbers(facts: Facts, level: ArrayLike | None, shape: tuple[int, ...]) -> Ints:
     """Position of each point's level among the levels, 0 for the reference; KeyError names an unknown one."""
     if level is None or not len(facts["levels"]):
         return np.zeros(shape, dtype=np.intp)

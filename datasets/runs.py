@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Ints
 from ..core.display import Display, Displayable, Plottable, TextTable
 from ..core.errors import DataError, ReadingWarning, UsageError
 from ..core.rounding import format_plain, label_of
@@ -23,7 +24,6 @@ from .options import Process
 from .vocabulary import MARK, ROLES
 from .vocabulary import UNNAMED as UNNAMED
 
-Array = NDArray[np.float64]
 NOT_MEASURED = ("simulated", "simulation", "simuliert", "simulé", "simulad", "no measurement")
 
 
@@ -89,7 +89,7 @@ class Runs(Plottable):
     data: pd.DataFrame
     units: Mapping[str, str]
     columns: tuple[ColumnUse, ...]
-    lines: NDArray[np.intp]
+    lines: Ints
     source: Source
     tool: str
     work: str

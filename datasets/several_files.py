@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.errors import DataError
 from ..core.rounding import listed
 from .doubts import Doubt
@@ -264,7 +265,7 @@ def _filled(column: Column) -> bool:
     return bool(len(column.values)) and bool(set(column.labels()) - {""})
 
 
-def _in_unit(column: Column, unit: str, name: str, key: str) -> NDArray[np.float64]:
+def _in_unit(column: Column, unit: str, name: str, key: str) -> Array:
     """The numbers of a column in another unit."""
     own = _unit(column)
     values = np.asarray(column.values, dtype=float)
@@ -351,7 +352,7 @@ def _names_recur(labels: NDArray[np.object_], files: NDArray[np.object_], parts:
     return False
 
 
-def _times(part: _Part) -> NDArray[np.float64]:
+def _times(part: _Part) -> Array:
     """Times of a file, zero where it has none."""
     time = part.columns.get("t")
     return np.asarray(time.values, dtype=float) if time and time.is_numeric else np.zeros(part.table.n_rows)

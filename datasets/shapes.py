@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import Ints
 from ..core.errors import DataError
 from .doubts import Doubt
 from .headers import Numbered, numbered, parse_header, timed, without_gap
@@ -272,16 +273,14 @@ def _key_column(key: str, ids: NDArray[np.object_], unit: str, number: int) -> C
     return Column(number, "t", unit, ids.astype(float), True)
 
 
-def _taken(column: Column, rows: NDArray[np.intp]) -> Column:
+def _taken(column: Column, rows: Ints) -> Column:
     """The column with these rows of the table, and its marks wherever their row is repeated."""
     marks = dict(column.marks)
     moved = tuple((i, marks[row]) for i, row in enumerate(rows.tolist()) if row in marks) if marks else ()
     return replace(column, values=column.values[rows], marks=moved)
 
 
-def _moved(
-    marked: dict[tuple[int, int], Mark], rows: NDArray[np.intp], places: NDArray[np.intp]
-) -> tuple[tuple[int, Mark], ...]:
+def _moved(marked: dict[tuple[int, int], Mark], rows: Ints, places: Ints) -> tuple[tuple[int, Mark], ...]:
     if not marked:
         return ()
     pairs = enumerate(zip(rows.tolist(), places.tolist(), strict=True))

@@ -7,9 +7,9 @@ from typing import TextIO
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..core.arrays import is_positive
+from ..core.arrays import Array, Flags, is_positive
 from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
 from ..core.files import write_whole
@@ -20,7 +20,7 @@ from .vocabulary import ROLES
 
 MOST_ROWS = 10_000_000
 
-Floats = NDArray[np.float64]
+Floats = Array
 
 
 class Deviations:
@@ -333,7 +333,7 @@ def _responses(
     return written
 
 
-def _kept(wear: Floats, criterion: float) -> NDArray[np.bool_]:
+def _kept(wear: Floats, criterion: float) -> Flags:
     """Rows up to and with the first that reaches the criterion, shape (edges, times)."""
     reached = wear >= criterion
     return np.asarray(np.cumsum(reached, axis=1) - reached == 0)

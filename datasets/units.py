@@ -16,8 +16,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import closest
 
@@ -254,7 +254,7 @@ def same_dimension(unit_a: str, unit_b: str) -> bool:
     return a == b or _quantity(a).powers == _quantity(b).powers
 
 
-def convert(values: NDArray[np.float64], from_unit: str, to_unit: str) -> NDArray[np.float64]:
+def convert(values: Array, from_unit: str, to_unit: str) -> Array:
     """Values of one unit in another.
 
     values : ndarray, any shape, in ``from_unit``; the result has its shape, in ``to_unit``, and is the same

@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Ints
 from ..core.censored import (
     EARLIER,
     ENDED,
@@ -334,7 +333,7 @@ def left_out_lives(law: LawFit) -> LeftOutLives:
     return LeftOutLives(law.response, "row" if rows.edge is None else "edge", tuple(forms), np.column_stack(scores))
 
 
-def _left_out_scores(Z: Array, ln_life: Array, side: Side, kind: Distribution, units: NDArray[np.intp]) -> Array:
+def _left_out_scores(Z: Array, ln_life: Array, side: Side, kind: Distribution, units: Ints) -> Array:
     """Log likelihood of the lives of each unit by the fit to the others, shape (units,)."""
     out = np.empty(int(units.max()) + 1)
     for g in range(len(out)):
@@ -349,9 +348,7 @@ def _left_out_scores(Z: Array, ln_life: Array, side: Side, kind: Distribution, u
     return out
 
 
-def _of_median(
-    found: CensoredFit, C: Array, distribution: Distribution, scale: float
-) -> tuple[Array, NDArray[np.float64]]:
+def _of_median(found: CensoredFit, C: Array, distribution: Distribution, scale: float) -> tuple[Array, Array]:
     """Parameters of the median life and their covariance with ln s, from those of the location."""
     step = scale * standard_quantile(distribution, 0.5)
     theta = found.beta.copy()

@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.errors import DataError, UsageError
 from ..core.rounding import label_of
 from .rows import Dropped
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Index = Ints
 Chunk = Mapping[str, object] | pd.DataFrame
 
 NAMED = 5  # rows of each reason that are listed by line
@@ -221,7 +220,7 @@ class RowFilter:
             Dropped(reason, count, tuple(self.lines[reason])) for reason, count in self.counts.items() if count
         )
 
-    def _count(self, reason: str, first: int, rows: NDArray[np.bool_]) -> None:
+    def _count(self, reason: str, first: int, rows: Flags) -> None:
         self.counts.setdefault(reason, 0)  # so that reasons keep their order
         if not rows.any():
             return

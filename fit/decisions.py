@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from math import exp, inf, log, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..core.predictions import EXTRAPOLATED
@@ -22,8 +22,6 @@ from .edges import EdgeInference
 from .lawfit import LawFit
 from .prediction import edge_sd, no_edge_interval
 from .wear_curves import doubt
-
-Array = NDArray[np.float64]
 
 STEP = 1e-6  # of a parameter in units of its standard error, for the gradient of a decision
 FAR = 2.0  # times the tested range: further away no law is to be extrapolated

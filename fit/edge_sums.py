@@ -23,6 +23,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from .available import NotAvailable
 from .edges import (
     EXACT_FIT,
@@ -38,8 +39,7 @@ from .edges import (
 from .least_squares import LinearFit, grams_about, sums_by
 from .triangle import Summary, in_rows, square_roots
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Index = Ints
 
 LARGEST = 70.0  # condition number of scaled columns up to which sums of products keep the digits of an estimate
 EXACT = 1e-11  # relative residual below which a law meets its rows exactly
@@ -386,7 +386,7 @@ def infer_from_sums(
     return of_moves(moved, fit.params, fit.cov_params, theta_names, rows.names, rows.edge_size, within, levels)
 
 
-def _levels(rows: EquivalentRows, within: NDArray[np.bool_]) -> RandomLevel:
+def _levels(rows: EquivalentRows, within: Flags) -> RandomLevel:
     """The fit with a random level of each edge; the law of the sums is about ``base``."""
     p = rows.centre.shape[1] - 1
     means = sums_by(rows.edge, rows.size[:, None] * rows.centre, len(rows.names)) / rows.edge_size[:, None]

@@ -18,14 +18,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from ..core.rounding import count
 from .available import NotAvailable
 from .least_squares import products_by, sums_by
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Index = Ints
 
 BLOCK = 16_384  # rows at a time
 SAME = 1e-9  # of a column's largest value: what it may differ by within an edge and still be constant there
@@ -186,7 +186,7 @@ def infer_by_edge(
     )
 
 
-def changes_within(columns: Array, edge: Index) -> NDArray[np.bool_]:
+def changes_within(columns: Array, edge: Index) -> Flags:
     """Whether each column (n, c) changes among the rows of one edge, edges numbered from 0.
 
     Examples
@@ -300,7 +300,7 @@ def _wald(theta: Array, cov: Array, which: list[int]) -> float | None:
     return float(b @ np.linalg.solve(cov[np.ix_(which, which)], b)) / len(which)
 
 
-def fit_random_level(Z: Array, y: Array, edge: Index, within: NDArray[np.bool_]) -> RandomLevel:
+def fit_random_level(Z: Array, y: Array, edge: Index, within: Flags) -> RandomLevel:
     """Fit a random level of each edge by restricted maximum likelihood.
 
     Parameters
@@ -324,7 +324,7 @@ def fit_random_level(Z: Array, y: Array, edge: Index, within: NDArray[np.bool_])
     return random_level(_within_triangle(Z, y, edge, means), means, size, within)
 
 
-def random_level(inside: Array, means: Array, size: Array, within: NDArray[np.bool_]) -> RandomLevel:
+def random_level(inside: Array, means: Array, size: Array, within: Flags) -> RandomLevel:
     """The fit of `fit_random_level` from sums of the rows.
 
     Parameters

@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Ints
 from ..core.display import Plottable
 from ..core.errors import FitError
 from ..datasets import Runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +74,7 @@ class FittedRows:
     observed: Array
     fitted: Array
     residuals: Array
-    lines: NDArray[np.intp]
+    lines: Ints
     edge: NDArray[np.object_] | None
     side: NDArray[np.int8] | None = None
 
@@ -88,7 +87,7 @@ class FittedRows:
         return None if self.edge is None else len(set(self.edge))
 
     @property
-    def edge_numbers(self) -> NDArray[np.intp]:
+    def edge_numbers(self) -> Ints:
         """Number of the edge of each row, in the order of their names; one edge where the file names none."""
         if self.edge is None:
             return np.zeros(len(self), dtype=np.intp)
@@ -148,7 +147,7 @@ class RowAccess:
         return self._in_memory.residuals
 
     @property
-    def lines(self) -> NDArray[np.intp]:
+    def lines(self) -> Ints:
         """Line of each row in the file, shape (n,)."""
         return self._in_memory.lines
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Ints
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..core.suggestions import did_you_mean
@@ -13,7 +13,7 @@ from ..datasets import Runs
 from ..datasets.vocabulary import ROLES
 from .available import NotAvailable
 from .censored_lives import life_law, lives_of
-from .checks.strata import LIFE, Codes, units_of
+from .checks.strata import LIFE, units_of
 from .edges import changes_within
 from .kienzle import FORCES, kienzle_law
 from .lawfit import LawFit
@@ -289,7 +289,7 @@ def free_gradient(law: LawFit) -> Array:
     return law.gradient[:, law.formula.free(law.shifts.shape[1])]
 
 
-def log_likelihood(Z: Array, y: Array, codes: Codes) -> float:
+def log_likelihood(Z: Array, y: Array, codes: Ints) -> float:
     """Largest log-likelihood of ``y = Z b + u_unit + e`` with a normal random level u of each unit.
 
     Parameters

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.censored import LifeDistribution, standard_quantile
 from ..core.figure_style import (
     BLUE,
@@ -45,7 +46,7 @@ MOST = 4000  # points in one panel: more are slow to draw and overlap
 AROUND = 0.14  # of a range, about it in a figure of contours
 FINE = 121  # points of a surface along each factor
 MOST_EDGES, MOST_SETTINGS, MOST_NAMED, MOST_LETTERS = 48, 30, 4, 40  # that are named in a panel
-Grid = NDArray[np.float64]
+Grid = Array
 
 
 def label(law: LawFit, symbol: str) -> str:
@@ -54,7 +55,7 @@ def label(law: LawFit, symbol: str) -> str:
     return f"{symbol} [{unit}]" if unit else symbol
 
 
-def even(n: int) -> NDArray[np.intp]:
+def even(n: int) -> Ints:
     """Positions of an even selection of at most ``MOST`` of n points, the first and the last among them."""
     return np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp)
 
@@ -75,14 +76,14 @@ def _title(ax: "Axes", law: LawFit, text: str) -> None:
     titled(ax, text, [", ".join(notes)])
 
 
-def points(ax: "Axes", x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+def points(ax: "Axes", x: Array, y: Array) -> None:
     """Open circles at x, y (n,), smaller where they are many, at most ``MOST`` of them."""
     shown = even(len(x))
     size, edge = (DOT, 0.9) if len(shown) <= 500 else (2, 0.4)
     ax.plot(x[shown], y[shown], "o", ms=size, mfc="none", mec=BLUE, mew=edge)
 
 
-def _points_of(ax: "Axes", law: LawFit, x: NDArray[np.float64], y: NDArray[np.float64], styles: Styles | None) -> None:
+def _points_of(ax: "Axes", law: LawFit, x: Array, y: Array, styles: Styles | None) -> None:
     """Points over x, of each edge in its style; a life known by a bound alone is an arrow towards its side."""
     side = None if law.rows is None else law.rows.side
     if side is not None and side.any():
@@ -98,7 +99,7 @@ def _points_of(ax: "Axes", law: LawFit, x: NDArray[np.float64], y: NDArray[np.fl
         ax.plot(x[rows], y[rows], label=name, **styles[name])
 
 
-def _lives(ax: "Axes", x: NDArray[np.float64], y: NDArray[np.float64], side: NDArray[np.int8]) -> None:
+def _lives(ax: "Axes", x: Array, y: Array, side: NDArray[np.int8]) -> None:
     points(ax, x[side == 0], y[side == 0])
     for which, marker, words in ((1, "^", "longer (run-out)"), (-1, "v", "shorter")):
         if (side == which).any():
@@ -177,7 +178,7 @@ def _zero_and_two(ax: "Axes", law: LawFit) -> None:
         ax.axhline(side * float(law.scale_se or 0), color=GREY, lw=THIN, ls="--")
 
 
-def _name_far(ax: "Axes", law: LawFit, x: NDArray[np.float64]) -> None:
+def _name_far(ax: "Axes", law: LawFit, x: Array) -> None:
     """Names of the edges, or lines of the file, of the farthest residuals beyond two standard errors."""
     size = np.abs(law.residuals)
     far = [int(i) for i in np.argsort(-size)[:MOST_NAMED] if law.scale_se and size[i] > 2 * law.scale_se]
@@ -308,7 +309,7 @@ def contours_inside(
     return ax
 
 
-def _outline(ax: "Axes", gx: Grid, gy: Grid, inside: NDArray[np.bool_]) -> None:
+def _outline(ax: "Axes", gx: Grid, gy: Grid, inside: Flags) -> None:
     """Border of the tested region, where it is not all of the panel."""
     if inside.any() and not inside.all():
         padded = np.where(inside, 1.0, 0.0)
@@ -371,7 +372,7 @@ def _axes_of_factors(law: LawFit, pair: tuple[str, str], ax: "Axes") -> None:
     ax.set(xlabel=label(law, pair[0]), ylabel=label(law, pair[1]))
 
 
-def _without_contours(law: LawFit, z: NDArray[np.float64], ax: "Axes") -> None:
+def _without_contours(law: LawFit, z: Array, ax: "Axes") -> None:
     if not z.size:
         why = "no contours: the middle of the other factors\nlies outside the tested region"
     else:
@@ -380,7 +381,7 @@ def _without_contours(law: LawFit, z: NDArray[np.float64], ax: "Axes") -> None:
     ax.text(0.5, 0.93, why, ha="center", fontsize=SMALL, color=GREY, transform=ax.transAxes)
 
 
-def _settings(X: NDArray[np.float64]) -> NDArray[np.float64]:
+def _settings(X: Array) -> Array:
     """Distinct rows of two columns, in their order."""
     pairs = (
         np.ascontiguousarray(X, dtype=np.float64).view(np.complex128).ravel()

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Flags
 from ..core.calls import Conditions, Takes, check_share
 from ..core.censored import LifeDistribution
 from ..core.errors import FitError
@@ -132,7 +132,7 @@ class LawFit(Predicts, RowAccess, LawFigures):
         return self.formula.scaled(self.theta, Z, self.error)[1]
 
     @property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Flags:
         """Mask of the elements of ``theta`` that were estimated, shape (p,); the others are fixed."""
         return self.formula.free(len(self.theta) - len(self.formula.names))
 

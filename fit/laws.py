@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Flags
 from ..core.formula import Formula
 from .least_squares import linear
 
@@ -65,7 +64,7 @@ class LawForm(Formula):
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             return np.log(value), G / value[:, None]
 
-    def free(self, shifts: int) -> NDArray[np.bool_]:
+    def free(self, shifts: int) -> Flags:
         """Mask of the elements of theta that are estimated, shape (p,), with that number of shifts at the end."""
         return np.array([*self.estimated, *([True] * shifts)])
 

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Ints
 from ..core.display import Plottable
 from ..core.errors import FitError
 
-Index = NDArray[np.intp]
+Index = Ints
 
 # A scaled column whose part outside the span of the columns before it is shorter than this is no column
 # of its own. Filip's tenth power, the hardest certified set, keeps 6e-8; an exact copy keeps about 1e-16.

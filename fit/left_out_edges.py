@@ -24,7 +24,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Ints
 from ..core.errors import FitError
 from ..core.verdict import Verdict
 from ..datasets.runs import Readable, Runs, as_runs
@@ -32,7 +32,7 @@ from .available import NotAvailable, computed
 from .checks.competing_forms import FittedForm
 from .checks.competing_models import paired_difference, prediction_errors
 from .checks.judgement import judge
-from .checks.strata import Codes, even_choice, units_of
+from .checks.strata import even_choice, units_of
 from .defaults import fit_law
 from .edges import EdgeInference
 from .form_choice import CHOICES, REDUCED, aicc, fit_in_form, form_named, free_gradient, n_estimated
@@ -125,7 +125,7 @@ class Shared:
     """The rows that all forms have: units left out, and the scale on which their errors are compared."""
 
     left_out: str
-    codes: Codes
+    codes: Ints
     icc: float
     observed: Array
     logs: bool
@@ -197,13 +197,13 @@ def _compared(
     return replace(found, points=_points(found, runs))
 
 
-def _on_lines(law: LawFit, lines: Codes) -> LawFit:
+def _on_lines(law: LawFit, lines: Ints) -> LawFit:
     """The law on these lines of the file, and on no more rows than a check uses."""
     keep = np.isin(law.lines, lines)
     return even_choice(law if keep.all() else refitted(law, law.error, keep))
 
 
-def _left_out(law: LawFit | NotAvailable, codes: Codes) -> Array | NotAvailable:
+def _left_out(law: LawFit | NotAvailable, codes: Ints) -> Array | NotAvailable:
     if isinstance(law, NotAvailable):
         return law
     if law.nobs != len(codes):
@@ -211,7 +211,7 @@ def _left_out(law: LawFit | NotAvailable, codes: Codes) -> Array | NotAvailable:
     return left_out_predictions(law, codes)
 
 
-def _with_selection(full: LawFit, codes: Codes) -> Array | NotAvailable:
+def _with_selection(full: LawFit, codes: Ints) -> Array | NotAvailable:
     """Predictions of left-out units where the terms of second order are selected anew without each unit.
 
     Terms that were selected with the unit would make its prediction look better than that of a new edge.
@@ -290,7 +290,7 @@ def _weighted(forms: Sequence[ComparedForm]) -> list[ComparedForm]:
     return [replace(form, weight=float(value / total)) for form, value in zip(forms, raw, strict=True)]
 
 
-def _beyond(law: LawFit, lines: Codes) -> tuple[int, float | None]:
+def _beyond(law: LawFit, lines: Ints) -> tuple[int, float | None]:
     """Number of the rows that other forms cannot have, and the prediction error of these when left out."""
     more = ~np.isin(law.lines, lines)
     if not more.any() or law.nobs == len(lines):
@@ -324,7 +324,7 @@ def _points(found: FormComparison, runs: Runs) -> pd.DataFrame:
     return out
 
 
-def _refitted_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
+def _refitted_predictions(law: LawFit, codes: Ints) -> Array | NotAvailable:
     """Predictions of left-out units by one refit for each."""
     out = np.empty(law.nobs)
     for g in range(int(codes.max()) + 1):
@@ -335,7 +335,7 @@ def _refitted_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
     return out
 
 
-def left_out_predictions(law: LawFit, codes: Codes) -> Array | NotAvailable:
+def left_out_predictions(law: LawFit, codes: Ints) -> Array | NotAvailable:
     """Predictions of a law for each row when its unit is left out of the fit, shape (n,), in the unit of the response.
 
     Parameters

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.censored import RUN_OUT
 from ..core.errors import FitError, UsageError
 from ..datasets import region
@@ -36,8 +37,7 @@ from .optimal_tests import (
 from .region import SETTABLE, DesignRegion, in_box, inflation
 from .rows import Points, as_table, level_names
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Index = Ints
 
 MOST = 1000  # tests in one plan
 GRID = 20_000  # candidates at most
@@ -273,7 +273,7 @@ def _candidates(
     return np.vstack([X, *kept]), np.concatenate([level, names])
 
 
-def _reached(law: LawFit, cut: Trials, grid: Array, name: str | None) -> NDArray[np.bool_]:
+def _reached(law: LawFit, cut: Trials, grid: Array, name: str | None) -> Flags:
     """Whether each setting of the grid lies in the region of the tests."""
     level = None if name is None else np.full(len(grid), name, dtype=object)
     old, M = _rows(law, cut, cut.X, cut.level), _uncertainty(law, cut, False)
@@ -282,20 +282,20 @@ def _reached(law: LawFit, cut: Trials, grid: Array, name: str | None) -> NDArray
     return np.asarray((h <= limit * (1 + region.SLACK)) & _near(cut, grid))
 
 
-def _near(cut: Trials, grid: Array) -> NDArray[np.bool_]:
+def _near(cut: Trials, grid: Array) -> Flags:
     """Whether each setting of the grid is no further from the centre than the outermost test."""
     near, far = (np.square(cut.place.coded(cut.names, X)).sum(axis=1) for X in (grid, cut.X))
     return np.asarray(near <= far.max() * (1 + region.SLACK))
 
 
-def _combined(cut: Trials, grid: Array, name: str | None) -> NDArray[np.bool_]:
+def _combined(cut: Trials, grid: Array, name: str | None) -> Flags:
     """Whether each setting of the grid combines values that were cut at this level, and loads the tool no more."""
     return in_box(cut.names, cut.X if name is None else cut.X[cut.level == name], grid) & _near(cut, grid)
 
 
 def _ends_in_time(
     law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None, longest: float | None
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Whether a test at each setting is expected to end; all where no life is a run-out, or none would end."""
     every = np.ones(len(X), dtype=bool)
     if law.life is None or not law.life.run_outs or law.rows is None or law.rows.side is None:

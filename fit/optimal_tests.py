@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.display import Displayable
 from ..core.rounding import format_rounded
 from .decisions import Decision, variances_of
@@ -30,8 +30,7 @@ from .edges import EdgeInference
 from .lawfit import LawFit
 from .rows import Points, as_table
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Index = Ints
 
 GAIN = 1e-9  # a swap that gains less is rounding, and would go round in circles
 STARTS = 8  # the greedy one, and random ones: exchange stops at a local best
@@ -186,7 +185,7 @@ def narrowing(
     )  # fmt: skip
 
 
-def estimated(law: LawFit) -> NDArray[np.bool_]:
+def estimated(law: LawFit) -> Flags:
     """Mask of the parameters that are estimated, shape (p,): not those whose value is fixed, which have no variance."""
     return np.asarray(np.diag(law.covariance()) > 0)
 

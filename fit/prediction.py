@@ -21,8 +21,8 @@ from typing import Any, Protocol, get_args
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.calls import Conditions, check_share
 from ..core.censored import LifeDistribution
 from ..core.errors import FitError, UsageError
@@ -48,7 +48,6 @@ from .least_squares import linear, sums_by
 from .region import DesignRegion
 from .rows import By, Points, as_table
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of a factor at the end of its range
 
 
@@ -94,7 +93,7 @@ class Fitted(Protocol):
     @property
     def observed(self) -> Array: ...  # noqa: D102
     @property
-    def free(self) -> NDArray[np.bool_]: ...  # noqa: D102
+    def free(self) -> Flags: ...  # noqa: D102
     def covariance(self) -> Array: ...  # noqa: D102
     def gradient_at(self, Z: Array) -> Array: ...  # noqa: D102
     def design_of(self, new: pd.DataFrame) -> Array: ...  # noqa: D102
@@ -222,13 +221,13 @@ def smearing(law: Fitted, of: str) -> float:
     return float(np.exp(r - (np.bincount(number, weights=r) / size)[number]).mean())
 
 
-def _edge_numbers(law: Fitted) -> NDArray[np.intp]:
+def _edge_numbers(law: Fitted) -> Ints:
     if law.rows is None:
         raise FitError(f"the law of {law.formula.response} was fitted to a stream; levels of its edges need the rows.")
     return law.rows.edge_numbers
 
 
-def _known(law: Fitted, edges: EdgeInference, table: pd.DataFrame) -> NDArray[np.intp]:
+def _known(law: Fitted, edges: EdgeInference, table: pd.DataFrame) -> Ints:
     """Number of each point's edge among those of the fit."""
     number = {name: g for g, name in enumerate(edges.edges)}
     asked = [label_of(v) for v in table["edge"]]
@@ -344,7 +343,7 @@ def of_band(law: Fitted, given: Conditions, table: pd.DataFrame, band: pd.DataFr
     return within_tests(found, float(law.observed.max()) if law.life is not None else None)
 
 
-def inside_of(law: Fitted, table: pd.DataFrame) -> tuple[NDArray[np.bool_], str]:
+def inside_of(law: Fitted, table: pd.DataFrame) -> tuple[Flags, str]:
     """Whether each point lies in the tested region, shape (n,), and the region in words."""
     try:
         region = law.region

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.display import draw_figure
 from ..core.errors import UsageError
 from ..core.figure_style import BLUE, DOT, FILL, GREY, LINE, ORANGE, RED, SMALL, TEXT, THIN
@@ -20,8 +21,6 @@ from ..core.suggestions import did_you_mean
 from ..datasets.vocabulary import FLANK_WEAR
 from .law_figures import contours_inside, label, middle, points, response_surface
 from .lawfit import LawFit
-
-Array = NDArray[np.float64]
 
 OF_A_CURVE = 81  # points
 SIDE = (2.7, 2.7)  # of a panel, inches

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from ..datasets import region
@@ -25,8 +26,6 @@ from .edges import changes_within
 from .laws import LawForm
 from .least_squares import linear
 from .rows import By, Points, as_table, level_names
-
-Array = NDArray[np.float64]
 
 ONE_VALUE = 1e-6  # half range of a fixed factor that does not change
 MOST_ROWS = 20_000  # of more rows than this a choice draws the region
@@ -111,7 +110,7 @@ class DesignRegion(Plottable):
         """Distance of points from the centre, shape (n,), each factor coded -1 to +1 over its range."""
         return region.radius(self.facts(), self._values(points)[0])
 
-    def inside(self, points: Points) -> NDArray[np.bool_]:
+    def inside(self, points: Points) -> Flags:
         """Whether points lie in the region, shape (n,): in every range, and no further out than the design."""
         return region.inside(self.facts(), *self._values(points))
 
@@ -253,7 +252,7 @@ def design_region(
     )
 
 
-def _selected_rows(T: Array, edge: NDArray[np.object_] | None) -> NDArray[np.intp]:
+def _selected_rows(T: Array, edge: NDArray[np.object_] | None) -> Ints:
     """Positions of all rows; of very many an even selection with a row of every edge and the ends of every factor.
 
     The region compares leverage with the largest of the design, so that an even choice draws the same region.
@@ -267,9 +266,7 @@ def _selected_rows(T: Array, edge: NDArray[np.object_] | None) -> NDArray[np.int
     return np.unique(np.concatenate([np.arange(0, n, -(-n // MOST_ROWS)), first, ends]).astype(np.intp))
 
 
-def _spaces(
-    columns: Array, level: NDArray[np.intp], edge: NDArray[np.object_] | None, free: NDArray[np.bool_]
-) -> tuple[ColumnSpace, ...]:
+def _spaces(columns: Array, level: Ints, edge: NDArray[np.object_] | None, free: Flags) -> tuple[ColumnSpace, ...]:
     """Edge settings where columns change between edges only, and rows where columns change within edges.
 
     Fixed factors have no leverage; ``free`` has the columns of the constant and of the factors.
@@ -285,7 +282,7 @@ def _spaces(
     return tuple(spaces)
 
 
-def _space(of: str, columns: Array, which: NDArray[np.intp], level: NDArray[np.intp]) -> ColumnSpace:
+def _space(of: str, columns: Array, which: Ints, level: Ints) -> ColumnSpace:
     Z = columns[:, which]
     M = linear(Z, np.zeros(len(Z))).cov_unscaled
     h = np.einsum("ij,jk,ik->i", Z, M, Z)
@@ -307,7 +304,7 @@ def inflation(U: Array) -> Array:
     return np.asarray(np.diag(np.linalg.inv(R + EXACT * np.eye(U.shape[1]))), dtype=float)
 
 
-def in_box(names: Sequence[str], cut: Array, X: Array) -> NDArray[np.bool_]:
+def in_box(names: Sequence[str], cut: Array, X: Array) -> Flags:
     """Whether settings X (n, k) lie within the range of each column of the cut ones, and load the tool no more.
 
     Neither the cross-section of the chip (the product of feed, depth and width) nor its product with the speed may be

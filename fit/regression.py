@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags
 from ..core.errors import FitError, UsageError
 from ..core.formula import FORMS, Term
 from ..core.threads import one_thread
@@ -37,7 +37,6 @@ from .rows import (
     select,
 )
 
-Array = NDArray[np.float64]
 # theta, its covariance (None without degrees of freedom), fitted response, residuals, total sum of squares
 Stage = tuple[Array, Array | None, Array, Array, float]
 
@@ -229,7 +228,7 @@ def fit_rows(runs: Runs, law: LawForm, rows: Rows, left_out: tuple[LeftOut, ...]
     )  # fmt: skip
 
 
-def refitted(law: LawFit, error: Error, keep: slice | NDArray[np.bool_] = slice(None)) -> LawFit:
+def refitted(law: LawFit, error: Error, keep: slice | Flags = slice(None)) -> LawFit:
     """The same law fitted to ``keep`` of its rows, a slice or a mask, with either error structure.
 
     Raises
@@ -356,7 +355,7 @@ def linear_stage(Z: Array, y: Array) -> Stage:
     return fit.params, fit.cov_params if fit.df_resid else None, eta, y - eta, fit.tss
 
 
-def _held(current: Array) -> NDArray[np.bool_]:
+def _held(current: Array) -> Flags:
     middle = np.median(current)
     return np.asarray(np.abs(current - middle) <= HELD * abs(middle) * (1 + 1e-9), dtype=bool)
 
@@ -374,7 +373,7 @@ def _wrong_sign(fitted: LawFit) -> str | None:
     return None
 
 
-def _held_law(runs: Runs, current: str, feed: str, wear: str, rows: Rows, held: NDArray[np.bool_], why: str) -> LawFit:
+def _held_law(runs: Runs, current: str, feed: str, wear: str, rows: Rows, held: Flags, why: str) -> LawFit:
     level = float(np.median(rows.y))
     unit = runs.units[current]
     law = LawForm("feed_line", feed, (wear,))

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Flags, Ints
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..core.formula import FORMS, Term, second_order_terms
@@ -16,7 +17,6 @@ from ..datasets.vocabulary import ROLES
 from .laws import LARGEST_LOG, LawForm
 from .least_squares import linear
 
-Array = NDArray[np.float64]
 Points = Mapping[str, object] | pd.DataFrame
 
 # Fewer distinct rows than this may repeat by chance, where a gauge reads to 0.01 mm.
@@ -97,7 +97,7 @@ class Rows:
     X: Array
     y: Array
     shifts: Array
-    lines: NDArray[np.intp]
+    lines: Ints
     edge: NDArray[np.object_] | None
     by: By | None
     dropped: tuple[Dropped, ...]
@@ -130,7 +130,7 @@ def select(
     dropped: list[Dropped] = []
     lines = np.asarray(runs.lines)
 
-    def drop(bad: NDArray[np.bool_], reason: str) -> None:
+    def drop(bad: Flags, reason: str) -> None:
         bad = bad & keep
         if bad.any():
             dropped.append(Dropped(reason, int(bad.sum()), tuple(int(i) for i in lines[bad][:5])))
@@ -160,8 +160,8 @@ def select(
 def _without_copies(
     columns: dict[str, Array],
     labels: tuple[NDArray[np.object_] | None, ...],
-    keep: NDArray[np.bool_],
-) -> tuple[NDArray[np.bool_], int]:
+    keep: Flags,
+) -> tuple[Flags, int]:
     """Keep one row of each measurement where a file repeats every one of them.
 
     A mean force repeated with six roughness readings is one measurement, not six. Only the plain case
@@ -193,7 +193,7 @@ def _alone(table: pd.DataFrame) -> bool:
     return bool(equal.sum() == 1)
 
 
-def _indicators(level: NDArray[np.object_] | None, keep: NDArray[np.bool_], by: str | None) -> tuple[Array, By | None]:
+def _indicators(level: NDArray[np.object_] | None, keep: Flags, by: str | None) -> tuple[Array, By | None]:
     if level is None or by is None:
         return np.empty((int(keep.sum()), 0)), None
     names = sorted(set(level[keep]))

@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ..core.arrays import Array, Ints
 from ..core.display import Displayable
 from ..core.errors import FitError
 from .available import NotAvailable
 from .fitted_rows import FittedRows
 from .laws import LawForm
 from .prediction import Fitted
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6  # relative: far above rounding, far below any difference that matters
 ROUNDING = 1e-7  # of the residual SE relative to the response: below it residuals hold too few digits to compare
@@ -197,7 +195,7 @@ def _above_rounding(results: Any) -> bool:  # noqa: ANN401
     return bool(np.sqrt(results.scale) > ROUNDING * np.sqrt(np.mean(y**2)))
 
 
-def _groups(law: Fitted) -> NDArray[np.intp] | None:
+def _groups(law: Fitted) -> Ints | None:
     edge = _rows(law).edge
     return None if edge is None else np.asarray(pd.factorize(edge)[0])
 

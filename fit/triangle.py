@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from .least_squares import LinearFit, linear
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,8 @@ regression alone absorbs a line almost completely. Source: Thomson 1982, doi 10.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Flags, Ints
 from ..datasets.records.record import Record
 from .estimators.filters import filtered
 from .estimators.high_order_arx import LongArx, golden, input_lags, long_arx
@@ -53,7 +52,7 @@ def drift_degree(fit: LongArx, columns: Array) -> int:
     return 1 + int(np.argmin(bic))
 
 
-def _powers(x: Array, degree: int) -> NDArray[np.bool_]:
+def _powers(x: Array, degree: int) -> Flags:
     return np.arange(x.shape[1]) % DRIFT < degree
 
 
@@ -100,14 +99,14 @@ def strongest_line(fit: LongArx, rec: Record, additional: Array | None = None) -
     return found[k], min(1.0, n * float(fdtrc(added, fit.free - added, fell[k] / added / rest)))
 
 
-def _peak(fit: LongArx, groups: list[NDArray[np.intp]], size: int) -> float:
+def _peak(fit: LongArx, groups: list[Ints], size: int) -> float:
     """Frequency on the grid, not slow, at which a line explains most."""
     fell = line_decreases(fit, groups, size)
     fell[: int(np.ceil(SLOWEST * size / len(groups[0])))] = 0.0
     return float(np.argmax(fell)) / size
 
 
-def line_decreases(fit: LongArx, groups: list[NDArray[np.intp]], size: int) -> Array:
+def line_decreases(fit: LongArx, groups: list[Ints], size: int) -> Array:
     """Decrease of the sum of squares by a line at frequencies k / size, k = 0 ... size / 2.
 
     With Q the columns of the regression and z = exp(-jwt) in each group of rows, Fourier transforms of Q and of e give
@@ -141,7 +140,7 @@ def _products(n: int, size: int) -> Array:
     return both.reshape(-1, 2, 2)
 
 
-def decrease(fit: LongArx, groups: list[NDArray[np.intp]], f: float) -> float:
+def decrease(fit: LongArx, groups: list[Ints], f: float) -> float:
     """Decrease of the sum of squares by a line of frequency f, cycles per sample."""
     x = np.zeros((len(fit.rows), 2 * len(groups)))
     for k, rows in enumerate(groups):

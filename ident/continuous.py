@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arrays import is_positive
+from ..core.arrays import Array, is_positive
 from ..core.display import Displayable, Plottable
 from ..core.errors import IdentError
 from ..core.rounding import count
 from .model import Model
-
-Array = NDArray[np.float64]
 
 DECAYED = 1e-7  # a pole this close to z = 0 decays within one sample: its continuous pole is not identifiable
 ROUNDING = 1e-11  # of the largest coefficient, time counted in samples: a leading coefficient below it is rounding

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
+from ..core.arrays import Array, Ints
 from ..core.display import plot
 from ..core.figure_style import BLUE, FILL, GREY, LIGHT, LINE, ORANGE, SEQUENTIAL, SMALL, THICK, THIN, new_axes
 from ..core.plotting import NotebookFigure
@@ -23,7 +23,6 @@ from .responses.confidence_bands import ResponseBand, StepBand, response_band, s
 from .responses.frequency import FrequencyResponse
 from .validation.model_validation import Validation
 
-Array = NDArray[np.float64]
 LONGEST, SHORTEST = 2000, 20  # samples of a drawn step response
 FARTHEST = 10_000  # samples: of a response that has not settled before
 NAMES = {"box_jenkins": "Box-Jenkins model", "output_error": "output-error model", "arx": "ARX model"}
@@ -148,7 +147,7 @@ def _plain(value: float, _: int) -> str:
     return f"{value:g}"
 
 
-def _bode_model(model: Model, f: NDArray[np.float64], upper: Axes, lower: Axes) -> None:
+def _bode_model(model: Model, f: Array, upper: Axes, lower: Axes) -> None:
     gain, phase = np.abs(model.response(f)), np.degrees(np.unwrap(np.angle(model.response(f))))
     if model.cov_params is not None:
         found = response_band(model, f)
@@ -191,7 +190,7 @@ def residual_correlations(found: Validation, axes: tuple[Axes, Axes] | None = No
     return left, right
 
 
-def _stems(ax: Axes, lags: NDArray[np.intp], correlation: NDArray[np.float64], band: NDArray[np.float64]) -> None:
+def _stems(ax: Axes, lags: Ints, correlation: Array, band: Array) -> None:
     ax.fill_between(lags, -band, band, color=GREY, alpha=0.25, lw=0, step="mid")
     beyond = np.abs(correlation) > band
     for chosen, colour in ((~beyond, BLUE), (beyond, ORANGE)):
@@ -385,7 +384,7 @@ def predicted_errors_figure(found: PredictedErrors, ax: Axes | None = None) -> A
     return ax
 
 
-def gain_axes(ax: Axes, f: NDArray[np.float64], gain: NDArray[np.float64], above: str, below: str) -> Axes:
+def gain_axes(ax: Axes, f: Array, gain: Array, above: str, below: str) -> Axes:
     """Gain over frequency on logarithmic axes, with its unit above/below."""
     ax.plot(f, gain, color=BLUE)
     ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]")

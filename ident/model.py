@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import Array
 from ..core.display import Plottable
 from ..core.errors import IdentError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 INTEGRATOR = 1e-14  # of the sum of |a|: a(1) below it is rounding of zero, a pole at exactly 1
 Structure = Literal["arx", "sriv", "output_error", "armax", "box_jenkins", "given"]
 

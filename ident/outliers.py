@@ -9,9 +9,8 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import MAD, Array
+from ..core.arrays import MAD, Array, Flags, Ints
 from ..datasets.records.record import Record
 from .estimators.filters import filtered
 from .estimators.high_order_arx import U_LAGS, LongArx, input_lags, long_arx, spread
@@ -33,7 +32,7 @@ FEWEST_READINGS, REGULAR, UNEVEN = 20, 0.9, 4  # readings, share of equal interv
 AGREES = 0.2  # of the difference that remains
 
 
-def without_spikes(rec: Record, y_lags: int, least_lag: int = 0) -> tuple[Record, NDArray[np.intp], bool]:
+def without_spikes(rec: Record, y_lags: int, least_lag: int = 0) -> tuple[Record, Ints, bool]:
     """The record with spikes of y replaced, their samples, and whether outliers are too many to be spikes.
 
     The first samples of a segment have no innovations; their spikes are found in the reversed record. Those that begin
@@ -54,7 +53,7 @@ def without_spikes(rec: Record, y_lags: int, least_lag: int = 0) -> tuple[Record
     return clean, np.flatnonzero(bad), False
 
 
-def _not_from_the_start(bad: NDArray[np.bool_], stretches: tuple[slice, ...]) -> NDArray[np.bool_]:
+def _not_from_the_start(bad: Flags, stretches: tuple[slice, ...]) -> Flags:
     """The samples without the runs that begin with the first sample of a segment."""
     kept = bad.copy()
     for s in stretches:
@@ -63,8 +62,8 @@ def _not_from_the_start(bad: NDArray[np.bool_], stretches: tuple[slice, ...]) ->
 
 
 def _cleaned(
-    rec: Record, y_lags: int, searched: NDArray[np.bool_], least: tuple[float, float], least_lag: int = 0
-) -> tuple[Record, NDArray[np.bool_]]:
+    rec: Record, y_lags: int, searched: Flags, least: tuple[float, float], least_lag: int = 0
+) -> tuple[Record, Flags]:
     """The record with spikes among the ``searched`` samples replaced, and these; too many are not replaced.
 
     ``least`` is the smallest spike, relative to the innovations and to the output.
@@ -102,7 +101,7 @@ def innovations(rec: Record, fit: LongArx) -> Array:
     return np.asarray(e)
 
 
-def jumps(e: Array, least: float) -> NDArray[np.intp]:
+def jumps(e: Array, least: float) -> Ints:
     """Samples of single innovations (N,) that no noise of the record explains, ``least`` or more in the unit of y.
 
     A jump of the level of y is one innovation where the high-order regression has a pole near 1, as it has with it.
@@ -191,7 +190,7 @@ def _missing(u: Array, k: int) -> int:
     return best if off[best] < AGREES * off[0] else 0
 
 
-def _spikes(e: Array, a: Array, stretches: tuple[slice, ...], least: tuple[float, float]) -> NDArray[np.bool_]:
+def _spikes(e: Array, a: Array, stretches: tuple[slice, ...], least: tuple[float, float]) -> Flags:
     """Samples of spikes of at least the size ``least``, in standard deviations of e and in the unit of y.
 
     A spike is the largest matched response within the length of a, and larger than that of a load impulse.
@@ -256,7 +255,7 @@ def _matched(e: Array, shape: Array) -> Array:
     return np.convolve(e, shape[::-1])[len(shape) - 1 :][: len(e)]
 
 
-def _filled(rec: Record, e: Array, a: Array, bad: NDArray[np.bool_]) -> Record:
+def _filled(rec: Record, e: Array, a: Array, bad: Flags) -> Record:
     """The record with the samples ``bad`` replaced by the values with the smallest innovations."""
     y = rec.y.copy()
     for s in rec.stretches:

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Ints
 from ..core.display import Display, Displayable
 from ..core.rounding import format_plain as plain
 from ..core.verdict import RESERVATIONS, USABLE
@@ -89,7 +88,7 @@ class Disturbances(Displayable):
     record: Record
     lines: tuple[float, ...] = ()
     drift: int = 0
-    replaced: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, dtype=np.intp))
+    replaced: Ints = field(default_factory=lambda: np.empty(0, dtype=np.intp))
     remark: str | None = None
     nonlinearity: Nonlinearity | None = None
 
@@ -174,7 +173,7 @@ def disturbances(rec: Record, *, closed: bool = False) -> Disturbances:
     return Disturbances(tuple(named), clean, lines, drift, replaced, nonlinearity=found)
 
 
-def _spikes(rec: Record, order: int, least_lag: int) -> tuple[Record, NDArray[np.intp], bool]:
+def _spikes(rec: Record, order: int, least_lag: int) -> tuple[Record, Ints, bool]:
     """The centred record with spikes replaced, their samples, and whether outliers are too many to be spikes.
 
     A nonlinearity of the input leaves innovations that resemble spikes; where there is one, spikes are those that
@@ -207,7 +206,7 @@ def _unit(unit: str) -> str:
     return f" {unit}" if unit else ""
 
 
-def _of_spikes(rec: Record, clean: Record, at: NDArray[np.intp], heavy: bool) -> list[Disturbance]:
+def _of_spikes(rec: Record, clean: Record, at: Ints, heavy: bool) -> list[Disturbance]:
     if heavy:
         words = (
             f"more than {100 * MOST_SPIKES:.0f} % of the samples of {rec.output} are outliers of its noise, too many "
@@ -274,7 +273,7 @@ def _of_held(rec: Record, fit: LongArx) -> list[Disturbance]:
     return [Disturbance("held output", float(most), "", place, words)]
 
 
-def _shown(at: Sequence[int] | NDArray[np.intp]) -> str:
+def _shown(at: Sequence[int] | Ints) -> str:
     """Numbers of samples, counted from 1."""
     more = f" and {len(at) - SHOWN} more" if len(at) > SHOWN else ""
     return f"sample{'s' * (len(at) > 1)} {', '.join(str(k + 1) for k in at[:SHOWN])}{more}"

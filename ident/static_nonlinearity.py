@@ -12,9 +12,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Ints
 from ..core.verdict import DO_NOT_USE, RESERVATIONS
 from ..datasets.records.reading import clipped as runs_into
 from ..datasets.records.record import Record
@@ -149,7 +148,7 @@ class Acting:
     raw: Array
     additional: Array
     y_lags: int
-    lags: NDArray[np.intp]
+    lags: Ints
 
     def left(self, candidate: "Candidate", size: float, change: float) -> float:
         """Sum of squares of the innovations with the input u + change g(u)."""

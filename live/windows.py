@@ -14,9 +14,8 @@ from statistics import fmean, median, stdev
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import MAD, Array
+from ..core.arrays import MAD, Array, Flags
 from ..datasets.signals.cuts import MERGED, OFF, SETTLED, settled_blocks
 from ..datasets.signals.options import DRIVEN
 from ..datasets.signals.statistics import PARTS, batch_variance
@@ -158,10 +157,10 @@ def plain_mean(parts: Sequence[Sequence[float]]) -> PlainMean:
     return PlainMean(float(means.mean()), variance, int(np.isfinite(kept).sum()))
 
 
-def _near(values: Array) -> NDArray[np.bool_]:
+def _near(values: Array) -> Flags:
     """Values that are no outliers, as a mask; all of them where many lie far off, as in an interrupted cut."""
     off = np.abs(values - np.median(values))
-    near: NDArray[np.bool_] = off <= OUTLYING * MAD * float(np.median(off))
+    near: Flags = off <= OUTLYING * MAD * float(np.median(off))
     return near if near.mean() >= 1 - FREQUENT else np.ones(len(values), dtype=np.bool_)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.bounded import LIMITS, UNREADABLE_ARCHIVE, open_archive, read_bounded
 from ..core.display import Plottable, as_columns
 from ..core.errors import ParameterError
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from .file import ParameterFile
     from .sections.posterior import PosteriorSection
 
-Array = NDArray[np.float64]
 
 REMEDY = "Fit again, or restore the file."
 DAMAGED = (*UNREADABLE_ARCHIVE, KeyError, MemoryError)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..core.arrays import Array, Flags
 from ..core.calls import check_share
 from ..core.errors import ParameterError
 from ..core.formula import Formula
@@ -30,8 +31,6 @@ from .messages import short
 from .sections.base import Covariance, NoCovariance
 from .sections.law_fields import LawFields
 from .sections.law_parts import Edges, Region
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,12 +147,12 @@ def equation_of(law: LawFields, level: str | None) -> Equation:
     return Equation(law.formula, law.theta, np.array([float(name == at) for name in (law.by.shifts if law.by else ())]))
 
 
-def region_contains(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> NDArray[np.bool_]:
+def region_contains(law: LawFields, level: str | None, given: Mapping[str, ArrayLike]) -> Flags:
     """Whether each point lies in the tested region of the law."""
     return contains_values(law, level, checked_values(law, given))
 
 
-def contains_values(law: LawFields, level: str | None, values: list[Array]) -> NDArray[np.bool_]:
+def contains_values(law: LawFields, level: str | None, values: list[Array]) -> Flags:
     """Whether each point lies in the tested region, for the factors as `checked_values` gives them."""
     if law.region is None:
         pairs = zip(values, law.factors, strict=True)

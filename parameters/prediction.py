@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..core.arrays import Array, Ints
 from ..core.errors import ParameterError
 from ..core.intervals import Root, edge_words, solved_for, unknown_scatter
 from ..core.predictions import (
@@ -176,7 +177,7 @@ def _variance(law: LawFields, life: ToolLifeSection) -> float:
     return (sd if law.error == "multiplicative" else sd / life.criterion) ** 2
 
 
-def _beyond(law: LawFields, values: list[NDArray[np.float64]]) -> list[NDArray[np.intp]]:
+def _beyond(law: LawFields, values: list[Array]) -> list[Ints]:
     """For each factor, -1 below its tested range, 1 above it: by the criterion of `contains_values`."""
     if law.region is None:
         pairs = zip(values, law.factors, strict=True)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags
 from ...core.verdict import DO_NOT_USE, LEVELS
 from ...datasets.plausibility.ranges import plausible, process_of
 from ...datasets.vocabulary import FLANK_WEAR
@@ -142,7 +142,7 @@ def unknown_conditions(
     return [Concern("condition not known", absent(missing, "the rows of this pair"))] if missing else []
 
 
-def _sizes(of: NumberedRows, role: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sizes(of: NumberedRows, role: str) -> tuple[Array, Array]:
     """Least and largest absolute value of each pair besides zero, shapes (K,), NaN where there is none."""
     sizes = of.rows.frame[role].abs()
     groups = sizes.where(sizes > 0).groupby(of.number)
@@ -226,11 +226,11 @@ def _of_laws(laws: pd.DataFrame) -> Iterator[tuple[int, str, str]]:
         yield i, "fits badly", f"R2 {R2[i]:.2f}, less than half of the scatter."
 
 
-def _where(flags: NDArray[np.bool_]) -> list[int]:
+def _where(flags: Flags) -> list[int]:
     return np.flatnonzero(flags).tolist()
 
 
-def _numbers(laws: pd.DataFrame, name: str, otherwise: float) -> NDArray[np.float64]:
+def _numbers(laws: pd.DataFrame, name: str, otherwise: float) -> Array:
     """A column of numbers, with something else where one is missing."""
     if name not in laws:
         return np.full(len(laws), float(otherwise))

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.arrays import Array, Ints, numbers_of_runs
+from ...core.arrays import Array, Flags, Ints, numbers_of_runs
 from ...core.rounding import label_of
 from ...datasets import Runs
 from ...datasets.options import Process
@@ -19,8 +19,6 @@ from ..law_rows import joined_tables, law_table, row_of, row_without, table_of_m
 from ..outcomes import Cell, Failure, attempt
 from ..plan import BatchOptions, Pair
 from ..rows import NO_LINES, PairRows
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +173,7 @@ def _is_numeric(column: "pd.Series[Any]") -> bool:
 NUMBER = "pair of the row"
 
 
-def _only(rows: PairRows, keep: NDArray[np.bool_]) -> PairRows:
+def _only(rows: PairRows, keep: Flags) -> PairRows:
     """The rows that are kept, with their lines."""
     return replace(rows, frame=rows.frame[keep], lines=None if rows.lines is None else rows.lines[keep])
 

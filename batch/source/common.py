@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Ints
 from ...core.rounding import listed
 from ...datasets.tables.workbook import SUFFIXES, TEXTS
 
@@ -13,8 +13,6 @@ PARQUET = (".parquet", ".pq", ".parq")
 LAB = (*TEXTS, *SUFFIXES)
 LARGE = 60_000_000  # bytes of a text file; read whole it takes ten times as much memory
 SHOWN = 3  # names in a sentence
-
-Ints = NDArray[np.intp]
 
 
 def is_large(path: Path) -> bool:

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Ints
+from ...core.arrays import Array, Flags, Ints
 from ...datasets.columns import ColumnUse
 from ..plan import Block, Piece, Reading
 from ..records import read_json
@@ -150,7 +149,7 @@ def _pass(writers: "_Writers", copy: _Copy) -> None:
         done += group.rows
 
 
-def _among(blocks: Ints, mine: range) -> NDArray[np.bool_]:
+def _among(blocks: Ints, mine: range) -> Flags:
     return np.asarray((blocks >= mine.start) & (blocks < mine.stop))
 
 

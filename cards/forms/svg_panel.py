@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.arrays import Array
 from ...core.figure_style import tick_values
 from ...core.panels import PanelAxes
 from ...core.panels import PanelAxis as DataAxis
-from ...core.pens import Array, Dashes, Point, Words
+from ...core.pens import Dashes, Point, Words
 
 # colours of shapes are the classes of the style sheet
 INK, SOFT, LINE, BAND, TESTED, SECOND, LIMIT = "ink", "soft", "line", "band", "tested", "second", "limit"

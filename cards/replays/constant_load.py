@@ -17,8 +17,8 @@ from . import Replayed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
+    from ...core.arrays import Array
     from ...parameters import ParameterFile
     from ...parameters.draws import Draws
     from ...parameters.exports.loop import LoadLoop
@@ -202,7 +202,7 @@ def _spread(pf: "ParameterFile", draws: "Mapping[str, Draws]") -> tuple[str, ...
     )
 
 
-def _band(values: "NDArray[np.float64]") -> str:
+def _band(values: "Array") -> str:
     """Ends of the band of some draws, to the digits of its width."""
     a, b = np.quantile(values, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return " to ".join(format_rounded(end, min(b - a, abs(end)) / 2)[0] for end in (a, b))

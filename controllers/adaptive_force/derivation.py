@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import UsageError
 from ...datasets.records.resampling import aliased_teeth, aliased_words, samples_of_revolution
 from ...parameters.sections.force_control import TESTED, RecordRanges
@@ -30,7 +30,6 @@ from .design import (
 if TYPE_CHECKING:
     from ...parameters.sections.force_control import AdaptiveForceSection
 
-Array = NDArray[np.float64]
 
 ESTIMATES: Final = ("m", "alpha", "beta")
 GIVEN, AS_BEFORE = "given", "as in the file"  # sources

@@ -24,9 +24,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import UsageError
-
-Array = NDArray[np.float64]
 
 LARGEST_RATIO: Final = 1e9  # of the poles
 SEPARATE: Final = 1e-6  # relative: poles nearer to each other are set apart by this much

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import UsageError
 from ...parameters.exports.loop import STUCK_AFTER
 from ..loop import Trace, replay
@@ -47,7 +47,7 @@ class ForceRun:
     revolution: float
 
     @property
-    def force(self) -> NDArray[np.float64]:
+    def force(self) -> Array:
         """The plant's force averaged over a revolution, shape (n,), N."""
         step = float(self.trace.time[1] - self.trace.time[0])
         return averaged(self.trace.recorded["force"], round(self.revolution / step))

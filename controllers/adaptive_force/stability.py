@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from .controller import AdaptiveForceControl
@@ -38,9 +38,7 @@ if TYPE_CHECKING:
     from .plant import DriveAndCut
     from .settings import ForceSettings
 
-Array = NDArray[np.float64]
 
-Bools = NDArray[np.bool_]
 RECORDED = (
     "m", "alpha", "beta", "error", "error_rate", "limited", "closed", "adapting", "k", "force", "speed",
 )  # fmt: skip
@@ -65,7 +63,7 @@ class Energy:
     """
 
     V: Array
-    free: Bools
+    free: Flags
     rise: float
     largest: float
     starts: tuple[int, ...]
@@ -129,7 +127,7 @@ def values_of_V(e: Array, estimates: Array, settings: "ForceSettings", plant: "D
     return np.asarray(V + ((estimates - true)[:, taught] ** 2 / rates[taught]).sum(axis=1), dtype=np.float64)
 
 
-def _free(adapting: Bools, k: Array, samples: int) -> Bools:
+def _free(adapting: Flags, k: Array, samples: int) -> Flags:
     """Samples where no limit was active and the depth constant for a revolution, over which the error is averaged."""
     free = adapting.copy()
     for change in np.r_[np.flatnonzero(np.diff(k)), np.flatnonzero(~adapting)] + 1:
@@ -137,7 +135,7 @@ def _free(adapting: Bools, k: Array, samples: int) -> Bools:
     return free
 
 
-def rise_of(V: Array, free: Bools) -> tuple[float, float, tuple[int, ...]]:
+def rise_of(V: Array, free: Flags) -> tuple[float, float, tuple[int, ...]]:
     """The largest rise of a row (n,) within segments marked free: relative to the first value there, and absolute.
 
     >>> rise_of(np.array([4.0, 2.0, 3.0, 9.0]), np.array([True, True, True, False]))

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.display import Displayable, Plottable
 from ...core.errors import UsageError
 from ...parameters.messages import in_unit
@@ -78,7 +77,7 @@ def passes_of(trace: Trace, rest: Sequence[float], settle: float = SETTLE) -> tu
     return tuple(_pass(trace, rows, rest, settle) for rows in np.split(cut, starts))
 
 
-def _pass(trace: Trace, rows: NDArray[np.intp], rest: Sequence[float], settle: float) -> Pass:
+def _pass(trace: Trace, rows: Ints, rest: Sequence[float], settle: float) -> Pass:
     r, dt = trace.recorded, float(trace.time[1]) if len(trace.time) > 1 else 0.0
     kind = int(r["kind"][rows[0]])
     held = rows[trace.time[rows] - trace.time[rows[0]] >= settle]

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...core.display import Displayable
-from ..region.half_planes import Bools, HalfPlane
+from ..region.half_planes import HalfPlane
 from ..region.log_planes import LogPlane
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class PowerSum(Displayable):
         steep = np.einsum("...mi,...i->...m", self.slopes, along)
         return np.asarray((self.terms(x) * steep).sum(axis=-1))
 
-    def at(self, rows: Bools | int) -> "PowerSum":
+    def at(self, rows: Flags | int) -> "PowerSum":
         """The sums of some draws, or the sum of one."""
         return PowerSum(self.names, self.intercepts[rows], self.slopes[rows], self.constant)
 

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags, Ints
 from ...core.display import Plottable, as_columns
 from ...core.errors import UsageError
 from .interval_optimum import Grid, beyond_feed_rate, grid_of, rates
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from ...core.display import Frame
     from ...parameters.draws import Draws
 
-Rows = NDArray[np.intp]
 BATCH = 16  # draws: three tables of 16 x 1744 numbers are 0.7 MB
 
 
@@ -113,9 +111,7 @@ def _batch(many: DrawnLifeLaws, rules: Rules, x: Array, y: Array, rate: Array, m
     return n, removed
 
 
-def _allowed(
-    many: DrawnLifeLaws, alive: NDArray[np.intp], tables: list[Array], ln_AW: Array, rules: Rules, end: float
-) -> NDArray[np.bool_]:
+def _allowed(many: DrawnLifeLaws, alive: Ints, tables: list[Array], ln_AW: Array, rules: Rules, end: float) -> Flags:
     """Whether wear, power and force keep their limits, shape (draws alive, pairs)."""
     allowed = ln_AW <= np.log(many.wear.most)
     for terms, table in zip(many.limited, tables, strict=True):
@@ -323,7 +319,7 @@ def _check(laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...]) 
             raise UsageError(f"the draws of {terms.response} lack {', '.join(missing)}: they belong to another law.")
 
 
-def _rows(laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...], count: int | None) -> tuple[Rows, int]:
+def _rows(laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...], count: int | None) -> tuple[Ints, int]:
     """Rows in use, evenly spaced, and the number of those excluded as their wear does not grow."""
     size = min(len(draws[name].values) for name in used)
     count = size if count is None else min(count, size)
@@ -337,7 +333,7 @@ def _rows(laws: LifeLaws, draws: "Mapping[str, Draws]", used: tuple[str, ...], c
     return rows[grows], int((~grows).sum())
 
 
-def _many(laws: LifeLaws, draws: "Mapping[str, Draws]", rows: Rows, rng: np.random.Generator | None) -> DrawnLifeLaws:
+def _many(laws: LifeLaws, draws: "Mapping[str, Draws]", rows: Ints, rng: np.random.Generator | None) -> DrawnLifeLaws:
     def one(terms: Terms) -> DrawnTerms:
         return _drawn(terms, laws.wear.response, draws.get(terms.response), rows, rng)
 
@@ -345,7 +341,7 @@ def _many(laws: LifeLaws, draws: "Mapping[str, Draws]", rows: Rows, rng: np.rand
     return DrawnLifeLaws(one(laws.wear), power, force)
 
 
-def _drawn(terms: Terms, wear: str, draws: "Draws | None", rows: Rows, rng: np.random.Generator | None) -> DrawnTerms:
+def _drawn(terms: Terms, wear: str, draws: "Draws | None", rows: Ints, rng: np.random.Generator | None) -> DrawnTerms:
     """One law's parameters for these rows; a law without draws is fixed at its estimates."""
     if draws is None:
         ln_c, V, f, t, AW = (np.full(len(rows), value) for value in (terms.ln_c, terms.V, terms.f, terms.t, terms.AW))

@@ -5,9 +5,8 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, is_positive
+from ...core.arrays import Array, Flags, is_positive
 from ...core.errors import GateError, UsageError
 from ...datasets.units import convert, is_unit, same_dimension
 from ...datasets.vocabulary import FLANK_WEAR
@@ -260,7 +259,7 @@ def _range(given: "Range | None", wear: "LawSection", name: str) -> tuple[float,
 
 def outside_tests(
     pf: "ParameterFile", laws: LifeLaws, path: Mapping[str, Array], at: Mapping[str, float], by: str | None
-) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+) -> tuple[Flags, tuple[str, ...]]:
     """Rows of a plan inside the tested region of every law in use, shape (n,), and sentences on what is EXTRAPOLATED.
 
     Every edge begins new, so times and wear below those tested are not extrapolated, but those above are.

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from .laws import LifeLaws, Rules, Terms, response_at_end, wear_after
@@ -52,10 +51,10 @@ class IntervalSurfaces(Displayable):
     P: Array | None
     Fxz: Array | None
     MRR: Array
-    breaks: dict[str, NDArray[np.bool_]]
+    breaks: dict[str, Flags]
 
     @property
-    def allowed(self) -> NDArray[np.bool_]:
+    def allowed(self) -> Flags:
         """Pairs within every limit, shape (m, n)."""
         return np.asarray(~np.logical_or.reduce(list(self.breaks.values())))
 
@@ -106,7 +105,7 @@ def rates(laws: LifeLaws, grid: Grid) -> Array:
     return np.round(laws.mrr(grid.V[:, None], grid.f), 6)
 
 
-def beyond_feed_rate(laws: LifeLaws, grid: Grid) -> NDArray[np.bool_]:
+def beyond_feed_rate(laws: LifeLaws, grid: Grid) -> Flags:
     """Pairs outside the limits of the feed rate at the diameter, shape (m, n)."""
     Vf = grid.V[:, None] * grid.f
     return np.asarray((Vf < laws.Vf[0] * (1 - EVEN)) | (Vf > laws.Vf[1] * (1 + EVEN)))

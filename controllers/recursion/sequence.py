@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from .interval_optimum import Choice, Grid, beyond_feed_rate, not_convex, outcome, rates, surfaces
@@ -25,8 +24,6 @@ PER_INTERVAL = 80  # cells
 LONGER = 1.25  # times the least cost: longer lives are not searched
 
 WORK = 600_000  # pairs times intervals of a search: half a minute
-
-Ints = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -10,8 +10,8 @@ from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
-from ...core.arrays import Array
-from .half_planes import SAME, Bools, HalfPlane
+from ...core.arrays import Array, Flags
+from .half_planes import SAME, HalfPlane
 from .surfaces import CurvedLimit, RegionLimit
 
 Limit = HalfPlane | CurvedLimit | RegionLimit
@@ -173,7 +173,7 @@ def _corners(limits: Sequence[Limit], x: Array, over: Array) -> list[Array]:
     return list(points[worst(limits, points) <= SAME]) if len(points) else []
 
 
-def _changes(over: Array) -> Bools:
+def _changes(over: Array) -> Flags:
     """Cells in which a limit changes sign, with their neighbours, shape (rows - 1, columns - 1)."""
     corners = np.stack([over[:-1, :-1], over[1:, :-1], over[:-1, 1:], over[1:, 1:]])
     found = (corners.min(axis=0) <= SAME) & (corners.max(axis=0) >= -SAME)

@@ -9,12 +9,9 @@ from math import exp
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 TOUCH = 1e-11  # of a logarithm: a relative 1e-11 of the response, some hundred times what clipping rounds
 SAME = 1e-9  # of a logarithm: a point lies on a limit that it meets to a part in 10^9

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...core.display import Plottable
 from ...core.errors import DataError, UsageError
-from .half_planes import TOUCH, Bools
+from .half_planes import TOUCH
 from .operating_point import OperatingPoint, ln
 from .sampled_laws import Kind, LimitSampling, sampling
 from .visible import VisibleRegion, visible_region
@@ -201,7 +201,7 @@ def _farthest(region: "VisibleRegion", sampling: "LimitSampling", u: Array, alon
     return np.where(any_feasible, inside, -np.inf)
 
 
-def _feasible(region: "VisibleRegion", sampling: "LimitSampling", s: Array, u: Array, probability: float) -> Bools:
+def _feasible(region: "VisibleRegion", sampling: "LimitSampling", s: Array, u: Array, probability: float) -> Flags:
     """Whether pairs are feasible, in the shape of ``s``."""
     x = _pairs(s, np.broadcast_to(u, s.shape)).reshape(-1, 2)
     return np.asarray((_machine(region, x) & (sampling.keeps(x) >= probability)).reshape(s.shape))
@@ -212,7 +212,7 @@ def _pairs(s: Array, u: Array) -> Array:
     return np.stack([(s - u) / 2, (s + u) / 2], axis=-1)
 
 
-def _machine(region: "VisibleRegion", x: Array) -> Bools:
+def _machine(region: "VisibleRegion", x: Array) -> Flags:
     """Whether the machine can be set to each pair."""
     own = [each for each in region.limits if each.symbol not in region.planes]
     return np.asarray(np.logical_and.reduce([each.beyond(x) <= TOUCH for each in own]))

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from ...datasets.simulation import weibull_deviation
 from ...parameters.sections.base import Covariance
-from .half_planes import Bools
 from .log_planes import LogPlane, plane, ratio, with_wear
 from .surfaces import LawSurface, RegionLimit
 
@@ -130,9 +129,9 @@ class LimitSampling(Displayable):
         over = self._over(x[None], slice(0, self.count))
         return {name: float(each.mean()) for name, each in over.items()}
 
-    def _over(self, x: Array, rows: slice) -> dict[str, Bools]:
+    def _over(self, x: Array, rows: slice) -> dict[str, Flags]:
         ln_wear = None if self.wear is None else self.wear.ln(x, None, rows)
-        over: dict[str, Bools] = {}
+        over: dict[str, Flags] = {}
         for name, side, limit in self.limits:
             ln = self.laws[name].ln(x, ln_wear if self.laws[name].takes_wear else None, rows)
             beyond = ln > limit if side == "most" else ln < limit

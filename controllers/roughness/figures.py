@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from ...core.arrays import Flags
 from ...core.display import plot
 from ...core.figure_style import BLUE, LINE, ORANGE, SMALL, THIN, new_axes
 from ...core.plotting import NotebookFigure
@@ -83,7 +83,7 @@ def readings_figure(servo: TurningRun, command: TurningRun, title: str = "", unt
     return figure
 
 
-def _feed(ax: Axes, cut: TurningRun, part: NDArray[np.bool_]) -> None:
+def _feed(ax: Axes, cut: TurningRun, part: Flags) -> None:
     t = cut.trace.time[part]
     ax.plot(t, cut.trace.command[part], color=ORANGE, lw=THIN, label="command")
     ax.plot(t, cut.trace.recorded["feed"][part], color=BLUE, lw=LINE, label="servo's output")

@@ -7,8 +7,8 @@ from itertools import combinations
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ...core.errors import DataError
 from ...core.rounding import format_plain
 from ..columns import NONE
@@ -17,8 +17,6 @@ from ..draft import Draft, correction
 from ..plausibility.ranges import candidate_units, plausible
 from ..vocabulary import ROLES
 from .rules import RULES, Derived, Known, Rule, whole
-
-Array = NDArray[np.float64]
 
 NAMED = 5  # lines that are named
 ODD_ROW = {"P": 3.0, "AW": 1.5}  # factor from the median ratio at which a row contradicts the others; otherwise:
@@ -99,7 +97,7 @@ def judge(draft: Draft, known: Known, found: Iterable[Derived]) -> None:
         draft.doubts.append(Doubt(columns, f"{head} {usual}: {why}", cure))
 
 
-def _negative(known: Known, rule: Rule, off: NDArray[np.bool_]) -> str:
+def _negative(known: Known, rule: Rule, off: Flags) -> str:
     """The only input that is negative in just these rows, empty where there is none."""
     values = {role: np.asarray(known.value(role)) for role in rule.inputs if role in known.data}
     found = [role for role, x in values.items() if np.ndim(x) and np.array_equal(x < 0, off)]
@@ -193,7 +191,7 @@ def _exchange(draft: Draft, known: Known, rule: Rule) -> str:
     return " ".join([f'--map "{a}=col{uses[b].number}"', f'--map "{b}=col{uses[a].number}"', *units])
 
 
-def _odd_rows(draft: Draft, known: Known, rule: Rule, ratio: Array, off: NDArray[np.bool_]) -> Doubt:
+def _odd_rows(draft: Draft, known: Known, rule: Rule, ratio: Array, off: Flags) -> Doubt:
     """Doubt about single rows that contradict a rule with which the others agree."""
     at = np.flatnonzero(off)
     rows = "1 row" if len(at) == 1 else f"{len(at)} rows"
@@ -206,7 +204,7 @@ def _odd_rows(draft: Draft, known: Known, rule: Rule, ratio: Array, off: NDArray
     )
 
 
-def _lines(draft: Draft, at: NDArray[np.intp]) -> str:
+def _lines(draft: Draft, at: Ints) -> str:
     shown = ", ".join(str(draft.lines[i]) for i in at[:NAMED]) + (", ..." if len(at) > NAMED else "")
     return f"line{'s' * (len(at) > 1)} {shown}"
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.errors import UsageError
 from ..columns import NONE, Values
 from ..doubts import Doubt
@@ -14,7 +14,7 @@ from ..options import ReadOptions
 from ..plausibility.quantities import table_process
 from ..vocabulary import ROLES, role_of_peak
 from .comparison import compare, judge
-from .rules import RULES, Array, Derived, Known, apply, known_of
+from .rules import RULES, Derived, Known, apply, known_of
 
 CONDITIONS = ("V", "n", "f", "fz", "fm", "d", "ae")
 SUMMED = ", summed"  # end of an equation whose values are summed over rows
@@ -207,7 +207,7 @@ def summed(draft: Draft, known: Known, made: Derived) -> Derived:
     return replace(made, equation=made.equation + SUMMED, sentence=f"{made.sentence}; {words}")
 
 
-def _edges(draft: Draft) -> NDArray[np.intp]:
+def _edges(draft: Draft) -> Ints:
     """Number of the edge of each row: by the column of edges, or else by runs of equal conditions."""
     labels = [draft.data[role] for role in ("tool", "work", "edge") if role in draft.data]
     if "edge" in draft.data:

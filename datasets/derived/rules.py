@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import UsageError
 from ...core.rounding import format_decimal, join_words
 from ..columns import NONE, Values
@@ -22,7 +22,6 @@ from ..options import Process, ReadOptions
 from ..plausibility.ranges import KC, process_of
 from ..vocabulary import ROLES
 
-Array: TypeAlias = NDArray[np.float64]
 Number: TypeAlias = Array | float
 
 TORQUE = 60000 / (2 * pi)  # P in kW from M in N m and n in 1/min: P = M n/9549.2966

@@ -7,13 +7,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Ints
 from ..columns import NONE, ColumnUse
 from ..doubts import Doubt
 from ..draft import Draft
 from ..options import ReadOptions
 from ..vocabulary import MEASURED, ROLES, roles_named
 from .checks import SHIFTED
-from .columns import Codes, Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, names_edge, numbered
+from .columns import Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, names_edge, numbered
 from .merged_cells import lines_text
 from .names import join_types, tidy_names
 from .order import edges_by_design, settings_of
@@ -37,7 +38,7 @@ class _Labels:
     place: int
     use: ColumnUse
     kind: Kind
-    codes: Codes
+    codes: Ints
     names: tuple[str, ...]
 
     @property
@@ -149,7 +150,7 @@ def _labels(draft: Draft, place: int, use: ColumnUse) -> _Labels | None:
     return _Labels(place, use, kind, codes, tuple(names)) if names else None
 
 
-def _chosen(labels: list[_Labels], tests: Tests, work: Codes | None) -> tuple[_Labels, ...]:
+def _chosen(labels: list[_Labels], tests: Tests, work: Ints | None) -> tuple[_Labels, ...]:
     """The column of the edges, or two whose values name an edge together; none where the content does not say so.
 
     Names may begin again with each type of tool or work material (``work``, shape (n,)), since pairs are fitted apart.
@@ -178,7 +179,7 @@ def _chosen(labels: list[_Labels], tests: Tests, work: Codes | None) -> tuple[_L
     return ()
 
 
-def _crossed(parts: Sequence[_Labels]) -> Codes:
+def _crossed(parts: Sequence[_Labels]) -> Ints:
     """Codes of the combinations of labels; -1 where one is blank."""
     codes = parts[0].codes
     for part in parts[1:]:
@@ -187,7 +188,7 @@ def _crossed(parts: Sequence[_Labels]) -> Codes:
     return np.asarray(codes)
 
 
-def _by_work(codes: Codes, work: Codes | None) -> Codes:
+def _by_work(codes: Ints, work: Ints | None) -> Ints:
     """Codes of labels within each work material; -1 where the label is blank."""
     if work is None or not work.any():
         return codes
@@ -280,7 +281,7 @@ def _types_of_tools(one: _Labels, tests: Tests) -> bool:
     )  # fmt: skip
 
 
-def _numbered_anew(draft: Draft, one: _Labels) -> Codes | None:
+def _numbered_anew(draft: Draft, one: _Labels) -> Ints | None:
     """Codes of edges by the order of the tests, where the names of a column start again in each block of tests."""
     if "t" not in draft.data or not one.several or not one.covers(draft):
         return None
@@ -289,7 +290,7 @@ def _numbered_anew(draft: Draft, one: _Labels) -> Codes | None:
     return codes if codes is not None and _begin_anew(draft, one, codes) else None
 
 
-def _begin_anew(draft: Draft, one: _Labels, edges: Codes) -> bool:
+def _begin_anew(draft: Draft, one: _Labels, edges: Ints) -> bool:
     """Whether names change where edges do, with more edges than names, whose rows are no copies of earlier rows."""
     begins, renamed = edges[1:] != edges[:-1], one.codes[1:] != one.codes[:-1]
     if edges.max() < len(one.names) or not (begins == renamed).all():
@@ -297,7 +298,7 @@ def _begin_anew(draft: Draft, one: _Labels, edges: Codes) -> bool:
     return _copied(draft, one) <= _again(one.codes, edges) / 2
 
 
-def _again(names: Codes, edges: Codes) -> int:
+def _again(names: Ints, edges: Ints) -> int:
     """Number of rows of edges whose name an earlier edge has."""
     edge_of_name = edges[np.unique(names, return_index=True)[1]]
     return int((edges != edge_of_name[names]).sum())

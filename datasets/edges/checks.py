@@ -3,15 +3,14 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import MAD
+from ...core.arrays import MAD, Array, Flags, Ints
 from ...core.rounding import format_plain
 from ..doubts import Doubt
 from ..draft import Draft, numbers_of
 from ..plausibility.stray_values import section_of
 from ..vocabulary import MEASURED, ROLES
-from .columns import Array, Codes, Flags, differs
+from .columns import differs
 from .merged_cells import lines_text
 from .rows import FEW, EdgeRows, by_edge, listed, median, of_equal_tests
 from .times import begun_anew, doubts_of_no_time, doubts_of_time
@@ -102,7 +101,7 @@ def _read_again(draft: Draft, numbers: dict[str, Array]) -> Flags:
     return np.asarray(np.logical_and.reduce([np.ones(len(group), dtype=bool), *near]))
 
 
-def _a_few_steps_apart(values: Array, group: Codes) -> Flags:
+def _a_few_steps_apart(values: Array, group: Ints) -> Flags:
     """Whether the values of the group of each row differ, by a few of the smallest steps between values at most."""
     steps = np.diff(np.unique(values[np.isfinite(values)]))
     low, high = (np.full(group.max() + 1, end) for end in (np.inf, -np.inf))
@@ -142,7 +141,7 @@ def _of_setting(draft: Draft, edges: EdgeRows, role: str, values: Array) -> Iter
     yield Doubt((role,), sentence, lines=numbers_of(draft, np.isin(edges.codes, list(codes))))
 
 
-def _odd_cells(draft: Draft, values: Array, rows: NDArray[np.intp], name: str) -> Iterator[str]:
+def _odd_cells(draft: Draft, values: Array, rows: Ints, name: str) -> Iterator[str]:
     """The cells of an edge that differ from most, or all of them where most do."""
     usual = median(values[rows])
     odd = rows[differs(values[rows], np.full(len(rows), usual))]
@@ -187,7 +186,7 @@ def _factor_words(value: float, usual: float) -> str:
 
 
 def _of_response(
-    draft: Draft, edges: EdgeRows, role: str, values: Array, t: Array | None, order: NDArray[np.intp]
+    draft: Draft, edges: EdgeRows, role: str, values: Array, t: Array | None, order: Ints
 ) -> Iterator[Doubt]:
     """Single cells that jump against their neighbours, wear that falls, and edges far from the others."""
     x = values[order]
@@ -219,7 +218,7 @@ def _falls(
     edges: EdgeRows,
     role: str,
     values: Array,
-    order: NDArray[np.intp],
+    order: Ints,
     step: Array,
     later: Array,
     slipped: Flags,
@@ -273,18 +272,14 @@ def _slips(y: Array, step: Array, log_t: Array | None, *, grows: bool) -> Flags:
     return np.asarray(both | first | last)
 
 
-def _slip_words(
-    draft: Draft, edges: EdgeRows, values: Array, order: NDArray[np.intp], step: Array, i: int, role: str
-) -> str:
+def _slip_words(draft: Draft, edges: EdgeRows, values: Array, order: Ints, step: Array, i: int, role: str) -> str:
     beside = [k for k, s in ((i - 1, i - 1), (i + 1, i)) if 0 <= s < len(step) and not np.isnan(step[s])]
     around = " and ".join(format_plain(values[order[k]]) for k in beside)
     value = f"{format_plain(values[order[i]])} {draft.units.get(role, '')}"
     return f"line {draft.lines[order[i]]} has {value}, its neighbours in edge {edges.names[order[i]]} {around}"
 
 
-def _over_section(
-    draft: Draft, role: str, order: NDArray[np.intp], code: NDArray[np.intp], y: Array
-) -> tuple[NDArray[np.intp], Array, float]:
+def _over_section(draft: Draft, role: str, order: Ints, code: Ints, y: Array) -> tuple[Ints, Array, float]:
     """Edges, logarithms of a load over the section of its chip, and the distance of another order."""
     section = section_of(draft, role)
     if section is None:
@@ -294,7 +289,7 @@ def _over_section(
     return code[known], y[known], float(np.log(APART))
 
 
-def _levels(draft: Draft, edges: EdgeRows, role: str, code: NDArray[np.intp], y: Array, far: float) -> Iterator[Doubt]:
+def _levels(draft: Draft, edges: EdgeRows, role: str, code: Ints, y: Array, far: float) -> Iterator[Doubt]:
     """Edges in which a measured quantity is of another order than in the others: another unit."""
     if len(y) < 3 or np.ptp(y) < far:
         return

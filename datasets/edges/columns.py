@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ..columns import ColumnUse
 from ..vocabulary import roles_named
 
@@ -29,10 +30,6 @@ _NUMBER_WORDS = frozenset(
 )
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 _GRID = re.compile(r"(?:[A-Za-z][1-8]|\d+(?:\s*[-/._]\s*|\s+)(?:\d+|[A-Za-z])|\d+[A-Za-z])")
-
-Codes = NDArray[np.intp]
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 def may_be_edge(use: ColumnUse) -> bool:
@@ -113,7 +110,7 @@ class Tests:
         return len(next(x for x in (self.time, self.wear, *self.settings.values()) if x is not None))
 
 
-def numbered(labels: NDArray[np.object_]) -> tuple[Codes, list[str]]:
+def numbered(labels: NDArray[np.object_]) -> tuple[Ints, list[str]]:
     """Codes of labels and their names, in the order of the rows.
 
     >>> numbered(np.array(["b", "a", "b"], dtype=object))
@@ -132,7 +129,7 @@ def differs(a: Array, b: Array) -> Flags:
     return np.asarray(np.abs(a - b) > TOLERANCE * np.maximum(np.abs(a), np.abs(b)))
 
 
-def holds_edges(codes: Codes, tests: Tests) -> bool:
+def holds_edges(codes: Ints, tests: Tests) -> bool:
     """Whether the rows of each code are of one edge: time rises in each, or settings are constant and no time repeats.
 
     Without a time, wear must rise and the settings be constant.

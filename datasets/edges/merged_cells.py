@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Flags, Ints
 from ..draft import Draft
 from ..vocabulary import ROLES
 from .columns import may_be_edge
@@ -14,8 +15,6 @@ from .columns import may_be_edge
 FOLLOWED = 0.7  # share of the filled cells that are followed by a blank where a column names only the first row
 DITTO = frozenset({"", '"', "''", "”", "〃", "ditto", "do.", "dto.", "dito", "idem", "id."})  # as above
 LISTED = 5  # lines in a sentence
-
-Flags = NDArray[np.bool_]
 
 
 def fill_down(draft: Draft) -> None:
@@ -87,7 +86,7 @@ def _enclosed(values: NDArray[Any], blank: Flags) -> Flags:
     return same
 
 
-def lines_text(lines: Sequence[int] | NDArray[np.intp]) -> str:
+def lines_text(lines: Sequence[int] | Ints) -> str:
     """Lines of a file for a sentence, the first few of many.
 
     >>> lines_text([4]), lines_text([4, 7]), lines_text(range(2, 30))

@@ -4,10 +4,11 @@ import re
 
 import numpy as np
 
+from ...core.arrays import Ints
 from ...core.text import line_spans
 from ..doubts import Doubt
 from ..draft import Draft, numbers_of
-from .columns import Codes, Tests, differs
+from .columns import Tests, differs
 from .merged_cells import lines_text
 
 _ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
@@ -59,7 +60,7 @@ def spelling(name: str) -> str:
     return _ZEROS.sub("", plain) if "0" in plain else plain
 
 
-def _join_spellings(draft: Draft, tests: Tests | None, codes: Codes, names: list[str]) -> None:
+def _join_spellings(draft: Draft, tests: Tests | None, codes: Ints, names: list[str]) -> None:
     """Rows of one edge whose name is spelled in two ways, where their settings agree."""
     first: dict[str, int] = {}
     for code, name in enumerate(names):
@@ -77,7 +78,7 @@ def _join_spellings(draft: Draft, tests: Tests | None, codes: Codes, names: list
         )
 
 
-def _alike(tests: Tests | None, codes: Codes, one: int, other: int) -> bool:
+def _alike(tests: Tests | None, codes: Ints, one: int, other: int) -> bool:
     """Whether the settings of two edges agree."""
     if tests is None:
         return True

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ..draft import Draft
 from ..vocabulary import ROLES
-from .columns import Array, Codes, Flags, differs
+from .columns import differs
 
 LEAST = 1.7  # mean rows of an edge; fewer: nearly every row is a test of its own
 WIDEST = 0.1  # relative width of a level of a setting
@@ -39,7 +39,7 @@ class TestOrder:
 
     time: Array
     settings: Mapping[str, Array]
-    labels: tuple[Codes, ...]
+    labels: tuple[Ints, ...]
 
     def first(self, n: int) -> "TestOrder":
         """The first rows."""
@@ -79,10 +79,10 @@ class Inferred:
         Settings that change one row before or after time begins anew, with the lines of these changes.
     """
 
-    codes: Codes | None
+    codes: Ints | None
     in_order: bool
     sentence: str
-    shifted: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
+    shifted: Mapping[str, Ints] = field(default_factory=dict)
 
 
 def settings_of(conditions: Mapping[str, Array]) -> dict[str, Array]:
@@ -124,7 +124,7 @@ def edges_by_design(draft: Draft) -> Inferred | None:
 
 
 def _out_of_order(
-    draft: Draft, tests: TestOrder, cell: Codes, chains: Codes, count: int, names: list[str]
+    draft: Draft, tests: TestOrder, cell: Ints, chains: Ints, count: int, names: list[str]
 ) -> Inferred | None:
     """Edges of rows that do not stand in the order of the tests, or why they are unknown."""
     if _numbered_in_order(draft):
@@ -146,7 +146,7 @@ def _out_of_order(
     return Inferred(None, False, f"{what} the rows are not in the order of the tests: {shared}. {UNKNOWN}")
 
 
-def _found(sizes: NDArray[np.intp], by: str) -> str:
+def _found(sizes: Ints, by: str) -> str:
     count, low, high = len(sizes), int(sizes.min()), int(sizes.max())
     rows = f"{low} rows" if low == high else f"{low} to {high} rows"
     what = f"{count} edges of {rows}" if count > 1 else f"1 edge of {rows}"
@@ -173,9 +173,9 @@ def _filled(t: Array) -> Array:
     return t[last]
 
 
-def _cells(tests: TestOrder) -> Codes:
+def _cells(tests: TestOrder) -> Ints:
     """Number of the setting of each row; values within the tolerance are one level, unless levels overlap."""
-    levels: list[Codes] = list(tests.labels)
+    levels: list[Ints] = list(tests.labels)
     for x in tests.settings.values():
         found = np.unique(x)
         found = found[~np.isnan(found)]
@@ -191,7 +191,7 @@ def _cells(tests: TestOrder) -> Codes:
     return cell
 
 
-def _chains(cell: Codes, t: Array) -> Codes:
+def _chains(cell: Ints, t: Array) -> Ints:
     """Least number of edges with rising time at each setting: the largest number of rows of one time."""
     order = np.lexsort((t, cell))
     c, s = cell[order], t[order]
@@ -215,7 +215,7 @@ def _numbered_in_order(draft: Draft) -> bool:
     return False
 
 
-def shifted_rows(t: Array, x: Array) -> NDArray[np.intp]:
+def shifted_rows(t: Array, x: Array) -> Ints:
     """Rows at which a setting changes while time rises, one row beside a row at which time begins anew.
 
     The row between has the setting of the other edge, as it has where a column is shifted by one row.
@@ -268,9 +268,7 @@ def _slip_of_setting(i: int, tests: TestOrder, usual: float, together: bool) -> 
     return (i + 1,) if below and t[i] <= usual < t[i + 1] else ()
 
 
-def _slips_of_time(
-    falls: NDArray[np.intp], before: NDArray[np.intp], t: Array, usual: float, together: bool
-) -> NDArray[np.intp]:
+def _slips_of_time(falls: Ints, before: Ints, t: Array, usual: float, together: bool) -> Ints:
     """Rows at which time falls because one time slipped, among the first rows of edges.
 
     Parameters

@@ -7,10 +7,10 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ..doubts import Doubt
 from ..draft import Draft, numbers_of
 from ..vocabulary import ROLES
-from .columns import Array, Codes, Flags
 from .merged_cells import lines_text
 
 FEW = 0.3  # share of the edges above which something is a property of the tests, not a slip
@@ -40,11 +40,11 @@ class EdgeRows:
     """
 
     names: NDArray[np.object_]
-    codes: Codes
-    order: NDArray[np.intp]
+    codes: Ints
+    order: Ints
     same: Flags
-    first: NDArray[np.intp]
-    sizes: NDArray[np.intp]
+    first: Ints
+    sizes: Ints
     several: int
 
     @property

@@ -5,8 +5,8 @@ from itertools import pairwise
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ...core.rounding import format_plain
 from ..doubts import Doubt
 from ..draft import CORRECTS, Draft, numbers_of, target_of
@@ -15,7 +15,7 @@ from ..plausibility.unused_columns import COUNTS, of_counts
 from ..tables import Column
 from ..units import canonical, same_dimension
 from ..vocabulary import ROLES
-from .columns import Array, Codes, Flags, differs
+from .columns import differs
 from .rows import FEW, EdgeRows, listed, median
 
 RISES = 0.8  # share of the steps of wear along the edges
@@ -163,12 +163,12 @@ def _sub_tests(draft: Draft, edges: EdgeRows, x: Array, wear: Array) -> Doubt | 
     )
 
 
-def begins_anew(edge: Codes, t: Array) -> Flags:
+def begins_anew(edge: Ints, t: Array) -> Flags:
     """Whether the time of a row, sorted by edge, does not rise from the row before of its edge."""
     return np.append(False, (edge[1:] == edge[:-1]) & (t[1:] <= t[:-1]))
 
 
-def counted_on(edge: Codes, t: Array) -> Array:
+def counted_on(edge: Ints, t: Array) -> Array:
     """Times that do not rise counted on from the time before; rows are sorted by edge.
 
     >>> counted_on(np.array([0, 0, 0, 0]), np.array([2.0, 4.0, 2.0, 4.0]))
@@ -178,7 +178,7 @@ def counted_on(edge: Codes, t: Array) -> Array:
     return np.asarray(t + ahead - ahead[np.searchsorted(edge, edge)])
 
 
-def added_up(edge: Codes, t: Array) -> Array:
+def added_up(edge: Ints, t: Array) -> Array:
     """Times of sub-tests added up within each edge; rows are sorted by edge.
 
     >>> added_up(np.array([0, 0, 1, 1]), np.array([2.0, 3.0, 2.0, 2.0]))
@@ -189,7 +189,7 @@ def added_up(edge: Codes, t: Array) -> Array:
     return np.asarray(total - total[first] + t[first])
 
 
-def of_sub_tests(edge: Codes, y: Array, t: Array) -> Flags:
+def of_sub_tests(edge: Ints, y: Array, t: Array) -> Flags:
     """Rows of edges whose wear follows the times added up far better than as they are, and no worse than from restarts.
 
     Edges in which the times rise are among them, where all wear follows the times added up better then.
@@ -219,7 +219,7 @@ def of_sub_tests(edge: Codes, y: Array, t: Array) -> Flags:
     return some | all_apart
 
 
-def evidence(edge: Codes, y: Array, counted: Array, as_is: Array) -> float:
+def evidence(edge: Ints, y: Array, counted: Array, as_is: Array) -> float:
     """Evidence n ln(RSS0/RSS1) of rows about the level of their edge for times counted in another way than as they are.
 
     The times are logarithms. Zero where ``y`` does not rise with those counted in another way.
@@ -327,9 +327,7 @@ FALL_ANEW, FIRST_WEAR, RISE_ANEW = 2 / 3, 1.6, 1.2  # factors of a step, of the 
 LONG, SHARE = 5, 0.5  # rows of an edge in which wear may begin anew, and the share of such edges
 
 
-def begun_anew(
-    draft: Draft, edges: EdgeRows, role: str, wear: Array, order: NDArray[np.intp], fell: Flags
-) -> Doubt | None:
+def begun_anew(draft: Draft, edges: EdgeRows, role: str, wear: Array, order: Ints, fell: Flags) -> Doubt | None:
     """Doubt wear that falls to its first values and rises again in most edges: several inserts under one name.
 
     Parameters

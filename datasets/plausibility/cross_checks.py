@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.errors import DataError
 from ...core.rounding import format_decimal
 from ..columns import ColumnUse
@@ -35,7 +35,6 @@ DOMINANT = 4.0  # um of geometric Rz above which edge build-up, wear and chatter
 ROUGHER, SMOOTHER = 3.0, 0.6  # of the geometric roughness: Ra of no sound test in every row, and wiper inserts alone
 NEAR = 0.02  # by which an engagement may exceed the tool
 
-Array = NDArray[np.float64]
 _BASIC = ("V", "f", "fz", "fm", "d", "ae", "D")  # conditions that show the system of a laboratory
 _SHARED = ("min", "1/min")  # in both systems
 
@@ -276,7 +275,7 @@ def _of_ratio(draft: Draft, roles: tuple[str, ...], sentence: str, possible: boo
     return Doubt(roles, f"{sentence}; if all units are right, confirm them with {units}", unsettled=True)
 
 
-def _explained(draft: Draft, roles: tuple[str, ...], rows: NDArray[np.intp]) -> bool:
+def _explained(draft: Draft, roles: tuple[str, ...], rows: Ints) -> bool:
     """Whether a correction of one of these columns in the same rows is proposed already."""
     lines = set(numbers_of(draft, rows))
     proposed = [doubt for doubt in draft.doubts if CORRECTS in doubt.remedy]

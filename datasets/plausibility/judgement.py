@@ -4,9 +4,8 @@ import re
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.errors import DataError
 from ...core.rounding import format_decimal
 from ..columns import NONE, ColumnUse
@@ -270,9 +269,7 @@ def _refuse_two_units(draft: Draft, one: Quantity) -> None:
     _refuse_groups(draft, one, x, y, (np.flatnonzero(y <= cut), np.flatnonzero(y > cut)))
 
 
-def _refuse_groups(
-    draft: Draft, one: Quantity, x: Array, y: Array, groups: tuple[NDArray[np.intp], NDArray[np.intp]]
-) -> None:
+def _refuse_groups(draft: Draft, one: Quantity, x: Array, y: Array, groups: tuple[Ints, Ints]) -> None:
     """Refuse small and large values, ``y`` their logarithms, where the groups are a ratio of units apart."""
     (low, high), levels = groups, y[np.isfinite(y)]
     share = min(len(low), len(high)) / len(levels)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ...core.rounding import format_decimal, listed
 from ..doubts import Doubt
 from ..draft import Draft, correction, numbers_of
@@ -20,9 +20,6 @@ from .unit_shifts import (
     single_evidence,
     split_evidence,
 )
-
-Array = NDArray[np.float64]
-Codes = NDArray[np.intp]
 
 RESPONSES = {
     ("AW", "VB"): ("V", "f", "d"),
@@ -43,7 +40,7 @@ class _Shift:
     """Some edges moved by the ratio of two units in one condition."""
 
     role: str
-    edges: NDArray[np.bool_]
+    edges: Flags
     factor: float
 
 
@@ -51,10 +48,10 @@ class _Shift:
 class _Tests:
     """Rows with conditions, and the logarithms of the conditions of each edge, shape (edges,)."""
 
-    good: NDArray[np.bool_]
-    code: Codes
+    good: Flags
+    code: Ints
     count: Array
-    first: Codes
+    first: Ints
     settings: dict[str, Array]
     others: Array  # one, and indicators of tool and work, shape (edges, k)
 

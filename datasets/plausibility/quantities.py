@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import UsageError
 from ...core.rounding import format_decimal
 from ..draft import Draft
@@ -19,8 +19,6 @@ from ..vocabulary import ROLES
 from .ranges import INCH, Plausible, Range, candidate_units, plausible, process_of
 
 SAMPLE = 20000  # values of a long column that settle its unit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ...core.rounding import format_decimal, listed
 from ..doubts import Doubt
 from ..draft import Draft, correction, numbers_of, whole_edges
@@ -45,8 +45,6 @@ FEWEST_FREE = 3  # lives beyond the coefficients of a law by which others are do
 TINY = 1e-9  # sum of squares of logarithms: lives without scatter
 LISTED = 4
 MOST_EDGES = 8  # in a sentence
-
-Array = NDArray[np.float64]
 
 
 def check_cells(draft: Draft, options: ReadOptions) -> None:
@@ -157,7 +155,7 @@ def check_levels(draft: Draft, options: ReadOptions) -> None:
                 _doubt_single(draft, use.role, values, levels, counts)
 
 
-def _doubt_shifted(draft: Draft, role: str, values: Array, levels: Array, counts: NDArray[np.intp]) -> bool:
+def _doubt_shifted(draft: Draft, role: str, values: Array, levels: Array, counts: Ints) -> bool:
     """Whether a minority of rows lies apart from the others and holds their levels in another unit."""
     if not _shifted_levels(role, levels, counts):
         return False
@@ -179,7 +177,7 @@ class _Shifted:
     factor: float
     rows: int
 
-    def corrected(self, levels: Array, counts: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+    def corrected(self, levels: Array, counts: Ints) -> tuple[Array, Ints]:
         """Levels and their counts with the shifted ones joined to those of the others."""
         among = np.isin(levels, self.kept)
         joined = counts[among].copy()
@@ -188,7 +186,7 @@ class _Shifted:
         return self.kept, joined
 
 
-def _shifted_levels(role: str, levels: Array, counts: NDArray[np.intp], *, exact: bool = False) -> list[_Shifted]:
+def _shifted_levels(role: str, levels: Array, counts: Ints, *, exact: bool = False) -> list[_Shifted]:
     """Minorities of levels beyond a gap that may be in another unit; with ``exact`` also those of an exact ratio."""
     if not 2 <= len(levels) <= 2 * MOST_LEVELS:
         return []
@@ -213,7 +211,7 @@ def _shifted_levels(role: str, levels: Array, counts: NDArray[np.intp], *, exact
     return found
 
 
-def _add_shifted(draft: Draft, role: str, rows: NDArray[np.intp], moved: Array, kept: Array, factor: float) -> None:
+def _add_shifted(draft: Draft, role: str, rows: Ints, moved: Array, kept: Array, factor: float) -> None:
     way = f"times {factor:.4g}" if factor > 1 else f"divided by {1 / factor:.4g}"
     sentence = (
         f"{places(draft, rows)}: {role} {numbers(moved)} {ROLES[role].unit} {way} are levels of the other rows "
@@ -253,7 +251,7 @@ def _doubt_group(draft: Draft, role: str, values: Array) -> None:
                 return
 
 
-def _nearer_the_law(draft: Draft, lives: Array, rows: NDArray[np.bool_], factor: float) -> bool:
+def _nearer_the_law(draft: Draft, lives: Array, rows: Flags, factor: float) -> bool:
     """Whether a factor brings lives of some rows to a power law of the conditions that the others follow.
 
     Lives of a sound plan span a factor of 100, as speed, feed and depth act together.
@@ -272,7 +270,7 @@ def _nearer_the_law(draft: Draft, lives: Array, rows: NDArray[np.bool_], factor:
     return bool(each and n >= rank + FEWEST_FREE and n * np.log(rss[0] / rss[1]) > EVIDENCE)
 
 
-def _early(draft: Draft, rows: NDArray[np.bool_]) -> bool:
+def _early(draft: Draft, rows: Flags) -> bool:
     """Whether rows are mostly among the first times, where wear is small."""
     if "t" not in draft.data:
         return True
@@ -280,7 +278,7 @@ def _early(draft: Draft, rows: NDArray[np.bool_]) -> bool:
     return bool(np.nanmedian(t[rows]) < np.nanmedian(t[~rows]) / 2)
 
 
-def _doubt_single(draft: Draft, role: str, values: Array, levels: Array, counts: NDArray[np.intp]) -> None:
+def _doubt_single(draft: Draft, role: str, values: Array, levels: Array, counts: Ints) -> None:
     """Doubt a value that occurs once in a column of few levels, each of which occurs three times and more.
 
     Twice is enough where the levels of a plan are even once the value is taken for that which lacks one.
@@ -300,7 +298,7 @@ def _doubt_single(draft: Draft, role: str, values: Array, levels: Array, counts:
     _add(draft, role, rows, sentence)
 
 
-def _add(draft: Draft, role: str, rows: NDArray[np.intp], sentence: str, factor: float | None = None) -> None:
+def _add(draft: Draft, role: str, rows: Ints, sentence: str, factor: float | None = None) -> None:
     """Add a doubt about rows of a role, unless each line is named by an earlier one; a factor would correct them."""
     named = {line for doubt in draft.doubts if role in doubt.columns for line in doubt.lines}
     if not named.issuperset(lines := numbers_of(draft, rows)):
@@ -308,7 +306,7 @@ def _add(draft: Draft, role: str, rows: NDArray[np.intp], sentence: str, factor:
         draft.doubts.append(Doubt((role,), sentence, remedy, lines=lines))
 
 
-def places(draft: Draft, rows: NDArray[np.intp]) -> str:
+def places(draft: Draft, rows: Ints) -> str:
     """Edges of some rows, where they are all rows of these, or else their lines, in words."""
     edges = whole_edges(draft, rows) if len(rows) > 1 else []
     if edges:

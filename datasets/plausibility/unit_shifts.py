@@ -8,12 +8,9 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags
 from ..vocabulary import ROLES
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 RATIOS: Mapping[str, Mapping[float, str]] = {
     "V": {3.280839895: "sfm and m/min", 60.0: "m/s and m/min", 10.0: "a decimal mark"},

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ..design import looks_numbered
 from ..doubts import Doubt
 from ..draft import Draft, numbers_of, target_of
@@ -31,7 +31,6 @@ ALIKE = 0.9999  # correlation of a column with the same one in another unit
 MOST_STEPS = 0.6  # share of the steps within edges in which measured wear rises, with scatter
 MOST_EDGES = 0.8  # share of the edges that decides
 
-Array = NDArray[np.float64]
 _EQUAL = (("V", "n"), ("f", "fz", "fm"), ("d", "ae"), ("AW", "VB"), ("t", "T"))  # roles that stand for each other
 _ANONYMOUS = re.compile(
     r"(?:(?:col|column|spalte|x|y|par|param|parameter|var|variable|value|wert|ch|channel|kanal)?[ _]?\d+)?",
@@ -72,8 +71,8 @@ COUNTS = re.compile(
 class _Edges:
     """Rows of the edges of three rows and more: the row numbers, edge by edge, and where each edge starts."""
 
-    rows: NDArray[np.intp]
-    starts: NDArray[np.intp]
+    rows: Ints
+    starts: Ints
 
     def varying(self, values: Array) -> float:
         """Share of the edges within which a column varies."""
@@ -351,7 +350,7 @@ def _uses(draft: Draft, options: ReadOptions) -> dict[str, int]:
     return {use.role: use.number for use in draft.uses if use.role and use.role not in options.ranges}
 
 
-def _level_counts(draft: Draft, role: str) -> NDArray[np.intp]:
+def _level_counts(draft: Draft, role: str) -> Ints:
     """Number of rows of each value of a column."""
     values = np.asarray(draft.data[role], dtype=float)[:SAMPLE]
     return np.unique(values[np.isfinite(values)], return_counts=True)[1]

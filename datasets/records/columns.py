@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import DataError, UsageError
 from ...core.rounding import count
 from ...core.suggestions import closest
@@ -15,8 +15,6 @@ from ..headers import parse_header
 from ..tables import Column
 from ..units import canonical, convert, same_dimension
 from ..vocabulary import ROLES, role_of, roles_named
-
-Array = NDArray[np.float64]
 
 SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 LABELS = frozenset({"stretch", "segment", "record", "section", "abschnitt", "messung", "tramo", "tronçon"})
@@ -281,7 +279,7 @@ _CLOCK = re.compile(
 )
 
 
-def clock_seconds(texts: Sequence[str]) -> NDArray[np.float64] | None:
+def clock_seconds(texts: Sequence[str]) -> Array | None:
     """Seconds since the first midnight, shape (n,), nan where a text is empty; None when one is no time.
 
     A date counts only by its change, which is one day on: so 01.03. and 03/01 need not be distinguished. A fall of

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import DataError, UsageError
 from ..tables import Column, Table, read_table
@@ -26,7 +27,6 @@ from ..units import is_unit
 from ..vocabulary import ROLES
 from .columns import heads, is_label, rises_evenly, seconds_in, signals, time_column, times
 
-Array = NDArray[np.float64]
 Series = tuple[str, str, Array]  # name, unit, values
 _STEP_NAMES = {"ts": 1, "dt": 1, "sampletime": 1, "sample_time": 1, "fs": -1, "rate": -1, "samplerate": -1}
 HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -388,7 +388,7 @@ def loads_recorded(table: Table) -> tuple[str, ...]:
     return loads if not tested and (len(loads) >= 2 or 0 < len(loads) == len(held)) else ()
 
 
-def _even(values: NDArray[np.float64], runs: bool) -> bool:
+def _even(values: Array, runs: bool) -> bool:
     """Whether times rise evenly, apart from gaps and from further runs (a label, or times that restart)."""
     finite = values[np.isfinite(values)]
     steps = np.diff(finite)

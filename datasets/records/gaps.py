@@ -12,14 +12,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags, Ints
 from ...core.rounding import count
 from .record import Record
-
-Rows = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 MOST_FILLED = 3  # samples of a gap; a cubic over more follows the noise
 BUDGET = 1e-3  # of the variance of a signal: errors of filled samples 30 dB below it, as a fair sensor's noise
@@ -63,7 +59,7 @@ class _Column:
     rules: dict[int, tuple[int, float]]
 
 
-def fill_gaps(values: Array, lost: Rows, lines: Rows, sample_time: float, names: Iterable[str]) -> Filled:
+def fill_gaps(values: Array, lost: Ints, lines: Ints, sample_time: float, names: Iterable[str]) -> Filled:
     """Fill short gaps, end a segment at the others.
 
     Parameters
@@ -152,14 +148,14 @@ def _lines(lines: Sequence[int]) -> str:
     return f"line {', '.join(map(str, lines[:3]))}{', ...' if len(lines) > 3 else ''}"
 
 
-def _runs(flags: Flags) -> tuple[Rows, Rows]:
+def _runs(flags: Flags) -> tuple[Ints, Ints]:
     """First row and length of each run of set flags."""
     padded = np.concatenate([[False], flags, [False]])
     begins = np.flatnonzero(~padded[:-1] & padded[1:])
     return begins, np.flatnonzero(padded[:-1] & ~padded[1:]) - begins
 
 
-def _filled(values: Array, segment: Rows) -> _Column:
+def _filled(values: Array, segment: Ints) -> _Column:
     """One signal, shape (m,), NaN where missing, with the short holes filled within the budget."""
     missing, filled = np.isnan(values), np.zeros(len(values), dtype=bool)
     if not missing.any() or missing.all():
@@ -183,7 +179,7 @@ def _filled(values: Array, segment: Rows) -> _Column:
     return _Column(out, filled, rules)
 
 
-def _holes(missing: Flags, segment: Rows) -> tuple[Rows, Rows]:
+def _holes(missing: Flags, segment: Ints) -> tuple[Ints, Ints]:
     """First row and length of each run of missing values between two known ones of one segment."""
     begins, lengths = _runs(missing)
     inside = (begins > 0) & (begins + lengths < len(missing))
@@ -208,7 +204,7 @@ def _weights(length: int, rule: int) -> Array:
     return out
 
 
-def _best_rule(values: Array, segment: Rows, length: int) -> tuple[int, float]:
+def _best_rule(values: Array, segment: Ints, length: int) -> tuple[int, float]:
     """The rule with the least rms error in hidden gaps of one length, and that error: infinite where it is unknown."""
     width = length + 4
     if len(values) < width:
@@ -230,7 +226,7 @@ def _best_rule(values: Array, segment: Rows, length: int) -> tuple[int, float]:
     return best, errors[best]
 
 
-def _interpolated(values: Array, segment: Rows, begin: Rows, length: int, rule: int) -> Array:
+def _interpolated(values: Array, segment: Ints, begin: Ints, length: int, rule: int) -> Array:
     """Values of the holes of one length, shape (holes, length); a line where an outer sample is missing."""
     rows = begin[:, None] + np.array([-2, -1, length, length + 1])
     bounded = rows.clip(0, len(values) - 1)

@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.errors import DataError, UsageError
 from ...core.rounding import count
 from ...core.suggestions import closest
@@ -223,7 +222,7 @@ STANDING_CHANCE = 1e-5  # of such a succession anywhere in the record
 MOVES = 0.02  # of its range by which the input moves meanwhile
 
 
-def standing_output(name: str, y: Array, u: Array, lines: NDArray[np.intp]) -> tuple[str, ...]:
+def standing_output(name: str, y: Array, u: Array, lines: Ints) -> tuple[str, ...]:
     """A note on an output, shape (n,), that stood still once while the input moved, as a sensor that was not read.
 
     Neighbours of a coarse or settled output are often equal, and then a long succession is no finding.

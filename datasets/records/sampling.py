@@ -8,14 +8,10 @@ noise at 44 dB would be. Up to there a record counts as evenly sampled.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import is_positive
+from ...core.arrays import Array, Flags, Ints, is_positive
 from ...core.errors import DataError, UsageError
 from ...core.rounding import count
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 EVEN = 0.01  # rms scatter of the steps, as a share of the step: see above
 REGULAR = 0.1  # a step this far from the sample time, or from a whole number of them, is no regular one
@@ -43,8 +39,8 @@ class TimeAxis:
     """
 
     sample_time: float
-    starts: Rows
-    lost: Rows
+    starts: Ints
+    lost: Ints
     jitter: float
     missing: int
     notes: tuple[str, ...]
@@ -83,7 +79,7 @@ def nominal(value: float, slack: float) -> float:
     return value
 
 
-def run_starts(time: Array, cuts: Rows, name: str, lines: Rows) -> Rows:
+def run_starts(time: Array, cuts: Ints, name: str, lines: Ints) -> Ints:
     """First row of each run: row 0, ``cuts``, and where the time falls back to the start of the run.
 
     Raises
@@ -117,7 +113,7 @@ def run_starts(time: Array, cuts: Rows, name: str, lines: Rows) -> Rows:
 
 
 def time_axis(
-    time: Array, seconds: float, name: str, lines: Rows, cuts: Rows, expected: float | None = None
+    time: Array, seconds: float, name: str, lines: Ints, cuts: Ints, expected: float | None = None
 ) -> TimeAxis:
     """Measure the sample time and find the breaks.
 
@@ -176,7 +172,7 @@ def time_axis(
     return TimeAxis(T, np.flatnonzero(before), before, worst, missing, tuple(notes))
 
 
-def _refuse_repeats(steps: Array, inside: NDArray[np.bool_], name: str, lines: Rows) -> None:
+def _refuse_repeats(steps: Array, inside: Flags, name: str, lines: Ints) -> None:
     same = np.flatnonzero((steps == 0) & inside)
     if same.size > 0.2 * steps.size:
         raise DataError(
@@ -190,7 +186,7 @@ def _refuse_repeats(steps: Array, inside: NDArray[np.bool_], name: str, lines: R
         )
 
 
-def _step(steps: Array, place: float, name: str, expected: float | None) -> tuple[float, NDArray[np.bool_]]:
+def _step(steps: Array, place: float, name: str, expected: float | None) -> tuple[float, Flags]:
     """Mean of the steps of one sample, and which they are; the median alone would be wrong for rounded times."""
     T = expected or float(np.median(steps))
     whole = np.abs(steps / T - np.rint(steps / T)) < EVEN
@@ -225,9 +221,7 @@ def _step_note(name: str, T: float, worst: float, place: float) -> str:
     )
 
 
-def _break_notes(
-    name: str, lines: Rows, lost: NDArray[np.bool_], stray: NDArray[np.bool_], missing: int, restarts: int
-) -> list[str]:
+def _break_notes(name: str, lines: Ints, lost: Flags, stray: Flags, missing: int, restarts: int) -> list[str]:
     notes = []
     if restarts > 0:
         notes.append(f"{name} starts again {count(restarts, 'time')}: each is a separate run")

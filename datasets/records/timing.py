@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.arrays import Array, is_positive
+from ...core.arrays import Array, Ints, is_positive
 from ...core.errors import DataError, UsageError
 from ...core.rounding import count
 from .columns import ColumnHeader, seconds_in, times
 from .gaps import fill_gaps
 from .record import Record
 from .resampling import GAP, interpolated
-from .sampling import Rows, TimeAxis, run_starts, time_axis
+from .sampling import TimeAxis, run_starts, time_axis
 
 DELAY_UNCERTAIN = "the delay is uncertain by"  # begins a note on uneven samples that are not much denser than the rate
 DENSE = 4.0  # uneven samples in one of the record, beyond which the times between them do not matter
@@ -55,9 +55,9 @@ class Samples:
 
     time: Array
     values: Array
-    lines: Rows
-    places: Rows
-    cuts: Rows
+    lines: Ints
+    places: Ints
+    cuts: Ints
 
 
 def untimed(samples: Samples, asked: RecordOptions, sample_time: float) -> Record:

@@ -1,9 +1,8 @@
 """Signal of the highest contrast: means of blocks, smoothed, without short peaks, and their noise and reach."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.errors import DataError, UsageError
 from .options import ReduceOptions
 from .recording import Recording
@@ -102,7 +101,7 @@ def _contrast(load: Array, step: float) -> float:
     return (1 - dead) * reach / max(noise, 1e-3 * reach, 1e-300)
 
 
-def widened(numbers: NDArray[np.intp], by: int) -> list[Interval]:
+def widened(numbers: Ints, by: int) -> list[Interval]:
     """Runs of consecutive numbers as intervals [first, end), for messages and pictures; gaps up to ``by`` are closed.
 
     >>> widened(np.array([1, 2, 3, 9]), 1)

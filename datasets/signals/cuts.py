@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.arrays import MAD, Array
 from ...core.errors import DataError
@@ -344,7 +343,7 @@ def _same_level(search: _Search, air: Interval, *, from_end: bool = False) -> In
     return (first, max(first + stop - (search.count(SETTLED) if stop < len(off) else 0), first))
 
 
-def _no_cut(name: str, signal: str, load: NDArray[np.float64], noise: float, short: Sequence[float] = ()) -> str:
+def _no_cut(name: str, signal: str, load: Array, noise: float, short: Sequence[float] = ()) -> str:
     if short:
         return (
             f"{name} contains no cut: its loads last {', '.join(f'{s:.2g}' for s in short[:5])} s. Give the shortest "

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags
 from .body import Body, Findings
 from .gather import Column
 from .layout import FOOTERS, footer_label
@@ -28,7 +29,7 @@ _LONG = "|".join(re.escape(word) for word in FOOTERS if len(word) >= 4)
 _AROUND = r"(?:[.:=]|[^\S\n])*+"
 _HINT = re.compile(rf"{_WORDS}|{_LONG}|^{_AROUND}(?:{_SHORT}){_AROUND}$", re.MULTILINE)  # a quick look
 
-Floats = NDArray[np.float64]
+Floats = Array
 
 
 def average_label(text: str) -> bool:
@@ -166,7 +167,7 @@ def _first_mean(table: Floats, columns: Sequence[Floats]) -> tuple[int, float]:
     return -1, 0.0
 
 
-def _sureness(row: Floats, mean: Floats, above: Floats, both: NDArray[np.bool_], columns: Sequence[Floats]) -> float:
+def _sureness(row: Floats, mean: Floats, above: Floats, both: Flags, columns: Sequence[Floats]) -> float:
     """Powers of ten by which chance is excluded, 0 where a column differs from the mean by more than its rounding."""
     sure, agreeing = 0.0, 0
     for j in np.flatnonzero(both).tolist():

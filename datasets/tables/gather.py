@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import DataError
 from ...core.rounding import label_of
 from ..doubts import Doubt
@@ -113,7 +114,7 @@ def column_of_texts(number: int, name: str, cells: Sequence[str]) -> Column:
 class _Gathering:
     """One column while its blocks come in; text is kept of blocks where most cells are no numbers."""
 
-    floats: list[NDArray[np.float64]] = field(default_factory=list)
+    floats: list[Array] = field(default_factory=list)
     texts: list[NDArray[np.object_] | None] = field(default_factory=list)
     bad: list[tuple[int, str]] = field(default_factory=list)
     bad_count: int = 0
@@ -155,7 +156,7 @@ class _Gathering:
         self.floats.append(values)
         self.n_rows += len(cells)
 
-    def add_numbers(self, values: NDArray[np.float64]) -> None:
+    def add_numbers(self, values: Array) -> None:
         self.filled += len(values)
         self.n_rows += len(values)
         self.floats.append(values.copy())  # a view would keep the whole block
@@ -232,7 +233,7 @@ def _columns(body: Body, gatherings: list[_Gathering], doubts: list[Doubt]) -> I
             yield Column(i + 1, name, unit, texts, False)
 
 
-def _without_wrong_groups(name: str, values: NDArray[np.float64], grouped: list[tuple[int, int, str]]) -> list[Doubt]:
+def _without_wrong_groups(name: str, values: Array, grouped: list[tuple[int, int, str]]) -> list[Doubt]:
     """Leave out, in place, numbers like 1,234 that only as 1.234 lie in the range of the column's other numbers."""
     rows = np.array([row for row, _, _ in grouped], dtype=int)
     others = np.delete(values, rows) if rows.size else values[:0]

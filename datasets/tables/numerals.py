@@ -9,7 +9,8 @@ from functools import lru_cache
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ...core.arrays import Array
 
 Decimal: TypeAlias = Literal["point", "comma"]
 Cell: TypeAlias = str | float  # a float only where a workbook stores a typed number
@@ -144,7 +145,7 @@ def _reads(text: str) -> bool:
 _asked_before = lru_cache(maxsize=2**15)(_reads)
 
 
-def to_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.float64], list[int]]:
+def to_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[Array, list[int]]:
     """Convert one column of cells.
 
     Returns
@@ -162,7 +163,7 @@ def to_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.float
     return (values, []) if values is not None else strict_floats(cells, decimal)
 
 
-def plain_floats(cells: Sequence[Cell], decimal: Decimal) -> NDArray[np.float64] | None:
+def plain_floats(cells: Sequence[Cell], decimal: Decimal) -> Array | None:
     """Convert a column without thousands marks, or give None: Python's float() does the work, fenced in.
 
     >>> plain_floats(["1,5", "-"], "comma"), plain_floats(["1.500"], "comma")
@@ -192,7 +193,7 @@ def plain_floats(cells: Sequence[Cell], decimal: Decimal) -> NDArray[np.float64]
     return None if np.isinf(values).any() else values
 
 
-def strict_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[NDArray[np.float64], list[int]]:
+def strict_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[Array, list[int]]:
     """Convert any column by the grammar of a number; the result is that of `to_floats`.
 
     >>> strict_floats(["1.500", "worn"], "comma")

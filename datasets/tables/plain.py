@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from itertools import chain, islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from .body import BLOCK, TAIL, Body, Findings, RowBlock
 from .dialect import TextSource
 from .numerals import Cell, Decimal
@@ -22,7 +22,7 @@ class NumberBlock:
     """Successive data rows that hold only numbers: line numbers, and values of shape (n, width)."""
 
     lines: range
-    values: NDArray[np.float64]
+    values: Array
 
 
 def stretches(body: Body, findings: Findings, decimal: Decimal) -> Iterator[NumberBlock | RowBlock]:
@@ -41,7 +41,7 @@ def stretches(body: Body, findings: Findings, decimal: Decimal) -> Iterator[Numb
     yield from replace(body, rows=below).blocks(findings)
 
 
-def plain_numbers(lines: Sequence[str], width: int, delimiter: str, decimal: Decimal) -> NDArray[np.float64] | None:
+def plain_numbers(lines: Sequence[str], width: int, delimiter: str, decimal: Decimal) -> Array | None:
     r"""Convert lines whose cells are all there and all plain finite numbers; None for any others.
 
     Parameters

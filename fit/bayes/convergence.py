@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...core.display import Displayable
 from .diagnostics import PIECES, Diagnostics, ess_mean
 from .psis_loo import K_HAT
@@ -135,12 +134,12 @@ def _long_enough(found: Diagnostics) -> list[str]:
     ]
 
 
-def _assessed(found: Diagnostics) -> NDArray[np.bool_]:
+def _assessed(found: Diagnostics) -> Flags:
     """Parameters whose draws could be assessed: the notes name the others."""
     return np.isfinite(found.r_hat) if found.notes else np.ones(len(found.names), bool)
 
 
-def _with_others(name: str, bad: NDArray[np.bool_]) -> str:
+def _with_others(name: str, bad: Flags) -> str:
     more = int(bad.sum()) - 1
     return name + (f" (and {more} more)" if more else "")
 

@@ -21,13 +21,12 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.display import Displayable
 from ...core.errors import FitError
 from ..lawfit import LawFit
 from ..laws import LawForm
 from .priors import Priors
-
-Array = NDArray[np.float64]
 
 
 class Density(Protocol):
@@ -149,7 +148,7 @@ class LawDensity(Displayable):
     Z: Array
     y: Array
     centre: Array
-    starts: NDArray[np.intp]
+    starts: Ints
     sizes: Array
     labels: NDArray[np.object_]
     edges: bool
@@ -295,7 +294,7 @@ def law_density(law: LawFit, priors: Priors, errors: Errors = "normal") -> LawDe
     )  # fmt: skip
 
 
-def _units(law: LawFit, edges: bool) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, NDArray[np.object_]]:
+def _units(law: LawFit, edges: bool) -> tuple[Ints, Ints, Array, NDArray[np.object_]]:
     if not edges or law.edge is None:
         n = law.nobs
         return np.arange(n), np.arange(n), np.ones(n), law.lines.astype(object)

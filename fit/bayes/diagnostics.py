@@ -16,9 +16,8 @@ Comput. Sci. 5, 65, and Sokal 1997, sec. 3 (ensembles).
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags, Ints
 from ...core.display import Displayable
 from ...core.errors import UsageError
 from .density import Sample
@@ -101,7 +100,7 @@ def _products(x: Array, lags: int) -> Array:
     return np.asarray(np.stack(sums, axis=1) / (m * n))
 
 
-def _geyer(autocovariance: Array, between: Array, n: int) -> tuple[Array, NDArray[np.bool_]]:
+def _geyer(autocovariance: Array, between: Array, n: int) -> tuple[Array, Flags]:
     """Autocorrelation time by Geyer's initial monotone sequence, (q, lags) -> (q,), and whether the sequence ended."""
     q, lags = autocovariance.shape
     within = autocovariance[:, :1] * n / (n - 1)
@@ -271,7 +270,7 @@ def _one(draws: Array, which: int) -> Array:
         return _all(*_ready(draws))[which]
 
 
-def _ready(draws: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _ready(draws: Array) -> tuple[Array, Flags]:
     """Draws by parameter, zeros for those that cannot be assessed, and a mask of these."""
     draws = np.asarray(draws, dtype=np.float64)
     x = _by_parameter(draws if draws.ndim == 3 else draws[..., None])
@@ -281,7 +280,7 @@ def _ready(draws: Array) -> tuple[Array, NDArray[np.bool_]]:
     return np.where(unfit[:, None, None], 0.0, x), unfit
 
 
-def _all(x: Array, unfit: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
+def _all(x: Array, unfit: Flags) -> tuple[Array, Array, Array, Array]:
     """R-hat, bulk and tail ESS, Monte Carlo error of the mean, of draws (q, chains, draws)."""
     halves = _halved(x)
     scores, folded = _scores(halves.reshape(len(x), -1))
@@ -307,7 +306,7 @@ def _halved(x: Array) -> Array:
     return np.concatenate([x[:, :, :n], x[:, :, -n:]], axis=1)
 
 
-def _unfit(x: Array, names: tuple[str, ...]) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+def _unfit(x: Array, names: tuple[str, ...]) -> tuple[Flags, tuple[str, ...]]:
     """Mask of the parameters whose draws cannot be assessed, and a sentence for each."""
     q, chains, n = x.shape
     if n < FEWEST:
@@ -334,7 +333,7 @@ def _scores(x: Array) -> tuple[Array, Array]:
     )
 
 
-def _placed(ordered: Array, order: NDArray[np.intp]) -> Array:
+def _placed(ordered: Array, order: Ints) -> Array:
     """Normal scores (Blom's) of ascending rows, in the original order; ties share their mean rank."""
     from scipy.special import ndtri
 

@@ -22,13 +22,12 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags
 from .density import Density, Sample, log_posterior
 from .diagnostics import autocorrelation_time, diagnose, r_hat
 from .importance_sampling import find_mode
 
-Array = NDArray[np.float64]
 Random: TypeAlias = np.random.RandomState  # emcee's
 
 DF = 6.0
@@ -49,7 +48,7 @@ class HalfByHalf:
 
     propose_from: Callable[[Array, Array, Random], tuple[Array, Array]]
 
-    def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:  # noqa: ANN401 emcee has no types
+    def propose(self, model: Any, state: Any) -> tuple[Any, Flags]:  # noqa: ANN401 emcee has no types
         """Move every walker once: the method that emcee calls."""
         random: Random = model.random
         accepted = np.zeros(len(state.coords), dtype=bool)

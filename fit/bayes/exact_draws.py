@@ -23,11 +23,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.errors import FitError
 from .density import LawDensity, Sample
 from .priors import Flat, Normal, Prior
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 POINTS = 80  # of ln sd in a cell

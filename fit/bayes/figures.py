@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Drawing, figures_of, plot
 from ...core.errors import UsageError
 from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN
@@ -25,8 +26,6 @@ from .joint_posterior import JointPosterior
 from .panels import MOST_PANELS, WHOLE, Sheet, alone, curves, laid_out, predictive
 from .posterior import Posterior
 from .priors import Beta, HalfT, Normal, Priors, units_of_priors
-
-Array = NDArray[np.float64]
 
 MOST_PAIRED = 9  # parameters: 36 panels
 PAIRED = 1000  # draws in a panel of pairs: more overlap

@@ -17,13 +17,11 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.errors import FitError
 from .density import Density, Sample, log_posterior
 from .psis_loo import effective, pareto_smoothed, resample
-
-Array = NDArray[np.float64]
 
 STEP = 0.05  # of the stencil, in standard deviations: a log density of 1e3 then leaves 1e-7 of noise in the Hessian
 NEAR = 1e-3  # decrement below which a last full step reaches the mode within 0.001 sd
@@ -100,7 +98,7 @@ def root_of(covariance: Array) -> Array:
 
 
 @cache
-def _stencil(p: int) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
+def _stencil(p: int) -> tuple[Array, Ints, Ints]:
     """Centre, one step forth and back on each axis, and on the diagonal of each pair of axes."""
     i, j = np.triu_indices(p, 1)
     axes = np.eye(p)

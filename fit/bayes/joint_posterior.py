@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...core.arrays import Ints
 from ...core.errors import FitError, UsageError
 from ...core.threads import one_thread
 from ..available import NotAvailable
@@ -22,8 +22,6 @@ from .density import Errors, law_density
 from .latent_model import LatentDensity, latent_density
 from .priors import Priors, weak
 from .sampling import PosteriorDraws, Progress, Route, draw
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -85,8 +83,6 @@ class JointPosterior(PosteriorDraws):
             )
         return f"With a gauge error of {self.gauge_sd:g} {self.unit}, {'; '.join(found)}."
 
-
-Rows = NDArray[np.intp]
 
 FEWEST, MOST = 400, 1_000_000  # draws
 SAME = 1e-9  # relative difference below which two readings are equal
@@ -221,7 +217,7 @@ def _shared(laws: tuple[LawFit, ...]) -> tuple[list[LawFit], int]:
     return shared, len(set.union(*lines)) - len(common)
 
 
-def _on(law: LawFit, lines: Rows) -> LawFit:
+def _on(law: LawFit, lines: Ints) -> LawFit:
     rows = np.argsort(law.lines)
     rows = rows[np.searchsorted(law.lines[rows], lines)]
     if law.edge is not None:

@@ -28,12 +28,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.display import Displayable
 from .density import LN_2PI, NU, Errors, LawDensity, student
-
-Array = NDArray[np.float64]
 
 
 def rows_alone(
@@ -58,7 +56,7 @@ def rows_alone(
     return q, log_det, scores, info
 
 
-def by_edge(part: Array, starts: NDArray[np.intp], sizes: Array) -> Array:
+def by_edge(part: Array, starts: Ints, sizes: Array) -> Array:
     """Sum over the rows of each edge, (m, n) -> (m, G), or (m, 1) times the number of its rows."""
     return np.asarray(part * sizes if part.shape[1] == 1 else np.add.reduceat(part, starts, axis=1))
 

@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.figure_style import BLUE, GREY, LINE, ORANGE, RED, SMALL, natural_key, round_numbers
 from ...core.plotting import NotebookAxes, NotebookFigure
 from ...core.plotting import axes_array as together
@@ -23,7 +24,6 @@ from ..law_figures import label, middle, points
 from ..lawfit import LawFit
 from .posterior import Posterior
 
-Array = NDArray[np.float64]
 Panel = Callable[[Axes], None]
 
 MOST_PANELS = 24
@@ -95,7 +95,7 @@ def _border_only(ax: Axes, right: bool, above: bool) -> None:
         ax.tick_params(axis="x", which="both", labelbottom=False)
 
 
-def conditions(law: LawFit, X: Array, level: NDArray[np.intp]) -> pd.DataFrame:
+def conditions(law: LawFit, X: Array, level: Ints) -> pd.DataFrame:
     """Factors (n, k), and the level of the category, as a table for predictions."""
     new = pd.DataFrame(X, columns=list(law.factors))
     return new if law.by is None else new.assign(**{law.by.column: np.array(levels_of(law))[level]})
@@ -106,7 +106,7 @@ def levels_of(law: LawFit) -> tuple[str, ...]:
     return ("",) if law.by is None else (law.by.reference, *law.by.levels)
 
 
-def level_of_rows(law: LawFit) -> NDArray[np.intp]:
+def level_of_rows(law: LawFit) -> Ints:
     """Number of each row's level, 0 the reference."""
     return np.asarray(law.shifts @ np.arange(1, law.shifts.shape[1] + 1), dtype=np.intp)
 
@@ -141,7 +141,7 @@ def scaled(ax: Axes, which: str, values: Array, *, logs: bool) -> None:
     ax.set(**{f"{which}lim": ends})
 
 
-def evenly(of: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+def evenly(of: Ints, most: int) -> Ints:
     """At most ``most`` of the positions (n,), evenly chosen, the first and the last among them."""
     return of[np.linspace(0, len(of) - 1, min(len(of), most)).round().astype(np.intp)]
 
@@ -261,7 +261,7 @@ def predictive(posterior: Posterior) -> Sheet:
     return Sheet(title, panels, max(3, ceil(sqrt(1.5 * len(panels)))), (1.7, 1.5), (0.08, 0.24), shared=True)
 
 
-def _groups(law: LawFit) -> tuple[list[str], list[NDArray[np.intp]], str | None]:
+def _groups(law: LawFit) -> tuple[list[str], list[Ints], str | None]:
     """Rows of each edge along the factor that changes within edges, t if it does, and the name of that factor.
 
     Rows that have no edge in common are one group, in the order of the prediction.

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from math import ceil, inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.display import Displayable
 from ...core.errors import FitError, UsageError
 from ...core.rounding import listed
@@ -140,7 +139,7 @@ def effective(log_weights: Array) -> float:
     return float(weights.sum() ** 2 / (weights**2).sum())
 
 
-def resample(rng: np.random.Generator, weights: Array, n: int) -> NDArray[np.intp]:
+def resample(rng: np.random.Generator, weights: Array, n: int) -> Ints:
     """Indices of n draws in proportion to their weights, by systematic resampling.
 
     A draw of weight w is taken floor(n w) times or once more: Kitagawa 1996, J. Comput. Graph. Stat. 5, 1. Indices

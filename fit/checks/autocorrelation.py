@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags, Ints
 from ...core.rounding import format_plain, join_words, label_of, listed
 from ...datasets import Runs
 from ...datasets.headers import parse_header
@@ -149,9 +149,7 @@ def drift(law: LawFit, runs: Runs | None, icc: float) -> Check | NotAvailable | 
     return _drift(law, found, "the column of run numbers" if numbers is not None else "the order of the rows")
 
 
-def _in_order_of_a_factor(
-    law: LawFit, runs: Runs | None, place: NDArray[np.intp], numbered: bool
-) -> Check | NotAvailable:
+def _in_order_of_a_factor(law: LawFit, runs: Runs | None, place: Ints, numbered: bool) -> Check | NotAvailable:
     """A concern where the tests are known to be cut in this order, and a factor rises or falls with nearly each."""
     if (numbered or _turned_down(law, runs)) and (alias := _alias_of_order(law, place)):
         return alias
@@ -169,7 +167,7 @@ def _turned_down(law: LawFit, runs: Runs | None) -> bool:
     return bool((np.diff(D) <= 0).all() and np.ptp(V / D) < SAME_SPEED * np.mean(V / D))
 
 
-def _alias_of_order(law: LawFit, place: NDArray[np.intp]) -> Check | None:
+def _alias_of_order(law: LawFit, place: Ints) -> Check | None:
     """The concern about factors that rise or fall with nearly every test; None where there are none."""
     unit = units_of(law)[1]
     moving = changes_within(law.X, unit)
@@ -312,7 +310,7 @@ def _verdict(found: float, expected: float, p: float) -> str:
     )
 
 
-def _moments(strata: Strata, order: NDArray[np.intp]) -> tuple[float, float]:
+def _moments(strata: Strata, order: Ints) -> tuple[float, float]:
     """Mean and variance of the lag-1 ratio for independent normal rows.
 
     With ``M`` the projection that makes the residuals and ``A`` the matrix of neighbours, ``r = e'Ae / e'e``
@@ -336,7 +334,7 @@ def _moments(strata: Strata, order: NDArray[np.intp]) -> tuple[float, float]:
     return first / v, 2 * (v * second - first**2) / (v**2 * (v + 2))
 
 
-def _neighbours(x: Array, same: NDArray[np.bool_]) -> Array:
+def _neighbours(x: Array, same: Flags) -> Array:
     """Half the sum of the neighbours of each row on its edge."""
     out = np.zeros_like(x)
     out[1:] += np.where(same, x[:-1], 0.0)

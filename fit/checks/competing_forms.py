@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...core.errors import FitError
 from ...datasets import Runs
 from ...datasets.vocabulary import ROLES
@@ -62,7 +62,7 @@ class FormRows:
     shifts: Array
     y: Array
     edge: NDArray[np.object_] | None
-    zero: NDArray[np.bool_]
+    zero: Flags
 
     def column(self, name: str) -> Array:
         """Values of a factor, shape (n,)."""
@@ -108,7 +108,7 @@ def with_zero_wear(law: LawFit, runs: Runs) -> FormRows | NotAvailable | None:
     )  # fmt: skip
 
 
-def _shifts(law: LawFit, runs: Runs) -> tuple[NDArray[np.bool_], Array]:
+def _shifts(law: LawFit, runs: Runs) -> tuple[Flags, Array]:
     """Rows of the runs whose level is one of the law, and their indicator columns."""
     if law.by is None:
         return np.ones(len(runs), dtype=bool), np.empty((len(runs), 0))

@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.display import Displayable, Plottable
 from ...core.errors import FitError
 from ...core.rounding import count
@@ -34,7 +34,7 @@ from ..least_squares import linear
 from .check import SIGNIFICANT, Check
 from .competing_forms import FittedForm, Form, FormRows, alternative_forms, power_form, rows_of, wear_of, with_zero_wear
 from .deletion_diagnostics import ALONE
-from .strata import NO_ROWS, Codes, no_scatter, units_of
+from .strata import NO_ROWS, no_scatter, units_of
 from .time_exponent import CommonExponent, common_exponent
 from .tool_lives import longest_lives
 
@@ -257,7 +257,7 @@ def _percent(error: float) -> str:
 
 
 def _alternative(
-    form: Form, rows: FormRows, base: Array, codes: Codes, icc: float, zero: FormRows | NotAvailable | None
+    form: Form, rows: FormRows, base: Array, codes: Ints, icc: float, zero: FormRows | NotAvailable | None
 ) -> CompetingModel | NotAvailable:
     """A form fitted and compared with the errors of the power law, or the reason why it is not."""
     fitted = computed(partial(form.fitted, rows))
@@ -311,7 +311,7 @@ def not_comparable(law: LawFit) -> str | None:
     return no_scatter(law)
 
 
-def prediction_errors(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
+def prediction_errors(fit: FittedForm, codes: Ints) -> Array | NotAvailable:
     """Prediction error of each row when its unit is left out, shape (n,), in ln R.
 
     With Q = columns L orthonormal, leaving unit g out moves theta by ``-L (I - Q_g'Q_g)^-1 Q_g' rest_g``.
@@ -338,20 +338,20 @@ def prediction_errors(fit: FittedForm, codes: Codes) -> Array | NotAvailable:
     return missed
 
 
-def _whitened(errors: Array, codes: Codes, icc: float) -> Array:
+def _whitened(errors: Array, codes: Ints, icc: float) -> Array:
     """Errors less the part of the mean of their unit that rows of one unit share, shape (n,)."""
     m = np.bincount(codes)
     part = 1 - np.sqrt((1 - icc) / (1 - icc + m * icc))
     return np.asarray(errors - (part * np.bincount(codes, weights=errors) / m)[codes])
 
 
-def _compared(fit: FittedForm, missed: Array, base: Array, codes: Codes, icc: float) -> CompetingModel:
+def _compared(fit: FittedForm, missed: Array, base: Array, codes: Ints, icc: float) -> CompetingModel:
     """Error as root mean square, and its difference from that of the power law."""
     error = float(np.sqrt(np.mean(missed**2)))
     return CompetingModel(fit.name, fit.formula, fit.coefficients, error, *paired_difference(missed, base, codes, icc))
 
 
-def paired_difference(missed: Array, base: Array, codes: Codes, icc: float) -> tuple[float, float, float]:
+def paired_difference(missed: Array, base: Array, codes: Ints, icc: float) -> tuple[float, float, float]:
     """Root mean square of whitened errors less that of others, its standard error over units, and one-sided p.
 
     Parameters

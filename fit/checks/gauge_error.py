@@ -18,14 +18,14 @@ from math import isfinite
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.errors import UsageError
 from ..available import NotAvailable
 from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..least_squares import linear
 from .robust_fit import Refit
-from .strata import Codes, no_scatter, units_of
+from .strata import no_scatter, units_of
 
 LITTLE = 0.5  # reliability below which the correction more than doubles the exponent of wear
 ALONE = 1e-8  # relative eigenvalue of the corrected cross-products without a unit, below which it holds the fit
@@ -155,7 +155,7 @@ def _uncorrectable(law: LawFit) -> str | None:
     return "the correction holds for multiplicative errors only: fit with multiplicative errors" if in_units else None
 
 
-def _corrected(Z: Array, y: Array, at: int, variance: Array, unit: Codes) -> tuple[Array, Array] | NotAvailable:
+def _corrected(Z: Array, y: Array, at: int, variance: Array, unit: Ints) -> tuple[Array, Array] | NotAvailable:
     """Parameters and their covariance by units left out.
 
     In columns Q = Z L, orthonormal, with A = I less the error: leaving unit g out solves

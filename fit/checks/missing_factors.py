@@ -16,7 +16,7 @@ from shlex import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags, Ints
 from ...core.rounding import format_plain, join_words, label_of
 from ...datasets import Runs
 from ...datasets.units import is_unit
@@ -26,7 +26,7 @@ from ..edges import changes_within, left_out_moves
 from ..lawfit import LawFit
 from ..least_squares import sums_by
 from .check import Check, concern_of, format_p
-from .strata import FEWEST, Codes, blocks_between, levels_of_edges, no_scatter, rows_in, units_of
+from .strata import FEWEST, blocks_between, levels_of_edges, no_scatter, rows_in, units_of
 
 # Conditions that determine the response in each process, and quantities that stand for them.
 NEEDED: Mapping[str | None, tuple[str, ...]] = {
@@ -208,7 +208,7 @@ def _as_labels(values: NDArray[np.generic]) -> NDArray[np.object_]:
     return np.array([label_of(x) for x in values.tolist()], dtype=object)
 
 
-def _are_blocks(x: NDArray[np.object_], unit: Codes) -> bool:
+def _are_blocks(x: NDArray[np.object_], unit: Ints) -> bool:
     pairs = set(zip(unit.tolist(), x.tolist(), strict=True))
     levels = [level for _, level in pairs]
     numbers = [levels.count(level) for level in set(levels)]
@@ -321,7 +321,7 @@ def _tested(law: LawFit, name: str, values: Array, icc: float) -> Added | None:
 
 
 def _between(
-    Z: Array, r: Array, x: Array, unit: Codes, moving: NDArray[np.bool_], icc: float
+    Z: Array, r: Array, x: Array, unit: Ints, moving: Flags, icc: float
 ) -> tuple[float, float, int, float] | None:
     """Coefficient, t, degrees of freedom and p of a column that is constant within edges."""
     levels, others, means, size = levels_of_edges(Z, r, x[:, None], unit, moving)
@@ -357,9 +357,7 @@ def added_between(levels: Array, others: Array, x: Array, weight: Array) -> tupl
     return b, t, df, float(2 * stdtr(df, -abs(t)))
 
 
-def _within(
-    Z: Array, r: Array, x: Array, unit: Codes, moving: NDArray[np.bool_]
-) -> tuple[float, float, int, float] | None:
+def _within(Z: Array, r: Array, x: Array, unit: Ints, moving: Flags) -> tuple[float, float, int, float] | None:
     """Coefficient, t, degrees of freedom and p of a column that changes within edges."""
     columns = np.column_stack([x, Z[:, moving], r])
     size = np.bincount(unit).astype(float)
@@ -368,7 +366,7 @@ def _within(
 
 
 def added_within(
-    columns: Array, y: Array, edge: Codes, least: float = LEAST / 2
+    columns: Array, y: Array, edge: Ints, least: float = LEAST / 2
 ) -> tuple[float, float, int, float] | None:
     """Regression within edges, with a jackknife by edge: coefficient of the first column, its t, df and p.
 

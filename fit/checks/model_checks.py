@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.rounding import format_plain
 from ...datasets.vocabulary import ROLES
 from ..available import NotAvailable
@@ -23,7 +23,6 @@ from .check import SIGNIFICANT, Check, format_p
 from .exponent_ranges import built_up_edge
 from .strata import (
     NO_ROWS,
-    Codes,
     Strata,
     has_repeated_edges,
     linear_columns,
@@ -124,7 +123,7 @@ def _left(A: Array, b: Array) -> tuple[float, int]:
     return float(left @ left), Q.shape[1]
 
 
-def settings_of(Z: Array) -> Codes:
+def settings_of(Z: Array) -> Ints:
     """Number of the setting of each row of Z, alike to nine digits; shape (n,)."""
     size = np.abs(Z).max(axis=0)
     size[size == 0] = 1.0
@@ -132,7 +131,7 @@ def settings_of(Z: Array) -> Codes:
 
 
 def lack_of_fit_test(
-    units: str, ss_law: float, pure: float, df: tuple[int, int], setting: Codes
+    units: str, ss_law: float, pure: float, df: tuple[int, int], setting: Ints
 ) -> LackOfFit | NotAvailable:
     """F test of lack of fit: sums of squares about the law and about the settings, and their degrees of freedom."""
     from scipy.special import fdtr, fdtrc

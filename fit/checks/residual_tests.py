@@ -12,9 +12,8 @@ J. Econometrics 17, 107.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..least_squares import sums_by
@@ -50,7 +49,7 @@ class Residuals:
     names: tuple[str, ...]
     terms: Array
     free: int
-    group: NDArray[np.intp] | None = None
+    group: Ints | None = None
     tied: Array | None = None
 
 

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.display import Plottable
 from ..available import NotAvailable
 from ..edges import EdgeInference
@@ -269,7 +268,7 @@ def standing_apart(size: Array, most: int, floor: float) -> int:
     return int(np.argmin(m * (m + 1) * np.minimum(ratio, 1.0) ** (TAIL * m))) + 1
 
 
-def gap_pvalue(r: Array, far: NDArray[np.intp], floor: float) -> float:
+def gap_pvalue(r: Array, far: Ints, floor: float) -> float:
     """The p of the gap between the residuals ``far`` (positions) and the largest other, by the tails of the others.
 
     The tails are the heaviest that the other rows do not clearly contradict: they lose likelihood by less than

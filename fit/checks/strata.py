@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags, Ints
 from ...core.errors import FitError
 from ...datasets import Runs
 from ..available import NotAvailable
@@ -23,7 +23,6 @@ from ..least_squares import sums_by
 from ..regression import refitted
 from .check import Suspect
 
-Codes = NDArray[np.intp]
 FEWEST = 3  # degrees of freedom of a test between edges
 LIFE = "T"
 MOST_OF_LEVEL = 2 / 3  # of the edges of a level
@@ -57,14 +56,14 @@ def has_repeated_edges(law: LawFit) -> bool:
     return law.n_edges is not None and law.n_edges < law.nobs
 
 
-def units_of(law: LawFit) -> tuple[str, NDArray[np.intp]]:
+def units_of(law: LawFit) -> tuple[str, Ints]:
     """The unit of independent observation, ``edge`` or ``row``, and the number of each row's unit, shape (n,)."""
     if law.edge is None:
         return "row", np.arange(law.nobs)
     return "edge", np.unique(law.edge, return_inverse=True)[1]
 
 
-def rows_in(law: LawFit, runs: Runs) -> Codes | None:
+def rows_in(law: LawFit, runs: Runs) -> Ints | None:
     """Positions in the runs of the rows of a law; None where rows of the runs share lines, or lack those of the law."""
     place = {line: i for i, line in enumerate(runs.lines.tolist())}
     if len(place) < len(runs) or not place.keys() >= set(law.lines.tolist()):
@@ -82,9 +81,7 @@ def of_one_level(law: LawFit, columns: Mapping[str, NDArray[np.object_]], edges:
     return ""
 
 
-def levels_of_edges(
-    Z: Array, r: Array, x: Array, unit: Codes, moving: NDArray[np.bool_]
-) -> tuple[Array, Array, Array, Array]:
+def levels_of_edges(Z: Array, r: Array, x: Array, unit: Ints, moving: Flags) -> tuple[Array, Array, Array, Array]:
     """Levels of edges about the law, means of the columns that are constant within edges and of x, rows per edge."""
     size, p = np.bincount(unit).astype(float), Z.shape[1]
     means = sums_by(unit, np.column_stack([Z, r, x]), len(size)) / size[:, None]
@@ -164,7 +161,7 @@ def linear_columns(law: LawFit) -> tuple[Array, Array]:
     return np.column_stack([level / size, rest / length]), back
 
 
-def without_levels(A: Array, level: Array, edge: Codes, G: int) -> tuple[Array, Array]:
+def without_levels(A: Array, level: Array, edge: Ints, G: int) -> tuple[Array, Array]:
     """Levels of the columns of A in each edge, shape (G, k), and A without them, shape (n, k)."""
     weight = np.bincount(edge, weights=level**2, minlength=G)
     levels = sums_by(edge, level[:, None] * A, G) / weight[:, None]
@@ -214,10 +211,10 @@ class Strata:
     """
 
     names: tuple[str, ...]
-    edge: Codes
+    edge: Ints
     level: Array
     weight: Array
-    within: NDArray[np.bool_]
+    within: Flags
     back: Array
     levels: Array
     basis: Array
@@ -379,7 +376,7 @@ def without_found(
 LARGEST = 0.4  # share of the rows that the suspects may have in a comparison without them
 
 
-def _rows_of(law: LawFit, suspects: "tuple[Suspect, ...]") -> NDArray[np.bool_]:
+def _rows_of(law: LawFit, suspects: "tuple[Suspect, ...]") -> Flags:
     """Whether a row of the law is one of the suspects or belongs to an edge that is one."""
     edges = {edge for one in suspects for edge in one.edges}
     lines = [line for one in suspects if not one.edges for line in one.lines]

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from ...core.arrays import MAD, Array
+from ...core.arrays import MAD, Array, Ints
 from ...core.display import Plottable
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from ..least_squares import sums_by
 from .check import SIGNIFICANT, Check, format_p
-from .strata import NO_ROWS, Codes
+from .strata import NO_ROWS
 
 TIME = "t"
 FLAT = 1e-9  # spread of ln t within an edge below which the edge has no exponent
@@ -134,7 +134,7 @@ def _untestable(n: int, edges: int, df: int, df_left: int, exact: bool) -> str |
     return "the rows of each edge lie on its own line exactly: there is no residual variance" if exact else None
 
 
-def _inside(law: LawFit, edge: Codes) -> tuple[Array, Array, Array]:
+def _inside(law: LawFit, edge: Ints) -> tuple[Array, Array, Array]:
     """Logarithms of R and t, and the other columns that change within edges, each less its edge's mean."""
     logs = np.log(law.X)
     rows = np.column_stack([np.log(law.observed), logs, law.shifts])
@@ -146,7 +146,7 @@ def _inside(law: LawFit, edge: Codes) -> tuple[Array, Array, Array]:
     return rows[:, 0], rows[:, 1 + j], others[:, np.abs(others).max(axis=0, initial=0.0) > FLAT]
 
 
-def _clipped(y: Array, columns: Array, edge: Codes, clip: float) -> Array:
+def _clipped(y: Array, columns: Array, edge: Ints, clip: float) -> Array:
     """Logarithms of the response within edges, with residuals of the common law drawn in to ``clip`` robust sd."""
     fitted = columns @ np.linalg.lstsq(columns, y, rcond=1e-9)[0]
     r = y - fitted
@@ -159,7 +159,7 @@ def _clipped(y: Array, columns: Array, edge: Codes, clip: float) -> Array:
     return np.asarray(y - (sums_by(edge, y[:, None], len(size)) / size[:, None])[edge, 0])
 
 
-def _slopes(edge: Codes, time: Array, columns: Array) -> Array:
+def _slopes(edge: Ints, time: Array, columns: Array) -> Array:
     """Slope of each column on time within each edge, shape (G, k); 0 where time does not change."""
     size = np.bincount(edge, weights=time**2)
     size = np.where(size > FLAT, size, np.inf)
@@ -175,7 +175,7 @@ def _least(X: Array, y: Array) -> tuple[Array, float, int]:
     return np.asarray(b, dtype=float), float(r @ r), int(rank)
 
 
-def slope_spread(Z: Array, y: Array, edge: Codes, time: Array) -> Array:
+def slope_spread(Z: Array, y: Array, edge: Ints, time: Array) -> Array:
     """D of edge levels and edge slopes in units of the residual variance, shape (2, 2), by REML.
 
     Parameters
@@ -217,7 +217,7 @@ def slope_spread(Z: Array, y: Array, edge: Codes, time: Array) -> Array:
     return np.asarray(L @ L.T)
 
 
-def whitened(A: Array, edge: Codes, time: Array, D: Array) -> Array:
+def whitened(A: Array, edge: Ints, time: Array, D: Array) -> Array:
     """Rows of A, shape (n, k), turned so that rows of an edge are independent under D, each of variance 1.
 
     Examples
@@ -233,7 +233,7 @@ def whitened(A: Array, edge: Codes, time: Array, D: Array) -> Array:
     return out
 
 
-def _by_edge(A: Array, B: Array, edge: Codes) -> Array:
+def _by_edge(A: Array, B: Array, edge: Ints) -> Array:
     """A_g' B_g of each edge, shape (G, a, b)."""
     out = np.zeros((int(edge.max()) + 1, A.shape[1], B.shape[1]))
     np.add.at(out, edge, A[:, :, None] * B[:, None, :])

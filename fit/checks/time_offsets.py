@@ -15,7 +15,7 @@ from typing import TypeGuard
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.rounding import format_plain
 from ...datasets.edges.merged_cells import lines_text
 from ...datasets.edges.times import CLEARLY, added_up, begins_anew, counted_on, evidence, of_sub_tests
@@ -25,7 +25,7 @@ from ..edges import changes_within
 from ..lawfit import LawFit
 from .check import Check, Suspect, concern_of, format_p
 from .missing_factors import added_between, added_within
-from .strata import NO_ROWS, Codes
+from .strata import NO_ROWS
 from .time_exponent import FLAT, TIME, common_exponent
 from .time_search import UNITS, Shift, TimeRows, first_times, refined, search
 
@@ -335,7 +335,7 @@ def time_restarts(law: LawFit) -> Check | None:
     )
 
 
-def _counted_on(lines: Codes, ahead: Array) -> tuple[Suspect, ...]:
+def _counted_on(lines: Ints, ahead: Array) -> tuple[Suspect, ...]:
     """Lines whose times need an offset, for each offset."""
     offsets = np.unique(ahead[ahead > 0])
     return tuple(

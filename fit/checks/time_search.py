@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from math import comb, log
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags, Ints
 from ..least_squares import sums_by
-from .strata import Codes
 
 SPREAD = 0.05  # of the first times of edges, in ln t, below which they follow one schedule
 UNITS = {60.0: "seconds for minutes", 3600.0: "seconds for hours"}
@@ -26,8 +24,6 @@ LATEST = 0.98  # of the first time of an edge: the largest offset
 ROUNDS = 6
 NAMED = 10.0  # evidence, 2 ln(likelihood ratio) less the price of the choice, above which edges are named
 EARLY = 6.0  # evidence that times too small need over times too large of the other edges
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +40,7 @@ class TimeRows:
     """
 
     names: tuple[str, ...]
-    edge: Codes
+    edge: Ints
     y: Array
     t: Array
     steady: Array

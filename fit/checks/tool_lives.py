@@ -9,9 +9,8 @@ Source: Meeker & Escobar 1998, Statistical Methods for Reliability Data, section
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...core.censored import (
     ENDED,
     RUN_OUT,
@@ -129,7 +128,7 @@ def longest_lives(law: LawFit, runs: Runs | None = None) -> Check | None:
                  concern=int(suspicious or bool(early)), verdict=verdict)  # fmt: skip
 
 
-def _ended_early(law: LawFit, runs: Runs, among: NDArray[np.bool_]) -> str:
+def _ended_early(law: LawFit, runs: Runs, among: Flags) -> str:
     """The sentence on lives that ended at a fraction of the wear at which most others did; empty without any."""
     name, rows = next(filter(runs.has, WEAR), ""), rows_in(law, runs)
     wear = runs.values(name)[rows] if name and rows is not None else np.empty(0)

@@ -6,11 +6,11 @@ that of rows, not of edges. Settings may be repeated on the same edge or on anot
 
 import numpy as np
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ..available import NotAvailable
 from ..lawfit import LawFit
 from .model_checks import LackOfFit, lack_of_fit_test, settings_of
-from .strata import Codes, has_repeated_edges, no_scatter, orthonormal, without_levels
+from .strata import has_repeated_edges, no_scatter, orthonormal, without_levels
 
 ACCUMULATED = ("t", "L", "AW", "VB")  # change within every edge without being set
 MOST_SETTINGS = 1000
@@ -28,7 +28,7 @@ def lack_of_fit_within(law: LawFit) -> LackOfFit | NotAvailable | None:
     """
     if no_scatter(law) is not None or law.edge is None or not has_repeated_edges(law):
         return None
-    edge: Codes = np.unique(law.edge, return_inverse=True)[1]
+    edge: Ints = np.unique(law.edge, return_inverse=True)[1]
     changed = [name for j, name in enumerate(law.factors) if _changes(law.X[:, j], edge)]
     if not set(changed) - set(ACCUMULATED):
         return None
@@ -47,13 +47,13 @@ def lack_of_fit_within(law: LawFit) -> LackOfFit | NotAvailable | None:
     return lack_of_fit_test("rows (levels of edges removed)", own, pure, (rank - law_rank, left), setting)
 
 
-def _changes(column: Array, edge: Codes) -> bool:
+def _changes(column: Array, edge: Ints) -> bool:
     """Whether a factor has several values on an edge."""
     middle = np.bincount(edge, column) / np.bincount(edge)
     return bool((np.abs(column - middle[edge]) > 1e-9 * np.abs(column).max()).any())
 
 
-def _left(A: Array, b: Array, edge: Codes) -> tuple[float, int]:
+def _left(A: Array, b: Array, edge: Ints) -> tuple[float, int]:
     """Sum of squares of b outside the levels of edges and the columns of A, and the rank of A beyond the levels."""
     one, G = np.ones(len(b)), int(edge.max()) + 1
     within = without_levels(np.column_stack([A, b]), one, edge, G)[1]

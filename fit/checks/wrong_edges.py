@@ -13,9 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...core.rounding import format_plain, listed
 from ...datasets import Runs
 from ...datasets.plausibility.unit_shifts import (
@@ -53,7 +52,6 @@ OWN = 0.02  # share of its own level that an edge must not determine alone
 TIME_INSIDE = 3.0  # as INSIDE, of times, whose range differs between edges that are stopped at a criterion
 
 CONDITIONS: Mapping[str, Mapping[float, str]] = {"t": TIME_RATIOS, **RATIOS}
-Flags = NDArray[np.bool_]
 Split = tuple[float, str, Flags, float]  # evidence, factor of the law, edges, what it is multiplied by
 
 

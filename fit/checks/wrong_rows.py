@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.rounding import format_plain, listed
 from ...datasets import Runs
 from ...datasets.plausibility.unit_shifts import TIME_RATIOS, explained, ratios_of
@@ -58,7 +58,7 @@ def robust_deviations(law: LawFit) -> tuple[Array, Array, bool]:
     return r - level[edge], r, logs
 
 
-def _about_edges(law: LawFit, r: Array, rows: NDArray[np.intp]) -> Array:
+def _about_edges(law: LawFit, r: Array, rows: Ints) -> Array:
     """Residuals about the mean of their edge's other rows, of equal variance, where ``rows`` count for no mean."""
     if not has_repeated_edges(law):
         return r
@@ -130,7 +130,7 @@ def outlying_rows(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable
     )
 
 
-def _conditions_doubted(law: LawFit, rows: NDArray[np.intp], runs: Runs | None) -> bool:
+def _conditions_doubted(law: LawFit, rows: Ints, runs: Runs | None) -> bool:
     """Whether a doubt of the reading corrects a factor of the law in all of these rows: their response is not wrong."""
     doubts = () if runs is None else runs.doubts
     known = [one for one in doubts if "--correct" in one.remedy and set(law.factors).intersection(one.columns)]
@@ -173,7 +173,7 @@ def _by_time(deviation: float, power: float, within: float) -> tuple[float, str]
 
 
 def _suspects(
-    law: LawFit, rows: NDArray[np.intp], r: Array, scale: float, ratios: Mapping[float, str] | None, power: float
+    law: LawFit, rows: Ints, r: Array, scale: float, ratios: Mapping[float, str] | None, power: float
 ) -> tuple[Suspect, ...]:
     """The rows, those that the same ratio of units explains together: of the response, else of the time."""
     groups: dict[tuple[str, float, str], list[int]] = {}
@@ -207,7 +207,7 @@ def _sentence(law: LawFit, suspect: Suspect, r: Array, logs: bool) -> str:
     return head + (_one_row if len(at) == 1 else _several_rows)(law, suspect, at, r)
 
 
-def _one_row(law: LawFit, suspect: Suspect, at: NDArray[np.intp], r: Array) -> str:
+def _one_row(law: LawFit, suspect: Suspect, at: Ints, r: Array) -> str:
     if suspect.factor is None:
         return (
             f" is {np.exp(r[at[0]]):.2g} times what the law of the other rows gives, and "
@@ -221,7 +221,7 @@ def _one_row(law: LawFit, suspect: Suspect, at: NDArray[np.intp], r: Array) -> s
     return f" is too {_low(suspect)} against the law of the other rows{_of(suspect)}: correct it."
 
 
-def _several_rows(law: LawFit, suspect: Suspect, at: NDArray[np.intp], r: Array) -> str:
+def _several_rows(law: LawFit, suspect: Suspect, at: Ints, r: Array) -> str:
     if suspect.factor is None:
         times = listed([f"{v:.2g}" for v in np.exp(r[at])])
         return (
@@ -243,7 +243,7 @@ def _low(suspect: Suspect) -> str:
     return f"{'low' if factor > 1 else 'high'} by a factor of {max(factor, 1 / factor):.4g}"
 
 
-def _times(law: LawFit, at: NDArray[np.intp]) -> str:
+def _times(law: LawFit, at: Ints) -> str:
     t = listed([format_plain(float(v), 3) for v in law.X[at, law.factors.index("t")]])
     return f"t {t} {law.units.get('t', '')}"
 
@@ -339,7 +339,7 @@ def sensor_limit(law: LawFit) -> Check | None:
     return Check(null="no sensor is at its limit", statistic=float(most), symbol="readings", concern=1, verdict=verdict)
 
 
-def _common_length(y: Array, edge: NDArray[np.intp], a: int, b: int) -> int:
+def _common_length(y: Array, edge: Ints, a: int, b: int) -> int:
     """Number of equal readings in succession from rows a and b on, each within its edge."""
     most = min(int(np.count_nonzero(edge[a:] == edge[a])), int(np.count_nonzero(edge[b:] == edge[b])))
     equal = y[a : a + most] == y[b : b + most]

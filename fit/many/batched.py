@@ -10,16 +10,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ...core.threads import one_thread
 from ..edges import NO_EDGES, too_few_edges
 from ..laws import LARGEST_LOG
 from .batched_sums import LARGEST_VIF, blocks_of, fitted
 from .many_laws import Estimates, ManyLaws, enter, no_estimates, single_law
 from .pair_rows import MARGIN, PairRows, Screening, screen, sorted_rows
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 # Residuals of a block come from columns about their means, those of power_law from y - Z theta: below this share of
 # |ln y| they differ.

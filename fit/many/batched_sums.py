@@ -12,13 +12,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ..least_squares import Grams, grams_by
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 BLOCK = 32_768  # rows that are fitted together, so that they stay in the cache
 LARGEST_VIF = 1e5  # sum of the variance inflation factors up to which sums of products keep eleven digits

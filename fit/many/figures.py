@@ -5,13 +5,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.display import plot
 from ...core.errors import UsageError
 from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN, new_axes
 from .many_laws import ManyLaws
 from .pooling import PooledExponents
-
-Array = NDArray[np.float64]
 
 NAMED = 16  # families whose names fit next to each other
 MOST = 60  # pairs drawn one by one; of more, evenly chosen ones in their order
@@ -76,7 +75,7 @@ def _reach(some: pd.DataFrame) -> dict[str, tuple[float, float]]:
     return {"ylim": (float(held.min()) - margin, float(held.max()) + margin)}
 
 
-def _some(value: Array) -> NDArray[np.intp]:
+def _some(value: Array) -> Ints:
     """Positions of the known values in rising order, evenly thinned where there are many."""
     order = np.argsort(value)[: int(np.isfinite(value).sum())]
     return np.asarray(order[np.unique(np.linspace(0, max(len(order) - 1, 0), min(len(order), MOST)).astype(int))])

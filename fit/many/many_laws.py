@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ...core.calls import check_share
 from ...core.display import Display, Plottable, TextTable
 from ...core.errors import FitmodelsError, UsageError
@@ -16,9 +17,6 @@ from ..edges import EdgeInference
 from ..lawfit import LawFit
 from ..regression import power_law
 from .pair_rows import PairRows
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 EDGE = "edge of the row"
 
@@ -52,8 +50,8 @@ class Estimates:
     nobs: Ints
     n_edges: Ints
     dropped: Ints
-    by_edge: NDArray[np.bool_]
-    stacked: NDArray[np.bool_]
+    by_edge: Flags
+    stacked: Flags
     reason: NDArray[np.object_]
     edge_reason: NDArray[np.object_]
     left_out: NDArray[np.object_]
@@ -156,7 +154,7 @@ class ManyLaws(Plottable):
         return ("c0", *self.factors)
 
     @property
-    def fitted(self) -> NDArray[np.bool_]:
+    def fitted(self) -> Flags:
         """Whether each pair has a law, shape (K,)."""
         return np.asarray(self.estimates.reason == "", dtype=bool)
 

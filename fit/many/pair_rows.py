@@ -6,19 +6,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import numbers_of_runs
+from ...core.arrays import Array, Flags, Ints, numbers_of_runs
 from ...core.errors import UsageError
 from ...core.rounding import label_of
 from ...datasets.runs import UNNAMED
 from ..edges import SAME
 from ..rows import CONSTANT, FEWEST, HARDLY
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
-Flags = NDArray[np.bool_]
-
 
 # Margin of a threshold: beyond it rounding cannot have decided.
 MARGIN = 1.001

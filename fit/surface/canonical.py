@@ -18,9 +18,8 @@ from typing import Literal, get_args
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...core.display import Plottable
 from ...core.rounding import format_plain
 from ..available import NotAvailable
@@ -308,7 +307,7 @@ class _Coding:
         """Response, shape (n,)."""
         return np.asarray(self.law.values(self.points(u)))
 
-    def inside(self, u: Array) -> NDArray[np.bool_]:
+    def inside(self, u: Array) -> Flags:
         """Whether points lie in the tested region, shape (n,)."""
         return self.law.region.inside(self.points(u))
 

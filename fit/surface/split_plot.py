@@ -22,15 +22,13 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags, Ints
 from ...core.display import Displayable
 from ..available import NotAvailable
 from ..least_squares import linear, sums_by
 
 Type = Literal[2, 3]
-Codes = NDArray[np.intp]
 
 SAME = 1e-9  # of a column's largest value: what it may differ by and still be constant
 NEARLY_ZERO = 1e-10
@@ -90,7 +88,7 @@ class EdgeModel:
     size: Array
     nobs: int
     n_edges: int
-    within: NDArray[np.bool_]
+    within: Flags
     ratio: float
 
     @cached_property
@@ -210,7 +208,7 @@ def _kenward_roger(q: int, a1: float, a2: float) -> tuple[float, float]:
     return df, df * mean / (df - 2) if abs(df - 2) > 100 * NEARLY_ZERO else 1.0
 
 
-def edge_model(X: Array, y: Array, edge: Codes | None = None, *, saturated: bool = False) -> EdgeModel | NotAvailable:
+def edge_model(X: Array, y: Array, edge: Ints | None = None, *, saturated: bool = False) -> EdgeModel | NotAvailable:
     """The model of rows with columns X, the constant among them, or why these rows do not allow its tests.
 
     Parameters

@@ -6,14 +6,13 @@ output error (Hausman 1978, doi 10.2307/1913827). The standard errors of ARX are
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..model import Model
 from .regressors import Gram, Lags, gram
 
-Array = NDArray[np.float64]
 DEPTH = 6  # lags of each signal in the test of causality
 FLOOR = 1e-6  # residual share below which a prediction is exact: sensors have fewer digits
 RELEVANT = 0.05  # of |G|: gains are not tuned more finely
@@ -59,7 +58,7 @@ def causality_of(total: Gram, name_u: str, name_y: str) -> str | None:
     )
 
 
-def _reduction(total: Gram, own: NDArray[np.intp], other: NDArray[np.intp]) -> float:
+def _reduction(total: Gram, own: Ints, other: Ints) -> float:
     """Log ratio of the variances of own[0] predicted from its own lags and from the lags of both signals."""
     alone = _residual_share(total, [*own[1:]], own[0])
     both = _residual_share(total, [*own[1:], *other[1:]], own[0])

@@ -7,9 +7,8 @@ closed form. All segments of one length have the same columns and are treated to
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from .filters import impulse_response
 from .free_simulation import NEARLY_ALIKE, orthonormal_factors
 
@@ -39,7 +38,7 @@ class FreeSpace:
     columns: Array
     Q: Array
     R: Array
-    kept: NDArray[np.bool_]
+    kept: Flags
     level: float
     along: Array
     rest: float
@@ -98,7 +97,7 @@ def free_space(
     return FreeSpace(columns, Q, R, kept, level, along, rest)
 
 
-def factors(columns: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def factors(columns: Array) -> tuple[Array, Array, Flags]:
     """`orthonormal_factors` of columns (n, k) in Fortran order by LAPACK directly: half the time for a few columns."""
     from scipy.linalg.lapack import dgeqrf, dorgqr
 

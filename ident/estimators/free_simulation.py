@@ -8,9 +8,8 @@ that has not settled is not its operating point.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...datasets.records.record import Record
 from .filters import ROUNDING, filtered, impulse_response, lagged, squares
 
@@ -93,7 +92,7 @@ def orthonormal(columns: Array) -> Array:
     return orthonormal_factors(columns)[0]
 
 
-def orthonormal_factors(columns: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def orthonormal_factors(columns: Array) -> tuple[Array, Array, Flags]:
     """Q (N, k) of the same span, triangle R (k, k), and which of the columns are kept as independent: columns = Q R."""
     several = columns[:, : len(columns)]  # a segment of n samples has n directions at most
     Q, R = np.linalg.qr(several)

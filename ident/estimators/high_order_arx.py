@@ -14,9 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...datasets.records.record import Record, join_records
 from .regressors import r_of
 
@@ -49,12 +48,12 @@ class LongArx:
         Coefficients of the further columns.
     """
 
-    rows: NDArray[np.intp]
+    rows: Ints
     q: Array
     left: Array
     a: Array
     b: Array
-    lags: NDArray[np.intp]
+    lags: Ints
     additional: Array
 
     @property
@@ -108,7 +107,7 @@ def spread(rec: Record) -> Record:
     return join_records([rec.part(k, k + size) for k in chosen])
 
 
-def input_lags(rec: Record, y_lags: int, least: int = 0) -> NDArray[np.intp]:
+def input_lags(rec: Record, y_lags: int, least: int = 0) -> Ints:
     """Lags of u that the regression needs: up to 1, 2 or 3 times ``y_lags``, by BIC, without dependent ones.
 
     In closed loop ``least`` is 1: the present u of a controller determines the present y, so that the innovations would
@@ -145,9 +144,7 @@ def order_of(rec: Record) -> int:
     return 0
 
 
-def long_arx(
-    rec: Record, y_lags: int, lags: NDArray[np.intp], additional: Array | None = None, span: int = 0
-) -> LongArx:
+def long_arx(rec: Record, y_lags: int, lags: Ints, additional: Array | None = None, span: int = 0) -> LongArx:
     """The regression of high order with columns ``additional`` (N, k); the first ``span`` samples have no row."""
     from scipy.linalg import solve_triangular
 
@@ -172,15 +169,13 @@ def long_arx(
     )
 
 
-def rss_of(rec: Record, y_lags: int, lags: NDArray[np.intp], additional: Array | None = None) -> float:
+def rss_of(rec: Record, y_lags: int, lags: Ints, additional: Array | None = None) -> float:
     """Sum of squares of the innovations of `long_arx`."""
     t, x = _columns(rec, y_lags, lags, additional)
     return float(r_of(np.column_stack([x, rec.y[t]]))[-1, -1] ** 2)
 
 
-def _columns(
-    rec: Record, y_lags: int, lags: NDArray[np.intp], additional: Array | None, span: int = 0
-) -> tuple[NDArray[np.intp], Array]:
+def _columns(rec: Record, y_lags: int, lags: Ints, additional: Array | None, span: int = 0) -> tuple[Ints, Array]:
     """Samples with a complete regressor (m,), and the regressors (m, p): levels, u, ``additional``, y."""
     t = rows_of(rec, max(y_lags, _longest(lags), span))
     extra = np.empty((len(t), 0)) if additional is None else additional[t]
@@ -188,23 +183,23 @@ def _columns(
     return t, np.column_stack([levels(rec, t), lagged_rows(rec.u, lags, t), extra, past])
 
 
-def _longest(lags: NDArray[np.intp]) -> int:
+def _longest(lags: Ints) -> int:
     """The longest lag of u; 0 where the input is constant in all rows, as after a step at the start of a record."""
     return int(lags.max(initial=0))
 
 
-def rows_of(rec: Record, span: int) -> NDArray[np.intp]:
+def rows_of(rec: Record, span: int) -> Ints:
     """Samples of all stretches after the first ``span`` of each."""
     return np.concatenate([np.arange(min(s.start + span, s.stop), s.stop) for s in rec.stretches])
 
 
-def levels(rec: Record, t: NDArray[np.intp]) -> Array:
+def levels(rec: Record, t: Ints) -> Array:
     """One column for each stretch with rows: 1 within it."""
     stretch = np.searchsorted(rec.starts, t, side="right") - 1
     return np.asarray(stretch[:, None] == np.unique(stretch), dtype=np.float64)
 
 
-def lagged_rows(x: Array, lags: NDArray[np.intp], t: NDArray[np.intp]) -> Array:
+def lagged_rows(x: Array, lags: Ints, t: Ints) -> Array:
     """x(t - lag), shape (rows, lags)."""
     return np.asarray(x[t[:, None] - lags])
 

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from operator import index
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags
 from ...core.errors import IdentError
 from ...datasets.records.record import Record, join_records
 from .regressors import r_of
-
-Array = NDArray[np.float64]
 
 # A column whose component orthogonal to the columns before it is shorter than this share is dependent: an exact copy
 # leaves about 1e-16, the tenth lag of a slow chirp 1e-10.
@@ -95,7 +93,7 @@ def short_stretches(rec: Record, span: int) -> tuple[str, ...]:
     )
 
 
-def dependent(r: Array) -> NDArray[np.bool_]:
+def dependent(r: Array) -> Flags:
     """Whether each column of a triangle (p, p) is linearly dependent on those before it."""
     length = np.sqrt((r * r).sum(axis=0))
     return np.asarray(np.abs(np.diag(r)) <= DEPENDENT * length)

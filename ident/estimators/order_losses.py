@@ -8,12 +8,10 @@ Loan, Matrix Computations, section 5.3). Blocks of all nk are factored together.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from .input_checks import DEPENDENT
 from .regressors import Gram, Lags, LagTriangle, r_of
-
-Array = NDArray[np.float64]
 
 # A scaled pivot below this is rounding in a Gram matrix.
 PIVOT = 1e-7
@@ -65,7 +63,7 @@ def left_out(parts: Sequence[Gram | LagTriangle], na: Sequence[int], nb: int, nk
     return total / sum(part.rows for part in parts)
 
 
-def _error(trained: Array, out: Array, columns: NDArray[np.intp], a: int, triangles: bool) -> Array:
+def _error(trained: Array, out: Array, columns: Ints, a: int, triangles: bool) -> Array:
     """Residual sum of squares on ``out`` of the coefficients of every nb, shape (nk, nb)."""
     if triangles:
         r = _triangles(trained, columns)
@@ -97,14 +95,14 @@ def _square(r: Array) -> Array:
     return np.concatenate([r, np.zeros((max(r.shape[1] - len(r), 0), r.shape[1]))])
 
 
-def _collinear(factors: Array) -> NDArray[np.bool_]:
+def _collinear(factors: Array) -> Flags:
     """Whether the first k columns are collinear, k = 1 ... size, shape (len(factors), size)."""
     length = np.sqrt((factors**2).sum(axis=1))[:, :-1]
     pivots = np.abs(np.diagonal(factors, axis1=1, axis2=2))[:, : length.shape[1]]
     return np.asarray(np.logical_or.accumulate(pivots <= DEPENDENT * length, axis=1))
 
 
-def _columns(lags: Lags, a: int, nb: int, nk: Sequence[int]) -> NDArray[np.intp]:
+def _columns(lags: Lags, a: int, nb: int, nk: Sequence[int]) -> Ints:
     columns = np.tile(lags.columns(a, nb, 0), (len(nk), 1))
     columns[:, a:-1] += np.asarray(nk, dtype=np.intp)[:, None]
     return columns
@@ -115,7 +113,7 @@ def _scaled(g: Array) -> tuple[Array, Array]:
     return g / np.outer(length, length), length
 
 
-def _factor(scaled: Array, columns: NDArray[np.intp]) -> Array | None:
+def _factor(scaled: Array, columns: Ints) -> Array | None:
     """Cholesky factors of all blocks; None where one of them is inaccurate."""
     blocks = scaled[columns[:, :, None], columns[:, None, :]]
     blocks[:, -1, -1] += 1  # only the last row is used, not its pivot, which vanishes for a perfect fit
@@ -126,5 +124,5 @@ def _factor(scaled: Array, columns: NDArray[np.intp]) -> Array | None:
     return lower if np.diagonal(lower, axis1=1, axis2=2).min() > PIVOT else None
 
 
-def _triangles(r: Array, columns: NDArray[np.intp]) -> Array:
+def _triangles(r: Array, columns: Ints) -> Array:
     return r_of(r.T[columns].transpose(0, 2, 1))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...datasets.records.record import Record, join_records
@@ -23,7 +24,6 @@ from .regressors import Gram, Lags, LagTriangle, grams, r_of, triangle
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 Criterion = Literal["aic", "aicc", "bic", "fpe", "mdl", "left_out"]
 
 # Largest number of cross-validation folds; more runs are combined, neighbour by neighbour.

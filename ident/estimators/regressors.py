@@ -17,11 +17,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...datasets.records.record import Record
-
-Array = NDArray[np.float64]
 
 # Samples in a row of the cut: products of 8 columns are the narrowest that run at the speed of wide ones.
 M = 8
@@ -43,11 +41,11 @@ class Lags:
         return max(self.y, self.last)
 
     @property
-    def all(self) -> NDArray[np.intp]:
+    def all(self) -> Ints:
         """Lag of each column."""
         return np.concatenate([np.arange(self.y + 1), np.arange(self.first, self.last + 1)])
 
-    def columns(self, na: int, nb: int, nk: int) -> NDArray[np.intp]:
+    def columns(self, na: int, nb: int, nk: int) -> Ints:
         """Columns of the regressors of one order, y(t) last, shape (na + nb + 1,)."""
         u = self.y + 1 + nk - self.first
         return np.concatenate([np.arange(1, na + 1), np.arange(u, u + nb), [0]])
@@ -120,7 +118,7 @@ def _products(u: Array, y: Array, lags: Lags) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _places(lags: Lags) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _places(lags: Lags) -> tuple[Ints, Ints]:
     """Index of each entry among the three rows of sums (below the diagonal), and of its mirror image."""
     ny, nu = lags.y + 1, lags.last - lags.first + 1
     y, u = np.arange(ny), np.arange(lags.first, lags.last + 1)
@@ -132,7 +130,7 @@ def _places(lags: Lags) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return place, np.maximum(i[:, None], i) * (ny + nu) + np.minimum(i[:, None], i)
 
 
-def _rows(u: Array, y: Array, lags: Lags, t: NDArray[np.intp]) -> Array:
+def _rows(u: Array, y: Array, lags: Lags, t: Ints) -> Array:
     """Rows of the regressor matrix at times t, shape (len(t), p)."""
     return np.concatenate(
         [y[t[:, None] - np.arange(lags.y + 1)], u[t[:, None] - np.arange(lags.first, lags.last + 1)]], axis=1
@@ -187,7 +185,7 @@ def r_of(matrix: Array) -> Array:
     return np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
 
 
-def arx_regressors(rec: Record, na: int, nb: int, nk: int) -> tuple[Array, Array, NDArray[np.intp]]:
+def arx_regressors(rec: Record, na: int, nb: int, nk: int) -> tuple[Array, Array, Ints]:
     """Regressors and output of ``y = phi theta + e``, theta = a_1 ... a_na, b_nk ... b_(nk+nb-1).
 
     Parameters

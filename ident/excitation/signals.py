@@ -10,9 +10,8 @@ from typing import Literal, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.arrays import Array
 from ...core.errors import IdentError
-
-Array = NDArray[np.float64]
 
 
 class SignalLimits(TypedDict, total=False):

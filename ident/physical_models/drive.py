@@ -25,8 +25,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
@@ -38,7 +39,6 @@ from .equation_of_motion import COUNTS, HELD, FilteredRows, Motion, motion_of, r
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 NAMES = ("M", "Fv", "Fc", "offset")
 INDEPENDENT = 0.02  # share of a column orthogonal to the others: below it, its coefficient is not identifiable
 

@@ -12,9 +12,8 @@ from itertools import pairwise
 from math import exp, expm1, log
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.display import Displayable
 from ...core.errors import IdentError
 from ...datasets import Record
@@ -211,7 +210,7 @@ def delayed(x: Array, samples: float) -> Array:
 COUNTS = (12, 16, 20, 24)  # of blocks: no movement is in step with all of them
 
 
-def jackknife(J: Array, e: Array, blocks: Sequence[NDArray[np.intp]]) -> Array:
+def jackknife(J: Array, e: Array, blocks: Sequence[Ints]) -> Array:
     """Covariance (p, p) of a least-squares estimate with regressors J (N, p) and residuals e (N,).
 
     Examples

@@ -2,8 +2,8 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import plot
 from ...core.figure_style import BLUE, LINE, ORANGE, new_axes
 from ...core.rounding import with_unit
@@ -11,7 +11,6 @@ from .drive import DriveFit
 from .force_process import ForceProcess
 from .step_response import StepFit
 
-Array = NDArray[np.float64]
 ANSWER = 10.0  # times to 63.2 %: the response is drawn that long
 
 

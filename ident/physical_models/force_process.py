@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...core.arrays import is_positive
+from ...core.arrays import Array, is_positive
 from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, Verdict, verdict_from
@@ -33,7 +33,6 @@ from . import NOT_HELD_OUT
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 Faster = Literal["faster", "slower"]
 RATIOS = ("m/k", "(mc+d)/k", "dc/k")
 PARAMETERS = ("m", "d", "c", "k")

@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import MAD, Array
+from ...core.arrays import MAD, Array, Ints
 from ...core.display import Displayable
 from ...core.errors import IdentError
 from ...datasets import Record
@@ -83,7 +82,7 @@ def one_step(time: Array, y: Array, step: float, at: float) -> Stretch:
     return Stretch(time, y, np.array([float(at)]), np.array([float(step)]))
 
 
-def _edges(u: Array, span: float) -> NDArray[np.intp]:
+def _edges(u: Array, span: float) -> Ints:
     """Samples at which the input changes by more than noise."""
     return np.flatnonzero(np.abs(np.diff(u)) > max(EDGE * _noise(u), 1e-6 * span)) + 1
 

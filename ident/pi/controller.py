@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.arrays import Array, Flags
 from ...core.display import Plottable, as_columns
 from ...core.errors import UsageError
 from ..model import Model
@@ -115,8 +116,7 @@ class PiController:
         return round(mean / self.quantum) * self.quantum if self.quantum else mean
 
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Mask = Flags
 
 
 @dataclass(frozen=True, slots=True, repr=False)

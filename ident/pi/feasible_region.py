@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ...core.display import Plottable
 from ..model import Model
 from .figures_of_merit import MARGINS, specified_figures
@@ -12,7 +12,6 @@ from .gains import PiGains
 from .specification import Specification, in_units
 from .stability_region import DECADES_KI, GainRange, decades, gain_range, grid
 
-Array = NDArray[np.float64]
 COARSE = 24  # gains per side while the region is located
 ROUNDS = 4
 NEAR = 0.15  # of a limit: settling time is discontinuous, so that a coarse grid may miss the best point
@@ -44,7 +43,7 @@ class FeasibleMap(Plottable):
     kp: Array
     ki: Array
     figures: dict[str, Array]
-    feasible: NDArray[np.bool_]
+    feasible: Flags
     worst: Array
     specification: Specification
     range: GainRange
@@ -159,7 +158,7 @@ def limits_of(p: Array, i: Array, worst: Array) -> tuple[tuple[float, float], tu
     return one_step_out(p, rows), one_step_out(i, columns)
 
 
-def one_step_out(values: Array, found: NDArray[np.intp]) -> tuple[float, float]:
+def one_step_out(values: Array, found: Ints) -> tuple[float, float]:
     """The values at the first and last index found, extended by one index."""
     low, high = max(found.min() - 1, 0), min(found.max() + 1, len(values) - 1)
     return float(values[low]), float(values[high])

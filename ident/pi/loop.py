@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable, Plottable
 from ..estimators.filters import is_stable
 from ..model import Model
@@ -19,7 +20,6 @@ from .figures_of_merit import figures_on_grid
 from .gains import PiGains, product, summed
 from .loops import check_pair
 
-Array = NDArray[np.float64]
 Fraction = tuple[Array, Array]
 
 RECOVERED = 0.05  # of the peak after a step of load

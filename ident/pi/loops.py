@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags, Ints
 from ...core.errors import IdentError, UsageError
 from ..model import Model
 from .gains import PiGains, basis
 
-Index = NDArray[np.intp]
+Index = Ints
 _LACK = {"backward": 0.0, "forward": 1.0, "trapezoidal": 0.5}
 
 
@@ -44,7 +44,7 @@ class Loops:
     def __len__(self) -> int:
         return len(self.kp)
 
-    def __getitem__(self, which: slice | Index | NDArray[np.bool_]) -> "Loops":
+    def __getitem__(self, which: slice | Index | Flags) -> "Loops":
         shared = self.shared
         b, a = (p if shared else p[:, which] for p in (self.b, self.a))
         return Loops(b, a, self.kp[which], self.ki[which], self.kind)
@@ -183,7 +183,7 @@ def _stacked(polynomials: list[Array]) -> Array:
     return out
 
 
-def stable_columns(a: Array) -> NDArray[np.bool_]:
+def stable_columns(a: Array) -> Flags:
     """Whether every root of each column a_0 + a_1 z^-1 + ... lies inside the unit circle; a (n + 1, m), a_0 = 1.
 
     >>> stable_columns(np.array([[1.0, 1.0], [-0.5, -1.0]])).tolist()

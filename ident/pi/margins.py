@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from .loops import Loops
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-Index = NDArray[np.intp]
+Index = Ints
 
 WIDTH = 256  # loops on the grid at once
 SLACK = 1.08  # extrema within this factor of the best on the grid are refined
@@ -94,7 +94,7 @@ def _minima(x: Array) -> tuple[Index, Index]:
     return rows, columns
 
 
-def _changes(x: NDArray[np.bool_]) -> tuple[Index, Index]:
+def _changes(x: Flags) -> tuple[Index, Index]:
     rows, columns = np.nonzero(x[:, 1:] != x[:, :-1])
     return rows, columns
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags
 from ...core.display import Displayable, Plottable
 from ...core.errors import IdentError, UsageError
 from ...core.threads import one_thread
@@ -24,8 +24,7 @@ from .specification import Specification
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
-Good = NDArray[np.bool_]
+Good = Flags
 Interval = tuple[float, float]
 SCALES = 600  # logarithmically spaced scalings
 BISECTIONS = 16  # of a step of that grid: to 1e-6

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.display import Displayable, Plottable
 from ...core.errors import IdentError, UsageError
 from ...core.verdict import DO_NOT_USE, EVEN, PROBABILITY, RESERVATIONS, level_of_probability
@@ -22,7 +22,6 @@ from .gain_search import Aim, aim_of
 from .gains import PiGains
 from .specification import LIMITS, Specification, figure_of
 
-Array = NDArray[np.float64]
 SCREENED, PLANTS = 144, 60  # gains screened, and the number of plants used for it
 FINALISTS = 9
 ROUNDS, STEPS = 2, 5  # of the line search towards the nominal gains: to 1/16 of it
@@ -252,7 +251,7 @@ def robust_gains(
     return replace(template, kp=end[0], ki=end[1])
 
 
-def screened(first: Array, aims: Array, probability: float) -> NDArray[np.intp]:
+def screened(first: Array, aims: Array, probability: float) -> Ints:
     """Finalists: a selection of probable candidates by objective, and those of the highest shares."""
     highest = np.argsort(-first, kind="stable")
     likely = np.flatnonzero(first >= probability - share_error(probability, PLANTS))

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.display import Displayable
 from ...core.errors import IdentError
 from ..model import Model
 from .gains import PiGains, basis
 from .loops import loops_of, stable_columns
 
-Array = NDArray[np.float64]
 FREQUENCIES = 3000
 DECADES = 6.0  # of gain searched below the largest; more for ki, which falls with the square of the bandwidth
 DECADES_KI = 10.0

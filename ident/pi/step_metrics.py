@@ -9,11 +9,9 @@ The recursion runs inside the closed loop, so that an unstable plant does not am
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from .loops import Loops
-
-Array = NDArray[np.float64]
 
 WIDTH = 4096  # loops simulated at once: the rows in use fit in the cache
 STORED = 2_500_000  # numbers stored per signal: fewer loops at once for long steps
@@ -173,7 +171,7 @@ def _mix_own(coefficients: Array, rows: Array, out: Array) -> None:
     np.sum(coefficients * rows, axis=0, out=out)
 
 
-Columns = NDArray[np.intp]
+Columns = Ints
 BAND = 0.02  # of the final value
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.arrays import Array, Flags
 from ...core.calls import check_share
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
@@ -23,7 +24,6 @@ from .spectra import checked_frequencies
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 Method = Literal["auto", "delta", "draws"]
 LARGE = 0.25  # standard error of ln G above which linearisation is inaccurate
 DRAWS = 2000
@@ -59,7 +59,7 @@ class ResponseBand(Plottable):
     phase_high: Array
     gain_error: Array
     phase_error: Array
-    outside: NDArray[np.bool_]
+    outside: Flags
     level: float
     method: str
     concern: str | None = None
@@ -174,7 +174,7 @@ def tails(level: float) -> tuple[float, float]:
     return (1 - level) / 2, (1 + level) / 2
 
 
-def _unexcited(model: Model, outside: NDArray[np.bool_]) -> str | None:
+def _unexcited(model: Model, outside: Flags) -> str | None:
     if model.band is None or not outside.any():
         return None
     return (

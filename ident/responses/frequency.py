@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.arrays import Array, Flags
 from ...core.calls import check_share
 from ...core.display import Plottable, as_columns
 from ...core.errors import IdentError
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-Array = NDArray[np.float64]
 Method = Literal["auto", "impulse", "local", "welch"]
 METHODS = ("auto", "impulse", "local", "welch")
 MOST = 150  # frequencies by default
@@ -71,7 +71,7 @@ class FrequencyResponse(Plottable):
     phase_high: Array
     coherence: Array
     dof: Array
-    outside: NDArray[np.bool_]
+    outside: Flags
     band: tuple[float, float]
     resolution: float
     level: float

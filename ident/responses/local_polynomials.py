@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Flags
 from ...datasets.records.record import Record
 
 Complex = NDArray[np.complex128]
@@ -59,7 +59,7 @@ class LocalEstimate:
     dof: Array
     width: Array
     coherence: Array
-    unresolved: NDArray[np.bool_]
+    unresolved: Flags
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ def _solved(A: Complex, b: Complex, yy: Array, power: Array, dof: int, floor: fl
     return _Window(response, np.where(determined, variance, np.inf), coherence, dof)
 
 
-def _chosen(windows: list[_Window], widths: list[int]) -> tuple[Complex, Array, Array, Array, Array, NDArray[np.bool_]]:
+def _chosen(windows: list[_Window], widths: list[int]) -> tuple[Complex, Array, Array, Array, Array, Flags]:
     """Response, variance, degrees of freedom, half width, coherence and whether the response is not resolved."""
     G, V = np.array([w.response for w in windows]), np.array([w.variance for w in windows])
     coherence, dof = np.array([w.coherence for w in windows]), np.array([float(w.dof) for w in windows])

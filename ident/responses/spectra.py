@@ -8,11 +8,11 @@ n is the equivalent number of independent windows. Source: Bendat & Piersol 2010
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...core.arrays import Array
 from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..estimators.input_checks import check_varies
 
-Array = NDArray[np.float64]
 SHARE = 0.1  # of the largest smoothed power: at -10 dB the errors of a response are three times the smallest
 BINS = 5  # of the longest segment, averaged: a sweep has ripples, a random input gaps of a single bin
 

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Ints
 from ...core.display import Plottable
 from ...core.errors import IdentError
 from ...core.verdict import DO_NOT_USE, RESERVATIONS, USABLE
@@ -235,7 +234,7 @@ def states_of(model: Model) -> int:
     return max(model.na, model.nk + model.nb - 1)
 
 
-def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Record, tuple[str, ...], NDArray[np.intp]]:
+def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Record, tuple[str, ...], Ints]:
     """The segments long enough for a simulation, a remark on those left out, and the samples kept."""
     if not steps or any(k != int(k) or k < 1 for k in steps):
         raise IdentError(f"steps {list(steps)!r}: whole numbers of 1 or more.")

@@ -13,8 +13,8 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..estimators.filters import filtered, lagged
@@ -22,7 +22,6 @@ from ..estimators.free_simulation import FreeRun, free_responses, orthonormal, p
 from ..estimators.prediction_error import equation_rows, innovations
 from ..model import Model
 
-Array = NDArray[np.float64]
 Offset = Literal["estimate", "training"]
 
 
@@ -164,7 +163,7 @@ class OneStep:
 
     e: Array
     J: Array
-    rows: NDArray[np.intp]
+    rows: Ints
     stretches: tuple[slice, ...]
     free: list[tuple[slice, Array]]
 

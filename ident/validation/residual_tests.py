@@ -10,14 +10,13 @@ same J narrows them. Source: Ljung 1999, section 16.6; Soderstrom & Stoica 1989,
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array, Ints
 from ...core.display import Displayable
 from ..estimators.filters import autocovariance, filtered, lagged, whitening
 from ..estimators.free_simulation import projected_out
 from .prediction import OneStep
 
-Array = NDArray[np.float64]
 LAGS = 25
 
 
@@ -38,7 +37,7 @@ class ResidualTest(Displayable):
     """
 
     null: str
-    lags: NDArray[np.intp]
+    lags: Ints
     correlation: Array
     band: Array
     statistic: float

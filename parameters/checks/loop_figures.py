@@ -13,9 +13,9 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ..sections.dynamics import DynamicsSection, PiSection
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 STILL = 1e-7  # to which the slowest pole has decayed at the end of a step
 LONGEST = 200_000  # samples of a step

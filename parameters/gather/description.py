@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.arrays import Array
 from ...core.rounding import count
 from ..sections.law import LawSection
 
@@ -118,7 +118,7 @@ def unused_conditions(runs: "Runs", laws: Mapping[str, LawSection]) -> list[str]
     return out
 
 
-def _is_product(runs: "Runs", values: NDArray[np.float64], taken: set[str]) -> bool:
+def _is_product(runs: "Runs", values: Array, taken: set[str]) -> bool:
     """Whether values are a product of powers of settings in the laws, as n is of V at one diameter."""
     from ...datasets.vocabulary import ROLES
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import Array, Flags, Ints
 from ...core.rounding import label_of
 from ...datasets.vocabulary import USUAL_CRITERION
 from ..sections.base import Section
@@ -24,8 +25,7 @@ from .law import quantity_of
 if TYPE_CHECKING:
     from ...datasets import Runs
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Index = Ints
 
 GLANCE = 4096  # changes compared first: most measured columns show more than FEW levels there
 SAME = 1e-9  # of a factor's largest: what a setting may differ by within an edge
@@ -201,7 +201,7 @@ def _setting(codes: list[Index], n: int) -> Index:
     return setting
 
 
-def _worn(runs: "Runs", edge: LabelColumn, criterion: Mapping[str, Any] | None) -> NDArray[np.bool_] | None:
+def _worn(runs: "Runs", edge: LabelColumn, criterion: Mapping[str, Any] | None) -> Flags | None:
     if criterion is None or not runs.has(criterion["wear"]):
         return None
     if runs.units.get(criterion["wear"]) != criterion["unit"]:

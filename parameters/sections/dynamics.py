@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
+from ...core.arrays import Array
 from ...core.display import Plottable
 from ...core.errors import ParameterError
 from .base import (
@@ -30,7 +31,6 @@ from .base import (
     coefficient_names,
 )
 
-Array = NDArray[np.float64]
 MOST_ALTERNATIVES = 100
 INTEGRATOR = 1e-14  # of the sum of |a|: a(1) below it is rounding of zero, a pole at exactly 1
 

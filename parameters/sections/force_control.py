@@ -7,10 +7,9 @@ import math
 import re
 from typing import Annotated, Final, Literal, NamedTuple, Self
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from ...core.arrays import Array
 from ..messages import short
 from .base import (
     Count,
@@ -158,7 +157,7 @@ class RecordRanges(NamedTuple):
     force: tuple[float, float]
 
     @classmethod
-    def of(cls, command: NDArray[np.float64], force: NDArray[np.float64]) -> Self:
+    def of(cls, command: Array, force: Array) -> Self:
         """The ranges of a record: command and force, shape (n,)."""
         return cls((float(command.min()), float(command.max())), (float(force.min()), float(force.max())))
 

@@ -11,10 +11,10 @@ from functools import lru_cache
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticKnownError
 
+from ...core.arrays import Array
 from ...core.formula import FORMS, Formula, Term
 from ...core.verdict import DO_NOT_USE, LEVELS
 from ..messages import short
@@ -144,7 +144,7 @@ class LawFields(Section):
         return (head, *others, *(self.by.names if self.by else ()))
 
     @property
-    def theta(self) -> NDArray[np.float64]:
+    def theta(self) -> Array:
         """Parameters, shape (p,), in the order of `parameter_names`."""
         first, *others = (self.coefficients[name] for name in self.coefficient_names)
         head = math.log(first) if self.logarithmic else first
