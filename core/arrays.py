@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+Texts = NDArray[np.object_]
 MAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 
 

@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.ticker import LogFormatter, MaxNLocator
-from numpy.typing import NDArray
 
+from .arrays import Texts
 from .errors import UsageError
 from .figure_style import BLUE, DOT, GREY, LIGHT, LINE, RED, SERIES, SMALL, TEXT, THIN, TITLE, new_axes
 from .text import printable
@@ -223,7 +223,7 @@ def new_panels(n: int, across: int, side: tuple[float, float], *, share_y: bool 
     return panels
 
 
-def axes_array(panels: Sequence[Axes]) -> NDArray[np.object_]:
+def axes_array(panels: Sequence[Axes]) -> Texts:
     """Axes of one figure, shown together."""
     held = np.empty(len(panels), dtype=object)
     held[:] = panels

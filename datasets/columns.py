@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Texts
 from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import closest, did_you_mean
@@ -39,7 +38,7 @@ _WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:[^\W\d_]|[%°\"'])\D*")
 NONE = "none"  # --map P=none: no column of this file is the power
 DECIDED = ("edge", "tool", "run")  # roles that several columns may claim: `edges` decides by their content
 
-Values = Array | NDArray[np.object_]
+Values = Array | Texts
 
 
 @dataclass(frozen=True, slots=True, repr=False)

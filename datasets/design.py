@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arrays import Array, Ints
+from ..core.arrays import Array, Ints, Texts
 from ..core.errors import DataError, UsageError
 from .factorial_designs import alias_sentences, factorial_blocks, two_level
 
@@ -291,7 +291,7 @@ def _check_counts(centre: int, axial_repeats: int, digits: int | None) -> None:
         raise UsageError(f"digits {digits}: a level needs at least 1 significant digit; give 1 or more, or None.")
 
 
-Values = Array | NDArray[np.object_]
+Values = Array | Texts
 
 
 def looks_coded(values: Array) -> bool:

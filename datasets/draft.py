@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Array, Flags, Ints
+from ..core.arrays import Array, Flags, Ints, Texts
 from ..core.errors import DataError
 from ..core.rounding import listed
 from ..core.text import line_spans
@@ -268,7 +267,7 @@ def _is_run_out(cell: str, role: str) -> bool | None:
     return False if names_end else None
 
 
-def _by_codes(draft: Draft, name: str, cells: NDArray[np.object_], lives: Array) -> Flags:
+def _by_codes(draft: Draft, name: str, cells: Texts, lives: Array) -> Flags:
     """Run-outs by codes 0 and 1: those of the longest lives if all are equal, otherwise 0, with a doubt."""
     longest = np.isfinite(lives) & (lives >= np.nanmax(lives))
     for code in ("0", "1"):

@@ -10,9 +10,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
-from numpy.typing import NDArray
 
-from ..core.arrays import Array, Ints
+from ..core.arrays import Array, Ints, Texts
 from ..core.figure_style import BLUE, GREY, ORANGE, SERIES, SMALL, THICK, THIN
 from ..core.plotting import NotebookFigure, dress
 from ..core.rounding import count, with_unit
@@ -131,7 +130,7 @@ def _levels(runs: Runs, symbol: str, ax: Axes) -> None:
     ax.tick_params(labelsize=SMALL)
 
 
-def _curves(runs: Runs, symbol: str, ax: Axes, colours: NDArray[np.object_]) -> None:
+def _curves(runs: Runs, symbol: str, ax: Axes, colours: Texts) -> None:
     """A quantity against time, or against the factor that it follows most where there is no time."""
     x_name = next((name for name in ("t", "T") if name in runs.units and name in runs.data), None)
     x_name = x_name or max(_factors(runs), key=lambda name: _correlation(runs, name, symbol), default=None)
@@ -155,9 +154,7 @@ def _curves(runs: Runs, symbol: str, ax: Axes, colours: NDArray[np.object_]) -> 
     ax.grid(color=GREY, alpha=0.2, which="both")
 
 
-def _lines(
-    ax: Axes, x: Array, y: Array, drawn: Ints, codes: Ints, names: NDArray[np.object_], colours: NDArray[np.object_]
-) -> None:
+def _lines(ax: Axes, x: Array, y: Array, drawn: Ints, codes: Ints, names: Texts, colours: Texts) -> None:
     """A line for each edge, of many edges for some of them; few edges are named."""
     drawn = drawn[np.lexsort((x[drawn], codes))]
     rows = np.split(drawn, np.cumsum(np.bincount(codes))[:-1])
@@ -187,7 +184,7 @@ def _correlation(runs: Runs, x: str, y: str) -> float:
     return float(np.abs(np.corrcoef(both[:, 0], both[:, 1])).min())
 
 
-def _names_beside(ax: Axes, names: list[str], x: Array, y: Array, colours: NDArray[np.object_]) -> None:
+def _names_beside(ax: Axes, names: list[str], x: Array, y: Array, colours: Texts) -> None:
     """Names of edges in a column to the right of the panel, each joined to the end of its line."""
     ax.autoscale_view()  # the limits place the names
     ends = (ax.transScale + ax.transLimits).transform(np.column_stack([x, y]))
@@ -220,7 +217,7 @@ def _spread(heights: list[float], gap: float) -> list[float]:
     return [round(base + i * gap, 9) for i, base in enumerate(bases)]
 
 
-def _colours(runs: Runs) -> tuple[NDArray[np.object_], list[tuple[str, str]]]:
+def _colours(runs: Runs) -> tuple[Texts, list[tuple[str, str]]]:
     """Colour of each row, and a legend: by pair where there are several, otherwise by the level of the first factor."""
     keys = [role for role in ("tool", "work") if role in runs.data]
     if keys:
@@ -236,7 +233,7 @@ def _colours(runs: Runs) -> tuple[NDArray[np.object_], list[tuple[str, str]]]:
     levels = np.unique(values[np.isfinite(values)])
     shades = np.array([to_hex(shade) for shade in colormaps["viridis"](np.linspace(0.0, 0.85, 256))], dtype=object)
 
-    def shade(x: Array) -> NDArray[np.object_]:
+    def shade(x: Array) -> Texts:
         rank = np.searchsorted(levels, np.where(np.isfinite(x), x, levels[0])) / max(len(levels) - 1, 1)
         return np.asarray(shades[np.rint(255 * rank).astype(int)])
 

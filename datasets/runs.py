@@ -10,9 +10,8 @@ from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ..core.arrays import Array, Ints
+from ..core.arrays import Array, Ints, Texts
 from ..core.display import Display, Displayable, Plottable, TextTable
 from ..core.errors import DataError, ReadingWarning, UsageError
 from ..core.rounding import format_plain, label_of
@@ -149,7 +148,7 @@ class Runs(Plottable):
             raise UsageError(f"column {name!r} holds text; a law needs numbers.")
         return self.data[column].to_numpy(dtype=float)
 
-    def labels(self, name: str) -> NDArray[np.object_]:
+    def labels(self, name: str) -> Texts:
         """Texts of a role or column, shape (n,), empty where missing; whole numbers as ``1``, not ``1.0``."""
         series = self.data[self._known(name)]
         if not pd.api.types.is_numeric_dtype(series):

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Texts
 from ..core.errors import DataError
 from ..core.rounding import listed
 from .doubts import Doubt
@@ -205,7 +204,7 @@ def _stacked(key: str, parts: Sequence[_Part], number: int, doubts: list[Doubt])
     unit = next((unit for column in own if column is not None and (unit := _unit(column))), "")
     role = ROLES.get(key)
     numeric = all(column is None or column.is_numeric or not _filled(column) for column in own)
-    values: list[NDArray[Any]] = []
+    values: list[Array | Texts] = []
     marks: list[tuple[int, Any]] = []
     bad: list[tuple[int, str]] = []
     unitless: list[str] = []
@@ -338,7 +337,7 @@ def _is_one_edge(part: _Part) -> bool:
     )
 
 
-def _names_recur(labels: NDArray[np.object_], files: NDArray[np.object_], parts: Sequence[_Part]) -> bool:
+def _names_recur(labels: Texts, files: Texts, parts: Sequence[_Part]) -> bool:
     """Whether a name of an edge occurs in two files without its time going on from one to the next."""
     ends: dict[str, tuple[object, float]] = {}
     every = np.concatenate([_times(part) for part in parts])

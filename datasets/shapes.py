@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Ints
+from ..core.arrays import Ints, Texts
 from ..core.errors import DataError
 from .doubts import Doubt
 from .headers import Numbered, numbered, parse_header, timed, without_gap
@@ -267,7 +266,7 @@ def _unpivoted(table: Table, family: _Family, key: str, conditions: Sequence[Col
     )  # fmt: skip
 
 
-def _key_column(key: str, ids: NDArray[np.object_], unit: str, number: int) -> Column:
+def _key_column(key: str, ids: Texts, unit: str, number: int) -> Column:
     if key == "edge":
         return Column(number, "edge", "", ids, False)
     return Column(number, "t", unit, ids.astype(float), True)

@@ -16,9 +16,8 @@ from math import log
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ..core.arrays import Array, Flags, Ints
+from ..core.arrays import Array, Flags, Ints, Texts
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from ..core.rounding import count
@@ -156,7 +155,7 @@ def infer_by_edge(
     row_cov: Array,
     cov_unscaled: Array,
     names: tuple[str, ...],
-    edge: NDArray[np.object_],
+    edge: Texts,
     within_of: Array,
 ) -> EdgeInference | NotAvailable:
     """Inference by edge from rows, or why these data do not allow it.

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.arrays import Array, Ints
+from ..core.arrays import Array, Ints, Texts
 from ..core.display import Plottable
 from ..core.errors import FitError
 from ..datasets import Runs
@@ -75,7 +75,7 @@ class FittedRows:
     fitted: Array
     residuals: Array
     lines: Ints
-    edge: NDArray[np.object_] | None
+    edge: Texts | None
     side: NDArray[np.int8] | None = None
 
     def __len__(self) -> int:
@@ -152,7 +152,7 @@ class RowAccess:
         return self._in_memory.lines
 
     @property
-    def edge(self) -> NDArray[np.object_] | None:
+    def edge(self) -> Texts | None:
         """Cutting edge of each row, shape (n,), None where the file names none."""
         return self._in_memory.edge
 

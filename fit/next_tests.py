@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ..core.arrays import Array, Flags, Ints
+from ..core.arrays import Array, Flags, Ints, Texts
 from ..core.censored import RUN_OUT
 from ..core.errors import FitError, UsageError
 from ..datasets import region
@@ -75,7 +74,7 @@ class Trials:
     what: str
     names: tuple[str, ...]
     X: Array
-    level: NDArray[np.object_] | None
+    level: Texts | None
     label: tuple[str, ...]
     place: DesignRegion
 
@@ -236,14 +235,14 @@ def replicated(cut: Trials) -> bool:
     return len(set(_settings(cut, cut.X, cut.level))) < len(cut.X)
 
 
-def _settings(cut: Trials, X: Array, level: NDArray[np.object_] | None) -> list[tuple[object, ...]]:
+def _settings(cut: Trials, X: Array, level: Texts | None) -> list[tuple[object, ...]]:
     """Each setting as a key: two that differ in rounding only have the same."""
     U = np.round(cut.place.coded(cut.names, X), ALIKE) + 0.0
     names = [""] * len(X) if level is None else [str(name) for name in level]
     return [(*u, name) for u, name in zip(map(tuple, U.tolist()), names, strict=True)]
 
 
-def _rows(law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None) -> Array:
+def _rows(law: LawFit, cut: Trials, X: Array, level: Texts | None) -> Array:
     """Columns of the law that a test sets: 1, coded factors (of second order their terms), indicators; shape (T, p)."""
     shifts = [] if level is None else [(level == name).astype(float) for name in cut.place.levels[1:]]
     U = cut.place.coded(cut.names, X)
@@ -254,9 +253,7 @@ def _rows(law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None)
     return np.column_stack([np.ones(len(X)), U, *shifts])
 
 
-def _candidates(
-    law: LawFit, cut: Trials, repeats: bool, together: bool = False
-) -> tuple[Array, NDArray[np.object_] | None]:
+def _candidates(law: LawFit, cut: Trials, repeats: bool, together: bool = False) -> tuple[Array, Texts | None]:
     """Settings already cut, each once; unless repeats are wanted a grid, over the region or all tested ranges."""
     keys, place = _settings(cut, cut.X, cut.level), cut.place
     once = [keys.index(key) for key in dict.fromkeys(keys)]
@@ -293,9 +290,7 @@ def _combined(cut: Trials, grid: Array, name: str | None) -> Flags:
     return in_box(cut.names, cut.X if name is None else cut.X[cut.level == name], grid) & _near(cut, grid)
 
 
-def _ends_in_time(
-    law: LawFit, cut: Trials, X: Array, level: NDArray[np.object_] | None, longest: float | None
-) -> Flags:
+def _ends_in_time(law: LawFit, cut: Trials, X: Array, level: Texts | None, longest: float | None) -> Flags:
     """Whether a test at each setting is expected to end; all where no life is a run-out, or none would end."""
     every = np.ones(len(X), dtype=bool)
     if law.life is None or not law.life.run_outs or law.rows is None or law.rows.side is None:
@@ -313,7 +308,7 @@ def _ends_in_time(
     return kept if kept.any() else every
 
 
-def _levels_of_rows(law: LawFit) -> NDArray[np.object_] | None:
+def _levels_of_rows(law: LawFit) -> Texts | None:
     """Level of the category of each row, None without one."""
     if law.by is None:
         return None
@@ -321,7 +316,7 @@ def _levels_of_rows(law: LawFit) -> NDArray[np.object_] | None:
     return np.asarray(known[(law.shifts @ np.arange(1, len(known))).astype(int)], dtype=object)
 
 
-def _given(law: LawFit, cut: Trials, given: Points) -> tuple[Array, NDArray[np.object_] | None]:
+def _given(law: LawFit, cut: Trials, given: Points) -> tuple[Array, Texts | None]:
     """Candidates given by the user."""
     place, table = cut.place, as_table(law.response, given)
     needed = (*cut.names, *([place.by] if cut.level is not None and place.by else []))
@@ -339,7 +334,7 @@ def _given(law: LawFit, cut: Trials, given: Points) -> tuple[Array, NDArray[np.o
     return X, level_names(table[place.by], place.levels, place.by)
 
 
-def _plan(cut: Trials, X: Array, level: NDArray[np.object_] | None) -> pd.DataFrame:
+def _plan(cut: Trials, X: Array, level: Texts | None) -> pd.DataFrame:
     place, keys, here = cut.place, _settings(cut, cut.X, cut.level), _settings(cut, X, level)
     same = [keys.index(key) if key in keys else None for key in here]
     point = ["new" if j is None else f"repeat of {cut.label[j]}" for j in same]
@@ -387,7 +382,7 @@ def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str
 
 def _for_decision(
     law: LawFit, decision: Decision, n: int, durations: Callable[[pd.DataFrame], Array] | None, cut: Trials,
-    X: Array, level: NDArray[np.object_] | None,
+    X: Array, level: Texts | None,
 ) -> Index:  # fmt: skip
     """Positions of the n settings, each at most twice, that leave least variance of a decision."""
     keys = _settings(cut, X, level)

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Texts
 from ..core.display import draw_figure
 from ..core.errors import UsageError
 from ..core.figure_style import BLUE, DOT, FILL, GREY, LINE, ORANGE, RED, SMALL, TEXT, THIN
@@ -33,7 +33,7 @@ STYLES = ((GREY, ":"), (BLUE, "-"), (ORANGE, "--"))
 def profile(
     law: LawFit, ax: Axes | None = None, *, factor: str | None = None, at: Mapping[str, float] | None = None,
     level: float = 0.95,
-) -> Axes | NDArray[np.object_]:  # fmt: skip
+) -> Axes | Texts:  # fmt: skip
     """Prediction over each factor in its tested range, the others held: the law, its interval, that of one new row.
 
     Parameters
@@ -78,7 +78,7 @@ def profile(
     return panels[0] if len(panels) == 1 else axes_array(panels)
 
 
-def profiles(laws: Sequence[LawFit], at: Mapping[str, float] | None = None) -> NDArray[np.object_]:
+def profiles(laws: Sequence[LawFit], at: Mapping[str, float] | None = None) -> Texts:
     """Profiles of several laws: a row of panels for each, a column for each of their factors.
 
     Parameters
@@ -181,7 +181,7 @@ def _moved(law: LawFit, name: str, held: Mapping[str, float]) -> Array:
 
 def interactions(
     law: LawFit, ax: Axes | None = None, *, over: tuple[str, str] | None = None, at: Mapping[str, float] | None = None
-) -> Axes | NDArray[np.object_]:
+) -> Axes | Texts:
     """Prediction over one factor at three tested values of another, for each pair of factors.
 
     Parameters

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..core.arrays import Array, Flags, Ints
+from ..core.arrays import Array, Flags, Ints, Texts
 from ..core.display import Displayable, Plottable
 from ..core.errors import FitError
 from ..datasets import region
@@ -216,7 +216,7 @@ def design_region(
     formula: LawForm,
     X: Array,
     shifts: Array,
-    edge: NDArray[np.object_] | None,
+    edge: Texts | None,
     by: By | None,
     units: Mapping[str, str],
 ) -> DesignRegion:
@@ -252,7 +252,7 @@ def design_region(
     )
 
 
-def _selected_rows(T: Array, edge: NDArray[np.object_] | None) -> Ints:
+def _selected_rows(T: Array, edge: Texts | None) -> Ints:
     """Positions of all rows; of very many an even selection with a row of every edge and the ends of every factor.
 
     The region compares leverage with the largest of the design, so that an even choice draws the same region.
@@ -266,7 +266,7 @@ def _selected_rows(T: Array, edge: NDArray[np.object_] | None) -> Ints:
     return np.unique(np.concatenate([np.arange(0, n, -(-n // MOST_ROWS)), first, ends]).astype(np.intp))
 
 
-def _spaces(columns: Array, level: Ints, edge: NDArray[np.object_] | None, free: Flags) -> tuple[ColumnSpace, ...]:
+def _spaces(columns: Array, level: Ints, edge: Texts | None, free: Flags) -> tuple[ColumnSpace, ...]:
     """Edge settings where columns change between edges only, and rows where columns change within edges.
 
     Fixed factors have no leverage; ``free`` has the columns of the constant and of the factors.

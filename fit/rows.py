@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ..core.arrays import Array, Flags, Ints
+from ..core.arrays import Array, Flags, Ints, Texts
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..core.formula import FORMS, Term, second_order_terms
@@ -98,7 +97,7 @@ class Rows:
     y: Array
     shifts: Array
     lines: Ints
-    edge: NDArray[np.object_] | None
+    edge: Texts | None
     by: By | None
     dropped: tuple[Dropped, ...]
     repeats: int
@@ -159,7 +158,7 @@ def select(
 
 def _without_copies(
     columns: dict[str, Array],
-    labels: tuple[NDArray[np.object_] | None, ...],
+    labels: tuple[Texts | None, ...],
     keep: Flags,
 ) -> tuple[Flags, int]:
     """Keep one row of each measurement where a file repeats every one of them.
@@ -193,7 +192,7 @@ def _alone(table: pd.DataFrame) -> bool:
     return bool(equal.sum() == 1)
 
 
-def _indicators(level: NDArray[np.object_] | None, keep: Flags, by: str | None) -> tuple[Array, By | None]:
+def _indicators(level: Texts | None, keep: Flags, by: str | None) -> tuple[Array, By | None]:
     if level is None or by is None:
         return np.empty((int(keep.sum()), 0)), None
     names = sorted(set(level[keep]))
@@ -390,7 +389,7 @@ def as_table(response: str, new: Mapping[str, object] | pd.DataFrame) -> pd.Data
     return pd.DataFrame({name: np.broadcast_to(values, n) for name, values in columns.items()})
 
 
-def level_names(column: "pd.Series[str]", known: Sequence[str], name: str) -> NDArray[np.object_]:
+def level_names(column: "pd.Series[str]", known: Sequence[str], name: str) -> Texts:
     """Levels of a category as text; FitError where one is not among the fitted."""
     level = [label_of(v) for v in column]
     strange = sorted(set(level) - set(known))

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Flags, Ints, numbers_of_runs
+from ...core.arrays import Array, Flags, Ints, Texts, numbers_of_runs
 from ...core.rounding import label_of
 from ...datasets import Runs
 from ...datasets.options import Process
@@ -133,7 +132,7 @@ def without_empty_columns(runs: Runs) -> Runs:
     )
 
 
-def texts(column: "pd.Series[str]") -> NDArray[np.object_]:
+def texts(column: "pd.Series[str]") -> Texts:
     """Texts of a column of labels, shape (n,), empty where missing; whole numbers as ``1``, not ``1.0``.
 
     >>> texts(pd.Series([1.0, np.nan])).tolist(), texts(pd.Series(["a", None])).tolist()

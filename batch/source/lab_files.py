@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from ...core.arrays import Texts
 from ...core.errors import DataError, FitmodelsError
 from ...datasets import Runs, read_runs
 from ...datasets.runs import Source
@@ -61,7 +61,7 @@ def pairs_of(runs: Runs, groups: tuple[str, ...]) -> Iterator[tuple[Pair, Runs]]
         yield Pair(part.tool, part.work), replace(part, data=data.reset_index(drop=True))
 
 
-def group_texts(runs: Runs, header: str) -> NDArray[np.object_]:
+def group_texts(runs: Runs, header: str) -> Texts:
     """Texts of the column under a header, shape (n,); empty where the file has no such column."""
     column = group_column(runs, header)
     return runs.labels(column) if column is not None else np.full(len(runs), "", dtype=object)

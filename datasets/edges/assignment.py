@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Ints
+from ...core.arrays import Ints, Texts
 from ..columns import NONE, ColumnUse
 from ..doubts import Doubt
 from ..draft import Draft
@@ -248,7 +247,7 @@ def _edges_are(draft: Draft, chosen: tuple[_Labels, ...], by_name: _Labels | Non
     draft.assumed.append(f"{one.title} has {len(set(texts[0]) - {''})} values {why}: cutting edges{other}")
 
 
-def _texts(draft: Draft, one: _Labels) -> NDArray[np.object_]:
+def _texts(draft: Draft, one: _Labels) -> Texts:
     """Labels of a column, those of its role where it has one."""
     role = draft.uses[one.place].role
     if role is not None and role in draft.data:

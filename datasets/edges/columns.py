@@ -7,9 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Flags, Ints
+from ...core.arrays import Array, Flags, Ints, Texts
 from ..columns import ColumnUse
 from ..vocabulary import roles_named
 
@@ -110,7 +109,7 @@ class Tests:
         return len(next(x for x in (self.time, self.wear, *self.settings.values()) if x is not None))
 
 
-def numbered(labels: NDArray[np.object_]) -> tuple[Ints, list[str]]:
+def numbered(labels: Texts) -> tuple[Ints, list[str]]:
     """Codes of labels and their names, in the order of the rows.
 
     >>> numbered(np.array(["b", "a", "b"], dtype=object))

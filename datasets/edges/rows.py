@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Flags, Ints
+from ...core.arrays import Array, Flags, Ints, Texts
 from ..doubts import Doubt
 from ..draft import Draft, numbers_of
 from ..vocabulary import ROLES
@@ -39,7 +38,7 @@ class EdgeRows:
         Number of edges of two rows or more.
     """
 
-    names: NDArray[np.object_]
+    names: Texts
     codes: Ints
     order: Ints
     same: Flags

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Texts
 from ...core.errors import DataError
 from ...core.rounding import label_of
 from ..doubts import Doubt
@@ -66,7 +66,7 @@ class Column:
     bad_count: int = 0
     marks: tuple[tuple[int, Mark], ...] = ()
 
-    def labels(self) -> NDArray[np.object_]:
+    def labels(self) -> Texts:
         """The values as text, shape (n,): whole numbers without a point, "" where missing.
 
         >>> Column(1, "edge", "", np.array([1.0, 2.5, np.nan]), True).labels()
@@ -115,7 +115,7 @@ class _Gathering:
     """One column while its blocks come in; text is kept of blocks where most cells are no numbers."""
 
     floats: list[Array] = field(default_factory=list)
-    texts: list[NDArray[np.object_] | None] = field(default_factory=list)
+    texts: list[Texts | None] = field(default_factory=list)
     bad: list[tuple[int, str]] = field(default_factory=list)
     bad_count: int = 0
     filled: int = 0
@@ -256,18 +256,18 @@ def _without_wrong_groups(name: str, values: Array, grouped: list[tuple[int, int
     return [Doubt((name,), sentence, lines=tuple(line for line, _ in cells))]
 
 
-def _reread(body: Body, places: list[int]) -> dict[int, NDArray[np.object_]]:
+def _reread(body: Body, places: list[int]) -> dict[int, Texts]:
     """Read the text of columns that turned out to be text after some of their blocks had been all numbers."""
     if not places:
         return {}
-    parts: dict[int, list[NDArray[np.object_]]] = {i: [] for i in places}
+    parts: dict[int, list[Texts]] = {i: [] for i in places}
     for block in body.blocks(Findings()):
         for i in places:
             parts[i].append(_texts(block.columns[i]))
     return {i: np.concatenate(blocks) for i, blocks in parts.items()}
 
 
-def _texts(cells: tuple[Cell, ...]) -> NDArray[np.object_]:
+def _texts(cells: tuple[Cell, ...]) -> Texts:
     """The cells as text, one object for equal texts."""
     known = {cell: _text(cell) for cell in set(cells)}
     return np.array([known[cell] for cell in cells], dtype=object)

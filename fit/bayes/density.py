@@ -19,9 +19,8 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Ints
+from ...core.arrays import Array, Ints, Texts
 from ...core.display import Displayable
 from ...core.errors import FitError
 from ..lawfit import LawFit
@@ -150,7 +149,7 @@ class LawDensity(Displayable):
     centre: Array
     starts: Ints
     sizes: Array
-    labels: NDArray[np.object_]
+    labels: Texts
     edges: bool
     theta_names: tuple[str, ...]
     start: Array
@@ -294,7 +293,7 @@ def law_density(law: LawFit, priors: Priors, errors: Errors = "normal") -> LawDe
     )  # fmt: skip
 
 
-def _units(law: LawFit, edges: bool) -> tuple[Ints, Ints, Array, NDArray[np.object_]]:
+def _units(law: LawFit, edges: bool) -> tuple[Ints, Ints, Array, Texts]:
     if not edges or law.edge is None:
         n = law.nobs
         return np.arange(n), np.arange(n), np.ones(n), law.lines.astype(object)

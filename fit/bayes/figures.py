@@ -8,9 +8,8 @@ from math import inf, lgamma, log, sqrt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator
-from numpy.typing import NDArray
 
-from ...core.arrays import Array
+from ...core.arrays import Array, Texts
 from ...core.display import Drawing, figures_of, plot
 from ...core.errors import UsageError
 from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN
@@ -180,7 +179,7 @@ SHEETS: dict[str, Callable[[Posterior], Sheet]] = {
 @plot.register
 def posterior_figure(
     posterior: Posterior, ax: Axes | None = None, *, kind: str = "marginals", banner: str = ""
-) -> Axes | NDArray[np.object_]:
+) -> Axes | Texts:
     """Marginals, pairs of parameters, predictive bands by edge, or curves along the factors.
 
     Parameters

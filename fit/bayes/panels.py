@@ -13,9 +13,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Ints
+from ...core.arrays import Array, Ints, Texts
 from ...core.figure_style import BLUE, GREY, LINE, ORANGE, RED, SMALL, natural_key, round_numbers
 from ...core.plotting import NotebookAxes, NotebookFigure
 from ...core.plotting import axes_array as together
@@ -46,7 +45,7 @@ class Sheet:
     shared: bool = False
 
 
-def laid_out(sheet: Sheet, banner: str) -> NDArray[np.object_]:
+def laid_out(sheet: Sheet, banner: str) -> Texts:
     """The panels on a figure of their own: banner and title over them, legend under them; margins in inches."""
     down = ceil(len(sheet.panels) / sheet.across)
     width, height = max(sheet.across * sheet.size[0] + 0.9, 4.8), down * sheet.size[1] + 1.7
@@ -75,7 +74,7 @@ def laid_out(sheet: Sheet, banner: str) -> NDArray[np.object_]:
     return drawn
 
 
-def alone(sheet: Sheet, banner: str, ax: Axes) -> NDArray[np.object_]:
+def alone(sheet: Sheet, banner: str, ax: Axes) -> Texts:
     """The one panel on axes that were given."""
     (panel,) = sheet.panels
     if panel is not None:

@@ -13,9 +13,8 @@ from math import exp
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Flags, Ints
+from ...core.arrays import Array, Flags, Ints, Texts
 from ...core.rounding import format_plain, join_words, label_of, listed
 from ...datasets import Runs
 from ...datasets.headers import parse_header
@@ -230,7 +229,7 @@ def aliased_columns(law: LawFit, runs: Runs | None) -> Check | None:
     return Check(null=null, concern=1, verdict=" ".join(sentences[:2])) if sentences else None
 
 
-def _followed(labels: NDArray[np.object_], factors: Mapping[str, Array], name: str) -> list[str]:
+def _followed(labels: Texts, factors: Mapping[str, Array], name: str) -> list[str]:
     """Factors with which the labels of a column change, value by value."""
     return [one for one, x in factors.items() if _one_to_one(x, labels) and _is_own(name, labels, x)]
 
@@ -241,7 +240,7 @@ def _known_factors(law: LawFit) -> dict[str, Array]:
     return {name: law.X[:, j] for j, name in enumerate(law.factors) if not moving[j] and known.get(name, 0) > T_KNOWN}
 
 
-def _conditions(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
+def _conditions(law: LawFit, runs: Runs) -> dict[str, Texts]:
     """Columns of conditions that the law does not use, at its rows: words by their name, numbers by their unit."""
     words = {name: x for name, x in blocks_of(law, runs).items() if CONDITION.fullmatch(name)}
     numbers = settings_of(law, runs)
@@ -249,13 +248,13 @@ def _conditions(law: LawFit, runs: Runs) -> dict[str, NDArray[np.object_]]:
     return words | {name: x.astype(object) for name, x in columns.items() if parse_header(name).unit_text}
 
 
-def _one_to_one(values: Array, labels: NDArray[np.object_]) -> bool:
+def _one_to_one(values: Array, labels: Texts) -> bool:
     """Whether each value of a factor has one label, and each label one value."""
     pairs = set(zip(values.tolist(), labels.tolist(), strict=True))
     return len(pairs) == len({value for value, _ in pairs}) == len({label for _, label in pairs}) > 1
 
 
-def _is_own(name: str, labels: NDArray[np.object_], values: Array) -> bool:
+def _is_own(name: str, labels: Texts, values: Array) -> bool:
     """Whether a column is a condition of its own: words, or numbers that are no simple power of the factor."""
     if not parse_header(name).unit_text or isinstance(labels[0], str):
         return True
@@ -266,7 +265,7 @@ def _is_own(name: str, labels: NDArray[np.object_], values: Array) -> bool:
     return abs(2 * exponent - round(2 * exponent)) > 2 * SIMPLE
 
 
-def _alias(law: LawFit, name: str, labels: NDArray[np.object_], factors: list[str], values: Mapping[str, Array]) -> str:
+def _alias(law: LawFit, name: str, labels: Texts, factors: list[str], values: Mapping[str, Array]) -> str:
     """The sentence on a column that changes with factors."""
     first = factors[0]
     level = {value: label_of(label) for value, label in zip(values[first].tolist(), labels.tolist(), strict=True)}

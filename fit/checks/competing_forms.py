@@ -20,9 +20,8 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Flags
+from ...core.arrays import Array, Flags, Texts
 from ...core.errors import FitError
 from ...datasets import Runs
 from ...datasets.vocabulary import ROLES
@@ -61,7 +60,7 @@ class FormRows:
     X: Array
     shifts: Array
     y: Array
-    edge: NDArray[np.object_] | None
+    edge: Texts | None
     zero: Flags
 
     def column(self, name: str) -> Array:

@@ -16,7 +16,7 @@ from shlex import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.arrays import Array, Flags, Ints
+from ...core.arrays import Array, Flags, Ints, Texts
 from ...core.rounding import format_plain, join_words, label_of
 from ...datasets import Runs
 from ...datasets.units import is_unit
@@ -184,7 +184,7 @@ def _unused(law: LawFit, runs: Runs) -> list[str]:
     return [name for name in names if _varies(runs, name)]
 
 
-def blocks_of(law: LawFit, runs: Runs | None) -> dict[str, NDArray[np.object_]]:
+def blocks_of(law: LawFit, runs: Runs | None) -> dict[str, Texts]:
     """Columns of blocks, and of words, at the rows of the law: of few levels, constant within edges, two edges each."""
     rows = None if runs is None or law.by is not None or no_scatter(law) else rows_in(law, runs)
     if runs is None or rows is None:
@@ -203,19 +203,19 @@ def _is_block(name: str, values: NDArray[np.generic]) -> bool:
     return words or BLOCK.fullmatch(name) is not None
 
 
-def _as_labels(values: NDArray[np.generic]) -> NDArray[np.object_]:
+def _as_labels(values: NDArray[np.generic]) -> Texts:
     """Levels as text, whole numbers without a decimal point."""
     return np.array([label_of(x) for x in values.tolist()], dtype=object)
 
 
-def _are_blocks(x: NDArray[np.object_], unit: Ints) -> bool:
+def _are_blocks(x: Texts, unit: Ints) -> bool:
     pairs = set(zip(unit.tolist(), x.tolist(), strict=True))
     levels = [level for _, level in pairs]
     numbers = [levels.count(level) for level in set(levels)]
     return len(pairs) == int(unit.max()) + 1 and 2 <= len(numbers) <= MOST_LEVELS and min(numbers) > 1
 
 
-def _apart(blocks: Mapping[str, NDArray[np.object_]]) -> list[tuple[list[str], NDArray[np.object_]]]:
+def _apart(blocks: Mapping[str, Texts]) -> list[tuple[list[str], Texts]]:
     """Columns of blocks with the names of those whose levels are in the same rows: no test separates them."""
     groups: dict[bytes, list[str]] = {}
     for name, x in blocks.items():
@@ -224,7 +224,7 @@ def _apart(blocks: Mapping[str, NDArray[np.object_]]) -> list[tuple[list[str], N
     return [(names, blocks[names[0]]) for names in groups.values()]
 
 
-def _tested_blocks(law: LawFit, names: list[str], x: NDArray[np.object_], icc: float) -> Added | None:
+def _tested_blocks(law: LawFit, names: list[str], x: Texts, icc: float) -> Added | None:
     """Blocks as added indicators between edges."""
     levels = sorted(set(x.tolist()))
     D = np.column_stack([(x == level).astype(float) for level in levels[1:]])

@@ -12,9 +12,8 @@ from shlex import quote
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Flags, Ints
+from ...core.arrays import Array, Flags, Ints, Texts
 from ...core.errors import FitError
 from ...datasets import Runs
 from ..available import NotAvailable
@@ -71,7 +70,7 @@ def rows_in(law: LawFit, runs: Runs) -> Ints | None:
     return np.array([place[line] for line in law.lines.tolist()], dtype=np.intp)
 
 
-def of_one_level(law: LawFit, columns: Mapping[str, NDArray[np.object_]], edges: list[str]) -> str:
+def of_one_level(law: LawFit, columns: Mapping[str, Texts], edges: list[str]) -> str:
     """Clause on two edges or more that are most of those of one level of a column; empty where none has them so."""
     here = np.isin(np.asarray(law.edge).astype(str), edges)
     for name, x in columns.items() if len(edges) > 1 else ():
@@ -284,7 +283,7 @@ def covariance(columns: Array, law: LawFit, strata: Strata) -> Array:
     return np.asarray(s2 * inverse @ (gram + strata.icc / (1 - strata.icc) * of_edges.T @ of_edges) @ inverse)
 
 
-def _parted(law: LawFit, labels: NDArray[np.object_]) -> Strata:
+def _parted(law: LawFit, labels: Texts) -> Strata:
     edge, names = pd.factorize(labels, sort=True)
     columns, back = linear_columns(law)
     level = columns[:, 0] * np.sqrt(len(columns))  # ones, or the gradient of the constant scaled to their size

@@ -16,9 +16,8 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Ints
+from ...core.arrays import Array, Ints, Texts
 from ...core.rounding import format_plain, listed
 from ...datasets import Runs
 from ...datasets.plausibility.unit_shifts import TIME_RATIOS, explained, ratios_of
@@ -283,7 +282,7 @@ def copies(law: LawFit) -> Check | NotAvailable | None:
     )
 
 
-def _rows_twice(law: LawFit, edge: NDArray[np.object_]) -> list[int]:
+def _rows_twice(law: LawFit, edge: Texts) -> list[int]:
     """Rows that repeat an earlier row of the same edge, unless readings at one setting and time are repeated there."""
     frame = pd.DataFrame(law.X).assign(edge=edge, y=law.observed)
     same = frame.duplicated(keep="first").to_numpy()
@@ -291,7 +290,7 @@ def _rows_twice(law: LawFit, edge: NDArray[np.object_]) -> list[int]:
     return [int(i) for i in np.flatnonzero(same)] if same.sum() > again.sum() / 2 else []
 
 
-def _equal_sequences(law: LawFit, names: NDArray[np.object_]) -> tuple[list[tuple[str, str, int, float]], float]:
+def _equal_sequences(law: LawFit, names: Texts) -> tuple[list[tuple[str, str, int, float]], float]:
     """Sequences of equal readings in two edges: the edges, length and p; and the smallest p, for all of them."""
     code = units_of(law)[1]
     order = np.argsort(code, kind="stable")

@@ -8,9 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Flags, Ints
+from ...core.arrays import Array, Flags, Ints, Texts
 from ...core.threads import one_thread
 from ..edges import NO_EDGES, too_few_edges
 from ..laws import LARGEST_LOG
@@ -151,7 +150,7 @@ def _ranges(begin: Ints, lengths: Ints) -> Ints:
     return np.asarray(np.arange(lengths.sum()) + np.repeat(begin - before, lengths))
 
 
-def _edge_reasons(rows: PairRows, found: Screening, pairs: Ints, pattern: Flags) -> tuple[Ints, NDArray[np.object_]]:
+def _edge_reasons(rows: PairRows, found: Screening, pairs: Ints, pattern: Flags) -> tuple[Ints, Texts]:
     """Edges of each pair, and why there is no inference by edge, as in ``edge_inference``."""
     reason = np.full(len(pairs), "", dtype=object)
     if rows.edge_starts is None:

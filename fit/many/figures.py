@@ -3,9 +3,8 @@
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
-from ...core.arrays import Array, Ints
+from ...core.arrays import Array, Ints, Texts
 from ...core.display import plot
 from ...core.errors import UsageError
 from ...core.figure_style import BLUE, GREY, LINE, ORANGE, SMALL, THIN, new_axes
@@ -55,7 +54,7 @@ def shrinkage_figure(found: PooledExponents, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _name_families(ax: Axes, names: NDArray[np.object_]) -> None:
+def _name_families(ax: Axes, names: Texts) -> None:
     """Names over the panel, each above its pairs: inside they would hide each other; of very many none is readable."""
     met = list(dict.fromkeys(names))
     for name in met if len(met) <= NAMED else ():

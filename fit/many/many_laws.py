@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.arrays import Array, Flags, Ints
+from ...core.arrays import Array, Flags, Ints, Texts
 from ...core.calls import check_share
 from ...core.display import Display, Plottable, TextTable
 from ...core.errors import FitmodelsError, UsageError
@@ -52,9 +52,9 @@ class Estimates:
     dropped: Ints
     by_edge: Flags
     stacked: Flags
-    reason: NDArray[np.object_]
-    edge_reason: NDArray[np.object_]
-    left_out: NDArray[np.object_]
+    reason: Texts
+    edge_reason: Texts
+    left_out: Texts
 
     @property
     def df_model(self) -> Ints:
