@@ -568,3 +568,23 @@ def test_a_diameter_that_is_not_that_of_the_cut_is_no_exchange():
     n = np.array([100.0, 150, 200, 250])
     (doubt,) = doubted(V=np.pi * 270 * n / 1000, n=n, D=[300.0] * 4, f=[0.2] * 4, VB=[0.1, 0.15, 0.2, 0.25])
     assert "D is not the diameter at the cut" in doubt
+
+
+@pytest.mark.parametrize("name", ["Max temperature [degC]", "Temperature [degC]"])
+def test_a_peak_of_another_quantity_does_not_change_what_is_computed(tmp_path, name):
+    V, f, d = (x.ravel() for x in np.meshgrid([100.0, 150.0, 220.0], [0.1, 0.2, 0.3], [1.0, 2.0], indexing="ij"))
+    force = 2000 * f**0.75 * d
+    columns = {"vc [m/min]": V, "f [mm/rev]": f, "ap [mm]": d, "Fx [N]": 0.4 * force, "Fy [N]": 0.3 * force}
+    pd.DataFrame(columns | {"Fz [N]": force, name: 200 * V**0.3}).round(3).to_csv(tmp_path / "t.csv", index=False)
+    assert [one.role for one in datasets.read_runs(tmp_path / "t.csv").derived] == ["Fxz"]
+
+
+@pytest.mark.parametrize(("name", "expected"), [("Fx max [N]", "lf/fm"), ("Fx [N]", "lf/fm")])
+def test_the_time_of_milling_follows_from_the_feed_rate_beside_a_peak_force(tmp_path, name, expected):
+    frame = pd.DataFrame({"edge": np.repeat(["E1", "E2", "E3"], 4), "vc [m/min]": np.repeat([100, 150, 220], 4)})
+    frame["vf [mm/min]"], frame["ae [mm]"] = np.repeat([300, 450, 660], 4), 5.0
+    frame["Length of cut [mm]"] = np.tile([1500, 3000, 4500, 6000], 3)
+    frame["VB [mm]"], frame[name] = np.tile([0.1, 0.14, 0.17, 0.2], 3), np.linspace(200, 240, 12)
+    frame.to_csv(tmp_path / "t.csv", index=False)
+    found = next(one for one in datasets.read_runs(tmp_path / "t.csv").derived if one.role == "t")
+    assert expected in found.equation

@@ -1,7 +1,7 @@
 """Comparison of quantities that a file holds with those computed from its other columns."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import combinations
 from math import isfinite
@@ -31,15 +31,12 @@ NEARLY_ALL = 0.9  # share of the rows in which it agrees then
 OTHER_DIAMETER = 2.5  # factor between the diameters of a workpiece that an even ratio may be due to
 
 
-def compare(draft: Draft, known: Known, peaks: Collection[str] = ()) -> None:
-    """Add a doubt for each rule whose quantity is measured and does not agree with what the rule computes.
-
-    ``peaks`` are loads of which peak values are known: nothing follows from them.
-    """
+def compare(draft: Draft, known: Known) -> None:
+    """Add a doubt for each rule whose quantity is measured and does not agree with what the rule computes."""
     compared: set[frozenset[str]] = set()
     for rule in RULES:
         roles = frozenset((rule.role, *rule.inputs))
-        if not roles.isdisjoint(peaks):
+        if not known.peaks.isdisjoint(roles):
             continue
         if roles in compared or rule.role not in known.data or not all(map(known.has, roles)):
             continue

@@ -14,7 +14,7 @@ from ..options import ReadOptions
 from ..plausibility.quantities import table_process
 from ..vocabulary import ROLES, role_of_peak
 from .comparison import compare, judge
-from .rules import RULES, Derived, Known, apply, known_of
+from .rules import Derived, Known, apply, known_of
 
 CONDITIONS = ("V", "n", "f", "fz", "fm", "d", "ae")
 SUMMED = ", summed"  # end of an equation whose values are summed over rows
@@ -26,12 +26,12 @@ def derive(draft: Draft, options: ReadOptions) -> None:
     """Add the quantities that the columns of a draft allow, and compare those that are both measured and computed."""
     _life_as_time(draft)
     _thrust_of_drill(draft, options)
-    known = known_of(draft.data, draft.notes, options)
+    peaks = frozenset(use.role for use in draft.uses if use.role and role_of_peak(use.name, use.unit) == use.role)
+    known = replace(known_of(draft.data, draft.notes, options), peaks=peaks)
     _no_constant_twice(draft, options)
-    peaks = {use.role for use in draft.uses if use.role and role_of_peak(use.name, use.unit) == use.role}
-    compare(draft, known, peaks)
+    compare(draft, known)
     words = {use.role: f"{use.name!r}" for use in draft.uses if use.role is not None}
-    found = apply(known, words, [rule.equation for rule in RULES if peaks.isdisjoint(rule.inputs)] if peaks else None)
+    found = apply(known, words)
     found = [summed(draft, known, one) if one.role == "t" else one for one in found]
     draft.units.update({one.role: ROLES[one.role].unit for one in found if one.role in draft.data})
     draft.derived += found

@@ -109,13 +109,17 @@ class Derived:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Inputs of rules: columns by role, constants, roles that are not wanted, and the process."""
+    """Inputs of rules: columns by role, constants, roles that are not wanted, the process, and roles of peak values.
+
+    Nothing follows from peak values: a power is the mean force times the speed.
+    """
 
     data: dict[str, Values]
     given: dict[str, Given]
     unwanted: frozenset[str]
     process: Process | None
     stated: bool  # the process is given or seen from the columns, not read from the notes
+    peaks: frozenset[str] = frozenset()
 
     def has(self, role: str) -> bool:
         """Whether a role is a constant, or a column of numbers that is not empty."""
@@ -135,6 +139,8 @@ class Known:
 
     def allows(self, rule: Rule) -> bool:
         """Whether a rule holds for the process, and for the values where its formula does not decide."""
+        if not self.peaks.isdisjoint(rule.inputs):
+            return False
         if rule.formula.startswith("Fy"):
             return fy_is_cutting(self)
         if rule.formula.startswith("lf/(1000"):
