@@ -51,6 +51,7 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "in/rev": ("ipr", *_ratio(_IN, _REV)),
     "um/rev": _ratio(("um", "micron", "microns"), _REV),
     "mm/tooth": _ratio(_MM, _TOOTH),
+    "um/tooth": _ratio(("um", "micron", "microns"), _TOOTH),
     "in/tooth": ("ipt", *_ratio(_IN, _TOOTH)),
     "mm/min": _ratio(_MM, _MIN),
     "mm/s": _ratio(_MM, _S),

@@ -267,11 +267,11 @@ def understood_unit(symbol: str, unit: str) -> str | None:
 
     A bare length under a feed (f or fz in mm, as many write them) is understood per revolution or per tooth.
 
-    >>> understood_unit("f", "mm"), understood_unit("fz", "mm"), understood_unit("d", "mm")
-    ('mm/rev', 'mm/tooth', 'mm')
+    >>> understood_unit("f", "mm"), understood_unit("fz", "um"), understood_unit("d", "mm")
+    ('mm/rev', 'um/tooth', 'mm')
     """
     known = canonical(unit)
-    if known in ("mm", "in") and symbol in ("f", "fz"):
+    if known in ("mm", "in", "um") and symbol in ("f", "fz"):
         return f"{known}/{'rev' if symbol == 'f' else 'tooth'}"
     return known
 
@@ -345,7 +345,7 @@ def role_of_peak(name: str, unit: str | None) -> str | None:
 _BY_UNIT: Mapping[str, str] = {
     **dict.fromkeys(("m/min", "m/s", "sfm"), "V"),
     **dict.fromkeys(("mm/rev", "in/rev"), "f"),
-    **dict.fromkeys(("mm/tooth", "in/tooth"), "fz"),
+    **dict.fromkeys(("mm/tooth", "in/tooth", "um/tooth"), "fz"),
     **dict.fromkeys(("mm/min", "mm/s", "in/min"), "fm"),
     **dict.fromkeys(("1/min", "rev/s"), "n"),
     **dict.fromkeys(("kW", "hp", "PS"), "P"),

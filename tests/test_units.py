@@ -119,7 +119,18 @@ PINT = {  # names of pint for units that it spells differently
     "mm3/min": "mm**3/min", "mm3/s": "mm**3/s", "cm3/min": "cm**3/min", "N/mm2": "N/mm**2", "1/min": "turn/min",
     "mm/rev": "mm/turn", "in/rev": "inch/turn", "in/min": "inch/min", "%": "percent", "1": "",
 }  # fmt: skip
-OWN = {"mm/tooth", "in/tooth", "HRC", "HB", "HV", "deg", "degC", "degF", "K"}  # dimensions and scales of their own
+OWN = {
+    "mm/tooth",
+    "in/tooth",
+    "um/tooth",
+    "HRC",
+    "HB",
+    "HV",
+    "deg",
+    "degC",
+    "degF",
+    "K",
+}  # of their own dimension or scale
 
 
 def test_factors_are_those_of_pint():

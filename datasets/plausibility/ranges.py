@@ -109,7 +109,7 @@ _TABLE: dict[str, dict[str, Plausible]] = {
 _UNITS: dict[str, tuple[str, ...]] = {
     "V": ("m/min", "sfm", "m/s", "mm/min"),
     "f": ("mm/rev", "in/rev", "um/rev"),
-    "fz": ("mm/tooth", "in/tooth"),
+    "fz": ("mm/tooth", "in/tooth", "um/tooth"),
     "fm": ("mm/min", "in/min", "mm/s", "m/min"),
     "d": ("mm", "in", "um"),
     "ae": ("mm", "in", "um"),
