@@ -9,7 +9,13 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.fit.available import NotAvailable
 from fitmodels.fit.checks.autocorrelation import aliased_columns
-from fitmodels.fit.checks.missing_factors import added_between, added_within, missing_conditions, unused_columns
+from fitmodels.fit.checks.missing_factors import (
+    added_between,
+    added_within,
+    is_noted,
+    missing_conditions,
+    unused_columns,
+)
 from fitmodels.fit.checks.strata import blocks_between
 
 TIMES = np.arange(2.0, 13.0, 2.0)
@@ -330,3 +336,9 @@ def test_the_exponent_in_a_law_with_additive_errors():
     found = unused_columns(fit.power_law(runs, "AW", ["V", "f", "d", "t"], error="additive"), runs, 0.3)
     assert found.concern == 1
     assert float(found.verdict.split("exponent ")[1].split()[0]) == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize("note", ["# ap = 2 mm", "# depth of cut: 2 mm", "# d 2 mm"])
+def test_a_condition_in_the_notes_is_known_by_any_of_its_names(note):
+    assert is_noted((note.lstrip("# "),), "d")
+    assert not is_noted((note.lstrip("# "),), "f")

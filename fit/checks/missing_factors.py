@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array, Flags, Ints, Texts
 from ...core.rounding import format_plain, join_words, label_of
 from ...datasets import Runs
+from ...datasets.notes import conditions_of_file
 from ...datasets.units import is_unit
 from ...datasets.vocabulary import ROLES, WEAR, fits
 from ..available import NotAvailable
@@ -107,7 +108,9 @@ def missing_of(needed: Sequence[str], stated: Callable[[str], bool], process: st
 
 
 def is_noted(notes: Sequence[str], name: str) -> bool:
-    """Whether a quantity stands in notes with its unit (``d 2.5 mm``)."""
+    """Whether a quantity stands in notes by any of its names (``ap = 2 mm``), or by its symbol (``d 2.5 mm``)."""
+    if any(one.role == name for one in conditions_of_file("", notes)):
+        return True
     stated = re.compile(rf"(?<![\w./]){name}[ \t=:]+\d[\d.,]*[ \t]*([^\s,;]+)")
     units = (match[1].rstrip(".") for note in notes for match in stated.finditer(note))
     return any(is_unit(unit) and fits(name, unit) for unit in units)
