@@ -29,6 +29,7 @@ from .notes import pair_name as pair_name
 from .options import ReadOptions
 from .plausibility.judgement import check_signs, check_values, settle_units
 from .plausibility.quantities import table_process
+from .plausibility.stray_values import leave_out_codes
 from .runs import UNNAMED, Runs, Source
 from .several_files import files_of_folder, joined_sheets, joined_tables
 from .shapes import long_table, with_means
@@ -296,6 +297,7 @@ def _settle(draft: Draft, options: ReadOptions, *, judge: bool, sample: bool) ->
     asked.apply(draft, "as written")
     if judge:
         if not sample:
+            leave_out_codes(draft, options)
             check_signs(draft, options)
         settle_units(draft, options)
     asked.apply(draft, "in its unit")

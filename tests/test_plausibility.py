@@ -882,3 +882,30 @@ def test_a_doubt_about_a_line_is_one_of_its_pair_alone(tmp_path, column, row, va
     assert (of["A"], {line for doubt in of["B"] for line in doubt.lines}) == ([], lines)
     found = {tool: doubts_of_reading(fit.power_law(pair, "VB", ["V", "f", "t"]), pair) for tool, pair in pairs.items()}
     assert (found["A"].concern, found["B"].concern > 0) == (0, True)
+
+
+def test_codes_of_missing_values_are_left_out_and_stated(tmp_path):
+    table = two_tools().assign(
+        **{"Fc [N]": lambda x: (1000 * x["f [mm/rev]"] ** 0.75 * x["V [m/min]"] ** -0.1).round(2)}
+    )
+    sound = table.copy()
+    sound.loc[[3, 20], "Fc [N]"], sound.loc[[7, 30], "VB [mm]"] = np.nan, np.nan
+    table.loc[[3, 20], "Fc [N]"], table.loc[[7, 30], "VB [mm]"] = -999, 9.999
+    found = {}
+    for name, each in (("codes", table), ("blank", sound)):
+        each.to_csv(tmp_path / f"{name}.csv", index=False)
+        found[name] = datasets.read_runs(tmp_path / f"{name}.csv")
+    assert [doubt.sentence for doubt in found["codes"].doubts] == []
+    for column in ("Fc", "VB", "P"):
+        np.testing.assert_array_equal(found["codes"].values(column), found["blank"].values(column))
+    stated = " ".join(found["codes"].assumed)
+    assert "Fc: -999 in 2 rows (lines 5, 22) is a code of a missing value" in stated
+    assert "VB: 9.999 in 2 rows (lines 9, 32) is a code of a missing value" in stated
+
+
+def test_an_ordinary_value_of_nines_is_no_code(tmp_path):
+    table = two_tools()
+    table["Fc [N]"] = np.linspace(600, 1400, len(table)).round()
+    table.loc[[3, 20], "Fc [N]"] = 999
+    table.to_csv(tmp_path / "t.csv", index=False)
+    assert np.count_nonzero(datasets.read_runs(tmp_path / "t.csv").values("Fc") == 999) == 2

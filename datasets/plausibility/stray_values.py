@@ -37,6 +37,7 @@ GAP_OF_RESULTS = 2.0
 NEARLY = 1.5  # results in another unit need not lie exactly among the others
 FAR = 3.0  # ratio to the next value beyond which a single cell is doubted
 FAR_ALONE = 4.0  # the same for conditions, roughness, and loads that are not divided by the section of the chip
+FEWEST_LEVELS = 3  # values beside which one may be a code of a missing value
 FEWEST = 8  # rows below which no cell is judged by the others
 MOST_LEVELS = 7
 SEVERAL = 3  # rows of every other level beside which a value of one row is doubted
@@ -45,6 +46,43 @@ FEWEST_FREE = 3  # lives beyond the coefficients of a law by which others are do
 TINY = 1e-9  # sum of squares of logarithms: lives without scatter
 LISTED = 4
 MOST_EDGES = 8  # in a sentence
+
+
+def leave_out_codes(draft: Draft, options: ReadOptions) -> None:
+    """Leave out codes of missing values, such as -999 or 9999, and state them."""
+    for use in draft.uses:
+        if use.role is None or use.role in options.ranges or not ROLES[use.role].unit:
+            continue
+        values = np.asarray(draft.data[use.role], dtype=float)
+        for code in codes_of_missing(values):
+            rows = np.flatnonzero(values == code)
+            values = np.where(values == code, np.nan, values)
+            draft.data[use.role] = values
+            n = f"{len(rows)} row{'s' * (len(rows) > 1)}"
+            draft.assumed.append(
+                f"{use.role}: {format_decimal(code)} in {n} ({places(draft, rows)}) is a code of a missing value"
+            )
+
+
+def codes_of_missing(values: Array) -> list[float]:
+    """Values that are written as a code of a missing one: of nines alone, and far from all others.
+
+    A negative one stands beside values of which none is; any other one is three times as large as the largest, and
+    occurs several times.
+
+    >>> codes_of_missing(np.array([512.0, -999.0, 731.0, 620.0, 555.0, 9999.0, 9999.0]))
+    [-999.0, 9999.0]
+    >>> codes_of_missing(np.array([512.0, 999.0, 999.0, 731.0, 1450.0]))
+    []
+    """
+    levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    nines = np.array([set(f"{abs(level):.12g}".replace(".", "")) == {"9"} for level in levels.tolist()], dtype=bool)
+    rest = levels[~nines]
+    if not nines.any() or len(rest) < FEWEST_LEVELS or 2 * counts[nines].sum() > counts.sum():
+        return []
+    negative = (levels <= -99) & (rest.min() >= 0)
+    far = (counts > 1) & (np.abs(levels) >= 9) & (np.abs(levels) > FAR * np.abs(rest).max())
+    return [float(level) for level in levels[nines & (negative | far)]]
 
 
 def check_cells(draft: Draft, options: ReadOptions) -> None:
