@@ -17,7 +17,7 @@ from .edges.columns import numbered
 from .tables import Column
 from .tables.numerals import Mark
 from .units import canonical, convert, same_dimension
-from .vocabulary import MARK, ROLES, UNNAMED
+from .vocabulary import MARK, MEASURED, ROLES, UNNAMED
 
 CORRECTS = "--correct"
 LONGEST_TARGET = 300  # letters of an option that names rows
@@ -345,7 +345,10 @@ def _left_out(draft: Draft, role: str, marks: Sequence[tuple[int, Mark]]) -> str
     kinds = ", ".join(dict.fromkeys(_WORDS[mark.sign] for _, mark in marks))
     n = len(cells)
     values = f"{n} marked value{'s' * (n > 1)} ({kinds}) {'are' if n > 1 else 'is'}"
-    return f"{role}: {values} left out of the fit and kept as {mark_column(role)!r}: {listed(cells, 4)}"
+    signs = "".join({mark.sign for _, mark in marks}) if ROLES[role].kind in MEASURED else ""
+    bias = {"<": "overstates", ">": "understates"}.get(signs)
+    what = f": a law without them {bias} {role}" if bias else ""
+    return f"{role}: {values} left out of the fit and kept as {mark_column(role)!r}{what} ({listed(cells, 4)})"
 
 
 def _factor(column: Column, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:

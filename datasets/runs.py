@@ -155,6 +155,11 @@ class Runs(Plottable):
             return series.to_numpy(dtype=object)
         return np.array(["" if v != v else label_of(v) for v in series.tolist()], dtype=object)
 
+    def marked(self, role: str, sign: str) -> int:
+        """Number of values of a role that are known by a bound alone: ``>`` for at least, ``<`` for at most."""
+        column = f"{role}{MARK}"
+        return int(np.char.startswith(self.labels(column).astype(str), sign).sum()) if column in self.data else 0
+
     def pairs(self) -> Iterator["Runs"]:
         """The runs of each tool/work pair, in the order of the file, with the doubts about its rows."""
         keys = [role for role in ("tool", "work") if role in self.data]

@@ -323,7 +323,7 @@ def life_verdict(life: ToolLife, law: LawFit, runs: Runs | None = None, of_law: 
     found = [*_of_taylor(life, law, law.source.tool if runs is None else runs.tool), *_of_size(life)]
     refused = any(level > 1 for level, _ in found)
     if not refused:
-        found += _of_range(life, law)
+        found += _of_range(life, law, runs)
     found += _of_scatter(law)
     if of_law is not None and of_law.level:
         found.append((of_law.level, f"Verdict on the law of {life.wear}: {of_law.words}."))
@@ -344,12 +344,10 @@ def _is_factor(law: LawFit) -> bool:
 
 def _of_taylor(life: ToolLife, law: LawFit, tool: str) -> Iterator[tuple[int, str]]:
     """Taylor's n by the interval of its reciprocal, the exponent of V in the life."""
-    from scipy.special import stdtrit
-
     if life.taylor_n is None:
         return
     n = usual_taylor_n(tool)
-    half = 0.0 if life.bse is None else float(stdtrit(max(law.df, 1), 0.975) * life.bse["V"])
+    half = 0.0 if life.bse is None else float(_quantile(law, 0.95) * life.bse["V"])
     b = float(life.coefficients["V"])
     if b - half > 0:
         yield 2, f"Life rises with cutting speed (Taylor's n {life.taylor_n:.2g}), where it must fall."
@@ -370,7 +368,7 @@ def _of_size(life: ToolLife) -> Iterator[tuple[int, str]]:
         yield 1, f"A life of {at} is unusual ({usual})."
 
 
-def _of_range(life: ToolLife, law: LawFit) -> Iterator[tuple[int, str]]:
+def _of_range(life: ToolLife, law: LawFit, runs: Runs | None) -> Iterator[tuple[int, str]]:
     """Extrapolation in time and in wear."""
     ratio, first = life.typical / life.t_observed, law.domain["t"][0]
     head = f"The life of {life.typical:.3g} {life.unit} at the middle of the tests is"
@@ -380,7 +378,8 @@ def _of_range(life: ToolLife, law: LawFit) -> Iterator[tuple[int, str]]:
     elif life.typical < first:
         before = f"shorter than the first reading ({first:.3g} {life.unit})"
         yield 1 + int(life.typical < first / VERY_FAR), f"{head} {before}: extrapolated."
-    if law.rows is not None and life.criterion > (largest := float(law.observed.max())):
+    beyond = 0 if runs is None else runs.marked(life.wear, ">")  # they are in no law
+    if law.rows is not None and not beyond and life.criterion > (largest := float(law.observed.max())):
         wear = f"{life.criterion:g} {life.unit_of_wear} (largest wear {largest:.3g})"
         yield 1, f"No test reached the criterion {wear}: the life is extrapolated."
 

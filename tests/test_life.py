@@ -6,6 +6,8 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
 from fitmodels.core.intervals import fieller
+from fitmodels.fit.life import life_verdict
+from fitmodels.parameters.gather.lives import tool_life_section
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
@@ -373,3 +375,22 @@ def test_a_life_that_rounds_to_the_longest_test_is_not_extrapolated():
         assert ("times the longest test" in found.words) == beyond
         assert found.inside != beyond
         assert bool(life.predict(life.typical_at, "mean").inside) != beyond
+
+
+def test_a_life_from_readings_known_as_at_least_the_criterion_is_not_called_unreached(tmp_path):
+    rng = np.random.default_rng(2)
+    rows = ["edge,V [m/min],f [mm/rev],d [mm],t [min],VB [mm]"]
+    for k, (V, f) in enumerate([(100, 0.1), (100, 0.3), (150, 0.2), (200, 0.1), (200, 0.3), (150, 0.1), (150, 0.3)]):
+        level = np.exp(rng.normal(0, 0.05))
+        for t in (2, 6, 12, 20, 30):
+            wear = 0.01 * V**0.5 * f**0.2 * t**0.45 * level * np.exp(rng.normal(0, 0.02))
+            rows.append(f"E{k},{V},{f},2,{t},{'>0.3' if wear > 0.3 else round(wear, 3)}")
+    (tmp_path / "t.csv").write_text("\n".join(rows))
+    runs = datasets.read_runs(tmp_path / "t.csv")
+    assert runs.marked("VB", ">") > 3
+    assert "a law without them understates VB" in runs.doubts[0].sentence
+    law = fit.power_law(runs, "VB", ["V", "f", "t"])
+    life = fit.tool_life(law, 0.3)
+    assert "No test reached" in str(life_verdict(life, law).reasons)
+    assert "No test reached" not in str(life_verdict(life, law, runs).reasons)
+    assert tool_life_section(life, [law], None, runs)["curves"] is None

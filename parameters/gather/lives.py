@@ -57,7 +57,7 @@ def tool_life_section(
     if life is None:
         return None
     law = next((law for law in laws if law.response == life.wear), None)
-    curves = _curves(life)
+    curves = _curves(life, runs)
     verdict = None if law is None else _life_verdict(life, law, (sections or {}).get(life.wear), runs)
     if verdict is not None and curves is not None and curves.pop("contradicts"):
         reasons = (*verdict.reasons, curves["words"][-1])
@@ -80,13 +80,17 @@ def tool_life_section(
     }
 
 
-def _curves(life: "ToolLife") -> dict[str, Any] | None:
-    """Lives of the edges by their wear curves and the law of these lives; None where edges have no curves."""
+def _curves(life: "ToolLife", runs: "Runs | None") -> dict[str, Any] | None:
+    """Lives of the edges by their wear curves and the law of these lives; None where edges have no curves.
+
+    None also where readings are known as at least a value: the law, and with it the curves, lack their ends.
+    """
     from ...fit.available import NotAvailable, computed
     from ...fit.life import taylor_constants
     from ...fit.wear_curves import wear_curve_lives
 
-    if life.law is None:
+    of = None if life.law is None else runs_of(life.law, runs)
+    if life.law is None or (of is not None and of.marked(life.wear, ">")):
         return None
     found = computed(partial(wear_curve_lives, life.law, life.criterion))
     if isinstance(found, NotAvailable):
