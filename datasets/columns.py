@@ -185,7 +185,9 @@ def _may_be(role: str, column: Column) -> bool:
 
 
 def _named_otherwise(claims: list[_Claim], mapping: Mapping[str, str], units: Mapping[str, str]) -> list[_Claim]:
-    """The claims, with free roles for headers that are a unit (SFM, IPR), a mean, or a name and a remark."""
+    """The claims, with free roles for headers that are a unit, a mean (before a maximum), or a name and a remark."""
+    means = {role_of_mean(claim.name, None) for claim in claims if claim.role is None} - mapping.keys()
+    claims = [replace(one, role=None) if one.role in means and _LARGEST.search(one.name) else one for one in claims]
     named = {claim.role for claim in claims} | set(mapping)
     found = [_otherwise(claim) if claim.role is None else (None, claim.unit_text) for claim in claims]
     done = []
@@ -302,9 +304,8 @@ def _one_each(claims: list[_Claim]) -> dict[str, _Claim]:
         if first is not claim and not first.mapped and claim.role not in DECIDED:
             a, b = first.column, claim.column
             raise DataError(
-                f"columns {a.number} ({a.name!r}) and {b.number} ({b.name!r}) both read as "
-                f"{ROLES[claim.role].quantity} {claim.role}: choose one with "
-                f"--map {claim.role}=col{a.number} or --map {claim.role}=col{b.number}."
+                f"columns {a.number} ({a.name!r}) and {b.number} ({b.name!r}) both read as {ROLES[claim.role].quantity}"
+                f" {claim.role}: choose one with --map {claim.role}=col{a.number} or --map {claim.role}=col{b.number}."
             )
     return chosen
 
@@ -323,9 +324,8 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
         return column.values, "", False
     if unit is None:
         raise DataError(
-            f"column {column.name!r}: unit {claim.unit_text!r} is not in the table of units; "
-            f"{suggest(claim.unit_text)} If the numbers are in {role.unit}, give "
-            f"--unit {role.symbol}={role.unit}."
+            f"column {column.name!r}: unit {claim.unit_text!r} is not in the table of units; {suggest(claim.unit_text)}"
+            f" If the numbers are in {role.unit}, give --unit {role.symbol}={role.unit}."
         )
     if not same_dimension(unit, role.unit):
         raise DataError(

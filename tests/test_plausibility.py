@@ -909,3 +909,25 @@ def test_an_ordinary_value_of_nines_is_no_code(tmp_path):
     table.loc[[3, 20], "Fc [N]"] = 999
     table.to_csv(tmp_path / "t.csv", index=False)
     assert np.count_nonzero(datasets.read_runs(tmp_path / "t.csv").values("Fc") == 999) == 2
+
+
+def test_the_mean_wear_is_read_before_the_largest(tmp_path):
+    table = two_tools().rename(columns={"VB [mm]": "VB mean (mm)"})
+    table["VB max (mm)"] = table["VB mean (mm)"] * 1.6
+    table.to_csv(tmp_path / "t.csv", index=False)
+    of = {
+        name: datasets.read_runs(tmp_path / "t.csv", map=given)
+        for name, given in (("mean", {}), ("max", {"VB": "VB max (mm)"}))
+    }
+    assert (of["mean"].values("VB") == table["VB mean (mm)"]).all()
+    assert (of["max"].values("VB") == table["VB max (mm)"]).all()
+
+
+@pytest.mark.parametrize(("milling", "role"), [(True, "lf"), (False, "lc")])
+def test_a_length_in_metres_is_of_the_feed_in_milling(tmp_path, milling, role):
+    table = two_tools().rename(columns={"t [min]": "Distance (m)"})
+    table.loc[:, "Distance (m)"] *= 5.0
+    if milling:
+        table["z"], table["ae [mm]"] = 4, 5.0
+    table.to_csv(tmp_path / "t.csv", index=False)
+    assert f'--map "{role}=Distance (m)"' in [doubt.remedy for doubt in datasets.read_runs(tmp_path / "t.csv").doubts]

@@ -11,6 +11,8 @@ from ...core.rounding import format_plain
 from ..doubts import Doubt
 from ..draft import CORRECTS, Draft, numbers_of, target_of
 from ..headers import parse_header
+from ..options import Process
+from ..plausibility.ranges import process_of
 from ..plausibility.unused_columns import COUNTS, of_counts
 from ..tables import Column
 from ..units import canonical, same_dimension
@@ -44,7 +46,8 @@ def doubts_of_no_time(draft: Draft, edges: EdgeRows, numbers: dict[str, Array]) 
         for column, use in zip(draft.columns, draft.uses, strict=True)
         if use.role is None and column.is_numeric and (np.diff(column.values[edges.order])[edges.same] > 0).all()
     ]
-    rising = [(column.name, role) for column in found if (role := _clock(column))]
+    process = process_of(draft.data, draft.notes)
+    rising = [(column.name, role) for column in found if (role := _clock(column, process))]
     name, role = rising[0] if rising else ("", "")
     counted = COUNTS.search(name) is not None
     other = f"; column {name!r} rises in each" if rising else ""
@@ -57,14 +60,17 @@ def doubts_of_no_time(draft: Draft, edges: EdgeRows, numbers: dict[str, Array]) 
     )
 
 
-def _clock(column: Column) -> str:
-    """The role that a column which rises along the edges may have, by its unit: time, length of cut, or none."""
+def _clock(column: Column, process: Process | None) -> str:
+    """The role that a column which rises along the edges may have, by its unit: time, length of cut, or none.
+
+    A length in milling is that of the path of the feed, also in metres.
+    """
     text = column.unit_cell or parse_header(column.name).unit_text
     unit = canonical(text) if text else None
     if unit is None or same_dimension(unit, ROLES["t"].unit):
         return "t"
     if same_dimension(unit, ROLES["lc"].unit):
-        return "lf" if unit in OF_FEED else "lc"
+        return "lf" if unit in OF_FEED or process == "milling" else "lc"
     return ""
 
 
