@@ -213,7 +213,7 @@ _SHARED: Mapping[str, tuple[str, ...]] = {
 }
 # Letters that name a quantity only beside its unit: words of a part program, a radius.
 _WITH_UNIT: Mapping[str, tuple[str, ...]] = {"S": ("n",), "N": ("n",), "r": ("re",), "R": ("re",)}
-_MEAN = r"(?:mean|average|avg\.?|ave\.?|Mittelwert|Mittel|moyenne|moy\.?|media|promedio|prom\.?)"
+_MEAN = r"(?:mean|ave(?:rage)?\.?|avg\.?|Mittel(?:wert)?|moy(?:enne)?\.?|media|prom(?:edio)?\.?|measured|gemessen|ist)"
 _OF_MEAN = re.compile(
     rf"{_MEAN}[\s_]++(?:of[\s_]++)?(?P<after>.+)|(?P<before>.*[^\s_,-])[\s_,-]+{_MEAN}", re.IGNORECASE
 )
@@ -289,12 +289,12 @@ def role_of(name: str, unit: str | None) -> str | None:
 
     The unit decides between the roles of one name. If it fits none of them, the first is returned, so that the
     reader reports the unit, except where the letter denotes something else: V in volt, t in degC, z in mm, DC
-    in A, a label with a unit. None, "" or a spelling that is not listed is ignored.
+    in A, Fn in N, ae in %, a label with a unit. None, "" or a spelling that is not listed is ignored.
 
     >>> role_of("Schnittgeschwindigkeit vc", "m/min"), role_of("feed", "mm/s"), role_of("V", "volt")
     ('V', 'fm', None)
-    >>> role_of("AW", "N"), role_of("S", "rpm"), role_of("S", None), role_of("T", "°C")
-    ('AW', 'n', None, 'theta')
+    >>> role_of("AW", "N"), role_of("S", "rpm"), role_of("S", None), role_of("T", "°C"), role_of("Fn", "N")
+    ('AW', 'n', None, 'theta', None)
     """
     known = unit is not None and is_unit(unit)
     found = roles_named(name) or (_WITH_UNIT.get(name.strip(), ()) if known else ())
@@ -303,9 +303,9 @@ def role_of(name: str, unit: str | None) -> str | None:
     fitting = [symbol for symbol in found if fits(symbol, unit)]
     if fitting or name.strip() in _WITH_UNIT:
         return fitting[0] if fitting else None
-    electric = canonical(unit) in ("V", "mV", "A", "mA") and found[0] == "Dc"
     other_thing = (
-        electric
+        (canonical(unit) in ("V", "mV", "A", "mA") and found[0] == "Dc")
+        or (canonical(unit) in ("N", "kN", "%") and ROLES[found[0]].kind == "condition")
         or found[0] in ("z", "re", "theta", "kappa", "lead", "sigma")
         or (canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t"))
     )
@@ -313,7 +313,7 @@ def role_of(name: str, unit: str | None) -> str | None:
 
 
 def role_of_mean(name: str, unit: str | None) -> str | None:
-    """Symbol of the response whose mean a column is named as, None for other names.
+    """Symbol of the response whose mean or measured value a column is named as, None for other names.
 
     >>> role_of_mean("Ra_mean", None), role_of_mean("average cutting force", "N"), role_of_mean("mean speed", None)
     ('Ra', 'Fc', None)

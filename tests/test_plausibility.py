@@ -13,7 +13,7 @@ from fitmodels import analyse, datasets, fit
 from fitmodels.core import errors
 from fitmodels.datasets.plausibility.quantities import unit_factor
 from fitmodels.datasets.plausibility.ranges import candidate_units, plausible, process_of
-from fitmodels.datasets.vocabulary import ROLES
+from fitmodels.datasets.vocabulary import ROLES, role_of
 from fitmodels.fit.checks.usefulness import doubts_of_reading
 from fitmodels.fit.checks.wrong_rows import outlying_rows
 from fitmodels.parameters.checks.report import require_verdicts
@@ -931,3 +931,53 @@ def test_a_length_in_metres_is_of_the_feed_in_milling(tmp_path, milling, role):
         table["z"], table["ae [mm]"] = 4, 5.0
     table.to_csv(tmp_path / "t.csv", index=False)
     assert f'--map "{role}=Distance (m)"' in [doubt.remedy for doubt in datasets.read_runs(tmp_path / "t.csv").doubts]
+
+
+def test_a_calculated_column_is_not_offered_for_the_measured_one(tmp_path):
+    table = two_tools().drop(columns="VB [mm]").drop(columns=["edge", "t [min]"])
+    force = (2000 * table["f [mm/rev]"] ** 0.75).round(1)
+    for names, read in ((("Fc predicted (N)", "Fc measured (N)"), True), (("Fc FEM (N)", "Ra [um]"), False)):
+        frame = table.assign(
+            **{names[0]: force, names[1]: (force * np.linspace(0.95, 1.05, len(force))).round(1) / (1 if read else 500)}
+        )
+        frame.to_csv(tmp_path / "t.csv", index=False)
+        runs = datasets.read_runs(tmp_path / "t.csv")
+        assert ("Fc" in runs.data) == read
+        assert not any("Fc" in doubt.remedy for doubt in runs.doubts)
+
+
+def test_set_values_are_not_offered_before_those_that_were_measured(tmp_path):
+    table = two_tools().rename(columns={"V [m/min]": "vc soll [m/min]"})
+    table["vc ist [m/min]"] = (table["vc soll [m/min]"] * np.linspace(0.97, 1.02, len(table))).round(1)
+    table.to_csv(tmp_path / "t.csv", index=False)
+    assert '--map "V=col8"' in [doubt.remedy for doubt in datasets.read_runs(tmp_path / "t.csv").doubts]
+
+
+@pytest.mark.parametrize(("header", "read"), [("Fn (N)", None), ("ae (%)", None), ("f (mm)", "f"), ("ae (mm)", "ae")])
+def test_a_unit_of_another_kind_gives_no_role(header, read):
+    name, _, unit = header.rstrip(")").partition(" (")
+    assert role_of(name, unit) == read
+
+
+def test_a_clock_that_runs_over_all_edges_is_no_time_of_a_law(tmp_path):
+    table = two_tools()[lambda x: x["tool"] == "A"]
+    table["t [min]"] += 10.0 * np.repeat(np.arange(6), 4)
+    table.to_csv(tmp_path / "t.csv", index=False)
+    runs = datasets.read_runs(tmp_path / "t.csv")
+    assert doubts_of_reading(fit.power_law(runs, "VB", ["V", "f", "t"]), runs).concern == 2
+
+
+def test_a_factor_that_a_law_has_is_not_doubted_as_unused(tmp_path):
+    table = two_tools().drop(columns=["V [m/min]"])
+    table["Rake"] = np.tile(np.repeat([100.0, 150.0, 200.0], 8), 2)
+    table.to_csv(tmp_path / "t.csv", index=False)
+    runs = datasets.read_runs(tmp_path / "t.csv")
+    assert any("Rake" in doubt.columns for doubt in runs.doubts)
+    assert doubts_of_reading(fit.power_law(runs, "VB", ["Rake", "f", "t"]), runs).concern == 0
+
+
+def test_an_empty_speed_beside_forces_gives_no_warning(tmp_path):
+    f, d = (x.ravel() for x in np.meshgrid([0.1, 0.2, 0.3], [1.0, 1.5, 2.0], indexing="ij"))
+    frame = pd.DataFrame({"V [m/min]": np.full(9, np.nan), "f [mm/rev]": f, "d [mm]": d, "Fc [N]": 2000 * f**0.75 * d})
+    frame.assign(**{"Fp [N]": 900 * f**0.6 * d}).to_csv(tmp_path / "t.csv", index=False)
+    assert "Fc" in datasets.read_runs(tmp_path / "t.csv").data

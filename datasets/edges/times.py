@@ -326,6 +326,7 @@ def _running_on(edges: EdgeRows, x: Array) -> Iterator[Doubt]:
             f"t runs on from edge to edge, to {format_plain(float(np.nanmax(x)))} min: each edge begins above the last "
             "time of the one before. Is it the time of the machine? A law needs the time in cut of the edge, from its "
             "first cut",
+            unsettled=True,
         )
 
 

@@ -51,12 +51,16 @@ _NOT_VALID = re.compile(  # words of tests that are not to be used
 )
 _OTHER_WORDS = re.compile(
     r"temp|hard|härte|dur(?:eté|eza)|press|druck|angle|winkel|radi|cool|kühl|noise|vib|date|datum|day|no\.?$|nr\.?$|"
-    r"nose|corner|^r_?eps|^re(?![^\W_])|id$|num|count|anzahl|index|repl|pass(?:es)?(?![^\W_])|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
+    r"nose|corner|^r$|^r_?eps|^re(?![^\W_])|id$|num|count|anzahl|index|repl|pass(?:es)?(?![^\W_])|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
     re.IGNORECASE,
 )
 
 _LEVELS = re.compile(r"(?<![^\W_])(?:levels?|stufen?|niveaux?|nivel(?:es)?|coded?|codiert)(?![^\W_])", re.IGNORECASE)
 _FACTOR = re.compile(r"[A-HJ-K]")  # letter of a factor in Taguchi's arrays
+_CALCULATED = re.compile(
+    r"(?<![^\W_])(?:pred\w*|calc\w*|model\w*|fem|fea|simul\w*|theor\w*|soll|nominal|target|berechnet\w*)(?![^\W_])",
+    re.I,
+)
 _IDLE = re.compile(r"idle|leer|air|no.?load|zero|offset|vide|vac[ií]o|tare", re.IGNORECASE)
 _SHARE = re.compile(r"load|power|torque|current|last|leistung|charge|puissance|carga|potencia", re.IGNORECASE)
 COUNTS = re.compile(
@@ -169,7 +173,8 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
     process = table_process(draft, options)
     taken: set[str] = set()
     doubted = {name for doubt in draft.doubts for name in doubt.columns}
-    for column, use in zip(draft.columns, draft.uses, strict=True):
+    pairs = zip(draft.columns, draft.uses, strict=True)
+    for column, use in sorted(pairs, key=lambda pair: _CALCULATED.search(pair[1].name) is not None):
         if use.role is not None or not column.is_numeric or column.bad or use.header in doubted:
             continue
         if role_of(use.name, canonical(_unit_text(column))) in options.map:  # its role was given to another, or to none
@@ -196,6 +201,7 @@ def _doubt_unused(draft: Draft, options: ReadOptions, edges: _Edges | None) -> N
 
 
 _TIMES = tuple(symbol for symbol, role in ROLES.items() if role.kind == "time")
+_LOADS = {"F": ("N", "kN", "lbf"), "P": ("kW", "W", "hp"), "M": ("Nm", "Ncm", "Nmm"), "I": ("A",)}
 _OF_RATED = "is a share of a rated value and is not used: multiply it by that, and add it as P [kW] or I [A]"
 
 
@@ -262,7 +268,8 @@ def _named_like(draft: Draft, column: Column, suggestion: str | None, options: R
         if unit is None or same_dimension(unit, ROLES[role].unit):
             return role
     first = re.split(r"[\s_,]+", parse_header(column.name).name.strip())[0]
-    load = role_of(first, unit) if unit is not None and not _IDLE.search(column.name) else None
+    other = _IDLE.search(column.name) or _CALCULATED.search(column.name)
+    load = role_of(first, unit) if unit is not None and not other else None
     if load is not None and ROLES[load].kind == "load" and _free(draft, load, options):
         return load
     for role in ("V", "f", "fz", "fm", "n", "t"):
@@ -282,12 +289,7 @@ def _measured_like(
         known = values[values > 0] * (unit_factor(unit, "AW") if unit else 1)
         if ranges and known.size and (unit or ranges.unusual[0] <= np.median(known)) and known.max() <= ranges.hard[1]:
             return "AW"
-    for role, units in (
-        ("F", ("N", "kN", "lbf")),
-        ("P", ("kW", "W", "hp")),
-        ("M", ("Nm", "Ncm", "Nmm")),
-        ("I", ("A",)),
-    ):
+    for role, units in {} if _CALCULATED.search(column.name) else _LOADS.items():
         if unit not in units or any(one.role and ROLES[one.role].unit == ROLES[role].unit for one in draft.uses):
             continue
         alike = [one for one in draft.columns if one.is_numeric and canonical(_unit_text(one) or "-") in units]

@@ -340,8 +340,11 @@ def doubts_of_reading(law: LawFit, runs: Runs | None) -> Check | NotAvailable | 
 
 
 def _doubts_on(law: LawFit, runs: Runs) -> list[Doubt]:
-    """Doubts on columns of a law, and on those that they were computed from."""
-    columns = {law.response, *law.factors, "edge"}
+    """Doubts on columns of a law, and on those that they were computed from.
+
+    Doubts on a column without a role are that it is not used, which is untrue of a law with such a factor.
+    """
+    columns = {name for name in (law.response, *law.factors, "edge") if name in ROLES}
     for one in reversed(runs.derived):
         if one.role in columns:
             columns |= set(one.inputs)
