@@ -285,6 +285,13 @@ def _refuse_second_table(columns: tuple[Column, ...], lines: Ints) -> None:
     shown = ", ".join(repr(text) for _, text in cells[:4])
     if all(name == text for name, text in cells):
         raise DataError(f'line {line} holds the names of the columns again ({shown}): --leave-out "lines {line}".')
+    if line == lines.min():
+        texts = [at for column in columns for at, _ in column.bad]
+        last = next((at for at in lines.tolist() if texts.count(at) < 2), line + 1) - 1  # a row of units may follow
+        raise DataError(
+            f"line {line} holds names again ({shown}), below those of the header: leave it out, with the units below "
+            f'it, by --leave-out "lines {line}{f"-{last}" * (last > line)}"; give units that are not usual with --unit.'
+        )
     raise DataError(
         f"line {line} holds names of columns ({shown}) below the numbers of a table: a second table begins there. "
         f'Save it as a file or sheet of its own, and read the first one with --leave-out "lines {line}-{lines.max()}".'

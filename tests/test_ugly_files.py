@@ -21,7 +21,9 @@ import fitmodels
 import numpy as np
 import openpyxl
 import pytest
+from fitmodels import datasets
 from fitmodels.cli import main
+from fitmodels.core import errors
 from fitmodels.core.formula import FORMS, Formula, _pattern, second_order_terms
 from fitmodels.datasets.units import convert
 
@@ -658,3 +660,16 @@ def test_every_pattern_takes_linear_time():
     assert len(found) > 150
     slow = [(name, text, hard) for name, text, flags, use in found if (hard := superlinear(text, flags, use))]
     assert not slow
+
+
+def test_symbols_and_units_below_the_names_are_to_be_left_out_alone(tmp_path):
+    rows = [
+        f"E{k};{V};0,2;{t};{0.01 * V**0.5 * t**0.4:.3f}".replace(".", ",")
+        for k, V in enumerate((100, 150, 200))
+        for t in (2, 4, 8)
+    ]
+    text = "\n".join(["Schneide;Schnittgeschwindigkeit;Vorschub;Zeit;VB", "-;vc;f;t;VB", "-;m/min;mm;min;mm", *rows])
+    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(errors.DataError, match='--leave-out "lines 2-3"'):
+        datasets.read_runs(tmp_path / "t.csv")
+    assert datasets.read_runs(tmp_path / "t.csv", leave_out=["lines 2-3"]).values("V")[-1] == 200
