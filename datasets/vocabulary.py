@@ -305,7 +305,7 @@ def role_of(name: str, unit: str | None) -> str | None:
         return fitting[0] if fitting else None
     other_thing = (
         (canonical(unit) in ("V", "mV", "A", "mA") and found[0] == "Dc")
-        or (canonical(unit) in ("N", "kN", "%") and ROLES[found[0]].kind == "condition")
+        or (canonical(unit), found[0]) in (("N", "f"), ("kN", "f"), ("%", "ae"), ("%", "d"))
         or found[0] in ("z", "re", "theta", "kappa", "lead", "sigma")
         or (canonical(unit) in ("V", "mV", "degC") and found[0] in ("V", "T", "t"))
     )
