@@ -84,6 +84,8 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
     free = [head for head in heads if head.role is None and head.column.is_numeric]
     key = "edge" if "t" in held else "t"
     family = _by_edge(table, heads, free) if key == "edge" else _by_time(table, free)
+    if key == "edge" and family is None and (found := _by_condition(table, free)) is not None:
+        family, conditions = found[0], (*conditions, found[1])
     if family and not (measured and family.response in {"", *measured}):
         return _unpivoted(table, family, key, conditions)
     if len(free) >= 3 and held - {"t"} and not measured and _is_series(free) and not _are_readings(free):
@@ -167,6 +169,29 @@ def _by_edge(table: Table, heads: Sequence[_Head], free: Sequence[_Head]) -> _Fa
     ids = tuple(_label(match, response) if rest else match.id for match in found if match)
     noted, noted_unit = ("", "") if response else named_in_notes(table)
     return _Family(tuple(head.column for head in free), ids, response or noted, unit or noted_unit)
+
+
+_OF_LEVEL = re.compile(r"(?P<name>[^\d=]*[^\d=\s_])[\s_=]*+(?P<number>\d+(?:[.,]\d+)?)\s*+(?P<unit>[^\d\s]\S*)?")
+
+
+def _by_condition(table: Table, free: Sequence[_Head]) -> tuple[_Family, Column] | None:
+    """Columns whose headers name levels of one condition (``vc 120 m/min``), and the column of these levels.
+
+    Each column is an edge; the response is named in the notes.
+    """
+    found = [_OF_LEVEL.fullmatch(head.column.name.strip()) for head in free]
+    response, unit = named_in_notes(table)
+    if len(free) < 2 or not all(found) or not response:
+        return None
+    units = {match["unit"] or "" for match in found if match}
+    roles = {role_of(match["name"], canonical(match["unit"]) if match["unit"] else None) for match in found if match}
+    levels = [float(match["number"].replace(",", ".")) for match in found if match]
+    role = roles.pop() if len(roles) == len(units) == 1 else None
+    if role is None or ROLES[role].kind != "condition" or len(set(levels)) < len(levels):
+        return None
+    columns = tuple(head.column for head in free)
+    ids = tuple(column.name.strip() for column in columns)
+    return _Family(columns, ids, response, unit), Column(0, role, units.pop(), np.array(levels), True)
 
 
 def _by_time(table: Table, free: Sequence[_Head]) -> _Family | None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import openpyxl
 import pytest
+from fitmodels import fit
 from fitmodels.batch.source.lab_files import pairs_of
 from fitmodels.cards.terminal import nothing_fitted
 from fitmodels.core.errors import DataError
@@ -583,3 +584,20 @@ def test_a_copy_among_the_files_is_doubted(tmp_path):
     (folder / "E9.csv").write_text((folder / "E2.csv").read_text())
     (doubt,) = (one for one in read_runs(folder).doubts if "remove the copy" in one.sentence)
     assert "E9.csv: 3 of its 3 rows stand in a file before it too" in doubt.sentence
+
+
+@pytest.mark.parametrize("header", ["vc {} m/min", "vc={} m/min", "Vc_{}"])
+def test_columns_of_levels_of_a_condition_are_edges_at_these_levels(tmp_path, header):
+    speeds, times = (120, 150, 190, 240), (1, 2, 4, 7, 11)
+    rows = [",".join(map(str, (t, *(round(0.0035 * V**0.665 * t**0.39, 3) for V in speeds)))) for t in times]
+    text = "\n".join(["VB [mm], f = 0.2 mm/rev", "t [min]," + ",".join(map(header.format, speeds)), *rows])
+    (tmp_path / "t.csv").write_text(text)
+    runs = read_runs(tmp_path / "t.csv")
+    law = fit.power_law(runs, "VB", ["V", "t"])
+    assert (law.nobs, law.n_edges) == (20, 4)
+    np.testing.assert_allclose(law.params, [0.0035, 0.665, 0.39], rtol=0.02)
+
+
+def test_columns_of_levels_of_which_no_note_names_the_response_are_no_edges(tmp_path):
+    (tmp_path / "t.csv").write_text("t [min],vc 120 m/min,vc 150 m/min\n1,0.084,0.1\n2,0.11,0.131\n4,0.146,0.172\n")
+    assert read_runs(tmp_path / "t.csv").data.columns.tolist() == ["t", "vc 120 m/min", "vc 150 m/min"]
