@@ -75,6 +75,7 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
         return table
     if (turned := _turned(table)) is not None:
         return turned
+    _refuse_blocks(table)
     if not _may_be_wide(table):
         return table
     written, (table, conditions) = table, with_header(table)
@@ -91,6 +92,20 @@ def long_table(table: Table, mapping: Mapping[str, str] | None = None) -> Table:
     if len(free) >= 3 and held - {"t"} and not measured and _is_series(free) and not _are_readings(free):
         raise DataError(_refusal(table, free))
     return written
+
+
+def _refuse_blocks(table: Table) -> None:
+    """Refuse blocks of equal columns side by side, each with the tests of an edge."""
+    filled = [column for column in table.columns if not re.fullmatch(r"col\d+", column.name)]
+    names = [column.name for column in filled]
+    size = names.index(names[0], 1) if names and names[0] in names[1:] else 0
+    blocks = size > 1 and names == names[:size] * (len(names) // size)
+    if blocks and all(_head(column).role for column in filled[:size]):
+        raise DataError(
+            f"the columns {', '.join(map(repr, names[:size]))} stand {len(names) // size} times side by side, as "
+            "blocks of edges or tests. Write them below each other, with columns of the edge and its conditions, for "
+            f"instance:{EXAMPLE}"
+        )
 
 
 _WIDEST = 400  # columns of a wide table

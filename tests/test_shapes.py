@@ -601,3 +601,10 @@ def test_columns_of_levels_of_a_condition_are_edges_at_these_levels(tmp_path, he
 def test_columns_of_levels_of_which_no_note_names_the_response_are_no_edges(tmp_path):
     (tmp_path / "t.csv").write_text("t [min],vc 120 m/min,vc 150 m/min\n1,0.084,0.1\n2,0.11,0.131\n4,0.146,0.172\n")
     assert read_runs(tmp_path / "t.csv").data.columns.tolist() == ["t", "vc 120 m/min", "vc 150 m/min"]
+
+
+def test_blocks_of_edges_side_by_side_are_refused_with_the_table_to_write(tmp_path):
+    text = "t [min],VB [mm],,t [min],VB [mm],,t [min],VB [mm]\n2,0.109,,1,0.107,,0.5,0.088\n4,0.144,,2,0.141,,1,0.113\n"
+    (tmp_path / "t.csv").write_text(text + "8,0.186,,4,0.182,,2,0.159\n")
+    with pytest.raises(DataError, match=r"'t \[min\]', 'VB \[mm\]' stand 3 times side by side.*\n *edge, V \[m/min\]"):
+        read_runs(tmp_path / "t.csv")
