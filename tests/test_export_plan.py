@@ -416,10 +416,11 @@ def test_the_c_is_the_region_of_the_replay_at_22500_settings_and_three_times(con
 def test_c_and_structured_text_of_the_region_agree_under_faults(consumer, tmp_path):
     pf, rng = limited_spindle(published("AC-2016")), np.random.default_rng(3)
     c, st = region_in_c(consumer("cc", INSTALL), tmp_path, JOB, pf), region_in_st(pf=pf)
-    odd, causes = [np.nan, np.inf, 0.0, -1.0, 1e12, 2.36], set()
+    odd, causes, t = [np.nan, np.inf, 0.0, -1.0, 1e12, 2.36], set(), 0.0
     for _ in range(3000):
+        t = t + rng.uniform(0, 0.5) if t < 25 and rng.random() < 0.9 else rng.uniform(0, 10)
         row = {"period": T, "V": rng.uniform(40, 250), "f": rng.uniform(0.05, 0.7), "d": rng.uniform(1, 4),
-               "t": rng.uniform(0, 30), "wear": rng.choice([0.0, 0.2, 0.29]), "diameter": rng.uniform(50, 70),
+               "t": t, "wear": rng.choice([0.0, 0.1, 0.2, 0.29]), "diameter": rng.uniform(50, 70),
                "reset": rng.random() < 0.3}  # fmt: skip
         if rng.random() < 0.1:
             row[str(rng.choice(["V", "f", "d", "t", "wear", "diameter"]))] = float(rng.choice(odd))
@@ -476,11 +477,64 @@ def test_laws_without_time_need_none():
     assert_is_the_region(region_in_st(pf=pf), pf, 10, 1e-9)
 
 
-def test_measured_wear_takes_the_place_of_its_law():
+def test_measured_wear_above_its_law_counts():
     st, pf = region_in_st(), published("AC-2016")
     code = st.call(V=150.0, f=0.55, d=2.5, t=10.0, wear=0.29)
     over = visible_region(pf, d=2.5, t=10.0, at={"AW": 0.29})
     assert code["excess"] == pytest.approx(max(float(e.beyond(np.log([150.0, 0.55]))) for e in over.limits))
+
+
+WORN_PAIR = {"V": 150.0, "f": 0.55, "d": 2.5}
+
+
+@pytest.mark.parametrize("t", [10.0, 30.0])
+@pytest.mark.parametrize("wear", [0.29 / 25.4, 0.001, np.nan, -0.2, 1e-9])
+def test_a_wear_gauge_that_reads_low_releases_no_limit_and_is_reported(wear, t):
+    by_law = region_in_st().call(**WORN_PAIR, t=t)
+    st = region_in_st()
+    st.call(**WORN_PAIR, t=t, wear=0.29)
+    out = st.call(wear=wear)
+    assert (out["fault"], out["cause"]) == (1, 5)
+    assert out["excess"] >= by_law["excess"]
+    assert out["within"] <= by_law["within"]
+    assert out["feed_override"] <= by_law["feed_override"]
+    st = region_in_st()  # a fault of another cause, and then the gauge
+    st.call(**WORN_PAIR, t=float("nan"))
+    fault = st.call(t=t)
+    low = st.call(wear=wear)
+    assert (fault["cause"], low["cause"]) == (2, 2)
+    assert low["excess"] >= fault["excess"] >= by_law["excess"]
+    assert low["feed_override"] <= fault["feed_override"]
+    st.call(wear=0.0, reset=True)  # the gauge is taken off
+    assert st.call(reset=False)["fault"] == 0
+
+
+def test_no_measured_wear_raises_an_override():
+    st, rng = region_in_st(pf=limited_spindle(published("AC-2016"))), np.random.default_rng(5)
+    for _ in range(400):
+        row = {"V": rng.uniform(40, 250), "f": rng.uniform(0.05, 0.7), "d": rng.uniform(1, 4), "t": rng.uniform(0, 30),
+               "diameter": rng.uniform(41, 79)}  # fmt: skip
+        st.call(**row, wear=0.0, reset=False)
+        by_law = st.call(reset=True)
+        assert by_law["fault"] == 0
+        measured = st.call(wear=rng.choice([1e-6, 0.0138, 0.1, 0.2, 0.29, 1.0, np.nan]))
+        assert measured["excess"] >= by_law["excess"] - 1e-12
+        for name in ("feed_override", "speed_override"):
+            assert measured[name] <= by_law[name] + 1e-12
+
+
+@pytest.mark.parametrize("speeds", [(80.0, 190.0), (190.0, 80.0), (150.0, 150.0)])
+def test_a_gauge_of_an_edge_whose_speed_changes_is_no_fault(speeds):
+    """The edge wears by its law, or a third slower; a new edge begins with the time 0."""
+    law = TurningRecursion.from_parameters(published("AC-2017")).laws.wear
+    for share in (1.0, 0.67):
+        st, wear = region_in_st(pf=published("AC-2017")), 0.0
+        for k in range(1201):
+            V, t = speeds[k >= 600], k / 60
+            wear += share * float(law(V, 0.2)) * (t**law.t - max(t - 1 / 60, 0.0) ** law.t)
+            out = st.call(V=V, f=0.2, d=2.5, t=t, wear=wear)
+            assert out["fault"] == 0, (share, k)
+        assert st.call(t=0.01, wear=0.02)["fault"] == 0
 
 
 def test_a_limit_of_the_spindle_needs_the_diameter():

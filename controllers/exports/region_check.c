@@ -9,8 +9,9 @@
  *
  * In a second file, #define REGION_CHECK_DECLARATIONS_ONLY before including this one. For single precision compile
  * every file with -DREGION_CHECK_REAL=float. Do not compile with -ffast-math: it removes the tests for NaN.
- * Each limit is linear in the logarithms of V, f, d, t, wear and diameter. What is not known, and everything while a
- * fault is latched, counts as the worse end of its tested range; outside that range the worse of value and end counts.
+ * Each limit is linear in the logarithms of V, f, d, t, wear and diameter. A depth, time or diameter outside its tested
+ * range counts as the worse of value and end; while a fault is latched both ends count too. A measured wear counts
+ * beside the wear by its law, and the worse of both holds: a gauge that reads low releases no limit.
  */
 #ifndef REGION_CHECK_DECLARATIONS
 #define REGION_CHECK_DECLARATIONS
@@ -34,7 +35,7 @@ typedef enum {
     REGION_TIME_WRONG,     /* t is not 0 or above */
     REGION_DEPTH_WRONG,    /* d is not above 0 */
     REGION_DIAMETER_WRONG, /* outside its range, or it jumped */
-    REGION_WEAR_WRONG,     /* measured wear above ten times the criterion */
+    REGION_WEAR_WRONG,     /* measured wear is negative, none, above ten times the criterion or far below its law */
     REGION_PERIOD_WRONG    /* the period is not above 0 and at most 1 s */
 } RegionCause;
 
@@ -54,11 +55,12 @@ typedef struct {
     RegionReal sample_time;   /* s: period of the calls */
     RegionReal wear_most;     /* a measured wear above ten times this is a fault */
     RegionReal diameter_rate; /* mm/s: fastest plausible change */
-    RegionLimit wear;         /* ln(wear) by V, f, d, t where no wear is measured; by_wear 0 */
+    RegionLimit wear;         /* ln(wear) by V, f, d, t, the law of wear; by_wear 0 */
     RegionRange tested[REGION_FACTORS];
     const RegionLimit *limit;
     int limits;
     int diameter_read; /* 1: a limit has the diameter */
+    int wear_read;     /* 1: a limit has the wear */
 } RegionSettings;
 
 typedef struct {
@@ -67,7 +69,7 @@ typedef struct {
     RegionReal f;        /* mm/rev, before feed_override; 0 at rest */
     RegionReal d;        /* mm */
     RegionReal t;        /* min in the cut of this edge */
-    RegionReal wear;     /* measured wear; 0: by its law */
+    RegionReal wear;     /* measured wear, which can only tighten the limits; 0: by its law alone */
     RegionReal diameter; /* mm, at the edge */
     int reset;           /* a change from 0 to 1 clears a fault whose cause is gone */
 } RegionInput;
@@ -86,8 +88,8 @@ typedef struct {
 } RegionOutput;
 
 typedef struct {
-    RegionReal held;
-    int ready, measured, last_reset, fault;
+    RegionReal held, t, expected;
+    int ready, measured, followed, last_reset, fault;
     RegionCause cause;
 } RegionState;
 
@@ -112,6 +114,7 @@ void region_check_step(const RegionSettings *s, RegionState *x, const RegionInpu
 #define REGION_MOST 1e9           /* a number at or above is none */
 #define REGION_LEAST 1e-12        /* stands for 0, which has no logarithm */
 #define REGION_MOST_WEAR 10.0     /* of wear_most */
+#define REGION_LEAST_WEAR 0.6     /* of the wear that the law expects after the pairs cut so far */
 #define REGION_SLACK 0.05         /* mm: of the diameter between two calls */
 #define REGION_SAME 1e-9          /* in logarithms: a limit met to so much is kept */
 #define REGION_READY 0x5243
@@ -139,7 +142,7 @@ int region_check_init(const RegionSettings *s, RegionState *x)
     return 0;
 }
 
-/* Step 1: the diameter, 0 where it is not known. */
+/* Step 1: the diameter, one of its range where it is not known: both ends count then. */
 static RegionReal region_diameter(const RegionSettings *s, RegionState *x, const RegionInput *in, RegionCause *cause)
 {
     const RegionRange *range = &s->tested[REGION_DIAMETER];
@@ -150,7 +153,7 @@ static RegionReal region_diameter(const RegionSettings *s, RegionState *x, const
     if (!(range->low <= in->diameter && in->diameter <= range->high)) {
         *cause = REGION_DIAMETER_WRONG;
         x->measured = 0;
-        return 0;
+        return range->high;
     }
     change = in->diameter - x->held;
     if (x->measured && !(-most <= change && change <= most)) *cause = REGION_DIAMETER_WRONG;
@@ -159,31 +162,74 @@ static RegionReal region_diameter(const RegionSettings *s, RegionState *x, const
     return x->held;
 }
 
-/* Step 2: the cause of a fault that is present, the first of them. */
-static RegionCause region_cause(const RegionSettings *s, const RegionInput *in, RegionCause of_diameter)
+static int region_inside(const RegionRange *range, RegionReal x) { return range->low <= x && x <= range->high; }
+
+/* Wear by its law at a time with the pair and depth of now. */
+static RegionReal region_wear(const RegionSettings *s, const RegionInput *in, RegionReal t)
+{
+    const RegionReal *by = s->wear.by, of_pair = by[REGION_V] * region_ln(in->V) + by[REGION_F] * region_ln(in->f);
+    return (RegionReal)exp((double)(s->wear.constant + of_pair + by[REGION_D] * region_ln(in->d) +
+                                    by[REGION_T] * region_ln(t)));
+}
+
+/* Step 2: wear that the law expects after the pairs cut so far, which a reading must not be far below; 0 where the law
+ * is not tested. A time that falls begins a new edge; what was cut before power on counts as cut with this pair. */
+static RegionReal region_expected(const RegionSettings *s, RegionState *x, const RegionInput *in)
+{
+    RegionReal pair[REGION_T], now;
+    int k;
+    pair[REGION_V] = in->V;
+    pair[REGION_F] = in->f;
+    pair[REGION_D] = in->d;
+    if (!s->wear_read || !(in->t >= 0 && in->t < (RegionReal)REGION_MOST)) return 0;
+    for (k = 0; k < REGION_T; ++k)
+        if (!region_inside(&s->tested[k], pair[k])) return 0;
+    now = region_wear(s, in, in->t);
+    if (x->followed && in->t >= x->t && s->wear.by[REGION_T] > 0)
+        x->expected += now - region_wear(s, in, x->t);
+    else
+        x->expected = now;
+    x->t = in->t;
+    x->followed = 1;
+    return in->t >= s->tested[REGION_T].low ? x->expected : 0;
+}
+
+static int region_measured(const RegionSettings *s, RegionReal wear)
+{
+    return wear > 0 && wear <= (RegionReal)REGION_MOST_WEAR * s->wear_most;
+}
+
+/* Step 3: the cause of a fault that is present, the first of them. */
+static RegionCause region_cause(const RegionSettings *s, const RegionInput *in, RegionReal expected,
+                                RegionCause of_diameter)
 {
     if (!(in->V >= 0 && in->V < (RegionReal)REGION_MOST)) return REGION_PAIR_WRONG;
     if (!(in->f >= 0 && in->f < (RegionReal)REGION_MOST)) return REGION_PAIR_WRONG;
     if (!(in->t >= 0 && in->t < (RegionReal)REGION_MOST)) return REGION_TIME_WRONG;
     if (!region_above(in->d)) return REGION_DEPTH_WRONG;
-    if (in->wear > (RegionReal)REGION_MOST_WEAR * s->wear_most) return REGION_WEAR_WRONG;
+    if (s->wear_read && !(in->wear >= 0 && in->wear <= 0) &&
+        !(region_measured(s, in->wear) && in->wear >= (RegionReal)REGION_LEAST_WEAR * expected))
+        return REGION_WEAR_WRONG; /* 0 is none */
     if (!(in->period > 0 && in->period <= (RegionReal)REGION_LONGEST_PERIOD)) return REGION_PERIOD_WRONG;
     return of_diameter;
 }
 
-/* Contribution of a factor to a limit: value, or the end of the tested range that is worse where it lies outside. */
+/* Contribution of a factor to a limit: value, or the end of the tested range that is worse where it lies outside, or
+ * where it is not known the worse end, or a value beyond it that is worse still. */
 static RegionReal region_part(const RegionRange *range, RegionReal by, RegionReal value, int known)
 {
     const RegionReal low = by * region_ln(range->low), high = by * region_ln(range->high);
+    const RegionReal worse = low > high ? low : high;
     RegionReal at;
-    if (!known) return low > high ? low : high;
+    if (!(value >= 0 && value < (RegionReal)REGION_MOST)) return worse;
     at = by * region_ln(value);
+    if (!known) return at > worse ? at : worse;
     if (value < range->low) return at > low ? at : low;
     if (value > range->high) return at > high ? at : high;
     return at;
 }
 
-/* Step 3: excess of a limit; by_f and by_V are its slopes. */
+/* Step 4: excess of a limit by the measured wear or by its law; by_f and by_V are its slopes. */
 static RegionReal region_excess(const RegionSettings *s, int k, const RegionReal *value, RegionReal ln_wear,
                                 int measured, int known, RegionReal *by_V, RegionReal *by_f)
 {
@@ -226,18 +272,18 @@ static int region_tested(const RegionSettings *s, const RegionReal *value)
 {
     int i, in = 1;
     for (i = 0; i < REGION_DIAMETER; ++i)
-        if (!((s->tested[i].low <= value[i] || i == REGION_T) && value[i] <= s->tested[i].high)) in = 0;
+        if (!(region_inside(&s->tested[i], value[i]) || (i == REGION_T && value[i] <= s->tested[i].high))) in = 0;
     return in;
 }
 
 static void region_evaluate(const RegionSettings *s, const RegionInput *in, RegionOutput *out, RegionReal diameter,
                             int known)
 {
-    const int measured = in->wear > 0 && in->wear <= (RegionReal)REGION_MOST_WEAR * s->wear_most;
+    const int measured = s->wear_read && region_measured(s, in->wear);
     const RegionReal ln_wear = measured ? region_ln(in->wear) : 0;
     RegionSpan of_feed, of_speed;
     RegionReal value[REGION_FACTORS], excess, by_V, by_f;
-    int k;
+    int k, of_gauge;
     value[REGION_V] = in->V;
     value[REGION_F] = in->f;
     value[REGION_D] = in->d;
@@ -246,15 +292,16 @@ static void region_evaluate(const RegionSettings *s, const RegionInput *in, Regi
     memset(&of_feed, 0, sizeof of_feed);
     of_feed.least = -(RegionReal)REGION_MOST;
     of_speed = of_feed;
-    for (k = 0; k < s->limits; ++k) {
-        excess = region_excess(s, k, value, ln_wear, measured, known, &by_V, &by_f);
-        if (k == 0 || excess > out->excess) {
-            out->excess = excess;
-            out->binding = k + 1;
+    for (k = 0; k < s->limits; ++k)
+        for (of_gauge = 0; of_gauge <= (measured && (s->limit[k].by_wear > 0 || s->limit[k].by_wear < 0)); ++of_gauge) {
+            excess = region_excess(s, k, value, ln_wear, of_gauge, known, &by_V, &by_f);
+            if (out->binding == 0 || excess > out->excess) {
+                out->excess = excess;
+                out->binding = k + 1;
+            }
+            region_narrow(&of_feed, excess, by_f);
+            region_narrow(&of_speed, excess, by_V);
         }
-        region_narrow(&of_feed, excess, by_f);
-        region_narrow(&of_speed, excess, by_V);
-    }
     out->use = (RegionReal)exp((double)out->excess);
     out->within = out->excess <= (RegionReal)REGION_SAME;
     out->feed_override = region_factor(&of_feed);
@@ -272,7 +319,7 @@ void region_check_step(const RegionSettings *s, RegionState *x, const RegionInpu
     out->feed_inhibit = 1;
     if (x->ready != REGION_READY) return;
     diameter = region_diameter(s, x, in, &cause);
-    cause = region_cause(s, in, cause);
+    cause = region_cause(s, in, region_expected(s, x, in), cause);
     reset = in->reset && !x->last_reset;
     x->last_reset = in->reset != 0;
     if (cause != REGION_NO_CAUSE) {

@@ -36,7 +36,15 @@ NOT_IN_REGION: Final = (
     "the uncertainty of the laws: leave a margin to the limits, see the probabilities of fitmodels replay",
 )
 NOT_IN_REGION_ST: Final = ("the period of the task: set it to SAMPLE_TIME", *NOT_IN_REGION)
-CAUSES: Final = "0 none, 1 V or f, 2 time, 3 depth, 4 diameter out of its range or jumped, 5 measured wear, 6 period"
+CAUSES: Final = (
+    "0 none, 1 V or f, 2 time, 3 depth, 4 diameter out of its range or jumped, 5 measured wear (negative, no number, "
+    "above ten times the criterion, below 0.6 of its law), 6 period"
+)
+_WEAR: Final = (
+    "a measured wear counts beside its law and can only tighten the limits; 0 is none. No number, a negative one, one "
+    "above ten times the criterion and, in the tested ranges, one below 0.6 of the wear that the law expects after the "
+    "pairs cut so far are a fault, latched",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +67,7 @@ class RegionControl:
     rows : tuple of RegionRow
         In the order of ``VisibleRegion.limits``.
     wear : RegionRow
-        Logarithm of the wear where none is measured; zero without a law.
+        Logarithm of the wear by its law; zero without one.
     wear_unit, wear_most
         A measured wear above ten times this is a fault.
     tested : dict
@@ -83,6 +91,11 @@ class RegionControl:
     def diameter_read(self) -> bool:
         """Whether a limit has the diameter."""
         return any(row.by[4] for row in self.rows)
+
+    @property
+    def wear_read(self) -> bool:
+        """Whether a limit has the wear."""
+        return any(row.by_wear for row in self.rows)
 
     @property
     def listed(self) -> tuple[str, ...]:
@@ -240,6 +253,7 @@ def _about(
         "feed_override is the largest factor of the feed before it, at most 1, that keeps every limit; 0 where none "
         "does: the feed is then inhibited until the speed is changed",
         "an invalid time, depth or diameter is a fault, latched: it counts as the worse end of its range",
+        *(_WEAR if any(row.by_wear for row in rows) else ()),
         "not detected - a speed, feed, depth, time or diameter in its range that is wrong or stands still",
         *notes,
     )
@@ -275,7 +289,7 @@ def region_source(control: RegionControl) -> str:
     settings = (
         f"    (RegionReal){control.sample_time!r}, (RegionReal){control.wear_most!r}, (RegionReal){DIAMETER_RATE!r},\n"
         f"    {_limit_c(control.wear)}, /* ln of the wear */\n    {{{ranges}}}, /* {', '.join(FACTORS)} */\n"
-        f"    region_limits, {len(control.rows)}, {int(control.diameter_read)},\n"
+        f"    region_limits, {len(control.rows)}, {int(control.diameter_read)}, {int(control.wear_read)},\n"
     )
     return with_settings(
         "region_check.c",
@@ -295,7 +309,7 @@ def _variables(control: RegionControl) -> tuple[Variable, ...]:
         Variable("d", "input", "Real", 2, "depth of cut", "0.0", "mm"),
         Variable("t", "input", "Real", 3, "time in the cut of this edge" + (", not connected a fault" if timed else ""),
                  "-1.0" if timed else "0.0", "min"),
-        Variable("wear", "input", "Real", 4, "measured wear, 0 by its law", "0.0", unit),
+        Variable("wear", "input", "Real", 4, "measured wear, can only tighten; 0 by its law alone", "0.0", unit),
         Variable("diameter", "input", "Real", 5, "diameter at the edge", "0.0", "mm"),
         Variable("reset", "input", "Boolean", 0, "its rising edge clears a fault whose cause is gone", "false"),
         Variable("excess", out, "Real", 10, "of the binding limit, logarithm of response over limit", "0.0", "1"),
@@ -371,6 +385,7 @@ def region_st(control: RegionControl) -> str:
         values |= {} if name in ("V", "f") else {f"LN_{word}_LOW": log(low), f"LN_{word}_HIGH": log(high)}
     lines += [f"  {name} : LREAL := {real(value + 0.0)};\n" for name, value in values.items()]
     lines.append(f"  LIMITS : DINT := {count};\n  DIAMETER_READ : BOOL := {str(control.diameter_read).upper()};\n")
+    lines.append(f"  WEAR_READ : BOOL := {str(control.wear_read).upper()};\n")
     head = _head(control, "structured text", NOT_IN_REGION_ST, f"call once every {control.sample_time:g} s")
     statements = Path(__file__).with_name("region_check.st").read_text("ascii")
     return function_block(f"REGION_{control.view.name}", head, _variables(control), "".join(lines), statements)
