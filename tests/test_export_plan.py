@@ -213,14 +213,47 @@ def test_power_on_holds_the_slowest_row_until_the_time_is_set():
     for k in range(620):  # an interval of the plan in the cut, then the feed stops; no reset renews it
         out = st.call(reset=k % 2 == 0)
         assert (round(out["cutting_speed"], 9), out["feed"]) == slowest
-        assert out["cause"] == 1
+        assert (out["cause"], out["elapsed_min"]) == (1, -1)
         assert out["feed_inhibit"] == (k > 599) or abs(k - 599) <= 1
     out = st.call(cutting=False, reset=True)
     assert out["feed_inhibit"] == 1
     out = st.call(set_elapsed=True, elapsed=5.0)
-    assert (out["row"], out["fault"], out["elapsed_min"], out["feed_inhibit"]) == (6, 0, 5.0, 0)
+    assert (out["row"], out["fault"], out["feed_inhibit"]) == (7, 0, 0)
+    assert out["elapsed_min"] == pytest.approx(5.0 + 621 * T / 60)  # with what was cut since power on
     st.call(set_elapsed=False)
-    assert st.call(set_elapsed=True, elapsed=1.0)["elapsed_min"] == 5.0  # a known time is not lowered
+    assert st.call(set_elapsed=True, elapsed=1.0)["elapsed_min"] == out["elapsed_min"]  # a known time is not lowered
+
+
+def kept_through_a_power_cut(code, cutting):
+    """Minutes that firmware keeps which follows the documentation: 13.5 of 14 before the power cut."""
+    kept = 13.5
+    for k in range(50):
+        out = code.call(period=T, diameter=60.0, elapsed=kept, set_elapsed=True, cutting=cutting and k < 45)
+        kept = out["elapsed_min"] if out["elapsed_min"] >= 0 else kept
+    return kept, out
+
+
+@pytest.mark.parametrize("cutting", [False, True])
+def test_minutes_kept_outlast_a_power_cut_in_the_cut(cutting):
+    kept, out = kept_through_a_power_cut(plan_in_st(), cutting)
+    assert kept == pytest.approx(13.5 + 45 * T / 60 * cutting)
+    assert (out["fault"], out["row"]) == (0, 14)
+
+
+@pytest.mark.consumer
+def test_the_c_keeps_the_minutes_of_a_power_cut_in_the_cut(consumer, tmp_path):
+    kept, out = kept_through_a_power_cut(plan_in_c(consumer("cc", INSTALL), tmp_path), True)
+    assert kept == pytest.approx(13.5 + 45 * T / 60)
+    assert (out["fault"], out["row"]) == (0, 14)
+
+
+def test_minutes_kept_while_not_known_are_refused():
+    st = plan_in_st()
+    for _ in range(20):
+        out = st.call(diameter=60.0, cutting=True)
+    st.call(cutting=False)
+    out = st.call(set_elapsed=True, elapsed=out["elapsed_min"])
+    assert (out["fault"], out["elapsed_min"], out["cutting_speed"]) == (1, -1, pytest.approx(200.0))
 
 
 def test_time_and_worn_stay_through_a_reset_and_only_a_new_edge_clears_them():

@@ -9,7 +9,8 @@
  *
  * In a second file, #define PLAN_TABLE_DECLARATIONS_ONLY before including this one. For single precision compile
  * every file with -DPLAN_TABLE_REAL=float. Do not compile with -ffast-math: it removes the tests for NaN.
- * After power on the time in the cut is not known: the slowest row holds, latched, until set_elapsed or new_edge.
+ * After power on the time in the cut is not known: the slowest row holds, latched, until set_elapsed or new_edge, and
+ * elapsed_min is negative. Keep it through a power cut only where it is not: if (output.elapsed_min >= 0) keep it.
  * A state that plan_table_init did not accept gives speed and feed 0 and feed_inhibit 1.
  */
 #ifndef PLAN_TABLE_DECLARATIONS
@@ -34,7 +35,7 @@ typedef enum {
     PLAN_PERIOD_WRONG,    /* the period is not above 0 and at most 1 s */
     PLAN_DIAMETER_WRONG,  /* outside its range, or it jumped */
     PLAN_WEAR_WRONG,      /* measured wear above ten times the criterion, or it fell below half of the last */
-    PLAN_ELAPSED_WRONG    /* new_edge or set_elapsed rose in the cut, or elapsed is out of range */
+    PLAN_ELAPSED_WRONG    /* new_edge rose in the cut, set_elapsed with a known time too, or elapsed is out of range */
 } PlanCause;
 
 typedef struct {
@@ -70,7 +71,8 @@ typedef struct {
     PlanReal elapsed;  /* min in the cut of this edge, read when set_elapsed rises */
     int cutting;       /* the tool is in the cut: the time counts */
     int new_edge;      /* a change from 0 to 1 out of the cut: time 0 */
-    int set_elapsed;   /* a change from 0 to 1 out of the cut: the time is elapsed; a known time is never lowered */
+    int set_elapsed;   /* a change from 0 to 1 out of the cut: the time is elapsed; a known time is never lowered. After
+                          power on one in the cut waits for its end, and what was cut since is added to elapsed */
     int reset;         /* a change from 0 to 1 clears a fault whose cause is gone; time, worn and overrun stay */
 } PlanInput;
 
@@ -80,7 +82,7 @@ typedef struct {
     PlanReal feed;          /* mm/rev */
     PlanReal feed_rate;     /* mm/min; while the spindle accelerates that of the speed it has at least */
     PlanReal feed_override; /* feed / feed_programmed, at most 1 */
-    PlanReal elapsed_min;   /* min in the cut: keep it through a power cut */
+    PlanReal elapsed_min;   /* min in the cut, negative where not known: keep it through a power cut where it is not */
     PlanReal wear_expected; /* that the plan expects now */
     int row;                /* in force, 1 the first */
     int worn;               /* latched until new_edge: change the edge */
@@ -226,9 +228,10 @@ static PlanReal plan_time_of(const PlanSettings *s, PlanReal wear)
 /* Step 1: a new edge, which clears what belongs to the last one, or an elapsed time. */
 static PlanCause plan_set_edge(PlanState *x, const PlanInput *in)
 {
-    const int fresh = in->new_edge && !x->last_new, restored = in->set_elapsed && !x->last_set;
+    const int fresh = in->new_edge && !x->last_new, taken = x->known || !in->cutting;
+    const int restored = in->set_elapsed && !x->last_set && taken;
     x->last_new = in->new_edge != 0;
-    x->last_set = in->set_elapsed != 0;
+    x->last_set = in->set_elapsed && (x->last_set || taken);
     if ((fresh || restored) && in->cutting) return PLAN_ELAPSED_WRONG;
     if (restored && !fresh && !plan_between(0, in->elapsed, (PlanReal)(PLAN_MOST / 60.0))) return PLAN_ELAPSED_WRONG;
     if (fresh) {
@@ -239,7 +242,7 @@ static PlanCause plan_set_edge(PlanState *x, const PlanInput *in)
         x->last_wear = 0;
         x->overrun = 0;
     } else if (restored)
-        plan_set_time(x, in->elapsed * (PlanReal)60);
+        plan_set_time(x, in->elapsed * (PlanReal)60 + (x->known ? 0 : plan_time(x)));
     if (!fresh && !restored) return PLAN_NO_CAUSE;
     x->known = 1;
     if (x->fault && x->cause == PLAN_ELAPSED_UNKNOWN) x->fault = 0;
@@ -333,7 +336,7 @@ static void plan_output(const PlanSettings *s, PlanState *x, PlanOutput *out, Pl
     out->feed = f;
     out->feed_rate = f * x->slow;
     out->feed_override = f / s->feed_programmed;
-    out->elapsed_min = plan_time(x) / (PlanReal)60;
+    out->elapsed_min = x->known ? plan_time(x) / (PlanReal)60 : -1;
     out->wear_expected = plan_wear(s, x->row, plan_time(x));
     out->row = k + 1;
     out->worn = x->worn;
@@ -349,6 +352,7 @@ void plan_table_step(const PlanSettings *s, PlanState *x, const PlanInput *in, P
     int reset;
     if (x->ready != PLAN_READY) {
         memset(out, 0, sizeof *out);
+        out->elapsed_min = -1;
         out->fault = 1;
         out->feed_inhibit = 1;
         return;

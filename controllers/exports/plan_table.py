@@ -35,7 +35,7 @@ DIAMETER_RATE: Final = 1000.0  # mm/s: rapid traverse of 30 m/min in X
 SPIN_UP: Final = 2.0  # s from rest to the highest spindle speed
 NOT_IN_PLAN: Final = (
     "the optimisation: measured wear above the plan moves to a later row, it does not compute new pairs",
-    "the time in the cut through a power cut: keep the output elapsed_min, and return it with set_elapsed",
+    "the time in the cut through a power cut: keep elapsed_min where it is not negative, and return it by set_elapsed",
     "the wiring: cutting, diameter, spindle and feed belong to the machine",
     "the laws and their covariance, the posterior and the dynamics",
 )
@@ -309,7 +309,7 @@ def _variables(control: PlanControl) -> tuple[Variable, ...]:
         Variable("feed", out, "Real", 12, "feed per revolution", "0.0", "mm/rev"),
         Variable("feed_rate", out, "Real", 13, "feed rate", "0.0", "mm/min"),
         Variable("feed_override", out, "Real", 14, "feed over programmed feed", "0.0", "1"),
-        Variable("elapsed_min", out, "Real", 15, "time in the cut: keep it through a power cut", "0.0", "min"),
+        Variable("elapsed_min", out, "Real", 15, "time in the cut, negative where not known", "-1.0", "min"),
         Variable("wear_expected", out, "Real", 16, "wear that the plan expects now", "0.0", unit),
         Variable("row", out, "Integer", 0, "row in force, 1 the first", "0"),
         Variable("cause", out, "Integer", 1, CAUSES, "0"),
