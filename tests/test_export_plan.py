@@ -24,6 +24,7 @@ from fitmodels.controllers.exports.region_table import region_control
 from fitmodels.controllers.exports.turning_program import TurningRequest
 from fitmodels.controllers.loop import replay
 from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
+from fitmodels.controllers.recursion.laws import response_at_end
 from fitmodels.controllers.recursion.plan import PlanOptions
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import GateError, UsageError
@@ -295,6 +296,51 @@ def test_a_diameter_that_jumps_is_a_latched_fault_at_the_lowest_speed(jump):
     assert out["spindle_speed"] == pytest.approx(1000 * 200 / (pi * 80))
     out = st.call(diameter=60.0)
     assert out["fault"] == 1
+    st.call(reset=True)
+    assert st.call(reset=False)["fault"] == 0
+
+
+@pytest.mark.parametrize("jump", [60 / 25.4, 79.0, float("nan")])
+def test_in_a_fault_of_the_diameter_power_and_force_are_kept_at_every_diameter(jump):
+    job = replace(JOB, diameter=(50.0, 80.0))
+    plan, st = plan_control(published("AC-2017"), job).plan, plan_in_st(job)
+    begun(st)
+    st.call(new_edge=False, cutting=True)
+    out = st.call(diameter=jump)
+    assert (out["fault"], out["cause"], out["feed_inhibit"]) == (1, 3, 0)
+    assert 0.06 < out["feed"] < 0.08  # 0.205 mm/rev at 50 mm would exceed the force by 25 %
+    last, force = plan.rows[-1], []
+    for diameter in (50.0, 65.0, 80.0):
+        V = pi * diameter * out["spindle_speed"] / 1000
+        for _, terms in plan.laws.limited:
+            found = float(response_at_end(terms, plan.life.rules, V, out["feed"], last.end, last.wear))
+            assert found <= terms.most * (1 + 1e-9)
+            force.append(found / terms.most)
+    assert max(force) == pytest.approx(1.0)  # and no slower than that
+    st.call(diameter=60.0)
+    st.call(reset=True)
+    assert st.call(reset=False)["feed"] == 0.58
+
+
+def test_the_feed_stops_in_a_fault_of_the_diameter_where_no_feed_keeps_the_force():
+    job = replace(JOB, diameter=(10.0, 80.0))
+    made, st = exported(published("AC-2017"), "c", system="recursion", job=job), plan_in_st(job)
+    assert any("where no tested feed keeps the limits: the feed stops" in words for words in made.notes)
+    begun(st)
+    assert st.call(new_edge=False, cutting=True)["feed_inhibit"] == 0
+    out = st.call(diameter=float("nan"))
+    assert (out["cause"], out["feed_inhibit"], out["feed"], out["feed_override"], out["feed_rate"]) == (3, 1, 0, 0, 0)
+
+
+def test_a_diameter_that_jumps_while_another_fault_is_latched_is_not_used():
+    st = plan_in_st()
+    begun(st)
+    st.call(new_edge=False, wear=10.0)
+    st.call(wear=0.0)
+    for _ in range(3):
+        out = st.call(diameter=41.0, cutting=True)
+    assert out["cause"] == 4
+    assert out["spindle_speed"] == pytest.approx(1000 * 200 / (pi * 80))
     st.call(reset=True)
     assert st.call(reset=False)["fault"] == 0
 
@@ -597,7 +643,7 @@ def test_no_input_takes_the_c_beyond_its_limits(consumer, tmp_path):
             if code is plan:
                 assert 0 < out["spindle_speed"] <= 1591.55
                 assert 0 < out["cutting_speed"] <= 200.0001
-                assert 0 < out["feed"] <= 0.58
+                assert 0 < out["feed"] <= 0.58 or (out["feed"] == 0 and out["feed_inhibit"] and out["fault"])
                 assert 0 <= out["feed_rate"] <= 955
                 assert np.isfinite(out["elapsed_min"])
 

@@ -57,6 +57,7 @@ typedef struct {
     PlanReal feed_rate_high;  /* mm/min */
     PlanReal spindle_rise;    /* 1/min per s: the spindle accelerates at least so fast */
     PlanReal feed_programmed; /* mm/rev: feed at which feed_override is 1, the largest of the plan */
+    PlanReal feed_unknown;    /* mm/rev: most while the diameter is not known; 0: feed_inhibit then */
     PlanReal overrun;         /* s in the cut with a worn edge, or an unknown one, until feed_inhibit */
     const PlanRow *row;
     int rows;
@@ -95,11 +96,11 @@ typedef struct {
 typedef struct {
     PlanReal rest, held, last_wear, slow, overrun;
     long seconds;
-    int ready, known, measured, row, last_new, last_set, last_reset, fault, worn;
+    int ready, known, measured, lost, row, last_new, last_set, last_reset, fault, worn;
     PlanCause cause;
 } PlanState;
 
-/* 0, or the number of the first setting (1: sample_time) that is out of range; 13 to 15: the rows. */
+/* 0, or the number of the first setting (1: sample_time) that is out of range; 14 to 16: the rows. */
 int plan_table_init(const PlanSettings *s, PlanState *x);
 void plan_table_step(const PlanSettings *s, PlanState *x, const PlanInput *in, PlanOutput *out);
 
@@ -148,9 +149,10 @@ static int plan_first_wrong(const PlanSettings *s)
     if (!plan_above(s->feed_rate_high)) return 9;
     if (!plan_above(s->spindle_rise)) return 10;
     if (!plan_above(s->feed_programmed)) return 11;
-    if (!plan_between(0, s->overrun, (PlanReal)PLAN_MOST)) return 12;
-    if (s->rows < 1 || !s->row) return 13;
-    return s->slowest < 1 || s->slowest > s->rows ? 14 : 0;
+    if (!plan_between(0, s->feed_unknown, s->feed_programmed)) return 12;
+    if (!plan_between(0, s->overrun, (PlanReal)PLAN_MOST)) return 13;
+    if (s->rows < 1 || !s->row) return 14;
+    return s->slowest < 1 || s->slowest > s->rows ? 15 : 0;
 }
 
 static int plan_rows_wrong(const PlanSettings *s)
@@ -159,8 +161,8 @@ static int plan_rows_wrong(const PlanSettings *s)
     int k;
     for (k = 0; k < s->rows; ++k) {
         const PlanRow *row = &s->row[k];
-        if (!(row->end > end && plan_above(row->end) && row->wear > wear && plan_above(row->wear))) return 15;
-        if (!(plan_above(row->V) && row->f > 0 && row->f <= s->feed_programmed)) return 15;
+        if (!(row->end > end && plan_above(row->end) && row->wear > wear && plan_above(row->wear))) return 16;
+        if (!(plan_above(row->V) && row->f > 0 && row->f <= s->feed_programmed)) return 16;
         end = row->end;
         wear = row->wear;
     }
@@ -280,14 +282,17 @@ static PlanCause plan_measured(const PlanSettings *s, PlanState *x, PlanReal wea
     return PLAN_NO_CAUSE;
 }
 
-/* Step 4: diameter at the edge; where it is not known the largest, whose spindle speed is the least. */
-static PlanReal plan_diameter(const PlanSettings *s, PlanState *x, const PlanInput *in, PlanReal step, PlanCause *cause)
+/* Step 4: diameter at the edge; where it is not known the largest, whose spindle speed is the least. It is not known
+ * again until the fault that was latched then is gone or a reset finds a plausible one. */
+static PlanReal plan_diameter(const PlanSettings *s, PlanState *x, const PlanInput *in, PlanReal step, int reset,
+                              PlanCause *cause)
 {
     PlanReal most, rate;
     if (!(s->diameter_low < s->diameter_high)) return s->diameter_high;
     if (!plan_between(s->diameter_low, in->diameter, s->diameter_high)) {
         *cause = PLAN_DIAMETER_WRONG;
         x->measured = 0;
+        x->lost = 1;
         return s->diameter_high;
     }
     rate = (PlanReal)PLAN_RADIAL * s->feed_programmed * x->slow / (PlanReal)60;
@@ -295,7 +300,8 @@ static PlanReal plan_diameter(const PlanSettings *s, PlanState *x, const PlanInp
     if (x->measured && !plan_between(-most, in->diameter - x->held, most)) *cause = PLAN_DIAMETER_WRONG;
     x->held = in->diameter;
     x->measured = 1;
-    return *cause == PLAN_DIAMETER_WRONG || (x->fault && x->cause == PLAN_DIAMETER_WRONG) ? s->diameter_high : x->held;
+    x->lost = *cause == PLAN_DIAMETER_WRONG || (x->lost && x->fault && !reset);
+    return x->lost ? s->diameter_high : x->held;
 }
 
 static void plan_latch(PlanState *x, PlanCause cause, int reset)
@@ -323,6 +329,7 @@ static void plan_output(const PlanSettings *s, PlanState *x, PlanOutput *out, Pl
 {
     const PlanReal round = (PlanReal)PLAN_PI * diameter / (PlanReal)1000; /* m */
     PlanReal n = s->row[k].V / round, f = s->row[k].f;
+    if (x->lost && s->feed_unknown < f) f = s->feed_unknown;
     out->limited = n > s->spindle_high;
     if (out->limited) n = s->spindle_high;
     if (f * n > s->feed_rate_high) {
@@ -342,7 +349,7 @@ static void plan_output(const PlanSettings *s, PlanState *x, PlanOutput *out, Pl
     out->worn = x->worn;
     out->fault = x->fault;
     out->cause = x->cause;
-    out->feed_inhibit = (x->worn || !x->known) && x->overrun > s->overrun;
+    out->feed_inhibit = ((x->worn || !x->known) && x->overrun > s->overrun) || !(f > 0);
 }
 
 void plan_table_step(const PlanSettings *s, PlanState *x, const PlanInput *in, PlanOutput *out)
@@ -363,7 +370,7 @@ void plan_table_step(const PlanSettings *s, PlanState *x, const PlanInput *in, P
     step = plan_count(s, x, in, &cause);
     found = plan_measured(s, x, in->wear);
     if (found != PLAN_NO_CAUSE) cause = found;
-    diameter = plan_diameter(s, x, in, step, &cause);
+    diameter = plan_diameter(s, x, in, step, reset, &cause);
     plan_latch(x, cause, reset);
     plan_output(s, x, out, diameter, step, plan_row(s, x, step));
 }

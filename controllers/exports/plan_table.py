@@ -5,6 +5,7 @@ wear are those of `fitmodels.controllers.recursion.plan`, which the replay runs.
 """
 
 from dataclasses import dataclass, field
+from functools import partial
 from math import isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -12,10 +13,9 @@ from typing import TYPE_CHECKING, Final
 from ...core.errors import GateError, UsageError
 from ...parameters.exports.view import ExportView, require_check, view_of_laws
 from ..recursion.from_file import require_checked, require_near_tests
-from ..recursion.laws import held_by_moves, response_at_end
+from ..recursion.laws import feed_within_limits, held_by_moves, machine_range, response_at_end
 from ..recursion.life import no_pair
 from ..recursion.plan import Plan, diameter_of, plan_of
-from ..region.log_planes import ratio
 from .c_source import c_comment, head_lines, with_settings
 from .component import component_of
 from .fmu import ControlSource, Variable, fmu_archive
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from ...parameters import ParameterFile
     from ...parameters.draws import Draws
-    from ...parameters.sections.load_line import Range
 
 SAMPLE_TIME: Final = 0.02  # s
 WEAR_TOLERANCE: Final = 0.05  # share of the expected wear
@@ -112,6 +111,7 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
     low, high = _diameters(pf, job, plan)
     caps, words = _caps(pf, job, plan, low, high)
     _need_reached(plan, caps, low, high)
+    slowest, unknown = _slowest(plan, caps, low, high)
     rows = tuple((60 * row.end, row.V, row.f, row.wear) for row in plan.rows)
     settings: dict[str, float | int] = {
         "sample_time": period_of(job),
@@ -125,9 +125,10 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
         "feed_rate_high": caps[2],
         "spindle_rise": caps[1] / SPIN_UP,
         "feed_programmed": max(row.f for row in plan.rows),
+        "feed_unknown": unknown,
         "overrun": 60 * plan.life.rules.interval,
         "rows": len(rows),
-        "slowest": _slowest(plan),
+        "slowest": slowest,
         "wear_state": int(plan.life.rules.wear == "wear_state"),
     }
     return PlanControl(view, plan, settings, rows, (*sentences, *_about(plan, settings), *words))
@@ -154,14 +155,6 @@ def _diameters(pf: "ParameterFile", job: ExportJob, plan: Plan) -> tuple[float, 
             "is measured, --diameter 40mm:80mm, or one that holds, --diameter 60mm."
         )
     return one, one
-
-
-def machine_range(given: "Range | None", unit: str) -> tuple[float, float]:
-    """A range of the machine in a unit; without one from 0 without end."""
-    if given is None:
-        return 0.0, float("inf")
-    times = ratio(given.unit, unit)
-    return given.low * times, given.high * times
 
 
 def _caps(
@@ -211,18 +204,23 @@ def _need_reached(plan: Plan, caps: tuple[float, float, float], low: float, high
                 )
 
 
-def _slowest(plan: Plan) -> int:
-    """Row of the least removal rate among those that keep power and force at the end of the plan, from 1."""
+def _slowest(plan: Plan, caps: tuple[float, float, float], low: float, high: float) -> tuple[int, float]:
+    """Row of the least removal rate that keeps power and force at the end of the plan, from 1, at every diameter.
+
+    With it its feed while the diameter is not known, so that the speed may be that of the smallest at the spindle speed
+    of the largest; 0 where no tested feed keeps the limits there.
+    """
     laws, rules, last = plan.laws, plan.life.rules, plan.rows[-1]
+    feed = partial(feed_within_limits, laws, rules, end=last.end, AW=last.wear)
+    reached = pi * low * caps[1] / 1000  # m/min
     kept = [
         (row.V * row.f, k)
         for k, row in enumerate(plan.rows, 1)
-        if all(
-            float(response_at_end(terms, rules, row.V, row.f, last.end, last.wear)) <= terms.most * (1 + _LIMIT)
-            for _, terms in laws.limited
-        )
+        if all(feed(V, row.f) >= row.f for V in (row.V, min(row.V, reached)))
     ]
-    return min(kept)[1] if kept else len(plan.rows)
+    k = min(kept)[1] if kept else len(plan.rows)
+    found = feed(min(plan.rows[k - 1].V * low / high, reached), plan.rows[k - 1].f)
+    return k, found if found >= laws.f[0] * (1 - _LIMIT) else 0.0
 
 
 def _about(plan: Plan, settings: "Mapping[str, float | int]") -> tuple[str, ...]:
@@ -240,6 +238,7 @@ def _about(plan: Plan, settings: "Mapping[str, float | int]") -> tuple[str, ...]
         f"after power on, in a fault and when worn: {slow.V:g} m/min and {slow.f:g} mm/rev, the slowest row that keeps "
         f"the limits at the end of the plan; after {settings['overrun']:g} s in the cut with a worn or unknown edge "
         "feed_inhibit",
+        *_of_unknown(settings, slow.V),
         f"feed_override is 1 at {settings['feed_programmed']:g} mm/rev: the program runs G95 with that F",
         diameter,
         "not detected - a cut that is reported as none, a diameter in its range that is wrong or stands still",
@@ -247,6 +246,15 @@ def _about(plan: Plan, settings: "Mapping[str, float | int]") -> tuple[str, ...]
         f"assumed: measured wear up to {100 * WEAR_TOLERANCE:g} % above the plan has no effect",
         *(f"assumed: {words}" for words in held_by_moves(plan.assumed)),
     )
+
+
+def _of_unknown(settings: "Mapping[str, float | int]", V: float) -> tuple[str, ...]:
+    low, high, f = (settings[name] for name in ("diameter_low", "diameter_high", "feed_unknown"))
+    if low == high:
+        return ()
+    held = f"with {f:.4g} mm/rev at most" if f else "where no tested feed keeps the limits: the feed stops"
+    slow = f"{V * low / high:.4g} m/min at {low:g} mm"
+    return (f"in a fault of the diameter: the spindle speed of {high:g} mm, {slow}, {held}",)
 
 
 def _ends_early(plan: Plan) -> tuple[str, ...]:

@@ -15,12 +15,13 @@ from ...core.arrays import Array
 from ...core.errors import GateError, UsageError
 from ...parameters.exports.names import c_text
 from ...parameters.exports.view import ExportView, require_check, view_of_laws
+from ..recursion.laws import machine_range
 from ..region.limits import NO_RESPONSE_LIMIT, box, limited, merged, required_wear_law
 from ..region.log_planes import USUAL, CutSetting, plane, ratio
 from .c_source import c_comment, head_lines, with_settings
 from .component import component_of
 from .fmu import ControlSource, Variable, fmu_archive
-from .plan_table import DIAMETER_RATE, ExportJob, machine_range, period_of
+from .plan_table import DIAMETER_RATE, ExportJob, period_of
 from .st import function_block, real, st_list
 
 if TYPE_CHECKING:

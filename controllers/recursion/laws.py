@@ -20,6 +20,7 @@ from ..region.log_planes import ratio
 if TYPE_CHECKING:
     from ...parameters.sections.load_line import LimitsSection, Range
 
+SAME: Final = 1e-9  # of a limit
 NOT_HELD: Final = "The pairs of V and f are not held by the limits of the machine"
 Times = Literal["published", "full"]
 
@@ -118,7 +119,7 @@ def on_machine(laws: LifeLaws, limits: "LimitsSection", D: float | None) -> Life
         words = f"{NOT_HELD}, {' and '.join(stated)}: these need the diameter, --at D=60mm."
         return replace(laws, notes=(*laws.notes, words))
     around = math.pi * D / 1000  # m in one revolution
-    slow, fast = _ends(n, "1/min", around)
+    slow, fast = machine_range(n, "1/min", around)
     V = max(laws.V[0], slow), min(laws.V[1], fast)
     if V[0] > V[1]:
         raise UsageError(
@@ -126,7 +127,7 @@ def on_machine(laws: LifeLaws, limits: "LimitsSection", D: float | None) -> Life
             f"{laws.V[0]:g} to {laws.V[1]:g} m/min: give another diameter, or another range of V or n."
         )
     note = f"V and f keep the limits of the machine, {' and '.join(stated)}, on a diameter of {D:g} mm."
-    return replace(laws, V=V, Vf=_ends(fm, "mm/min", around), notes=(*laws.notes, note))
+    return replace(laws, V=V, Vf=machine_range(fm, "mm/min", around), notes=(*laws.notes, note))
 
 
 def held_by_moves(words: Iterable[str]) -> tuple[str, ...]:
@@ -134,8 +135,8 @@ def held_by_moves(words: Iterable[str]) -> tuple[str, ...]:
     return tuple(one for one in words if not one.startswith(NOT_HELD))
 
 
-def _ends(given: "Range | None", unit: str, times: float) -> tuple[float, float]:
-    """Ends of a range of the machine in a unit, multiplied; unlimited without one."""
+def machine_range(given: "Range | None", unit: str, times: float = 1.0) -> tuple[float, float]:
+    """Ends of a range of the machine in a unit, multiplied; from 0 without end without one."""
     k = 1.0 if given is None else ratio(given.unit, unit) * times
     return (0.0, math.inf) if given is None else (given.low * k, given.high * k)
 
@@ -199,3 +200,22 @@ def wear_after(
 def response_at_end(terms: Terms, rules: Rules, V: ArrayLike, f: ArrayLike, end: ArrayLike, AW: ArrayLike) -> Array:
     """Power or force at the end of an interval with the wear reached there; eq. 6 and 7 where times are published."""
     return terms(V, f, end if rules.times == "full" else 1.0, AW)
+
+
+def feed_within_limits(laws: LifeLaws, rules: Rules, V: float, f: float, end: float, AW: float) -> float:
+    """The largest feed up to f that keeps power and force at the end of an interval; 0 where none does.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> from fitmodels.controllers import life_laws
+    >>> laws = life_laws(published("AC-2017"))
+    >>> [round(feed_within_limits(laws, Rules(laws.times), V, 0.205, 14.0, 0.299), 3) for V in (200.0, 125.0)]
+    [0.205, 0.079]
+    """
+    held = f
+    for _, terms in laws.limited:
+        share = float(response_at_end(terms, rules, V, f, end, AW)) / terms.most
+        if share > 1 + SAME:
+            held = min(held, f * share ** (-1 / terms.f) if terms.f > 0 else 0.0)
+    return held
