@@ -300,6 +300,37 @@ def test_a_diameter_that_jumps_is_a_latched_fault_at_the_lowest_speed(jump):
     assert st.call(reset=False)["fault"] == 0
 
 
+@pytest.mark.parametrize("wear", [float("nan"), -0.2, 1e-9, 0.02, 0.24 / 25.4, float("inf")])
+def test_a_wear_gauge_that_is_lost_is_a_latched_fault(wear):
+    st = plan_in_st()
+    begun(st)
+    st.call(new_edge=False, set_elapsed=True, elapsed=8.0)
+    before = st.call(cutting=True, wear=0.24)
+    assert (before["fault"], before["row"]) == (0, 9)
+    out = st.call(wear=wear)
+    assert (out["fault"], out["cause"], out["row"]) == (1, 4, 14)
+    assert st.call(wear=0.24)["fault"] == 1
+    st.call(wear=0.0, reset=True)
+    assert st.call(reset=False)["fault"] == 0
+    assert st.call()["elapsed_min"] == pytest.approx(8 + 6 * T / 60)
+
+
+def test_a_gauge_that_is_lost_is_unknown_to_the_controller_and_a_fault_of_the_plan():
+    """A share of the prediction is valid in both, or in none; an edge in its first interval is not judged."""
+    for share in (1.0, 0.9, 0.61, 0.59, 0.1):
+        controller, st = TurningRecursion.from_parameters(published("AC-2017")), plan_in_st()
+        V, f = controller.step(0.0, 60.0)
+        wear = share * float(controller.laws.wear(V, f, 1.0))
+        controller.step(wear, 60.0)
+        begun(st)
+        st.call(new_edge=False)
+        assert st.call(cutting=True, wear=0.01)["fault"] == 0
+        st.call(wear=0.0)
+        for _ in range(598):
+            st.call()
+        assert st.call(wear=wear)["fault"] == ("wear unknown" in controller.news)
+
+
 @pytest.mark.parametrize("jump", [60 / 25.4, 79.0, float("nan")])
 def test_in_a_fault_of_the_diameter_power_and_force_are_kept_at_every_diameter(jump):
     job = replace(JOB, diameter=(50.0, 80.0))

@@ -34,7 +34,8 @@ typedef enum {
     PLAN_ELAPSED_UNKNOWN, /* since power on neither elapsed nor a new edge was set; a reset does not clear it */
     PLAN_PERIOD_WRONG,    /* the period is not above 0 and at most 1 s */
     PLAN_DIAMETER_WRONG,  /* outside its range, or it jumped */
-    PLAN_WEAR_WRONG,      /* measured wear above ten times the criterion, or it fell below half of the last */
+    PLAN_WEAR_WRONG,      /* measured wear is negative, none, above ten times the criterion, below half of the last or,
+                             after the first row, below 0.6 of the plan */
     PLAN_ELAPSED_WRONG    /* new_edge rose in the cut, set_elapsed with a known time too, or elapsed is out of range */
 } PlanCause;
 
@@ -68,7 +69,7 @@ typedef struct {
 typedef struct {
     PlanReal period;   /* s since the last call, measured */
     PlanReal diameter; /* mm, at the edge */
-    PlanReal wear;     /* measured wear; 0: none */
+    PlanReal wear;     /* measured wear; 0: none, also where the last reading is not new */
     PlanReal elapsed;  /* min in the cut of this edge, read when set_elapsed rises */
     int cutting;       /* the tool is in the cut: the time counts */
     int new_edge;      /* a change from 0 to 1 out of the cut: time 0 */
@@ -122,6 +123,7 @@ void plan_table_step(const PlanSettings *s, PlanState *x, const PlanInput *in, P
 #define PLAN_MOST 1e9           /* a number at or above is none */
 #define PLAN_MOST_WEAR 10.0     /* of the criterion */
 #define PLAN_LEAST_WEAR 0.5     /* of the last measured wear */
+#define PLAN_LEAST_SHARE 0.6    /* of the wear that the plan expects, after the first row */
 #define PLAN_SLACK 0.05         /* mm: of the diameter between two calls */
 #define PLAN_RADIAL 4.0         /* mm of the diameter per mm of feed: a facing cut moves it by 2 */
 #define PLAN_READY 0x504c
@@ -269,16 +271,18 @@ static PlanReal plan_count(const PlanSettings *s, PlanState *x, const PlanInput 
     return step;
 }
 
-/* Step 3: measured wear above that of the plan at this moment moves the time on, never back. */
+/* Step 3: measured wear above the plan at this moment moves the time on, never back; far below it is a fault. */
 static PlanCause plan_measured(const PlanSettings *s, PlanState *x, PlanReal wear)
 {
-    if (!(wear > 0)) return PLAN_NO_CAUSE;
-    if (!(wear <= (PlanReal)PLAN_MOST_WEAR * s->wear_most)) return PLAN_WEAR_WRONG;
+    const PlanReal expected = plan_wear(s, x->row, plan_time(x));
+    if (plan_between(0, wear, 0)) return PLAN_NO_CAUSE;
+    if (!plan_between(0, wear, (PlanReal)PLAN_MOST_WEAR * s->wear_most)) return PLAN_WEAR_WRONG;
     if (wear < (PlanReal)PLAN_LEAST_WEAR * x->last_wear) return PLAN_WEAR_WRONG;
+    if (x->known && plan_time(x) >= s->row[0].end && wear < (PlanReal)PLAN_LEAST_SHARE * expected)
+        return PLAN_WEAR_WRONG;
     x->last_wear = wear;
     if (wear >= s->wear_most) x->worn = 1;
-    if (x->known && wear > ((PlanReal)1 + s->wear_tolerance) * plan_wear(s, x->row, plan_time(x)))
-        plan_set_time(x, plan_time_of(s, wear));
+    if (x->known && wear > ((PlanReal)1 + s->wear_tolerance) * expected) plan_set_time(x, plan_time_of(s, wear));
     return PLAN_NO_CAUSE;
 }
 

@@ -40,8 +40,9 @@ NOT_IN_PLAN: Final = (
 )
 NOT_IN_PLAN_ST: Final = ("the period of the task: set it to SAMPLE_TIME, all times scale with it", *NOT_IN_PLAN)
 CAUSES: Final = (
-    "0 none, 1 elapsed time unknown, 2 period, 3 diameter out of its range or jumped, 4 measured wear, "
-    "5 new edge or elapsed time set in the cut, or no valid elapsed time"
+    "0 none, 1 elapsed time unknown, 2 period, 3 diameter out of its range or jumped, 4 measured wear (negative, none, "
+    "above ten times the criterion, below half of the last or, after row 1, 0.6 of the plan), 5 new edge or elapsed "
+    "time set in the cut, or no valid elapsed time"
 )
 _LIMIT = 1e-9  # of a limit
 
@@ -253,8 +254,7 @@ def _of_unknown(settings: "Mapping[str, float | int]", V: float) -> tuple[str, .
     if low == high:
         return ()
     held = f"with {f:.4g} mm/rev at most" if f else "where no tested feed keeps the limits: the feed stops"
-    slow = f"{V * low / high:.4g} m/min at {low:g} mm"
-    return (f"in a fault of the diameter: the spindle speed of {high:g} mm, {slow}, {held}",)
+    return (f"fault of the diameter: spindle speed of {high:g} mm, {V * low / high:.4g} m/min at {low:g} mm, {held}",)
 
 
 def _ends_early(plan: Plan) -> tuple[str, ...]:
@@ -305,7 +305,7 @@ def _variables(control: PlanControl) -> tuple[Variable, ...]:
     return (
         Variable("diameter", "input", "Real", 0, "diameter at the edge" + (", not read" if fixed else ""),
                  repr(float(s["diameter_high"])) if fixed else "0.0", "mm"),
-        Variable("wear", "input", "Real", 1, "measured wear, 0 none", "0.0", unit),
+        Variable("wear", "input", "Real", 1, "measured wear, 0 none or not new", "0.0", unit),
         Variable("elapsed", "input", "Real", 2, "time in the cut of this edge, read when set_elapsed rises", "0.0",
                  "min"),
         Variable("cutting", "input", "Boolean", 0, "the tool is in the cut: not connected the time counts", "true"),
