@@ -140,7 +140,7 @@ def _job_of(args: argparse.Namespace, pf: "ParameterFile", system: str, draws: "
     given += ["--inch"] * args.inch + ["--mm"] * args.mm
     own = RUNNING if running else ()
     if (others := [option for option in given if option not in own]) and not program:
-        raise UsageError(f"{others[0]} belongs to --to nc and --to csv; leave it out of {args.to}.")
+        raise _misplaced(others[0], args.to, system)
     if args.beyond_tests and not program and system != "recursion":
         raise UsageError(f"--beyond-tests belongs to a plan; leave it out of {args.to}.")
     if args.period and not running:
@@ -165,6 +165,17 @@ def _job_of(args: argparse.Namespace, pf: "ParameterFile", system: str, draws: "
         max_rpm=0.0 if args.max_rpm is None else measured(args.max_rpm, "1/min", "--max-rpm", "2500"),
         sample_time=0.0 if args.period is None else measured(args.period, "s", "--period", "20ms"),
     )  # fmt: skip
+
+
+def _misplaced(option: str, kind: str, system: str) -> UsageError:
+    """The error of an option of a part that this export does not take."""
+    if option not in RUNNING or kind not in ("st", "c", "comp", "fmu"):
+        return UsageError(f"{option} belongs to --to nc and --to csv; leave it out of {kind}.")
+    systems = " and ".join(f"--system {name}" for name in PLANNED)
+    return UsageError(
+        f"{option} belongs to --to nc, --to csv, {systems}, and {system} is exported: name one of them, or leave "
+        f"{option} out."
+    )
 
 
 def _depth(pf: "ParameterFile") -> float:

@@ -4,9 +4,12 @@ Plain tests evaluate the text of the exports, the consumer tests compile it (cc,
 """
 
 import math
+import re
 import subprocess
 import sys
+from io import BytesIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -286,6 +289,30 @@ def test_an_export_in_linuxcnc_needs_the_speed_of_the_spindle():
         rendered(file, "comp", system="roughness")
     text = rendered(of_paper("roughness"), "comp", system="roughness")
     assert "feed in mm/min, override = feed / 183" in text
+
+
+@pytest.mark.parametrize(
+    ("system", "title"),
+    [
+        ("roughness", "Constant roughness by feed override"),
+        ("adaptive-force", "Adaptive force control by feed override"),
+    ],
+)
+def test_the_component_states_what_it_controls_and_where_its_force_is_from(system, title):
+    text = rendered(of_paper(system), "comp", system=system, accept_verdict=True)
+    assert f'component fm_control "{title}: the controller of one tool.";' in text
+    assert "YOUR-LOAD-PIN            float, N: cutting force from its sensor\n" in text
+    assert "spindle current" not in text
+    assert "onstant load" not in text.split("component fm_control")[1].split(";;")[0]
+
+
+def test_the_fmu_names_every_cause_of_the_c(system):
+    made = rendered(of_paper(system), "fmu", system=system, accept_verdict=True)
+    with ZipFile(BytesIO(made)) as archive:
+        causes = re.search('of the fault: [^"]*', archive.read("modelDescription.xml").decode())[0]
+        c = archive.read("sources/controller.c").decode()
+    names = re.search(r"LOAD_NO_CAUSE,(.*?)} LoadCause", c, re.DOTALL)[1]
+    assert [int(k) for k in re.findall(r"\d", causes)] == list(range(1, 1 + len(re.findall("LOAD_[A-Z_]+", names))))
 
 
 # compiled

@@ -438,9 +438,14 @@ def test_the_command_takes_diameter_period_and_settings_of_the_plan(tmp_path, mo
         (["--system", "recursion", "--diameter", "60", "--period", "5s"], "at most 1 s"),
         (["--system", "recursion", "--diameter", "60", "--tool", "3"], "belongs to --to nc"),
         (["--system", "region", "--depth", "2mm"], "leave it out"),
+        (["--system", "constant-load", "--diameter", "60mm"], "and constant-load is exported: name one of them"),
+        (["--system", "constant-load", "--tool", "3"], "--tool belongs to --to nc and --to csv; leave it out of c"),
     ):
         assert main([*asked, *more, "--force"]) != 0
         assert words in " ".join(capsys.readouterr().err.split()), more
+    parameters.write(published("CLM-2023"), "gains.json")
+    assert main(["export", "gains.json", "--to", "c", "--diameter", "60mm"]) != 0
+    assert "--diameter belongs to --to nc, --to csv, --system recursion and --system region" in capsys.readouterr().err
 
 
 def test_the_default_system_is_named_where_several_are_possible():

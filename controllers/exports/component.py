@@ -13,9 +13,9 @@ from ...datasets.units import canonical, convert, is_unit, same_dimension
 from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.names import c_text
 from ..gate import GatedControl
-from .c_source import c_controller, c_head
+from .c_source import TITLES, c_controller, c_head
 from .fmu import MODEL, ControlSource, Variable
-from .hal import SERVO_PERIOD
+from .hal import SERVO_PERIOD, load_origin
 
 NOT_IN_COMPONENT = (
     "the wiring of the load, the spindle, the heartbeat and the switches: they belong to the machine",
@@ -25,7 +25,7 @@ NOT_IN_COMPONENT = (
 
 _HAL = """\
 loadrt {component}
-{made}# >>> net fm-load <= YOUR-LOAD-PIN            float, {load}: spindle current or load from the drive
+{made}# >>> net fm-load <= YOUR-LOAD-PIN            float, {load}: {origin}
 # >>> net fm-spindle-on <= spindle.0.on       bit: the spindle turns; where that pin has a signal, use its name below
 {beat}# >>> net fm-operator <= halui.feed-override.value   [HAL] HALUI = halui in the ini file
 net fm-load => {pins}.load
@@ -56,7 +56,7 @@ addf {pins} {thread}
 _BEAT = "# >>> net fm-heartbeat <= YOUR-HEARTBEAT-PIN  bit: changes with every new reading, at least every {:.6g} s\n"
 
 _PINS = """\
-component fm_control "Constant load by feed override: the controller of one tool.";
+component fm_control "{title}: the controller of one tool.";
 description "See the head of the source file for nets, states and limits.";
 pin in float load "{load}";
 pin in bit enable;
@@ -147,6 +147,7 @@ def component_file(control: GatedControl) -> str:
         *_installation(MODEL),
     )
     names = {"load": c_text(loop.unit_load), "feed": c_text(loop.unit_feed), "low": loop.low}
+    names["title"] = TITLES[loop.law].capitalize()
     lines = "".join(f"//| {line}\n" for line in hal_lines(loop).splitlines())
     title = "".join(f"// {c_text(line)}\n" for line in head)
     return f"{title}{lines}{_PINS.format(**names)}{c_controller(loop)}{_FUNCTIONS}"
@@ -169,7 +170,7 @@ def hal_lines(loop: LoadLoop) -> str:
     mm, inch = _feed_scales(loop)
     made = f"# SERVO_PERIOD of the machine's ini file: {period}\n"
     return _HAL.format(
-        component=MODEL, pins=MODEL.replace("_", "-"), load=c_text(loop.unit_load),
+        component=MODEL, pins=MODEL.replace("_", "-"), load=c_text(loop.unit_load), origin=load_origin(loop.unit_load),
         beat=_BEAT.format(loop.heartbeat) if loop.heartbeat else "",
         made=made if servo else f"loadrt threads name1=fm-thread period1={period} fp1=1\n",
         thread="servo-thread" if servo else "fm-thread", feed=c_text(loop.unit_feed), mm=mm, inch=inch,

@@ -17,6 +17,7 @@ from textwrap import wrap
 from typing import Final
 
 from ...core.errors import GateError
+from ...datasets.units import is_unit, same_dimension
 from ...parameters.exports.loop import LoadLoop
 from ...parameters.exports.view import NOT_DETECTED, ExportView, first_lines
 from ..constant_load_milling.control_laws import low_pass_gain
@@ -76,7 +77,7 @@ _HEARTBEAT = ("first-beat", "beat", "alive")
 
 _INPUTS = """\
 # The machine's pins. A signal that gets none stays FALSE or 0, and the loop off or at its lower limit.
-# >>> net fm-load <= YOUR-LOAD-PIN            float, {unit}: spindle current or load from the drive
+# >>> net fm-load <= YOUR-LOAD-PIN            float, {unit}: {origin}
 # >>> net fm-spindle-on <= spindle.0.on       bit: the spindle turns; where that pin has a signal, use its name below
 # >>> net fm-velocity <= motion.current-vel   float, mm/s; on a machine in inches: setp fm.standing.in1 0.00066
 """
@@ -215,17 +216,29 @@ def hal_file(control: GatedControl) -> str:
         raise GateError(f"the gains have the form {loop.form}, which HAL does not have; use the component (kind comp).")
     functions = [(name, component) for name, component in _FUNCTIONS if name not in _left_out(loop)]
     thread, made = _thread(loop)
-    inputs = _INPUTS + (_HEARTBEAT_INPUT if loop.heartbeat else "") + "\n" + _SWITCHES
+    unit, inputs = loop.unit_load, _INPUTS + (_HEARTBEAT_INPUT if loop.heartbeat else "") + "\n" + _SWITCHES
     parts = (
         _head(view, loop, thread),
         _loading(functions) + made,
         "".join(f"setp fm.{pin} {value}\n" for pin, value in settings_of(loop)),
-        inputs.format(unit=loop.unit_load, heartbeat=loop.heartbeat, period=loop.sample_time),
+        inputs.format(unit=unit, origin=load_origin(unit), heartbeat=loop.heartbeat, period=loop.sample_time),
         _NETS + (_STUCK_NETS if loop.stuck_after else "") + (_HEARTBEAT_NETS if loop.heartbeat else "") + _STATE_NETS
         + (_STOP_NET if loop.stop_on_fault else ""),
         "".join(f"addf fm.{name}{'.do-pid-calcs' * (name == 'pid')} {thread}\n" for name, _ in functions),
     )  # fmt: skip
     return "\n".join(parts)
+
+
+def load_origin(unit: str) -> str:
+    """Where a load in this unit is measured.
+
+    Examples
+    --------
+    >>> load_origin("N"), load_origin("A")
+    ('cutting force from its sensor', 'spindle current or load from the drive')
+    """
+    of_force = is_unit(unit) and same_dimension(unit, "N")
+    return "cutting force from its sensor" if of_force else "spindle current or load from the drive"
 
 
 def _left_out(loop: LoadLoop) -> tuple[str, ...]:
