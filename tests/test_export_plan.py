@@ -305,7 +305,7 @@ def test_a_wear_gauge_that_is_lost_is_a_latched_fault(wear):
     st = plan_in_st()
     begun(st)
     st.call(new_edge=False, set_elapsed=True, elapsed=8.0)
-    before = st.call(cutting=True, wear=0.24)
+    before = st.call(cutting=True)
     assert (before["fault"], before["row"]) == (0, 9)
     out = st.call(wear=wear)
     assert (out["fault"], out["cause"], out["row"]) == (1, 4, 14)

@@ -304,13 +304,14 @@ def region_source(control: RegionControl) -> str:
 def _variables(control: RegionControl) -> tuple[Variable, ...]:
     """Inputs and outputs by the names of ``RegionInput`` and ``RegionOutput``."""
     unit, out, timed = control.wear_unit, "output", control.tested["t"] != ANY
+    of_wear = "can only tighten; 0 by its law alone" if control.wear_read else "not read"
     return (
         Variable("V", "input", "Real", 0, "cutting speed", "0.0", "m/min"),
         Variable("f", "input", "Real", 1, "feed before the override", "0.0", "mm/rev"),
         Variable("d", "input", "Real", 2, "depth of cut", "0.0", "mm"),
         Variable("t", "input", "Real", 3, "time in the cut of this edge" + (", not connected a fault" if timed else ""),
                  "-1.0" if timed else "0.0", "min"),
-        Variable("wear", "input", "Real", 4, "measured wear, can only tighten; 0 by its law alone", "0.0", unit),
+        Variable("wear", "input", "Real", 4, f"measured wear, {of_wear}", "0.0", unit),
         Variable("diameter", "input", "Real", 5, "diameter at the edge", "0.0", "mm"),
         Variable("reset", "input", "Boolean", 0, "its rising edge clears a fault whose cause is gone", "false"),
         Variable("excess", out, "Real", 10, "of the binding limit, logarithm of response over limit", "0.0", "1"),
