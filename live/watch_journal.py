@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -62,7 +62,7 @@ class WatchJournal:
     fault : str
         Why the last attempt to write failed; empty where the disk takes records.
     lost : int
-        Records that found no place in memory since the disk last refused them.
+        Records that were not written since the disk last refused them.
 
     Examples
     --------
@@ -141,8 +141,11 @@ class WatchJournal:
     def rotate(self, state: Mapping[str, Any]) -> None:
         """Begin a new file with a snapshot of the state, and remove the oldest files.
 
-        Where the disk refuses, the former file is continued and `fault` says why.
+        What the former file still refuses is dropped: the snapshot holds its effect. Where the disk refuses the
+        snapshot, the former file is continued and `fault` says why.
         """
+        self._refused = -RETRY
+        self.write_waiting()
         snapshot = {"n": self._number + 1, "kind": "snapshot", "schema": SCHEMA, "state": dict(state)}
         name = f"watch-{_number_of(self.path) + 1:06d}.jsonl"
         try:
@@ -152,8 +155,12 @@ class WatchJournal:
         except (OSError, FitmodelsError) as failure:
             self.fault = cause(failure) if isinstance(failure, OSError) else str(failure)
             self._refused = time.monotonic()
+            with suppress(OSError):
+                (self.folder / name).unlink()  # it would hide what follows in the former file
             return
-        self._number, self.records = self._number + 1, 1
+        self.lost += len(self._waiting)
+        self._waiting.clear()
+        self._number, self.records, self.fault = self._number + 1, 1, ""
         for old in journal_files(self.folder)[: -self.kept]:
             with suppress(OSError):
                 old.unlink()
@@ -167,18 +174,16 @@ class WatchJournal:
             os.close(self._file)
             self._file = None
 
-    def _open(self, path: Path) -> None:
+    def _open(self, path: Path) -> int:
         file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o644)
         if self._file is not None:
             os.close(self._file)
         self._file, self.path, self._size = file, path, os.fstat(file).st_size
+        return file
 
     def _put(self, line: bytes) -> None:
         """Write a line whole, or leave the file as it was."""
-        if self._file is None:
-            self._open(self.path)
-        file = self._file
-        assert file is not None  # noqa: S101  opened above
+        file = self._open(self.path) if self._file is None else self._file
         written = os.write(file, line)
         if written < len(line):  # the disk is full: half a line would damage the next one
             with suppress(OSError):
@@ -201,7 +206,7 @@ class Newest:
     torn : bool
         Whether its last line is not ended: the process or the machine ended while it was written.
     missing : int
-        Records whose numbers are missing.
+        Records whose numbers are missing or do not rise.
     """
 
     path: Path
@@ -233,7 +238,8 @@ def read_newest(folder: Path) -> Newest | None:
             continue
         if (schema := one.records[0].get("schema")) != SCHEMA:
             raise DataError(f"{path}: has schema {schema!r}, and this version reads {SCHEMA!r}. {_anew(records)}")
-        return Newest(found[-1], records, torn, _gaps(records) + empty)
+        kept = _in_order(records)
+        return Newest(found[-1], kept, torn, _gaps(kept) + len(records) - len(kept) + empty)
     if found:
         raise DataError(f"{found[-1]}: begins with no snapshot of a watch: it is damaged. {_anew(later)}")
     return None
@@ -335,6 +341,12 @@ def _read(path: Path) -> Newest:
         lines = file.read(LIMITS["state"].size).split(b"\n")
     records = [record for line in lines if line and (record := _parsed(line)) is not None]
     return Newest(path, records, torn=bool(lines[-1]), missing=_gaps(records))
+
+
+def _in_order(records: Sequence[Record]) -> list[Record]:
+    """Records whose numbers rise; one with a lower number is counted in what stands before it."""
+    highest = accumulate((record["n"] for record in records), max, initial=0)
+    return [record for record, before in zip(records, highest, strict=False) if record["n"] > before]
 
 
 def _gaps(records: Sequence[Record]) -> int:

@@ -131,6 +131,69 @@ def test_a_new_file_that_the_disk_refuses_uses_up_no_number(tmp_path, monkeypatc
     assert read_newest(tmp_path).missing == 0
 
 
+def test_what_the_disk_refused_is_not_written_after_the_snapshot_that_holds_it(tmp_path, monkeypatch):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(watch_journal.os, "write", refuse)
+        journal.append({"kind": "cutend"})
+        journal.append({"kind": "edge"})
+        journal.rotate({"edge": 2})  # the system has room for it again
+    journal.append({"kind": "window"})
+    journal.close()
+    newest = read_newest(tmp_path)
+    assert [(record["n"], record["kind"]) for record in newest.records] == [(4, "snapshot"), (5, "window")]
+    assert (newest.missing, journal.lost, journal.fault) == (0, 2, "")
+
+
+def test_what_waits_is_written_before_a_new_file_begins(tmp_path, monkeypatch):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+    with monkeypatch.context() as full:
+        full.setattr(watch_journal.os, "write", lambda *_: 0)
+        journal.append({"kind": "cutend"})
+    journal.append({"kind": "edge"})
+    journal.rotate({"edge": 2})
+    journal.close()
+    kinds = ["snapshot", "cutend", "edge", "snapshot"]
+    assert [(record["n"], record["kind"]) for record in read_journal(tmp_path)] == list(enumerate(kinds, 1))
+    assert journal.lost == 0
+
+
+def test_a_record_that_stands_after_a_later_one_is_not_applied_and_is_reported_as_missing(tmp_path):
+    journal = WatchJournal(tmp_path)
+    for k in range(3):
+        journal.rotate({"k": k})
+    journal.append({"kind": "window"})
+    journal.close()
+    with journal.path.open("ab") as file:
+        file.write(b'{"n":2,"kind":"cutend"}\n{"n":5,"kind":"window"}\n')
+    newest = read_newest(tmp_path)
+    assert [record["n"] for record in newest.records] == [3, 4, 5]
+    assert newest.missing == 1
+
+
+def test_a_snapshot_that_cannot_be_continued_is_removed(tmp_path, monkeypatch):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+
+    def refuse(*_):
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    with monkeypatch.context() as full:
+        full.setattr(watch_journal.os, "open", refuse)
+        journal.rotate({"edge": 2})
+    monkeypatch.setattr(watch_journal, "RETRY", 0.0)
+    journal.append({"kind": "window"})
+    journal.close()
+    assert numbers(tmp_path) == [1, 2]
+    assert len(read_newest(tmp_path).records) == 2
+
+
 def test_what_waits_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(watch_journal, "WAITING", 10)
     journal = WatchJournal(tmp_path)

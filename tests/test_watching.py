@@ -19,7 +19,7 @@ from fitmodels.live.watching import Watch, open_journal, request_record, take_re
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from watched_edge import CONDITIONS, IDENTITY, laws, monitor, samples
+from watched_edge import CONDITIONS, IDENTITY, laws, monitor, records, samples
 
 sys.path.remove(str(Path(__file__).parent))
 
@@ -161,6 +161,25 @@ def test_a_full_disk_is_an_alarm_and_watching_goes_on(tmp_path, monkeypatch):
     other = monitor()
     replay(read_newest(tmp_path).records, other)
     assert other.as_json() == found.as_json()
+
+
+def test_contact_of_the_old_edge_that_the_disk_refused_is_not_counted_on_a_new_edge(tmp_path, monkeypatch):
+    found, other = monitor(), monitor()
+    watch = Watch(found, Cuts(), "run.csv", journal=open_journal(tmp_path, found, "run.csv")[0])
+
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(watch_journal.os, "write", refuse)
+        for record in records(12):
+            watch.record(**record)
+    assert found.edge.minutes > 2
+    watch.record("edge", time=999.0)  # the disk has room again; nothing was tried meanwhile
+    watch.journal.close()
+    replay(read_newest(tmp_path).records, other)
+    assert (other.edge.number, other.edge.minutes) == (2, 0.0)
+    assert read_newest(tmp_path).missing == 0
 
 
 def test_records_that_are_missing_are_said_by_each_command_and_a_new_file_begins(tmp_path):
