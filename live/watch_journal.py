@@ -94,15 +94,16 @@ class WatchJournal:
         self.records = len(newest.records)
         with suppress(OSError):
             self._open(newest.path)
-            if newest.torn:
-                self._put(b"\n")
+        if newest.torn:
+            self._waiting.append(b"\n")
+            self.write_waiting()
 
     def append(self, record: Mapping[str, Any]) -> None:
         """Write one record with its number; where the disk refuses, it waits in memory and `fault` says why."""
         self._number += 1
         line = json_text({"n": self._number, **record}, separators=(",", ":")) + "\n"
         if len(self._waiting) >= WAITING:
-            self._waiting.popleft()
+            del self._waiting[self._waiting[0] == b"\n"]  # the oldest record; the end of a torn line stays
             self.lost += 1
         self._waiting.append(line.encode())
         self.write_waiting()
@@ -114,8 +115,7 @@ class WatchJournal:
             try:
                 while self._waiting:
                     self._put(self._waiting[0])
-                    self._waiting.popleft()
-                    self.records += 1
+                    self.records += self._waiting.popleft() != b"\n"
                 self.fault = ""
             except OSError as failure:
                 self.fault, self._refused = cause(failure), now

@@ -65,6 +65,28 @@ def test_a_torn_last_line_is_ended_and_its_number_is_used_again(tmp_path):
     assert read_newest(tmp_path).missing == 0
 
 
+def test_a_torn_last_line_that_the_disk_does_not_let_end_damages_no_later_record(tmp_path, monkeypatch):
+    journal = WatchJournal(tmp_path)
+    journal.rotate({})
+    journal.close()
+    with journal.path.open("ab") as file:
+        file.write(b'{"n": 2, "kind": "win')
+
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    again = WatchJournal(tmp_path)
+    with monkeypatch.context() as full:
+        full.setattr(watch_journal.os, "write", refuse)
+        again.resume(read_newest(tmp_path))
+    assert "space" in again.fault
+    monkeypatch.setattr(watch_journal, "RETRY", 0.0)
+    again.append({"kind": "gauge", "wear": 0.2})
+    again.close()
+    assert [(record["n"], record["kind"]) for record in read_journal(tmp_path)] == [(1, "snapshot"), (2, "gauge")]
+    assert (again.records, again.lost, again.fault) == (2, 0, "")
+
+
 def test_missing_records_are_counted(tmp_path):
     journal = WatchJournal(tmp_path)
     journal.rotate({})
