@@ -238,7 +238,7 @@ def _pairs_of(words: Sequence[str]) -> list[tuple[str, str]]:
     except ValueError:
         return []
     first = next((k for k, word in enumerate(split) if word.startswith("--")), len(split))
-    return list(pairs(split[first:]))
+    return [pair for pair in pairs(split[first:]) if pair[0]]
 
 
 def _options(text: str, to: Places, command: str) -> Markup:

@@ -2,15 +2,9 @@
 
 import shlex
 from collections.abc import Iterator, Sequence
-from typing import Final
 
-from ..datasets.options import BY_ROLE, OF_ROWS
+from ..datasets.options import OPTIONS, TAKEN, chosen, given_in, merged
 from .project import Entry
-
-FLAGS: Final = ("--hidden",)
-OF_FITTING: Final = ("--law", "--error", "--criterion", "--gauge-sd", "--form", "--by")
-OF_RECORD: Final = ("--input", "--output", "--reference", "--time", "--rate", "--sample-time", "--resample")
-OF_OUTPUT: Final = ("--force", "--out", "--full", "--quiet", "--json")
 
 
 def pairs(options: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -19,12 +13,7 @@ def pairs(options: Sequence[str]) -> Iterator[tuple[str, str]]:
     >>> list(pairs(["--unit", "VB=um", "--hidden", "--tool=a b"]))
     [('--unit', 'VB=um'), ('--hidden', ''), ('--tool', 'a b')]
     """
-    rest = list(options)
-    while rest:
-        name, equals, value = rest.pop(0).partition("=")
-        if not equals and name not in FLAGS and rest:
-            value = rest.pop(0)
-        yield name, value
+    return ((one.name, one.value) for one in given_in(options))
 
 
 def words(options: Sequence[tuple[str, str]]) -> list[str]:
@@ -35,15 +24,12 @@ def words(options: Sequence[tuple[str, str]]) -> list[str]:
     """
     found: list[str] = []
     for name, value in options:
-        found += [name] if name in FLAGS else [f"{name}={value}"] if value.startswith("-") else [name, value]
+        found += [name] if _is_flag(name) else [f"{name}={value}"] if value.startswith("-") else [name, value]
     return found
 
 
-def _key(name: str, value: str) -> tuple[str, str]:
-    """Key of an option that is given once."""
-    if name in BY_ROLE:
-        return name, value.partition("=")[0]
-    return (name, value) if name in (*OF_ROWS, "--law") else (name, "")
+def _is_flag(name: str) -> bool:
+    return name in OPTIONS and OPTIONS[name].flag
 
 
 def replaced(options: Sequence[str], name: str, value: str) -> list[str]:
@@ -54,9 +40,11 @@ def replaced(options: Sequence[str], name: str, value: str) -> list[str]:
     >>> replaced(["--unit", "VB=mm"], "--unit", "VB=")
     []
     """
-    kept = [pair for pair in pairs(options) if _key(*pair) != _key(name, value)]
-    empty = not value or (name in BY_ROLE and value.endswith("="))
-    return words(kept if empty and name not in FLAGS else [*kept, (name, value)])
+    by_role = OPTIONS[name].once == "role"
+    empty = not value or (by_role and value.endswith("="))
+    new = words([(name, value)])
+    found = merged(options, new)
+    return found[: -len(new)] if empty and not _is_flag(name) else found
 
 
 def applied(options: Sequence[str], remedy: str) -> list[str]:
@@ -65,10 +53,7 @@ def applied(options: Sequence[str], remedy: str) -> list[str]:
     >>> applied(["--unit", "VB=mm"], "--unit VB=um --map 'f=col 2'")
     ['--unit', 'VB=um', '--map', 'f=col 2']
     """
-    found = list(options)
-    for name, value in pairs(shlex.split(remedy)):
-        found = replaced(found, name, value)
-    return found
+    return merged(options, words(list(pairs(shlex.split(remedy)))))
 
 
 def of_reading(options: Sequence[str]) -> list[str]:
@@ -77,14 +62,12 @@ def of_reading(options: Sequence[str]) -> list[str]:
     >>> of_reading(["--unit", "VB=um", "--form", "linear"])
     ['--unit', 'VB=um']
     """
-    return words([pair for pair in pairs(options) if pair[0] not in (*OF_FITTING, *OF_RECORD)])
+    return chosen(options, TAKEN["look"])
 
 
 def of_comparison(options: Sequence[str]) -> list[str]:
     """Those that ``compare`` takes: it compares the forms, for no criterion."""
-    return words(
-        [pair for pair in pairs(options) if pair[0] not in ("--form", "--criterion", "--gauge-sd", *OF_RECORD)]
-    )
+    return chosen(options, TAKEN["compare"])
 
 
 def typed(options: Sequence[str]) -> list[tuple[str, str]]:
@@ -103,6 +86,6 @@ def command_of(entry: Entry, *, force: bool = False) -> list[str]:
     ['d.csv', '--unit', 'VB=um']
     """
     end = ["--force"] if force else []
-    if any(name in OF_RECORD for name, _ in pairs(entry.options)):
+    if any(one.purpose == "record" for one in given_in(entry.options)):
         return ["ident", entry.name, *entry.options, "--out", f"{entry.stem}-fit", *end]
     return [entry.name, *entry.options, *end]

@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 from ..core.errors import UsageError
 from ..datasets.corrections import parse_correction
 from ..datasets.edges.columns import names_edge
-from ..datasets.options import BY_ROLE, OF_ROWS
+from ..datasets.options import OPTIONS
 from ..datasets.units import SPELLINGS, canonical, same_dimension
 from ..datasets.vocabulary import ROLES
 from .cells import MOST, Cells, lines_in
@@ -189,7 +189,7 @@ class Field:
 
 def fields_of(look: Mapping[str, Any], options: Sequence[str] = ()) -> tuple[Field, ...]:
     """Fields of a file of tests that set what the menus of its columns do not."""
-    given = {name: value for name, value in pairs(options) if name not in (*BY_ROLE, *OF_ROWS)}
+    given = {name: value for name, value in pairs(options) if OPTIONS[name].once in ("once", "edge")}
     tool, work = ("" if (name := str(look.get(key) or "")) in UNNAMED else name for key in ("tool", "work"))
     return (
         Field("tool", LABELS["tool"], "e.g. GC4035", tool),

@@ -11,9 +11,10 @@ from typing import Any, Final
 from starlette.responses import FileResponse, HTMLResponse, Response
 
 from ..core.text import line_spans
+from ..datasets.options import without
 from .jobs import Job
 from .messages import colour
-from .options import OF_OUTPUT, applied, pairs, typed, words
+from .options import applied, pairs, typed, words
 from .project import Entry, Project
 from .stages import current_files, files_of, time_of
 
@@ -135,11 +136,8 @@ def remedies(entry: Entry, results: Mapping[str, Path]) -> list[str]:
         for command in _commands(path):
             if command[:2] != ["fitmodels", entry.name]:
                 continue
-            own = [
-                pair
-                for pair in pairs(command[2:])
-                if pair[0] not in OF_OUTPUT and pair not in list(pairs(entry.options))
-            ]
+            given = list(pairs(entry.options))
+            own = [pair for pair in pairs(without(command[2:], "place", "screen")) if pair not in given]
             if own and not any(option == "--leave-out" for option, _ in own):
                 found[shlex.join(words(own))] = None
     return [one for one in found if applied(entry.options, one) != list(entry.options)]

@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..datasets.options import without
 from .arguments import MARK, ONE_TABLE, Parser, opened
 from .corrections import corrected
 from .options import forms, law_option, read_keywords, reading_options
@@ -174,16 +175,7 @@ def _replacing(words: list[str], options: str) -> str:
 
 def _kept(words: list[str]) -> list[str]:
     """The words of the command as typed that the main command takes as well."""
-    kept, rest = [], list(words[1:] if words[:1] == ["compare"] else words)
-    while rest:
-        word = rest.pop(0)
-        name, equals, _ = word.partition("=")
-        if name in ("--write", "--figure"):
-            if not equals and rest:
-                rest.pop(0)
-        else:
-            kept.append(word)
-    return kept
+    return without(words[1:] if words[:1] == ["compare"] else words, "comparison")
 
 
 def _write(args: argparse.Namespace) -> int:

@@ -2,21 +2,19 @@
 
 import re
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..datasets.options import BY_ROLE, OF_ROWS
+from ..datasets.options import merged, without
 from .arguments import typed
 
 if TYPE_CHECKING:
     from ..datasets import Runs
 
-SINGLE = ("--tool", "--work", "--edge", "--process", "--decimal", "--delimiter", "--sheet")
 OPTION = re.compile(
     r"""--(?:map|unit|range|value|correct|leave-out|edge|process|decimal|sheet) """
     r"""(?!names |gives )(?:"[^"]*"|'[^']*'|[^\s"']+)|--hidden\b"""
 )
-BARE = ("--force", "--json", "--full", "--quiet", "-q")  # not part of how a file is read
 
 
 def corrected(words: Sequence[str], remedy: str) -> str:
@@ -44,37 +42,9 @@ def corrected(words: Sequence[str], remedy: str) -> str:
         added = shlex.split(remedy)
     except ValueError:  # a quote without its partner: as written
         return f"{typed(words)} {remedy}"
-    once: dict[object, list[str]] = {}
-    for index, (key, texts) in enumerate(_options(added)):
-        once.setdefault(key or index, texts)
-    added = [text for texts in once.values() for text in texts]
     look = list(words[:1]) == ["look"]
-    replaced = {key for key, _ in _options(added) if key}
-    kept = [
-        text
-        for key, texts in _options(words[1:] if look else words)
-        for text in texts
-        if key not in replaced and texts[0] not in BARE and not (look and texts[0].partition("=")[0] == "--out")
-    ]
-    return shlex.join(["fitmodels", *kept, *added])
-
-
-def _options(words: Sequence[str]) -> Iterator[tuple[tuple[str, str] | None, list[str]]]:
-    """Each option with its value, and what it sets (option and role) where an option is given once for that."""
-    rest = list(words)
-    while rest:
-        word = rest.pop(0)
-        name, equals, value = word.partition("=")
-        texts = [word]
-        if name in (*BY_ROLE, *OF_ROWS, *SINGLE, "--out") and not equals and rest:
-            value = rest.pop(0)
-            texts.append(value)
-        if name in BY_ROLE:
-            yield (name, value.partition("=")[0].strip()), texts
-        elif name in OF_ROWS:
-            yield (name, re.sub(r":\s*(\w+)\s*[*/+=-][^:]*$", r":\1", value).strip()), texts
-        else:
-            yield ((name, "") if name in SINGLE else None), texts
+    kept = without(words[1:], "place", "screen") if look else without(words, "screen")
+    return shlex.join(["fitmodels", *merged(kept, added)])
 
 
 def explicit(runs: "Runs") -> str:

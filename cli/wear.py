@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.files import STANDARD_INPUT, write_whole
 from ..core.rounding import count
 from ..core.version import __version__
+from ..datasets.options import without
 from .arguments import MARK, ONE_TABLE, Parser, opened, stem, typed
 from .corrections import corrected
 from .look import facts
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 LISTED = 5  # folders that are named
 AFTER_DRAWS = "\nThe posterior changes a verdict. This replaces the above:\n"
-OF_OUTPUT = ("--force", "--full", "--quiet", "-q")  # options that change no result
 
 
 def parser() -> Parser:
@@ -128,7 +128,7 @@ def _stages(runs: "Runs", options: "FitOptions", args: argparse.Namespace) -> "I
     from ..pipeline.analysis import analysis_stages
 
     bar: list[Meter] = []
-    command = typed([word for word in args.words if word not in OF_OUTPUT])
+    command = typed(without(args.words, "screen"))
     stages = analysis_stages(runs, options, command=command, step=lambda words: bar[-1].say(words))
     while True:
         with progress_bar(lines=False) as meter:

@@ -1,18 +1,210 @@
-"""Options of reading a file of tests, shared by `read_runs`, the analysis and the command."""
+"""Options of reading a file of tests, and the table of all options of the commands that read or fit one, as words."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from math import inf
 from numbers import Real
-from typing import Any, Literal, TypeAlias, get_args
+from types import MappingProxyType
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 from ..core.display import Displayable
 from ..core.errors import UsageError
+from .vocabulary import ROLES, roles_named
 
 DecimalMark: TypeAlias = Literal["point", "comma"]
 Process: TypeAlias = Literal["turning", "milling", "drilling", "grinding"]
-BY_ROLE = ("--map", "--unit", "--range", "--value", "--form")  # options of the command, given once for each role
-OF_ROWS = ("--correct", "--leave-out")  # and once for each target
+Purpose: TypeAlias = Literal[
+    "reading", "law", "form", "criterion", "gauge", "posterior", "verification", "record", "batch", "comparison",
+    "place", "screen",
+]  # fmt: skip
+Once: TypeAlias = Literal["once", "role", "target", "law", "edge"]
+
+
+@dataclass(frozen=True, slots=True)
+class CommandOption:
+    """An option of a command that reads or fits a file.
+
+    Attributes
+    ----------
+    purpose : str
+        ``law``: what is fitted; ``place`` and ``screen``: where and how it is written, which changes no result.
+    flag : bool
+        Whether it has no value.
+    once : {"once", "role", "target", "law", "edge"}
+        What it is given once for: the command, a role, rows (and a quantity), the response of a law; ``edge``: the
+        role edge, as ``--map edge=COLUMN``.
+    """
+
+    purpose: Purpose
+    flag: bool = False
+    once: Once = "once"
+
+
+def _options(purpose: Purpose, names: str, *, flag: bool = False, once: Once = "once") -> dict[str, CommandOption]:
+    return {f"--{name}": CommandOption(purpose, flag, once) for name in names.split()}
+
+
+OPTIONS: Final[Mapping[str, CommandOption]] = MappingProxyType({
+    **_options("reading", "map unit range value", once="role"),
+    **_options("reading", "correct leave-out", once="target"),
+    **_options("reading", "edge", once="edge"),
+    **_options("reading", "process tool work decimal delimiter sheet"),
+    **_options("reading", "hidden", flag=True),
+    **_options("law", "law", once="law"),
+    **_options("law", "error by"),
+    **_options("form", "form", once="role"),
+    **_options("criterion", "criterion"),
+    **_options("gauge", "gauge-sd"),
+    **_options("posterior", "seed draws priors"),
+    **_options("posterior", "student", flag=True),
+    **_options("verification", "verify posterior-figures", flag=True),
+    **_options("record", "input output reference time rate sample-time resample"),
+    **_options("batch", "jobs dask card title group pairs"),
+    **_options("batch", "table-only keep-draws no-site", flag=True),
+    **_options("comparison", "write figure"),
+    **_options("place", "out"),
+    **_options("screen", "force full quiet json", flag=True),
+    "-q": CommandOption("screen", flag=True),
+})  # fmt: skip
+TAKEN: Final[Mapping[str, tuple[Purpose, ...]]] = MappingProxyType({  # of the options of the main command
+    "look": ("reading",), "compare": ("reading", "law"), "next": ("reading", "criterion"),
+    "batch": ("reading", "law", "form", "criterion", "gauge", "posterior"),
+})  # fmt: skip
+_CHANGE_OF_LAW = re.compile(r"([+-])\s*([^,;+-]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A word of a command, or an option with its value.
+
+    Attributes
+    ----------
+    name : str
+        Of the option; empty for another word.
+    value : str
+        Of the option, empty for a flag; or the word.
+    words : tuple of str
+        As typed.
+    """
+
+    name: str
+    value: str
+    words: tuple[str, ...]
+
+    @property
+    def purpose(self) -> Purpose | None:
+        """Purpose of a known option."""
+        return OPTIONS[self.name].purpose if self.name in OPTIONS else None
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What is set: two of one key exclude each other.
+
+        >>> [one.key for one in given_in(["--unit=VB=um", "--edge", "Nr", "--law", "ap ~ V", "--correct", "E7:f*2"])]
+        [('--unit', 'VB'), ('--map', 'edge'), ('--law', 'd'), ('--correct', 'E7:f')]
+        """
+        match OPTIONS[self.name].once if self.name in OPTIONS else None:
+            case "once":
+                return self.name, ""
+            case "edge":
+                return "--map", "edge"
+            case "role":
+                role, equals, _ = self.value.partition("=")
+                return self.name, role.strip() if equals else ""
+            case "target":
+                return self.name, re.sub(r":\s*(\w+)\s*[*/+=-][^:]*$", r":\1", self.value).strip()
+            case "law":
+                return self.name, named_role(self.value.partition("~")[0].strip())
+        return self.name, self.value
+
+
+def given_in(words: Sequence[str]) -> Iterator[Given]:
+    """The options and other words of a command; an unknown option has a value where a word follows.
+
+    >>> [(one.name, one.value) for one in given_in(["a.csv", "--unit", "VB=um", "--hidden", "--tool=a b", "-"])]
+    [('', 'a.csv'), ('--unit', 'VB=um'), ('--hidden', ''), ('--tool', 'a b'), ('', '-')]
+    """
+    rest = list(words)
+    while rest:
+        word = rest.pop(0)
+        if not word.startswith("-") or word in ("-", "--"):
+            yield Given("", word, (word,))
+            continue
+        name, equals, value = word.partition("=")
+        known = OPTIONS.get(name)
+        followed = bool(rest) and (known is not None or not rest[0].startswith("-"))
+        if equals or not followed or (known is not None and known.flag):
+            yield Given(name, value, (word,))
+        else:
+            yield Given(name, rest[0], (word, rest.pop(0)))
+
+
+def words_of(given: Iterable[Given]) -> list[str]:
+    """The words of options as typed."""
+    return [word for one in given for word in one.words]
+
+
+def chosen(words: Sequence[str], purposes: Collection[Purpose]) -> list[str]:
+    """The words of a command that are no option, and its options of these purposes.
+
+    >>> chosen(["a.csv", "--law", "Fc ~ V", "--draws", "100", "--by=coolant"], TAKEN["compare"])
+    ['a.csv', '--law', 'Fc ~ V', '--by=coolant']
+    """
+    return words_of(one for one in given_in(words) if not one.name or one.purpose in purposes)
+
+
+def without(words: Sequence[str], *purposes: Purpose) -> list[str]:
+    """The words of a command without its options of these purposes."""
+    return words_of(one for one in given_in(words) if one.purpose not in purposes)
+
+
+def merged(words: Sequence[str], added: Sequence[str]) -> list[str]:
+    """The words of a command with further options at the end, each in place of those that set the same.
+
+    A change of the factors of a law changes the law that is asked for already.
+
+    >>> merged(["a.csv", "--unit", "VB=mm", "--tool", "A"], ["--unit", "VB=um"])
+    ['a.csv', '--tool', 'A', '--unit', 'VB=um']
+    >>> merged(["a.csv", "--law", "Fc ~ V, f"], ["--law", "Fc ~ + d", "--force"])
+    ['a.csv', '--law', 'Fc ~ V, f, d', '--force']
+    """
+    former = {one.key: one for one in given_in(words)}
+    new: dict[tuple[str, str], Given] = {}
+    for one in given_in(added):
+        new.setdefault(one.key, _of_changed_law(former[one.key], one) if one.key in former else one)
+    return words_of([*(one for one in given_in(words) if one.key not in new), *new.values()])
+
+
+def _of_changed_law(former: Given, new: Given) -> Given:
+    """The option of a law with changes applied to the law that was asked for before; any other option as it is."""
+    response, _, right = (part.strip() for part in new.value.partition("~"))
+    if new.name != "--law" or right[:1] not in ("+", "-"):
+        return new
+    before = former.value.partition("~")[2].strip()
+    factors = (_signed(before) | _signed(right)).values()
+    if before[:1] in ("+", "-"):
+        law = " ".join(f"{sign} {name}" for sign, name in factors)
+    else:
+        law = ", ".join(name for sign, name in factors if sign == "+")
+    value = f"{response} ~ {law}" if law else new.value
+    return Given(new.name, value, (new.name, value))
+
+
+def _signed(right: str) -> dict[str, tuple[str, str]]:
+    """Factors of the right-hand side of a law by their symbols, each with its sign and as written."""
+    changes = right[:1] in ("+", "-")
+    found = _CHANGE_OF_LAW.findall(right) if changes else [("+", name) for name in re.split("[,;+]", right)]
+    return {named_role(name.strip()): (sign, name.strip()) for sign, name in found}
+
+
+def named_role(name: str) -> str:
+    """The symbol that a name denotes, or the name where it denotes none.
+
+    >>> named_role("ap"), named_role("hardness")
+    ('d', 'hardness')
+    """
+    return name if name in ROLES else next(iter(roles_named(name)), name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -13,12 +13,12 @@ import numpy as np
 
 from ..core.display import Displayable
 from ..core.errors import UsageError
-from ..datasets.options import Process
+from ..datasets.options import Process, named_role
 from ..datasets.runs import Readable, Runs, as_runs
 from ..datasets.vocabulary import FLANK_WEAR, WEAR
 from .available import computed
 from .censored_lives import life_law
-from .law_requests import ALL, LawRequest, form_for, named_role, parse_laws, symbol_of
+from .law_requests import ALL, LawRequest, form_for, parse_laws, symbol_of
 from .lawfit import LawFit
 from .laws import Error
 from .regression import exponential_law, fit_form, load_law

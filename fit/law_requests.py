@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..core.errors import UsageError
+from ..datasets.options import named_role
 from ..datasets.vocabulary import ROLES, roles_named
 
 ALL = "*"  # stands for the responses that are not named
@@ -118,15 +119,6 @@ def parse_laws(texts: Sequence[str]) -> tuple[LawRequest, ...]:
     if twice is not None:
         raise UsageError(f"law {twice.text!r}: two laws of {twice.response} are asked for; give one of each response.")
     return requests
-
-
-def named_role(name: str) -> str:
-    """The symbol that a name denotes, or the name where it denotes none.
-
-    >>> named_role("ap"), named_role("hardness")
-    ('d', 'hardness')
-    """
-    return name if name in ROLES else next(iter(roles_named(name)), name)
 
 
 def symbol_of(name: str, has: Callable[[str], bool]) -> str | None:

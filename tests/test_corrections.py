@@ -1,15 +1,21 @@
 """`--correct` and `--leave-out`: a file with planted mistakes is read as the sound one, and this is recorded."""
 
 import json
+import re
+import shlex
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from fitmodels import datasets
-from fitmodels.cli import main
+from fitmodels.app.options import applied
+from fitmodels.cli import batch, compare, look, main, wear
+from fitmodels.cli import next as further
 from fitmodels.cli.corrections import corrected
 from fitmodels.core.errors import DataError, FitmodelsError, UsageError
 from fitmodels.datasets.corrections import parse_correction
+from fitmodels.datasets.options import OPTIONS, TAKEN, chosen, merged
 from fitmodels.fit.checks.check import Suspect
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -215,6 +221,99 @@ def test_a_remedy_is_added_to_the_command_as_typed():
     assert corrected(words, "--correct E11:t-5") == (
         "fitmodels data.csv --correct 'E07:f*10' --leave-out 'lines 3' --correct E11:t-5"
     )
+
+
+@pytest.mark.parametrize(
+    ("given", "added", "found"),
+    [
+        (["--law", "Fc ~ V, ap"], ["--law", "Fc ~ + t - d"], ["--law", "Fc ~ V, t"]),
+        (["--law", "Fc ~ + VB"], ["--law", "Fc ~ + d"], ["--law", "Fc ~ + VB + d"]),
+        (["--law", "Fc ~ + VB"], ["--law", "Fc ~ + VB + d"], ["--law", "Fc ~ + VB + d"]),
+        (["--law", "Fc ~ V", "--law=P ~ V"], ["--law", "Fc ~ f"], ["--law=P ~ V", "--law", "Fc ~ f"]),
+        (["--form", "linear", "--form", "P=power"], ["--form", "power"], ["--form", "P=power", "--form", "power"]),
+        (["--by", "coolant"], ["--by", "machine"], ["--by", "machine"]),
+        (["--map", "edge=Nr"], ["--edge", "none"], ["--edge", "none"]),
+        (["--value=D=80", "--hidden"], ["--value", "z=4", "--hidden"], ["--value=D=80", "--value", "z=4", "--hidden"]),
+        (["--correct", "E7:f*10"], ["--correct", "E7:f*25.4", "--correct", "E7:t-5"],
+         ["--correct", "E7:f*25.4", "--correct", "E7:t-5"]),
+    ],
+)  # fmt: skip
+def test_an_option_takes_the_place_of_those_that_set_the_same(given, added, found):
+    assert merged(["a.csv", *given], added) == ["a.csv", *found]
+    assert corrected(["a.csv", *given, "--force"], shlex.join(added)) == shlex.join(["fitmodels", "a.csv", *found])
+    assert shlex.split(shlex.join(applied(given, shlex.join(added)))) == found
+
+
+@pytest.mark.parametrize(
+    ("parser", "purposes"),
+    [(wear.parser, None), (look.parser, TAKEN["look"]), (compare.parser, TAKEN["compare"]),
+     (further.parser, TAKEN["next"]), (batch.parser, ())],
+)  # fmt: skip
+def test_the_table_of_options_is_that_of_the_commands(parser, purposes):
+    actions = {name: one for one in parser()._actions for name in one.option_strings}
+    ours = {name: one for name, one in actions.items() if name in OPTIONS}
+    assert {name: one.nargs == 0 for name, one in ours.items()} == {name: OPTIONS[name].flag for name in ours}
+    taken = {name for name, one in OPTIONS.items() if purposes and one.purpose in purposes}
+    assert taken <= set(actions)
+    if purposes is None:
+        assert set(actions) - set(OPTIONS) == {"--help", "--help-all", "-h", "--version", "-V"}
+    if parser is batch.parser:
+        assert {OPTIONS[name].purpose for name in ours} == {*TAKEN["batch"], "batch", "place", "screen"}
+
+
+def strings(data):
+    """Texts under ``command``, at any depth, but those that have made a card."""
+    if isinstance(data, dict):
+        own = [data["command"]] if data.get("command") else []
+        return own + [text for name, one in data.items() if name != "provenance" for text in strings(one)]
+    return [text for one in data for text in strings(one)] if isinstance(data, list) else []
+
+
+@pytest.fixture(scope="module")
+def forces():
+    """Conditions and forces of 24 tests."""
+    rng = np.random.default_rng(5)
+    levels = {"v (m/min)": [120.0, 160, 200, 250], "f (mm/rev)": [0.1, 0.2, 0.3, 0.4], "ap (mm)": [0.5, 1, 2]}
+    table = pd.DataFrame({name: rng.choice(values, 24) for name, values in levels.items()})
+    force = 1800 * table["f (mm/rev)"] ** 0.75 * table["ap (mm)"] ** 0.95 * np.exp(rng.normal(0, 0.03, 24))
+    return table.assign(**{"Fc (N)": force.round(1)})
+
+
+def a_slow_speed_in_one_coolant(table):
+    dry = np.arange(24) % 2 == 1
+    factor = np.where(dry, 1.4, 1.0) * np.exp(-0.9 * np.log(table["v (m/min)"] / 160) ** 2)
+    return table.assign(coolant=np.where(dry, "dry", "wet"), **{"Fc (N)": table["Fc (N)"] * factor})
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "proposed"),
+    [
+        (lambda table: table, ["--law", "Fc ~ V, f"], "--law 'Fc ~ V, f, d' --force"),
+        (a_slow_speed_in_one_coolant, ["--law", "Fc ~ V, f", "--by", "coolant", "--error", "additive"],
+         "fitmodels compare data.csv --law 'Fc ~ V, f' --by coolant --error additive"),
+        (lambda table: table.assign(**{"Fc (N)": table["Fc (N)"] * np.where(np.arange(24) == 7, 10, 1)}),
+         ["--correct", "line 3:Fc*1.01"], "--correct 'lines 9:Fc/10'"),
+        (lambda table: table.rename(columns={"Fc (N)": "Fc"}).eval("Fc = Fc / 10"), ["--map", "Fc=col4"],
+         "fitmodels data.csv --map Fc=col4 --unit Fc=daN"),
+    ],
+)  # fmt: skip
+def test_every_command_that_is_proposed_is_accepted(forces, change, options, proposed, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "400")
+    change(forces).to_csv("data.csv", index=False)
+    assert main(["data.csv", *options, "--draws", "1000"]) == 0
+    found = [line.partition("  #")[0] for line in re.findall(r"(?m)^ *(fitmodels .*)", capsys.readouterr().out)]
+    (card,) = Path("data-fit").rglob("card.json")
+    cards = [
+        text.replace(" params.json", f" {card.parent}/params.json") for text in strings(json.loads(card.read_text()))
+    ]
+    assert main(["look", *chosen(["data.csv", *options], TAKEN["look"]), "--json"]) == 0
+    found += cards + [one["command"] for one in json.loads(capsys.readouterr().out)["commands"]]
+    assert any(proposed in command for command in found), found
+    for number, command in enumerate(dict.fromkeys(found)):
+        words = shlex.split(command)[1:]
+        words = merged(words, ["--out", f"new{number}"]) if words[0] == "data.csv" else words
+        assert main(words) == 0, f"{command}: {capsys.readouterr().err}"
 
 
 def test_a_batch_refuses_corrections(tmp_path, capsys):

@@ -2,7 +2,7 @@
 
 import re
 import shlex
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -10,6 +10,7 @@ from ...core.files import STANDARD_INPUT
 from ...core.rounding import format_plain
 from ...core.text import line_spans
 from ...core.verdict import DO_NOT_USE, LEVELS, NOT_JUDGED, RESERVATIONS, USABLE
+from ...datasets.options import TAKEN, chosen, merged, without
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import VerdictSection
 from ...parameters.sections.law_parts import LawCheck, SuspectValues
@@ -96,17 +97,8 @@ OF_REASONS = (
     (("Taylor's n", "Life rises", "A life of"), "Check columns and units of speed, time and wear.", "look"),
 )  # fmt: skip
 OPTION = re.compile(r"""--(?:by|law|form|correct|leave-out) (?:"[^"]*"|'[^']*'|[^\s"'();,]*[^\s"'();,.])""")
-CORRECTING = re.compile(r" --(by|law|form|correct|leave-out) ")  # options that remove a reason
+CORRECTING = re.compile(r" --(by|law|form|correct|leave-out) ")  # in words of remedies that remove a reason
 SUSPECTED = "Compare with the record: correct the values, or leave them out."
-READING = (
-    "--map", "--unit", "--range", "--value", "--correct", "--leave-out", "--edge", "--process", "--tool", "--work",
-    "--decimal", "--delimiter", "--sheet", "--hidden",
-)  # fmt: skip
-FITTING = (
-    "--law", "--form", "--error", "--criterion", "--gauge-sd", "--seed", "--draws", "--priors", "--student",
-)  # fmt: skip
-FLAGS = ("--force", "--json", "--full", "--quiet", "-q", "--student", "--verify", "--posterior-figures",
-         "--table-only", "--no-site", "--keep-draws")  # fmt: skip
 
 
 def verdict_part(of: str, verdict: VerdictSection | None) -> VerdictPart:
@@ -188,17 +180,17 @@ def _remedy_of(pf: ParameterFile, reason: str, name: str, check: LawCheck | None
     """The remedy of one reason: the option that it names, the correction of suspects, or that of its check."""
     if check is not None and check.suspects:
         remedies = " ".join(dict.fromkeys(_remedy(suspect) for suspect in check.suspects))
-        return RemedyPart(words=SUSPECTED, command=f"{_command(pf)} {remedies}")
+        return RemedyPart(words=SUSPECTED, command=_command(pf, remedies))
     if option := OPTION.search(reason):
         words = "If the record confirms it" if name.startswith("time") else "Fit the law so"
         refitted = "" if option[0].startswith(("--correct", "--leave-out")) else " --force"  # not a former reading
-        return RemedyPart(words=f"{words}: {option[0]}.", command=f"{_command(pf)} {option[0]}{refitted}")
+        return RemedyPart(words=f"{words}: {option[0]}.", command=_command(pf, f"{option[0]}{refitted}"))
     if name == "reading" and (option_of_doubt := _first_remedy(pf, reason)):
         words = f"If this is so, read the file with {option_of_doubt}."
-        return RemedyPart(words=words, command=f"{_command(pf)} {option_of_doubt}")
+        return RemedyPart(words=words, command=_command(pf, option_of_doubt))
     if name == "number of edges" and (column := reason.removesuffix(".").partition("name its edges with --edge ")[2]):
         edge = f"--edge {shlex.quote(column)}"
-        return RemedyPart(words=f"If {column} numbers the edges: {edge}.", command=f"{_command(pf)} {edge}")
+        return RemedyPart(words=f"If {column} numbers the edges: {edge}.", command=_command(pf, edge))
     if reason == NO_VERDICT:
         return RemedyPart(words="Fit the data again.", command=_command(pf))
     found = next((pair for heads, *pair in OF_REASONS if reason.startswith(heads)), None) or REMEDIES.get(name)
@@ -214,17 +206,10 @@ def follow_up(pf: ParameterFile, name: str) -> str:
     'fitmodels next d.csv --map V=col2'
     """
     words = shlex.split(_command(pf))[1:]
-    kept = (*READING, "--criterion") if name == "next" else READING
-    found = _chosen(words, kept)
+    found = chosen(words, TAKEN[name])
     if "-" in words or not found:
         return ""
     return shlex.join(["fitmodels", name, *found, *(_of_pair(pf) if name == "next" else ())])
-
-
-def _chosen(words: Sequence[str], options: Collection[str]) -> list[str]:
-    """The words of a command that name no option, and those of these options."""
-    return [word for group in _groups(words) if not group[0].startswith("-") or group[0].split("=")[0] in options
-            for word in group]  # fmt: skip
 
 
 def _of_pair(pf: ParameterFile) -> list[str]:
@@ -234,15 +219,6 @@ def _of_pair(pf: ParameterFile) -> list[str]:
         return []
     named = ((f"--{role}", str(name)) for role, name in pair.items())
     return [word for option, name in named for word in ([f"{option}={name}"] if name[:1] == "-" else [option, name])]
-
-
-def _groups(words: Sequence[str]) -> Iterator[list[str]]:
-    """The words of a command, each option with its value."""
-    rest = list(words)
-    while rest:
-        word = rest.pop(0)
-        has_value = word.startswith("-") and "=" not in word and word not in (*FLAGS, "--hidden", "--") and rest
-        yield [word, rest.pop(0)] if has_value else [word]
 
 
 def law_cautions(pf: ParameterFile, responses: Iterable[str]) -> list[str]:
@@ -258,10 +234,10 @@ def suspect_parts(law: LawSection, pf: ParameterFile) -> tuple[SuspectPart, ...]
         key = (suspect.column, suspect.edges, suspect.lines)
         if key not in found or (suspect.correction and not found[key].correction):
             found[key] = suspect
-    return tuple(_suspect(suspect, _command(pf)) for suspect in found.values())
+    return tuple(_suspect(suspect, pf) for suspect in found.values())
 
 
-def _suspect(suspect: SuspectValues, command: str) -> SuspectPart:
+def _suspect(suspect: SuspectValues, pf: ParameterFile) -> SuspectPart:
     remedy = _remedy(suspect)
     what = f"{suspect.column} of {_place(suspect.edges, suspect.lines)}"
     cause = suspect.cause or ("" if suspect.correction else "no known mistake explains it; check the record")
@@ -272,7 +248,7 @@ def _suspect(suspect: SuspectValues, command: str) -> SuspectPart:
         lines=suspect.lines,
         words=f"{what}{f' ({cause})' if cause else ''}, {how}",
         remedy=remedy,
-        command=f"{command} {remedy}",
+        command=_command(pf, remedy),
     )
 
 
@@ -283,27 +259,25 @@ def _remedy(suspect: SuspectValues) -> str:
     return f"--leave-out {shlex.quote(target)}"
 
 
-def _command(pf: ParameterFile) -> str:
-    """The command that made the file without ``--force``, or the shortest that reads its data."""
+def _command(pf: ParameterFile, remedy: str = "") -> str:
+    """The command that made the file, or the shortest that reads its data, with the options of a remedy."""
     made, file = pf.provenance.command, pf.provenance.data_file
+    words = ["-" if file == STANDARD_INPUT else file or "FILE"]
     if made is not None and made.startswith("fitmodels ") and "\n" not in made:
-        return (
-            _of_its_file(shlex.split(made), file)
-            if made.startswith("fitmodels batch ")
-            else made.replace(" --force", "")
-        )
-    return f"fitmodels {'-' if file == STANDARD_INPUT else shlex.quote(file or 'FILE')}"
+        words = shlex.split(made)[1:]
+        words = _of_its_file(words[1:], file) if words[:1] == ["batch"] else without(words, "screen")
+    return shlex.join(["fitmodels", *merged(words, shlex.split(remedy))])
 
 
-def _of_its_file(words: Sequence[str], file: str | None) -> str:
-    """The main command for the one file of a pair that ``fitmodels batch`` has fitted; joined from several, for all.
+def _of_its_file(words: Sequence[str], file: str | None) -> list[str]:
+    """Words of the main command for the one file of a pair that a batch has fitted; joined from several, for all.
 
-    >>> _of_its_file(["fitmodels", "batch", "shop", "--jobs", "1", "--criterion", "0.2"], "a.csv")
-    'fitmodels shop/a.csv --criterion 0.2'
+    >>> _of_its_file(["shop", "--jobs", "1", "--criterion", "0.2"], "a.csv")
+    ['shop/a.csv', '--criterion', '0.2']
     """
-    source, *given = _chosen(words[2:], (*READING, *FITTING)) or ["FILE"]
+    source, *given = chosen(words, TAKEN["batch"]) or ["FILE"]
     is_in_folder = file and " + " not in file and " other files" not in file and Path(source).name != file
-    return shlex.join(["fitmodels", f"{source.rstrip('/')}/{file}" if is_in_folder else source, *given])
+    return [f"{source.rstrip('/')}/{file}" if is_in_folder else source, *given]
 
 
 def without_words(law: LawSection) -> str:
@@ -373,6 +347,11 @@ def main_reason(verdict: VerdictPart) -> tuple[tuple[str, RemedyPart | None], ..
     found = verdict.reservations
     of_lives = any(remedy is not None and remedy.words == OF_LIVES for _, remedy in found[:1])
     if verdict.level == RESERVATIONS and not of_lives:
-        done = [(why, remedy) for why, remedy in found if remedy and CORRECTING.search(remedy.command)]
+        done = [(why, remedy) for why, remedy in found if remedy and _corrects(remedy)]
         return (*done, *found)[:1]
     return found[:1]
+
+
+def _corrects(remedy: RemedyPart) -> bool:
+    """Whether the command of a remedy removes its reason by an option."""
+    return remedy.command != "" and (remedy.words == SUSPECTED or CORRECTING.search(remedy.words) is not None)
