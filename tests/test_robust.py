@@ -383,3 +383,17 @@ def test_readings_at_the_limit_of_a_sensor_are_no_copies(measurements):
     found = sensor_limit(law)
     assert found.concern == 1
     assert found.verdict.startswith("23 of 137 readings of I are 9.99512 A, the largest: the sensor is probably")
+
+
+@pytest.mark.parametrize("rows", [[10, 11, 12], [10, 14, 20]])
+def test_a_response_is_not_wrong_in_neighbouring_rows_whose_condition_the_reading_corrects(rows):
+    rng = np.random.default_rng(3)
+    f, d, V = (rng.choice(a, 40) for a in ([0.1, 0.15, 0.2, 0.3, 0.4], [0.5, 1, 1.5, 2], [120.0, 160, 200, 250]))
+    Fc = 1800 * f**0.75 * d**0.95 * V**-0.1 * np.exp(rng.normal(0, 0.03, 40))
+    f[rows] *= 10
+    runs = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": f, "d": d, "Fc": Fc}))
+    (doubt,) = [one for one in runs.doubts if "--correct" in one.remedy]
+    assert list(doubt.lines) == runs.lines[rows].tolist()
+    check = outlying_rows(fit.power_law(runs, "Fc", ["V", "f", "d"]), runs)
+    assert (check.concern, check.suspects) == (0, ())
+    assert check.verdict.endswith("the reading doubts a condition there.")

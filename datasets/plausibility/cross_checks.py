@@ -94,7 +94,7 @@ def _doubt_low_kc(draft: Draft, kc: Array, f: Array, options: ReadOptions) -> No
         return
     middle, at_1_mm = float(np.median(kc[known])), float(np.median(kc[known] * f[known] ** RISE))
     if at_1_mm < KC_OF_1_MM and KC_USUAL[0] <= 10 * middle <= KC_USUAL[1]:
-        draft.doubts[:] = [one for one in draft.doubts if not one.sentence.startswith(_KC_OF_FORCE.name)]
+        draft.doubts[:] = [one for one in draft.doubts if one.columns != _KC_OF_FORCE.roles or one.lines]
         sentence = (
             f"{_KC_OF_FORCE.name} is {format_decimal(middle)} N/mm2 (usual {KC_USUAL[0]} to {KC_USUAL[1]}): Fc, f "
             f"or d is in another unit or exchanged; with Fc in daN it is {format_decimal(10 * middle)}"

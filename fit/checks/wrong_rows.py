@@ -10,7 +10,6 @@ in Regression, section 2.2.2 (deleted residuals).
 """
 
 import math
-import re
 from collections.abc import Mapping
 from itertools import pairwise
 
@@ -20,6 +19,7 @@ import pandas as pd
 from ...core.arrays import Array, Ints, Texts
 from ...core.rounding import format_plain, listed
 from ...datasets import Runs
+from ...datasets.draft import CORRECTS
 from ...datasets.plausibility.unit_shifts import TIME_RATIOS, explained, ratios_of
 from ..available import NotAvailable
 from ..lawfit import LawFit
@@ -132,9 +132,8 @@ def outlying_rows(law: LawFit, runs: Runs | None = None) -> Check | NotAvailable
 def _conditions_doubted(law: LawFit, rows: Ints, runs: Runs | None) -> bool:
     """Whether a doubt of the reading corrects a factor of the law in all of these rows: their response is not wrong."""
     doubts = () if runs is None else runs.doubts
-    known = [one for one in doubts if "--correct" in one.remedy and set(law.factors).intersection(one.columns)]
-    named = re.findall(r"\d+", " ".join(one.remedy.partition("lines ")[2].partition(":")[0] for one in known))
-    return set(map(str, law.lines[rows].tolist())) <= set(named)
+    known = [one for one in doubts if CORRECTS in one.remedy and set(law.factors).intersection(one.columns)]
+    return {line for one in known for line in one.lines}.issuperset(law.lines[rows].tolist())
 
 
 def _deleted_pvalue(law: LawFit, logs: bool) -> float:
