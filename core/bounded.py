@@ -77,7 +77,7 @@ _KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
-_FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY"))
+AS_BYTES: Final = getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)  # Windows changes ends of lines without it
 
 
 def regular_status(path: str | os.PathLike[str], kind: str, error: type[FitmodelsError] = DataError) -> os.stat_result:
@@ -127,7 +127,7 @@ def open_regular(
     b'\"\"\"'
     """
     regular_status(path, kind, error)  # before opening: to open a device may act on it
-    descriptor = os.open(path, _FLAGS)
+    descriptor = os.open(path, os.O_RDONLY | AS_BYTES | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0))
     with os.fdopen(descriptor, "rb") as file:
         _check(os.fstat(descriptor), path, LIMITS[kind], error)
         yield file

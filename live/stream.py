@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from ..core.bounded import AS_BYTES
 from ..core.errors import UsageError
 from ..core.files import cause
 from ..core.text import json_text
@@ -75,7 +76,7 @@ def file_writer(path: Path) -> Callable[[str], object]:
     UsageError
         The file cannot be written, or no program reads the pipe.
     """
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NONBLOCK", 0)
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | AS_BYTES | getattr(os, "O_NONBLOCK", 0)
     try:
         file = os.open(path, flags, 0o644)
     except OSError as failure:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from ..core.arrays import is_positive
-from ..core.bounded import LIMITS, open_regular, parse_json, read_bounded
+from ..core.bounded import AS_BYTES, LIMITS, open_regular, parse_json, read_bounded
 from ..core.errors import DataError, FitmodelsError
 from ..core.files import cause, make_folder, synchronised_folder, write_whole
 from ..core.rounding import count
@@ -175,7 +175,7 @@ class WatchJournal:
             self._file = None
 
     def _open(self, path: Path) -> int:
-        file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o644)
+        file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | AS_BYTES, 0o644)
         if self._file is not None:
             os.close(self._file)
         self._file, self.path, self._size = file, path, os.fstat(file).st_size

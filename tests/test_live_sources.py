@@ -447,7 +447,17 @@ def test_standard_input_that_is_closed_is_refused():
     assert "UsageError: standard input cannot be read: bad file descriptor. Give it a file or a pipe." in run.stderr
 
 
-@pytest.mark.parametrize("words", ["tcp://192.168.0.10:5000", "tcp://127.0.0.1", "tcp://127.0.0.1:0", "tcp://a.b:5"])
+@pytest.mark.parametrize("words", ["-", "tcp://127.0.0.1:5000", "unix:s"])
+def test_streams_are_refused_where_nothing_waits_for_them(monkeypatch, words):
+    monkeypatch.setattr(streams, "WAITS", False)
+    with pytest.raises(UsageError, match=rf"^--from {words}: Windows .* --from run\.csv\.$"):
+        open_source(words, P)
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["tcp://192.168.0.10:5000", "tcp://127.0.0.1", "tcp://127.0.0.1:0", "tcp://127.0.0.1:5²", "tcp://a.b:5"],
+)
 def test_lines_of_another_computer_are_refused(words):
     with pytest.raises(UsageError, match=r"port|ssh -L"):
         open_source(words, P)

@@ -6,10 +6,11 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from fitmodels.core.errors import DataError
-from fitmodels.live import watch_journal
+from fitmodels.live import stream, watch_journal
 from fitmodels.live.watch_journal import WatchJournal, journal_files, leave_request, read_journal, read_newest, requests
 
 WRITER = """
@@ -276,3 +277,21 @@ def test_requests_are_left_and_found_once(tmp_path):
     (tmp_path / "request-0123456789abcdef.json").write_text("{not json")
     kinds = sorted(facts["kind"] for _, facts in requests(tmp_path))
     assert kinds == ["gauge", "unreadable"]
+
+
+def test_files_of_lines_are_opened_as_bytes(tmp_path, monkeypatch):
+    """Windows would write \\r\\n: the size of the file, by which a torn line is taken back, would be wrong."""
+    opened, real = {}, os.open
+
+    def spied(path, flags, *more, **keywords):
+        opened[Path(path).name] = flags
+        return real(path, flags, *more, **keywords)
+
+    for module in (watch_journal, stream):
+        monkeypatch.setattr(module, "AS_BYTES", os.O_SYNC)
+    monkeypatch.setattr(os, "open", spied)
+    journal = WatchJournal(tmp_path)
+    journal.append({"kind": "window"})
+    journal.close()
+    stream.file_writer(tmp_path / "facts.jsonl")("{}\n")
+    assert opened["watch-000000.jsonl"] & os.O_SYNC == opened["facts.jsonl"] & os.O_SYNC == os.O_SYNC

@@ -79,11 +79,13 @@ def natural(name: str) -> tuple[tuple[int, int, str], ...]:
 
     >>> sorted(["E10", "E2"], key=natural)
     ['E2', 'E10']
+    >>> natural("²3")
+    ((1, 0, '²'), (0, 3, ''))
     """
     import re
 
     parts = re.split(r"(\d+)", name.casefold())
-    return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts if part)
+    return tuple((0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts if part)
 
 
 def read_recordings(path: Path, how: ReduceOptions) -> list[Recording]:

@@ -20,13 +20,29 @@ from .rows import Feed
 CHUNK: Final = 65_536  # bytes read at once
 WAIT: Final = 0.25  # s for bytes, and for a connection
 AGAIN: Final = 1.0  # s between two attempts to connect
+WAITS: Final = os.name == "posix"  # Windows waits for no pipe, and reads no socket by its descriptor
 
 Opener = Callable[[], int]  # gives the descriptor of an open stream, or raises OSError
 
 
 def standard_input(options: SourceOptions) -> Items:
-    """Readings from standard input, until it ends."""
+    """Readings from standard input, until it ends.
+
+    Raises
+    ------
+    UsageError
+        On Windows.
+    """
+    _check_system("-")
     return _lines("standard input", _standard_input, options, ends=True)
+
+
+def _check_system(words: str) -> None:
+    if not WAITS:
+        raise UsageError(
+            f"--from {shortened(words, 80)}: Windows gives no way to wait for lines of a pipe or socket. Let the "
+            "program append its lines to a file, and give that file: --from run.csv."
+        )
 
 
 def _standard_input() -> int:
@@ -41,14 +57,15 @@ def from_socket(words: str, options: SourceOptions) -> Items:
     Raises
     ------
     UsageError
-        The address is not of this computer (its lines would be neither signed nor encrypted), or is none.
+        The address is not of this computer (its lines would be neither signed nor encrypted), or is none; on Windows.
     """
+    _check_system(words)
     if words.startswith("unix:"):
         path = words.removeprefix("unix:")
         return _lines(words, lambda: _connected(socket.AF_UNIX, path), options)
     host, _, port = words.removeprefix("tcp://").rpartition(":")
     host = host.strip("[]")
-    if not port.isdigit() or not 0 < int(port) < 65_536:
+    if not port.isdecimal() or not 0 < int(port) < 65_536:
         raise UsageError(f"--from {shortened(words, 80)}: give the port, as in tcp://127.0.0.1:5000.")
     if host not in ("localhost", "127.0.0.1", "::1"):
         raise UsageError(
