@@ -10,12 +10,17 @@ from ..core.display import Displayable
 from ..core.errors import FitmodelsError
 
 T = TypeVar("T")
-FAILED = "the computation failed"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class NotAvailable(Displayable):
     """A diagnostic that these data do not allow, with the reason; false in a condition.
+
+    Attributes
+    ----------
+    reason : str
+    failed : bool
+        Whether the computation raised an error that these data do not explain.
 
     Examples
     --------
@@ -24,11 +29,7 @@ class NotAvailable(Displayable):
     """
 
     reason: str
-
-    @property
-    def failed(self) -> bool:
-        """Whether the computation raised an error that these data do not explain."""
-        return self.reason.startswith(FAILED)
+    failed: bool = False
 
     def __bool__(self) -> bool:
         return False
@@ -53,6 +54,8 @@ def computed(make: Callable[[], T], raised: tuple[type[Exception], ...] = (OSErr
     --------
     >>> computed(lambda: 1 / 0)
     NotAvailable: the computation failed (ZeroDivisionError: division by zero)
+    >>> computed(lambda: 1 / 0).failed, NotAvailable("the computation failed to converge: few rows").failed
+    (True, False)
     """
     try:
         return make()
@@ -63,4 +66,4 @@ def computed(make: Callable[[], T], raised: tuple[type[Exception], ...] = (OSErr
     except Exception as error:
         if os.environ.get("FITMODELS_TRACEBACK"):
             traceback.print_exc()
-        return NotAvailable(f"{FAILED} ({type(error).__name__}: {error})")
+        return NotAvailable(f"the computation failed ({type(error).__name__}: {error})", failed=True)

@@ -67,6 +67,8 @@ class LawFit(Predicts, RowAccess, LawFigures):
         How often the file repeats each measurement; only one of each was used.
     source : LawSource
         Data file, tool, work, and whether the rows are simulated.
+    selected : bool
+        Whether AICc chose its terms on its own rows: its intervals and p-values are somewhat too small.
     life : LifeDistribution or None
         Of a law of tool lives: their distribution about the law, and how many are known by a bound alone.
     sums : EdgeSums or None
@@ -94,6 +96,7 @@ class LawFit(Predicts, RowAccess, LawFigures):
     notes: tuple[str, ...] = ()
     repeats: int = 1
     source: LawSource = NO_SOURCE
+    selected: bool = False
     life: LifeDistribution | None = None
     sums: "EdgeSums | None" = field(default=None, compare=False)
     rows: FittedRows | None = None

@@ -245,7 +245,7 @@ def refitted(law: LawFit, error: Error, keep: slice | Flags = slice(None)) -> La
 
 def facts_of(law: LawFit) -> dict[str, Any]:
     """The fields of a law that a refit to its rows keeps."""
-    names = ("units", "by", "left_out", "dropped", "notes", "repeats", "source")
+    names = ("units", "by", "left_out", "dropped", "notes", "repeats", "source", "selected")
     return {name: getattr(law, name) for name in names}
 
 

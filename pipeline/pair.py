@@ -361,7 +361,7 @@ def _posteriors(
 
         post = _drawn(law, priors, options, report)
         if isinstance(post, fit.NotAvailable):
-            none[law.response] = fit.NotAvailable(post.reason.removeprefix(f"{law.response}: "))
+            none[law.response] = replace(post, reason=post.reason.removeprefix(f"{law.response}: "))
             continue
         posteriors.append(post)
         if not post.convergence.passed:

@@ -5,6 +5,7 @@ stand below; the trebuchet data of R package daewr as printed for rsm 2.10 (Laws
 Experiments with R, chapter 10); the blocked central composite design `cement` of the same.
 """
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -487,6 +488,8 @@ def test_an_array_of_nine_edges_is_reduced_and_tests_the_terms_that_are_kept():
     assert len(found.law.formula.terms) < 8
     assert found.anova().loc["V", "p"] < 0.01
     assert found.law.notes[-1].startswith("all terms together are not tested: 9 edges")
+    assert found.full.selected
+    assert verdict_of(found) == verdict_of(surface_of(found.law))
 
 
 def test_a_kept_law_is_tested_with_all_terms_again(runs):
@@ -496,6 +499,7 @@ def test_a_kept_law_is_tested_with_all_terms_again(runs):
     assert again.selection.kept == found.selection.kept
     assert verdict_of(again) == verdict_of(found)
     pd.testing.assert_frame_equal(again.anova(), found.anova())
+    pd.testing.assert_frame_equal(surface_of(replace(found.law, notes=())).anova(), found.anova())
 
 
 def test_two_levels_and_a_centre_do_not_say_which_factor_is_curved():

@@ -15,7 +15,7 @@ from ..checks.model_checks import LackOfFit
 from ..edges import EdgeInference
 from .canonical import SIDES, CanonicalAnalysis, Side
 from .split_plot import EDGES, WITHIN, EdgeModel, TermTest, error_mean_square
-from .surfaces import ResponseSurface, chosen_by_aicc
+from .surfaces import ResponseSurface
 from .term_selection import TermSelection
 
 FEW_DF = 5.0  # degrees of freedom of an error term below which a test finds large effects alone
@@ -92,7 +92,7 @@ def verdict_of(surface: ResponseSurface) -> str:
         for one in holding
     )
     hold = f"{named} hold{'s' if len(holding) == 1 else ''}"
-    if chosen_by_aicc(surface.full):
+    if surface.full.selected:
         return f"Of the terms that AICc kept, {hold}; on the rows that chose them p-values are too small, no evidence."
     return " ".join(["Second order is needed:", *filter(None, [n]), f"{hold}."])
 

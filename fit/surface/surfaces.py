@@ -317,6 +317,7 @@ def _reduced(
     if chosen is None:
         return replace(surface, law=replace(full, notes=(*full.notes, "too few rows or edges to choose terms by AICc")))
     law = fitted([term for term in full.formula.terms if term.name in chosen.kept], full.left_out)
+    law = replace(law, selected=True)
     notes = [f"{len(chosen.kept)} of {len(full.formula.terms)} {SELECTED}"]
     if isinstance(why, NotAvailable):
         notes.append(f"all terms together are not tested: {why}")
@@ -336,12 +337,12 @@ def surface_of(law: LawFit) -> ResponseSurface:
     """
     if law.formula.first_order:
         raise UsageError(f"the law of {law.response} is of the form {law.form}; a response surface is of second order.")
-    if not chosen_by_aicc(law):
+    if not law.selected:
         return _tested(law)
     gone = [out.factor for out in law.left_out]
     terms = tuple(term for term in second_order_terms(law.factors) if term.name not in gone)
     notes = tuple(note for note in law.notes if SELECTED not in note)
-    wide = law.with_rows(formula=replace(law.formula, terms=terms), notes=notes)
+    wide = law.with_rows(formula=replace(law.formula, terms=terms), notes=notes, selected=False)
     full = computed(lambda: refitted(wide, law.error))
     surface = _tested(law) if isinstance(full, NotAvailable) else _tested(full)
     if isinstance(surface.model, NotAvailable):
@@ -349,11 +350,6 @@ def surface_of(law: LawFit) -> ResponseSurface:
     chosen = selected_terms(surface.full, surface.model)
     same = chosen is not None and set(chosen.kept) == {term.name for term in law.formula.terms}
     return replace(surface, law=law, selection=chosen if same else None)
-
-
-def chosen_by_aicc(law: LawFit) -> bool:
-    """Whether the terms of a law were chosen on its own rows."""
-    return any(SELECTED in note for note in law.notes)
 
 
 def _tested(law: LawFit) -> ResponseSurface:
