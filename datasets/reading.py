@@ -21,6 +21,7 @@ from .doubts import Doubt
 from .draft import Draft, keep_marks
 from .edges.assignment import settle_edges
 from .edges.checks import check_edges
+from .edges.columns import label_test
 from .edges.merged_cells import fill_down
 from .headers import is_known, with_latin_headers
 from .named_rows import readable_but_for
@@ -123,6 +124,7 @@ def table_of_tests(path: str | os.PathLike[str], options: ReadOptions) -> Table:
         table = read_table(
             path, is_unit=is_unit, is_name=is_known, decimal=options.decimal, delimiter=options.delimiter,
             sheet=options.sheet, hidden=options.hidden,
+            is_label=label_test(options.columns, getattr(options, "groups", ())),
         )  # fmt: skip
     except EqualSheetsError as refusal:
         tables = [table_of_tests(path, replace(options, sheet=title)) for title in refusal.titles]

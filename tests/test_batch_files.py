@@ -455,6 +455,19 @@ def test_names_from_a_note_or_the_file(tmp_path):
     assert "simulated" in plan.notes
 
 
+@pytest.mark.parametrize("names", [("1E1", "10", "007", "1.7220"), ("1.0", "2", "3", "4")])
+@pytest.mark.parametrize("first", [0, 3_000])  # in the head of the file, and far below it
+def test_a_long_file_keeps_names_that_look_like_numbers(names, first, tmp_path):
+    path = tmp_path / "long.csv"
+    rows = [f"{100 + k % 9},{k % 50 / 10 + 1},0.{k % 7 + 1},5,{'20' if k < first else names[k % 4]},{k // 800}\n"
+            for k in range(first + 2_000)]  # fmt: skip
+    path.write_text("V,t,AW,tool,work,edge\n" + "".join(rows))
+    as_read(path, tmp_path)
+    plan = streamed(path, tmp_path)
+    expected = {"1", "2", "3", "4"} if names[0] == "1.0" else set(names)
+    assert {pair.work for block in plan.blocks for pair in block.pairs} - {"20"} == expected
+
+
 def test_a_copy_is_used_again_until_the_source_changes(tmp_path):
     path, reported = tmp_path / "long.csv", []
     path.write_text(long())

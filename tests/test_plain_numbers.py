@@ -127,6 +127,16 @@ def test_a_table_is_the_same_as_read_cell_by_cell(what, encoding, tmp_path, monk
     assert found == reported(path)
 
 
+def test_names_that_look_like_numbers_are_kept_from_every_block(tmp_path, monkeypatch):
+    path = tmp_path / "a.csv"
+    names = ["1"] * 2_500 + ["1E1"] * 500 + ["10"] * 1_500
+    path.write_text("VB,edge\n" + "".join(f"0.{k % 7 + 1},{name}\n" for k, name in enumerate(names)))
+    known = {"is_label": lambda number, header, unit: header == "edge"}
+    assert read_table(path, **known).column("edge").values.tolist() == names
+    monkeypatch.setattr(gather, "stretches", lambda body, findings, decimal: body.blocks(findings))
+    assert read_table(path, **known).column("edge").values.tolist() == names
+
+
 def test_blocks_of_numbers_are_read_as_such(tmp_path, monkeypatch):
     taken = []
 

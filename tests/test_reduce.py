@@ -14,6 +14,7 @@ from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.records.formats import looks_like_record
 from fitmodels.datasets.signals.cuts import find_cuts
 from fitmodels.datasets.signals.faults import _piled_up
+from fitmodels.datasets.signals.joining import read_plan
 from fitmodels.datasets.signals.options import ReduceOptions
 from fitmodels.datasets.signals.recording import Recording, read_recordings
 
@@ -93,6 +94,13 @@ def test_peak_is_the_mean_of_the_largest_values_of_the_revolutions(lab):
     assert "revolution" in lab.out.read_text()
     lab.run("--force")
     assert "window of 0.1 s" in lab.out.read_text()
+
+
+def test_a_plan_keeps_names_that_look_like_numbers_and_its_order(tmp_path):
+    path = tmp_path / "tests.csv"
+    path.write_text("run,edge,n\n03,1E1,600\n01,10,600\n02,007,600\n")
+    plan = read_plan(path, ReduceOptions())
+    assert (plan.edges, plan.order) == (("1E1", "10", "007"), (1, 2, 0))
 
 
 def test_a_drive_has_three_states(lab):

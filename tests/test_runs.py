@@ -248,6 +248,36 @@ def test_labels_write_whole_numbers_as_such():
     assert runs.labels("work").tolist() == ["1", "2", ""]
 
 
+NAMES = [("007", "1.7220", "1E01"), ("7", "1.722", "10"), ("5E2", "C45", "2E18"), ("500", "1.2340", "1.05")]
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_names_that_look_like_numbers_stay_as_written(read, mark):
+    rows = [f"{t};{w};{e};{100 + 20 * i};0{mark}{i + 1}" for i, (t, w, e) in enumerate(NAMES)]
+    runs = read("\n".join(["tool;work;edge;V;VB", *rows, ""]))
+    assert list(zip(*(runs.labels(role) for role in ("tool", "work", "edge")), strict=True)) == NAMES
+    assert [(pair.tool, pair.work) for pair in runs.pairs()] == [name[:2] for name in NAMES]
+    assert runs.values("VB").tolist() == [0.1, 0.2, 0.3, 0.4]
+    assert not runs.warnings
+    assert not runs.doubts
+
+
+def test_names_that_a_program_wrote_as_numbers_are_whole_numbers(read):
+    assert read("edge,V,VB\n1.0,100,0.1\n2.0,150,0.2\n,200,0.3\n").labels("edge")[:2].tolist() == ["1", "2"]
+
+
+def test_a_name_of_another_role_is_a_number_when_it_is_mapped(read):
+    runs = read("Nr,V,VB\n02.50,100,0.1\n05.00,150,0.2\n", map={"t": "Nr"})
+    assert runs.values("t").tolist() == [2.5, 5.0]
+
+
+def test_few_words_among_the_numbers_of_edges_are_asked_about(read):
+    rows = [f"{edge},{100 + 10 * int(edge)},{t},{t / 50}" for edge in ("01", "02", "03") for t in (2, 4, 6)]
+    runs = read("\n".join(["edge,V,t,VB", *rows, "E9,140,8,0.2", ""]))
+    assert runs.labels("edge").tolist() == 3 * ["01"] + 3 * ["02"] + 3 * ["03"] + ["line 11"]
+    assert ((11,), '--leave-out "lines 11"') in [(doubt.lines, doubt.remedy) for doubt in runs.doubts]
+
+
 def test_a_frame_is_read_as_a_file_is():
     frame = pd.DataFrame({"vc [m/s]": [1.0, 2.0], "wear in um": [100.0, 200.0], "who": ["a", None]})
     before = frame.copy(deep=True)

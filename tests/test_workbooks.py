@@ -209,6 +209,12 @@ def test_merged_cells_of_the_data_are_read_in_each_row(tmp_path):
     assert "The value of merged cells is read in each of their rows: A2:A4, B2:B4" in said(runs)
 
 
+def test_texts_stay_names_beside_whole_numbers(tmp_path):
+    rows = [["tool", "edge", "V", "VB"], ["007", 1, 100, 0.1], [7, 2, 150, 0.2], ["5E2", 3, 200, 0.3]]
+    runs = datasets.read_runs(book(tmp_path, Tests=rows))
+    assert [(pair.tool, *pair.labels("edge")) for pair in runs.pairs()] == [("007", "1"), ("7", "2"), ("5E2", "3")]
+
+
 def test_formulas_without_values_are_named(tmp_path):
     rows = [[*row, "=2*B2"] for row in ROWS]
     rows[3][5] = "=A1/1000"

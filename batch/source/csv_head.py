@@ -11,6 +11,7 @@ from ...core.bounded import open_regular
 from ...core.errors import DataError
 from ...datasets import read_table
 from ...datasets.columns import ColumnUse, assign
+from ...datasets.edges.columns import label_test
 from ...datasets.headers import is_known, parse_header
 from ...datasets.reading import pair_name
 from ...datasets.tables import Column, Table
@@ -139,7 +140,7 @@ def _table(path: Path, data: bytes, reading: Reading, folder: Path) -> Table:
         head.write_bytes(data)
         return read_table(
             head, is_unit=is_unit, is_name=is_known, decimal=reading.decimal, delimiter=reading.delimiter,
-            sheet=reading.sheet,
+            sheet=reading.sheet, is_label=label_test(reading.columns, reading.groups),
         )  # fmt: skip
     finally:
         head.unlink(missing_ok=True)

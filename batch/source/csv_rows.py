@@ -14,7 +14,14 @@ from ...core.errors import DataError
 from ...core.rounding import count, label_of
 from ...datasets.tables.dialect import is_comment, split_line
 from ...datasets.tables.layout import footer_label
-from ...datasets.tables.numerals import MISSING_AS_WRITTEN, Decimal, is_missing, is_number, parse_number
+from ...datasets.tables.numerals import (
+    MISSING_AS_WRITTEN,
+    Decimal,
+    is_missing,
+    is_number,
+    is_plain_label,
+    parse_number,
+)
 
 if TYPE_CHECKING:
     from .csv_head import Head
@@ -58,10 +65,10 @@ class Cells:
         return plain if plain is not None else self._one_by_one(name, cells, first_row)
 
     def labels(self, cells: Any, *, as_numbers: bool) -> Any:  # noqa: ANN401
-        """Texts; of a column of numbers whole ones without a point, as `Column.labels` writes them.
+        """Texts as written; of a column of numbers whole ones without a point, as `Column.labels` writes them.
 
-        >>> Cells("point").labels(pa.array(["1.0", " 1", "E7", None]), as_numbers=True).to_pylist()
-        ['1', '1', 'E7', None]
+        >>> Cells("point").labels(pa.array(["1.0", " 1", "E7", "1.7220", None]), as_numbers=True).to_pylist()
+        ['1', '1', 'E7', '1.7220', None]
         """
         coded = cells.dictionary_encode()
         texts = pa.array([self._label(text, as_numbers) for text in coded.dictionary.to_pylist()], pa.string())
@@ -71,7 +78,8 @@ class Cells:
         if is_missing(text):
             return None
         value = parse_number(text, self.decimal) if as_numbers else None
-        return text.strip() if value is None else label_of(value)
+        plain = value is not None and is_plain_label(text, value, self.decimal)
+        return label_of(value) if plain else text.strip()
 
     def _at_once(self, cells: Any) -> Any:  # noqa: ANN401
         """All cells as plain finite numbers, or None."""

@@ -1,7 +1,7 @@
 """Columns that may number the cutting edges, and whether their content says so."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -10,7 +10,9 @@ import pandas as pd
 
 from ...core.arrays import Array, Flags, Ints, Texts
 from ..columns import ColumnUse
-from ..vocabulary import roles_named
+from ..headers import parse_header
+from ..units import canonical, is_unit
+from ..vocabulary import ROLES, role_of, roles_named
 
 TOLERANCE = 0.02  # relative; conditions that differ by less are the same setting measured twice
 SHORT = 2_000  # rows below which a dictionary is faster than pandas
@@ -34,6 +36,32 @@ _GRID = re.compile(r"(?:[A-Za-z][1-8]|\d+(?:\s*[-/._]\s*|\s+)(?:\d+|[A-Za-z])|\d
 def may_be_edge(use: ColumnUse) -> bool:
     """Whether a column may number edges by its name, also where it has no role."""
     return use.role in ("edge", "tool", "run") or (use.role is None and bool(meant_by(use.name)))
+
+
+def label_test(mapping: Mapping[str, str], others: Collection[str] = ()) -> Callable[[int, str, str], bool]:
+    """Whether a column holds names, by its number, header and unit, as `tables.read_table` asks.
+
+    ``mapping`` gives the column of some roles, ``others`` are headers of further columns of names.
+
+    >>> test = label_test({"t": "Nr"}, ["batch"])
+    >>> [test(1, header, "") for header in ("Werkstoff", "Schneide", "Nr", "No", "batch", "VB [mm]", "drill [mm]")]
+    [True, True, False, True, True, False, False]
+    """
+    roles = {header.strip(): role for role, header in mapping.items()}
+
+    def is_label(number: int, header: str, unit: str) -> bool:
+        parts = parse_header(header)
+        text = unit or parts.unit_text
+        names = (header, parts.name, f"col{number}")
+        given = next((roles[name] for name in names if name in roles), None)
+        if given is None and not set(names).isdisjoint(others):
+            return True
+        role = given or role_of(parts.name, canonical(text) if text else None)
+        if role is None:
+            return not is_unit(text) and bool(meant_by(parts.name))
+        return role in ROLES and ROLES[role].kind == "label"
+
+    return is_label
 
 
 @lru_cache(maxsize=1024)

@@ -8,10 +8,11 @@ from ...core.arrays import Ints
 from ...core.text import line_spans
 from ..doubts import Doubt
 from ..draft import Draft, numbers_of
+from ..tables import is_number
 from .columns import Tests, differs
 from .merged_cells import lines_text
 
-_ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
+_ZEROS = re.compile(r"(?<!\d)(?<!\d[.,])0+(?=\d)")  # not those of 1.05
 MOST_NAMES = 5_000  # that are compared
 
 
@@ -55,6 +56,8 @@ def spelling(name: str) -> str:
 
     >>> spelling("E 04"), spelling("e4"), spelling("Platte_010")
     ('e4', 'e4', 'platte10')
+    >>> spelling("007"), spelling("1.05")
+    ('7', '1.05')
     """
     plain = "".join(name.split()).replace("_", "").casefold()
     return _ZEROS.sub("", plain) if "0" in plain else plain
@@ -96,8 +99,18 @@ def _texts_in(draft: Draft, lines: set[int]) -> list[str]:
     return []
 
 
+def _blank_words(draft: Draft) -> None:
+    """Take the few words in a column of edge numbers for no names of edges: they stand in rows of a summary, too."""
+    for column, use in zip(draft.columns, draft.uses, strict=True):
+        if use.role == "edge" and column.bad and column.bad_count == len(column.bad):
+            words = {cell for cell in column.bad if not is_number(cell[1])}
+            cells = zip(draft.lines.tolist(), draft.data["edge"].tolist(), strict=True)
+            draft.data["edge"] = np.array(["" if cell in words else cell[1] for cell in cells], dtype=object)
+
+
 def _name_the_unnamed(draft: Draft) -> None:
     """Rows without an edge become edges of their own: as one edge named "" they would be rows of many edges."""
+    _blank_words(draft)
     edge = draft.data["edge"]
     if "" not in draft.codes("edge")[1]:
         return

@@ -208,9 +208,9 @@ def _numbered_in_order(draft: Draft) -> bool:
     from .columns import may_be_edge, meant_by
 
     for column, use in zip(draft.columns, draft.uses, strict=True):
-        if column.is_numeric and may_be_edge(use) and (use.role or meant_by(use.name)) in ("run", "edge", "other"):
-            values = column.values  # noqa: PD011  a Column, not a Series
-            if len(values) == len(draft.lines) and (values[1:] > values[:-1]).all():
+        if may_be_edge(use) and (use.role or meant_by(use.name)) in ("run", "edge", "other"):
+            values = column.numbers()
+            if values is not None and len(values) == len(draft.lines) and (values[1:] > values[:-1]).all():
                 return True
     return False
 

@@ -12,6 +12,7 @@ from ...core.arrays import Array
 from ...core.errors import DataError, UsageError
 from ...core.rounding import count, listed
 from ...core.suggestions import closest
+from ..edges.columns import label_test
 from ..headers import parse_header
 from ..records.columns import DAY, clock_seconds, heads
 from ..tables import Column, Table, read_table
@@ -80,13 +81,13 @@ def read_plan(path: Path, how: ReduceOptions) -> Plan:
     DataError
         It cannot be read as a table.
     """
-    table = read_table(path, is_unit=is_unit)
+    table = read_table(path, is_unit=is_unit, is_label=label_test({}))
     known = {head.role: head for head in reversed(heads(table.columns)) if head.role}
     edges = tuple(str(v) for v in known["edge"].column.labels()) if "edge" in known else ("",) * table.n_rows
-    run = known.get("run")
+    run = known["run"].column.numbers() if "run" in known else None
     order = np.arange(table.n_rows)
-    if run is not None and run.column.is_numeric and np.isfinite(run.column.values).all():
-        order = np.argsort(run.column.values, kind="stable")
+    if run is not None and np.isfinite(run).all():
+        order = np.argsort(run, kind="stable")
     return Plan(table, edges, _speeds(table, how), tuple(order.tolist()))
 
 

@@ -75,7 +75,7 @@ def _of_plan(reduction: Reduction, channels: Sequence[str]) -> tuple[pd.DataFram
 
 def _cells(column: Column, file: str) -> NDArray[Any]:
     """Cells as they were; texts among numbers are refused."""
-    if column.bad:
+    if column.is_numeric and column.bad:
         raise DataError(
             f"{file}, column {column.name!r} contains text among its numbers: {column.bad_cells()}. Write a number, or "
             "leave the cell empty."

@@ -117,6 +117,7 @@ class Body:
     layout: Layout
     delimiter: str
     left_out: frozenset[int] = frozenset()  # lines of averages
+    labels: frozenset[int] = frozenset()  # places, from 0, of columns of names, also where these are numbers
 
     def blocks(self, findings: Findings) -> Iterator[RowBlock]:
         """Iterate over the data in blocks of at most 2000 rows, noting what is met.
@@ -223,7 +224,7 @@ def _tail_label(rows: Sequence[Sequence[Cell]]) -> str:
 def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, list[str]]:
     """Decide the decimal mark of a table, unless given, by the majority of the cells with one reading only.
 
-    All cells of the first block that holds such a cell are counted.
+    All cells of the first block that holds such a cell are counted, except in columns of labels.
 
     Returns
     -------
@@ -244,7 +245,7 @@ def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, li
     """
     evidence = Evidence()
     for block in body.blocks(Findings()):
-        evidence.add(block.lines, block.columns)
+        evidence.add(block.lines, [() if i in body.labels else cells for i, cells in enumerate(block.columns)])
         if evidence.decided or decimal is not None:
             break
     chosen = decimal or _majority(body, evidence)

@@ -18,6 +18,7 @@ from .numerals import (
     Cell,
     Decimal,
     Mark,
+    are_plain_labels,
     is_missing,
     is_word,
     one_group,
@@ -44,9 +45,10 @@ class Column:
     values : ndarray, shape (n,)
         float, nan where missing or bad; in a text column str objects, "" where missing.
     is_numeric : bool
-        Fewer than half of the filled cells fail to be numbers.
+        Fewer than half of the filled cells fail to be numbers; a column of labels (`read_table`) must besides be shown
+        as written by its numbers, otherwise it is one of texts: 007, 1.7220, 5E2.
     bad : tuple of (int, str)
-        Line and text of the first 40 cells of a numeric column that are not numbers.
+        Line and text of the first 40 cells that are not numbers, where most are.
     bad_count : int
         Number of all such cells.
     marks : tuple of (int, Mark)
@@ -74,10 +76,21 @@ class Column:
         """
         if not self.is_numeric:
             return self.values.copy()
-        texts = ["" if v != v else label_of(v) for v in self.values.tolist()]
+        texts = _numbers_as_texts(self.values)
         for row, mark in self.marks:
             texts[row] = mark.text
-        return np.array(texts, dtype=object)
+        return texts
+
+    def numbers(self) -> Array | None:
+        """The values as numbers, also of labels such as ``007``; None where they are texts.
+
+        >>> Column(1, "run", "", np.array(["01", "02"], dtype=object), False).numbers()
+        array([1., 2.])
+        """
+        if self.is_numeric:
+            return self.values
+        texts = self.values.tolist()
+        return self.values.astype(float) if texts and all(map(str.isdecimal, texts)) else None
 
     def bad_cells(self) -> str:
         """The first cells of `bad` as a list for messages, and the number of the others."""
@@ -112,8 +125,12 @@ def column_of_texts(number: int, name: str, cells: Sequence[str]) -> Column:
 
 @dataclass(slots=True)
 class _Gathering:
-    """One column while its blocks come in; text is kept of blocks where most cells are no numbers."""
+    """One column while its blocks come in; text is kept of blocks where most cells are no numbers.
 
+    Of labels it is also kept of blocks whose numbers are not shown as written.
+    """
+
+    is_label: bool = False
     floats: list[Array] = field(default_factory=list)
     texts: list[Texts | None] = field(default_factory=list)
     bad: list[tuple[int, str]] = field(default_factory=list)
@@ -137,7 +154,8 @@ class _Gathering:
             values, bad = strict_floats(cells, decimal)
             self.grouped += ((self.n_rows + i, lines[i], str(cells[i]).strip()) for i in one_group(cells, decimal))
         self.filled += int(np.count_nonzero(values == values)) + len(bad)
-        self.texts.append(_texts(cells) if 2 * len(bad) >= len(cells) else None)
+        keeps = 2 * len(bad) >= len(cells) or (self.is_label and (bad or not are_plain_labels(cells, values, decimal)))
+        self.texts.append(_texts(cells) if keeps else None)
         if bad:
             texts = {str(cell) for cell in set(cells)} if len(bad) == len(cells) else {str(cells[i]) for i in bad}
             found = {text: mark for text in texts if (mark := read_mark(text, decimal))}
@@ -156,11 +174,20 @@ class _Gathering:
         self.floats.append(values)
         self.n_rows += len(cells)
 
-    def add_numbers(self, values: Array) -> None:
+    def add_numbers(self, values: Array, cells: tuple[Cell, ...], decimal: Decimal) -> None:
         self.filled += len(values)
         self.n_rows += len(values)
         self.floats.append(values.copy())  # a view would keep the whole block
-        self.texts.append(None)
+        self.texts.append(_texts(cells) if cells and not are_plain_labels(cells, values, decimal) else None)
+
+    def as_written(self) -> Texts | None:
+        """The labels of a column of numbers as written, None where its numbers show them."""
+        if not self.is_label or all(texts is None for texts in self.texts):
+            return None
+        blocks = zip(self.texts, self.floats, strict=True)
+        names = np.concatenate([_numbers_as_texts(values) if texts is None else texts for texts, values in blocks])
+        shown = {name: "" if name.casefold() in NOT_MEASURED else name.removeprefix("'") for name in set(names)}
+        return np.array([shown[name] for name in names], dtype=object)
 
 
 def gather_columns(
@@ -188,14 +215,14 @@ def gather_columns(
     [False, True]
 
     """
-    gatherings = [_Gathering() for _ in body.layout.names]
+    gatherings = [_Gathering(i in body.labels) for i in range(len(body.layout.names))]
     lines: list[NDArray[np.int64]] = []
     findings = Findings()
     for block in stretches(body, findings, decimal):
         lines.append(np.array(block.lines, dtype=np.int64))
         if isinstance(block, NumberBlock):
-            for gathering, values in zip(gatherings, block.values.T, strict=True):
-                gathering.add_numbers(values)
+            for i, (gathering, values) in enumerate(zip(gatherings, block.values.T, strict=True)):
+                gathering.add_numbers(values, block.labels.get(i, ()), decimal)
             continue
         for gathering, cells in zip(gatherings, block.columns, strict=True):
             gathering.add(cells, block.lines, decimal)
@@ -223,7 +250,9 @@ def _columns(body: Body, gatherings: list[_Gathering], doubts: list[Doubt]) -> I
         if not name and not unit and not g.filled:
             continue  # an empty column between the others or next to them
         name, unit = visible(name) or f"col{i + 1}", visible(unit)
-        if g.is_numeric:
+        if g.is_numeric and (names := g.as_written()) is not None:
+            yield Column(i + 1, name, unit, names, False, tuple(g.bad), g.bad_count)
+        elif g.is_numeric:
             values: NDArray[Any] = np.concatenate(g.floats)
             g.floats.clear()
             doubts += _without_wrong_groups(name, values, g.grouped)
@@ -271,6 +300,11 @@ def _texts(cells: tuple[Cell, ...]) -> Texts:
     """The cells as text, one object for equal texts."""
     known = {cell: _text(cell) for cell in set(cells)}
     return np.array([known[cell] for cell in cells], dtype=object)
+
+
+def _numbers_as_texts(values: Array) -> Texts:
+    """Numbers as labels, "" where there is none."""
+    return np.array(["" if v != v else label_of(v) for v in values.tolist()], dtype=object)
 
 
 def _is_error(text: str) -> bool:

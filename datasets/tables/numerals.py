@@ -11,11 +11,13 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from ...core.arrays import Array
+from ...core.rounding import label_of
 
 Decimal: TypeAlias = Literal["point", "comma"]
 Cell: TypeAlias = str | float  # a float only where a workbook stores a typed number
 
 _MINUS = "\N{MINUS SIGN}"
+_POWERS = 10.0 ** np.arange(1, 16)
 # Thousands marks under either reading: apostrophes, the blank and the no-break and thin blanks.
 _NEUTRAL_GROUPS = "'’ \u00a0\u2007\u2009\u202f"
 _MISSING_TEXTS = """
@@ -210,6 +212,35 @@ def strict_floats(cells: Sequence[Cell], decimal: Decimal) -> tuple[Array, list[
             failed.add(cell)
     values = np.array([math.nan if (value := read[cell]) is None else value for cell in cells], dtype=float)
     return values, [i for i, cell in enumerate(cells) if cell in failed] if failed else []
+
+
+def is_plain_label(cell: Cell, value: float, decimal: Decimal) -> bool:
+    """Whether a number as a label is shown as its cell has it; the ending of ``1.0`` is that of a program.
+
+    >>> [is_plain_label(cell, float(cell), "point") for cell in ("1", "1.0", "2.5", "007", "1.7220", "5E2")]
+    [True, True, True, False, False, False]
+    """
+    if isinstance(cell, float) or value != value:
+        return True
+    text = cell.strip() if decimal == "point" else cell.strip().replace(",", ".")
+    return text in (label_of(value), f"{value:.1f}")
+
+
+def are_plain_labels(cells: Sequence[Cell], values: Array, decimal: Decimal) -> bool:
+    """Whether all numbers of a column of labels are shown as written.
+
+    >>> are_plain_labels(["1", "", "10"], np.array([1.0, np.nan, 10.0]), "point")
+    True
+    """
+    known = values[values == values]
+    try:
+        text = "".join(cells)  # type: ignore[arg-type]  # a typed cell raises the TypeError below
+    except TypeError:
+        text = ""
+    if text.isascii() and text.isdecimal() and known.max() < _POWERS[-1]:
+        return len(text) == len(known) + int(np.searchsorted(_POWERS, known, side="right").sum())  # no zero in front
+    different = dict(zip(cells, values.tolist(), strict=True))
+    return all(is_plain_label(cell, value, decimal) for cell, value in different.items())
 
 
 def one_group(cells: Sequence[Cell], decimal: Decimal) -> list[int]:

@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain, islice
 
 import numpy as np
@@ -19,16 +19,18 @@ _DELIMITERS = ",;\t|"
 
 @dataclass(frozen=True, slots=True)
 class NumberBlock:
-    """Successive data rows that hold only numbers: line numbers, and values of shape (n, width)."""
+    """Successive data rows that hold only numbers: line numbers, values of shape (n, width), and cells of labels."""
 
     lines: range
     values: Array
+    labels: dict[int, tuple[Cell, ...]] = field(default_factory=dict)
 
 
 def stretches(body: Body, findings: Findings, decimal: Decimal) -> Iterator[NumberBlock | RowBlock]:
     r"""Iterate over the data as `Body.blocks` does, the first blocks as numbers while they hold only numbers.
 
-    The next ones, while their rows are full, are split without the reader of quoted cells.
+    Columns of labels (`Body.labels`) keep their cells as well. The next blocks, while their rows are full, are split
+    without the reader of quoted cells.
 
     >>> from .layout import find_layout
     >>> source = TextSource("a.csv", b"V,f\n" + 2300 * b"1,2\n", "utf-8", ",", False)
@@ -132,7 +134,7 @@ def _plain(
         block, lines_of = held[:BLOCK], range(above + 1, above + BLOCK + 1)
         values = plain_numbers(block, body.layout.width, source.delimiter, decimal) if only_numbers else None
         if values is not None:
-            yield NumberBlock(lines_of, values)
+            yield NumberBlock(lines_of, values, _labels(block, body, source.delimiter))
         else:
             only_numbers = False
             cells = plain_cells(block, body.layout.width, source.delimiter)
@@ -142,3 +144,12 @@ def _plain(
         above += BLOCK
         del held[:BLOCK]
     return source.rows_of(chain(held, lines), above)
+
+
+def _labels(lines: Sequence[str], body: Body, delimiter: str) -> dict[int, tuple[Cell, ...]]:
+    """Cells of the columns of labels, by their places, of full lines of numbers."""
+    if not body.labels:
+        return {}
+    text = "".join(lines).replace("\r\n", "\n").replace("\r", "\n").replace(" ", "")
+    cells = text.replace("\n", delimiter).split(delimiter)
+    return {i: tuple(cells[i : len(lines) * body.layout.width : body.layout.width]) for i in body.labels}

@@ -20,7 +20,7 @@ from .decode import encoding_of, load_bytes
 from .dialect import Dialect, TextSource, split_line, text_source
 from .gather import Column, gather_columns
 from .header_rows import Words, no_units
-from .invisible import without_invisible
+from .invisible import visible, without_invisible
 from .layout import Layout, find_layout
 from .numerals import Decimal, is_missing, is_number
 from .row_widths import aligned
@@ -99,6 +99,15 @@ class Table:
         raise UsageError(f"{self.path.name} has no column {name!r}. {hint}")
 
 
+def no_labels(number: int, header: str, unit: str) -> bool:
+    """False for every column: the default of `read_table`, which knows no names.
+
+    >>> no_labels(1, "tool", "")
+    False
+    """
+    return False
+
+
 def read_table(
     path: str | os.PathLike[str],
     *,
@@ -108,6 +117,7 @@ def read_table(
     delimiter: str | None = None,
     sheet: str | None = None,
     hidden: bool = False,
+    is_label: Callable[[int, str, str], bool] = no_labels,
 ) -> Table:
     r"""Read a delimited text file or a workbook (.xlsx, .xls, .xlsb, .ods).
 
@@ -130,6 +140,9 @@ def read_table(
         The sheet of a workbook; by default the one with most known names, or else the first with a table.
     hidden : bool
         Read hidden rows, columns and sheets of a workbook too.
+    is_label : callable
+        Whether a column holds names, by its number from 1, header and units-row cell: numbers in it are kept as
+        written (007, 1.7220, 5E2), and say nothing about the decimal mark.
 
     Raises
     ------
@@ -173,7 +186,9 @@ def read_table(
     if isinstance(source, TextSource):
         mark = source.delimiter
         layout, realigned = aligned(source, layout, path.name, mark)
-    body = Body(path.name, source, layout, mark)
+    headers = enumerate(zip(layout.names, layout.unit_cells, strict=True))
+    labels = frozenset(i for i, (header, unit) in headers if is_label(i + 1, visible(header), visible(unit)))
+    body = Body(path.name, source, layout, mark, labels=labels)
     point, thousands, doubts = weigh_decimal(body, decimal)
     columns, lines, findings, cell_doubts = gather_columns(body, point)
     averages = average_rows(columns, lines, body)
