@@ -4,6 +4,7 @@ import json
 import sys
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from fitmodels.datasets.signals.faults import _piled_up
 from fitmodels.datasets.signals.joining import read_plan
 from fitmodels.datasets.signals.options import ReduceOptions
 from fitmodels.datasets.signals.recording import Recording, read_recordings
+from fitmodels.datasets.signals.reduction import _notes
 
 sys.path.insert(0, str(Path(__file__).parent))
 simulated = import_module("force_records")
@@ -101,6 +103,11 @@ def test_a_plan_keeps_names_that_look_like_numbers_and_its_order(tmp_path):
     path.write_text("run,edge,n\n03,1E1,600\n01,10,600\n02,007,600\n")
     plan = read_plan(path, ReduceOptions())
     assert (plan.edges, plan.order) == (("1E1", "10", "007"), (1, 2, 0))
+
+
+def test_notes_on_the_air_explain_a_count_and_others_do_not():
+    record = SimpleNamespace(name="E1.csv", notes=("cut in air", "repair of the spindle", "1 cut left out"))
+    assert _notes([record]) == ["E1.csv: cut in air", "E1.csv: 1 cut left out"]
 
 
 def test_a_drive_has_three_states(lab):

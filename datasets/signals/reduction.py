@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ from .statistics import ChannelFigures, channel_figures, peak_window
 LOW = 0.2  # deviation of idle levels between records
 SIGNIFICANT = 3.0  # standard errors
 SHORTEST_WINDOW = 10  # samples
+_OF_CUTS = re.compile(r"\bair\b|left out")  # in notes that explain the number of cuts
 Speed = Callable[[int, float | None], float | None]
 
 
@@ -243,9 +245,7 @@ def _rows(plan: Plan, joined: Assignment, records: Sequence[ReducedRecord]) -> t
 
 
 def _notes(records: Sequence[ReducedRecord]) -> list[str]:
-    return [
-        f"{record.name}: {note}" for record in records for note in record.notes if "air" in note or "left out" in note
-    ]
+    return [f"{record.name}: {note}" for record in records for note in record.notes if _OF_CUTS.search(note)]
 
 
 def _reduced(
