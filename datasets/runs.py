@@ -277,7 +277,7 @@ def _remarks(runs: Runs, *, frame: bool) -> tuple[str, ...]:
     found = [
         f"{text.replace('the file does', 'its columns do')}; {remedy}."
         for text in runs.assumed
-        if frame and text.startswith("units")
+        if frame and text.startswith("units that")
     ]
     return (*found, *(f"Doubt: {doubt.in_python}" for doubt in runs.doubts))
 

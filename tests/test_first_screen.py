@@ -237,6 +237,16 @@ def test_doubts_stand_in_red_with_the_command_that_removes_them(shown, tmp_path)
     assert "--unit VB=um" in "".join(commands(re.sub(r"\x1b\[[\d;]*m", "", out)))
 
 
+def test_a_unit_given_against_the_header_is_on_the_screen_and_in_the_file(shown, tmp_path):
+    frame = wear_tests(np.random.default_rng(2), 8)
+    frame["VB [mm]"] = (1000 * frame["VB [mm]"]).round(0)
+    path = write(tmp_path / "um.csv", frame)
+    code, out, _ = shown(path, "--unit", "VB=um", "--out", str(tmp_path / "fit"))
+    assert code == 0
+    assert "VB, the header says mm, --unit VB=um is used" in " ".join(out.split())
+    assert "--unit VB=um is used" in next((tmp_path / "fit").rglob("params.json")).read_text("utf-8")
+
+
 @pytest.mark.parametrize("pairs", [2, 5])
 def test_several_pairs_share_the_screen(shown, tmp_path, pairs):
     rng = np.random.default_rng(3)

@@ -167,6 +167,36 @@ def test_a_unit_of_the_user_is_doubted_and_never_changed(read):
     assert any("VB" in doubt.columns and "unusual" in doubt.sentence for doubt in runs.doubts)
 
 
+def test_a_unit_given_against_a_usual_one_of_the_header_is_stated_and_doubted(read):
+    columns = {name: values for name, values in rows().items() if name != "P"}
+    headers = {"V": "vc [m/min]", "f": "f [mm/rev]", "d": "d [mm]", "VB": "VB [mm]"}
+    runs = read(text(columns, headers), units={"V": "sfm", "d": "mm"})
+    assert [x for x in runs.assumed if "header" in x] == [
+        "units given against the file: V, the header says m/min, --unit V=sfm is used"
+    ]
+    (doubt,) = runs.doubts
+    assert (doubt.columns, doubt.remedy, doubt.unsettled) == (("V",), "--unit V=m/min", False)
+    assert "V 80 to 180 m/min, as the header names it, is usual" in doubt.sentence
+
+
+@pytest.mark.parametrize(
+    ("role", "factor", "header", "unit"),
+    [("VB", 1000, "VB [mm]", "um"), ("t", 60, "t [min]", "s"), ("Fc", 0.1, "Fc [N]", "daN"),
+     ("d", 1 / 25.4, "d [mm]", "in")],
+)  # fmt: skip
+def test_a_unit_given_as_a_check_proposes_it_is_stated_alone(read, role, factor, header, unit):
+    columns = rows()
+    columns["Fc"] = 2000 * columns["f"] ** 0.75 * columns["d"]
+    columns[role] = columns[role] * factor
+    headers = {"V": "V [sfm]", "f": "f [ipr]"} if unit == "in" else {"V": "V [m/min]", "f": "f [mm/rev]"}
+    if unit == "in":
+        columns |= {"V": columns["V"] * 3.28, "f": columns["f"] / 25.4}
+    runs = read(text(columns, headers | {"P": "P [kW]", "VB": "VB [mm]", "Fc": "Fc [N]", role: header}),
+                units={role: unit})  # fmt: skip
+    assert any(f"--unit {role}={unit} is used" in x for x in runs.assumed)
+    assert runs.doubts == ()
+
+
 @pytest.mark.parametrize("units", [False, True])
 @pytest.mark.parametrize("pair", [("V", "f"), ("f", "d"), ("VB", "d"), ("V", "d")])
 def test_exchanged_headers_are_named_with_the_options_that_exchange_them(read, pair, units):

@@ -18,7 +18,7 @@ from ..options import Process, ReadOptions
 from ..vocabulary import ROLES, roles_named
 from .cross_checks import check_columns, check_systems
 from .mixed_units import check_mixed_units
-from .quantities import Quantity, numeric_columns, table_process, take_unit, unit_factor
+from .quantities import Quantity, numeric_columns, state_given_units, table_process, take_unit, unit_factor
 from .ranges import INCH, candidate_units, plausible, widest
 from .stray_values import check_cells, check_levels, places
 from .unused_columns import check_uses
@@ -60,6 +60,7 @@ def settle_units(draft: Draft, options: ReadOptions) -> None:
         elif not _doubt_revolutions(draft, one, options, process) and not one.lies_in(one.ranges.usual):
             _judge_unnamed(draft, one, exchanged)
     check_systems(draft, found if draft.uses is named else numeric_columns(draft, options, process), named)
+    state_given_units(draft, options, found)
     _state_unnamed(draft)
     check_cells(draft, options)
 

@@ -12,10 +12,12 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.errors import UsageError
 from ...core.rounding import format_decimal
+from ..doubts import Doubt
 from ..draft import Draft
+from ..headers import parse_header
 from ..options import Process, ReadOptions
-from ..units import canonical, convert
-from ..vocabulary import ROLES
+from ..units import canonical, convert, same_dimension
+from ..vocabulary import ROLES, understood_unit
 from .ranges import INCH, Plausible, Range, candidate_units, plausible, process_of
 
 SAMPLE = 20000  # values of a long column that settle its unit
@@ -91,6 +93,45 @@ def numeric_columns(draft: Draft, options: ReadOptions, process: Process | None)
         span = float(values[0]), float(values[-1])
         found.append(Quantity(use.role, place, bulk, span, use.unit, use.role in options.units, factor, ranges))
     return found
+
+
+def headers_against(draft: Draft, options: ReadOptions) -> dict[str, str]:
+    """Units that headers name, by role, where the user gave another unit of the role."""
+    found = {}
+    for column, use in zip(draft.columns, draft.uses, strict=True):
+        text = column.unit_cell.strip("[]() ") or parse_header(column.name).unit_text
+        if use.role is None or use.role not in options.units or not (text and use.unit):
+            continue
+        unit = understood_unit(use.role, text)
+        fits = unit is not None and same_dimension(unit, ROLES[use.role].unit)
+        if unit and fits and unit_factor(unit, use.role) != unit_factor(use.unit, use.role):
+            found[use.role] = unit
+    return found
+
+
+def state_given_units(draft: Draft, options: ReadOptions, found: list[Quantity]) -> None:
+    """State the units that the user gave against headers, and doubt them where those of the headers are usual."""
+    headers = headers_against(draft, options)
+    if headers:
+        each = (f"{role}, the header says {unit}, --unit {role}={options.units[role]} is used"
+                for role, unit in headers.items())  # fmt: skip
+        draft.assumed.append(f"units given against the file: {'; '.join(each)}")
+    for one in found:
+        unit = headers.get(one.role)
+        if unit is None or not one.lies_in(one.ranges.unusual) or _is_remedy(one, unit, found):
+            continue
+        if one.lies_in(one.ranges.usual, unit_factor(unit, one.role)):
+            sentence = f"{one.role} {one.shown(unit)}, as the header names it, is usual; {one.shown(one.unit)} is used"
+            draft.doubts.append(Doubt((one.role,), f"{sentence}, as --unit has it", f"--unit {one.role}={unit}"))
+
+
+def _is_remedy(one: Quantity, header: str, found: list[Quantity]) -> bool:
+    """Whether a check proposes the unit given: daN for a force, or the system of all other conditions of the file."""
+    if (one.role, header, one.unit) == ("Fc", "N", "daN"):
+        return True
+    others = [x.unit in INCH for x in found if x.unit and x is not one and ROLES[x.role].kind == "condition"]
+    is_inch = one.unit in INCH
+    return ROLES[one.role].kind == "condition" and is_inch != (header in INCH) and set(others) == {is_inch}
 
 
 def unit_factor(unit: str, role: str) -> float:
