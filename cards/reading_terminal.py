@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from rich.cells import cell_len
 from rich.console import Group, RenderableType
 from rich.padding import Padding
@@ -19,6 +18,7 @@ from ..datasets import Runs
 from ..datasets.columns import ColumnUse, recognised
 from ..datasets.doubts import Doubt
 from ..datasets.draft import mark_column
+from ..datasets.runs import edges_of
 from ..datasets.vocabulary import ROLES
 from ..fit.checks.usefulness import tools_of_rows
 from ..fit.defaults import SETTINGS, Held
@@ -201,26 +201,31 @@ def pairs_block(pairs: Sequence[Runs], laws: Callable[[Runs], str]) -> Renderabl
 
 
 def edges_block(runs: Runs) -> RenderableType | None:
-    """Rows of each edge, its conditions, its time and its wear from first to last; None where there are no edges."""
+    """Rows of each edge, its conditions, its time and its wear from first to last; None where there are no edges.
+
+    Tool and work are named where edges of several pairs have one name.
+    """
     if not runs.has("edge"):
         return None
-    codes, names = pd.factorize(runs.labels("edge"))
-    known = [i for i, name in enumerate(names) if name]
+    codes, names = edges_of(runs)
+    again = len({edge for *_, edge in names}) < len(names)
+    parts = [k for k in (0, 1) if again and len({name[k] for name in names}) > 1] + [2]
     shown = [name for name in runs.units if name in runs.data and ROLES[name].kind in ("condition", "time", "wear")]
     shown = sorted(shown, key=list(ROLES).index)
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column("edge", no_wrap=True)
+    for k in parts:
+        table.add_column(("tool", "work", "edge")[k], no_wrap=True)
     table.add_column("rows", justify="right")
     for name in shown:
         table.add_column(f"{name} {runs.units.get(name, '')}".strip(), justify="right", no_wrap=True)
     order = np.argsort(codes, kind="stable")
-    rows = np.split(order, np.cumsum(np.bincount(codes, minlength=len(names)))[:-1])
+    rows = np.split(order, np.cumsum(np.bincount(codes + 1, minlength=len(names) + 1))[:-1])[1:]
     columns = {name: runs.values(name) for name in shown}
-    for i in known[:MOST_EDGES]:
-        cells = (_span(columns[name][rows[i]]) for name in shown)
-        table.add_row(Text(str(names[i])), str(len(rows[i])), *cells)
-    more = [Text(f"... and {len(known) - MOST_EDGES} more")] if len(known) > MOST_EDGES else []
-    return Group(Text(f"Edges: {len(known)}", style="bold"), Padding(Group(table, *more), (0, 0, 1, 2)))
+    for edge, of_edge in zip(names[:MOST_EDGES], rows, strict=False):
+        cells = (_span(columns[name][of_edge]) for name in shown)
+        table.add_row(*(Text(edge[k]) for k in parts), str(len(of_edge)), *cells)
+    more = [Text(f"... and {len(names) - MOST_EDGES} more")] if len(names) > MOST_EDGES else []
+    return Group(Text(f"Edges: {len(names)}", style="bold"), Padding(Group(table, *more), (0, 0, 1, 2)))
 
 
 def commands_block(commands: Sequence[tuple[str, str]]) -> RenderableType:
@@ -238,7 +243,7 @@ def raw_columns(table: "FileTable") -> RenderableType:
         grid.add_column(heading)
     for column, (role, unit) in zip(table.columns, recognised(table.columns), strict=True):
         name = f"{role} {ROLES[role].quantity}" if role else ""
-        cells = column.values[:SHOWN_VALUES]  # noqa: PD011  a Column, not a Series
+        cells = column.values[:SHOWN_VALUES]
         texts = (f"{value:.6g}" if isinstance(value, float) else str(value)[:20] for value in cells)
         values = ", ".join("-" if text in ("nan", "") else text for text in texts)
         grid.add_row(f"col{column.number}", Text(column.name), Text(unit), name, Text(values))

@@ -7,7 +7,7 @@ from ..core.display import plot
 from ..core.figure_style import BLUE, GREY, ORANGE, SMALL, THIN, new_axes
 from ..core.rounding import with_unit
 from .records.record import Record
-from .runs import Runs
+from .runs import Runs, edges_of
 
 RESPONSES = ("AW", "VB", "P", "Fxz", "Fc", "F", "Fx", "I", "Ra")  # the first of these that the file has is drawn
 MOST_EDGES = 60  # drawn as lines; more edges are drawn as points
@@ -20,17 +20,17 @@ def runs_figure(runs: Runs, ax: Axes | None = None) -> Axes:
     numbers = [name for name in runs.units if name in runs.data]
     y = next((name for name in RESPONSES if name in numbers), numbers[-1])
     x = "t" if "t" in numbers and y != "t" else numbers[0]
-    edges = runs.labels("edge") if runs.has("edge") and x == "t" else np.array([""] * len(runs), dtype=object)
-    names = list(dict.fromkeys(edges))
-    joined = 1 < len(names) <= MOST_EDGES
-    for name in names if joined else [None]:
-        rows = edges == name if joined else np.ones(len(runs), dtype=bool)
+    edges = edges_of(runs)[0] if runs.has("edge") and x == "t" else np.full(len(runs), -1)
+    numbered = np.unique(edges)
+    joined = 1 < len(numbered) <= MOST_EDGES
+    for one in numbered if joined else [None]:
+        rows = edges == one if joined else np.ones(len(runs), dtype=bool)
         order = np.argsort(runs.values(x)[rows], kind="stable")
         ax.plot(runs.values(x)[rows][order], runs.values(y)[rows][order], "o-" if joined else "o", ms=3, lw=THIN,
                 color=BLUE, alpha=0.7)  # fmt: skip
     ax.set_xlabel(with_unit(x, runs.units.get(x, "")))
     ax.set_ylabel(with_unit(y, runs.units.get(y, "")))
-    lines = f", {len(names)} edges" if joined else ""
+    lines = f", {len(numbered)} edges" if joined else ""
     ax.set_title(f"{runs.tool} on {runs.work}: {len(runs)} rows{lines}" + (", simulated" if runs.simulated else ""),
                  fontsize=SMALL)  # fmt: skip
     return ax

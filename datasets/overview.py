@@ -16,7 +16,7 @@ from ..core.figure_style import BLUE, GREY, ORANGE, SERIES, SMALL, THICK, THIN
 from ..core.plotting import NotebookFigure, dress
 from ..core.rounding import count, with_unit
 from .figures import RESPONSES
-from .runs import Runs
+from .runs import Runs, edges_of
 from .vocabulary import MEASURED, ROLES
 
 MOST_FACTORS = 6  # small panels in a row
@@ -74,7 +74,7 @@ def overview_figure(runs: Runs) -> Figure:
 
 
 def _title(runs: Runs) -> str:
-    edges = f", {len(set(runs.labels('edge')) - {''})} edges" if runs.has("edge") else ", no edges"
+    edges = f", {len(edges_of(runs)[1])} edges" if runs.has("edge") else ", no edges"
     n = len(runs.doubts)
     doubts = f", {count(n, 'doubt')} (orange)" if n else ""
     note = ", simulated" if runs.simulated else ""
@@ -136,14 +136,14 @@ def _curves(runs: Runs, symbol: str, ax: Axes, colours: Texts) -> None:
     x_name = x_name or max(_factors(runs), key=lambda name: _correlation(runs, name, symbol), default=None)
     x = runs.values(x_name) if x_name else np.arange(1.0, len(runs) + 1)
     y = runs.values(symbol)
-    edges = runs.labels("edge") if runs.has("edge") and x_name == "t" else np.full(len(runs), "", dtype=object)
+    of_row, names = edges_of(runs) if runs.has("edge") and x_name == "t" else (np.full(len(runs), -1), [])
     seen = np.isfinite(x) & np.isfinite(y)
     if _log(x[seen]) and _log(y[seen]):
         ax.set(xscale="log", yscale="log")
-    drawn = np.flatnonzero(seen & (edges != ""))
-    codes, names = pd.factorize(edges[drawn])
-    if len(names) > 1:
-        _lines(ax, x, y, drawn, codes, names, colours)
+    drawn = np.flatnonzero(seen & (of_row >= 0))
+    codes, edges = pd.factorize(of_row[drawn])
+    if len(edges) > 1:
+        _lines(ax, x, y, drawn, codes, [names[i][-1] for i in edges], colours)
     else:
         some = _some(np.flatnonzero(seen), MOST_POINTS)
         ax.scatter(x[some], y[some], s=16, c=colours[some].tolist(), alpha=0.7, linewidths=0)
@@ -154,7 +154,7 @@ def _curves(runs: Runs, symbol: str, ax: Axes, colours: Texts) -> None:
     ax.grid(color=GREY, alpha=0.2, which="both")
 
 
-def _lines(ax: Axes, x: Array, y: Array, drawn: Ints, codes: Ints, names: Texts, colours: Texts) -> None:
+def _lines(ax: Axes, x: Array, y: Array, drawn: Ints, codes: Ints, names: list[str], colours: Texts) -> None:
     """A line for each edge, of many edges for some of them; few edges are named."""
     drawn = drawn[np.lexsort((x[drawn], codes))]
     rows = np.split(drawn, np.cumsum(np.bincount(codes))[:-1])
@@ -167,7 +167,7 @@ def _lines(ax: Axes, x: Array, y: Array, drawn: Ints, codes: Ints, names: Texts,
         ax.plot(x[few], y[few], "o-", ms=3, lw=THIN, color=colours[at[0]], alpha=0.85)
     if len(names) <= NAMED_EDGES:
         last = [at[-1] for at in rows]
-        _names_beside(ax, [str(name) for name in names], x[last], y[last], colours[last])
+        _names_beside(ax, names, x[last], y[last], colours[last])
 
 
 def _some(places: Ints, most: int) -> Ints:

@@ -282,6 +282,31 @@ def _remarks(runs: Runs, *, frame: bool) -> tuple[str, ...]:
     return (*found, *(f"Doubt: {doubt.in_python}" for doubt in runs.doubts))
 
 
+def edges_of(runs: Runs) -> tuple[Ints, list[tuple[str, ...]]]:
+    """Number of the edge of each row, shape (n,), -1 without one, and tool, work and name of each edge.
+
+    Rows of one name under different tools or work materials are of different edges.
+
+    >>> from fitmodels import datasets
+    >>> frame = pd.DataFrame({"tool": ["A", "B", "B"], "edge": ["1", "1", ""], "V": [100.0, 120.0, 140.0]})
+    >>> edges_of(datasets.runs_from_frame(frame, work="C45", judge=False))
+    (array([ 0,  1, -1]), [('A', 'C45', '1'), ('B', 'C45', '1')])
+    """
+    labels = [runs.labels(role) if role in runs.data else None for role in (*UNNAMED, "edge")]
+    keys = np.zeros(len(runs), dtype=np.intp)
+    for texts in labels:
+        if texts is not None:
+            code, different = pd.factorize(texts)
+            keys = keys * len(different) + code
+    rows = np.flatnonzero(runs.labels("edge") != "")
+    codes = np.full(len(runs), -1, dtype=np.intp)
+    codes[rows] = pd.factorize(keys[rows])[0]
+    first = rows[np.unique(codes[rows], return_index=True)[1]].tolist()
+    given = zip(labels, (runs.tool, runs.work, ""), strict=True)
+    names = [[name if texts is None else texts[row] for row in first] for texts, name in given]
+    return codes, list(zip(*names, strict=True))
+
+
 def _is_path(source: object) -> bool:
     if isinstance(source, list | tuple):
         return all(isinstance(file, str | os.PathLike) for file in source)

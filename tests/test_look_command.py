@@ -57,6 +57,23 @@ def commands(text):
 # What look prints
 
 
+def test_edges_of_one_name_on_two_materials_are_different(here):
+    rows = table().splitlines()
+    halves = [f"{work},{row}" for work, some in (("C45", rows[1:13]), ("42CrMo4", rows[13:])) for row in some]
+    text = "\n".join([f"work,{rows[0]}", *halves, ""])
+    for k in range(5, 9):
+        text = text.replace(f",E{k},", f",E{k - 4},")
+    (here / "data.csv").write_text(text)
+    result = run("look", "data.csv")
+    assert "Edges: 8" in result.out
+    assert re.search(r"work\s+edge\s+rows", result.out)
+    assert re.search(r"C45\s+E1\s+3 .*\n(.*\n){3}\s+42CrMo4\s+E1\s+3 ", result.out)
+    runs = datasets.read_runs("data.csv")
+    figure = overview_figure(runs)
+    assert ", 8 edges" in figure.get_suptitle()
+    assert len(figure.axes[-1].lines) == len(runs.plot().lines) == 8
+
+
 def test_look_prints_the_reading_and_fits_nothing(here):
     (here / "data.csv").write_bytes(GC435.read_bytes())
     result = run("look", "data.csv")
