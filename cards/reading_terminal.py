@@ -33,7 +33,7 @@ MOST_EDGES = 24  # edges of the table
 MOST_PAIRS = 12
 WIDEST_LINE = 80  # letters of a command
 OTHER_ASSUMED = ("units that the file does not name", "tool:", "work:")  # on the first lines already
-AGAINST = "units given against the file"  # in full
+IN_FULL = ("units given against the file", "rows that stand twice")
 RUN_OUTS = re.compile(r"^T: .* (?:is a run-out|are run-outs): longer")  # on the first line already
 SHOWN_VALUES = 4  # of a column of a refused file
 Command = Callable[[str], str]
@@ -150,12 +150,12 @@ def first_line(what: str, sentences: Sequence[str], width: int) -> list[Text]:
 
 
 def assumed_lines(assumed: Sequence[str], width: int) -> list[Text]:
-    """Assumptions: units given against headers and computed quantities in full, and the first of the others."""
+    """Assumptions: units given against headers, copies and computed quantities, and the first of the others."""
     computed = [words for words in assumed if ", computed from " in words]
-    against = [words for words in assumed if words.startswith(AGAINST)]
-    others = [words for words in assumed if words not in (*computed, *against) and not words.startswith(OTHER_ASSUMED)]
+    stated = [words for words in assumed if words.startswith(IN_FULL)]
+    others = [words for words in assumed if words not in (*computed, *stated) and not words.startswith(OTHER_ASSUMED)]
     others = [words for words in others if not RUN_OUTS.search(words)]
-    lines = [line for words in (*against, *computed[:2]) for line in wrapped(f"! {words}", width, "yellow", most=4)]
+    lines = [line for words in (*stated, *computed[:2]) for line in wrapped(f"! {words}", width, "yellow", most=4)]
     return lines + first_line("assumed", others, width)
 
 

@@ -379,6 +379,34 @@ def test_rows_pasted_again_are_copies_and_no_edges_anew():
     assert not any("anew" in note for note in runs.assumed)
 
 
+def test_a_table_pasted_again_is_stated_and_its_check_says_what_is_counted():
+    runs = read(pd.concat([TABLE] * 2, ignore_index=True))
+    stated = "60 rows (lines 60-119) repeat the 60 others in every cell, and each measurement is counted once"
+    assert f"rows that stand twice: {stated}" in runs.assumed
+    assert runs.doubts == ()
+    check = fit.judge(fit.power_law(runs, "VB", ["V", "f", "d", "t"])).checks["copies"]
+    assert (check.symbol, check.statistic, check.concern) == ("copies counted", 0, 0)
+    assert "contains each measurement 2 times, and each is counted once" in check.verdict
+
+
+def test_half_a_table_pasted_again_is_doubted_with_the_rows_to_leave_out():
+    runs = read(pd.concat([TABLE, TABLE.iloc[:30]], ignore_index=True))
+    (doubt,) = (doubt for doubt in runs.doubts if "would count twice" in doubt.sentence)
+    assert (doubt.remedy, doubt.lines) == ('--leave-out "lines 60-89"', tuple(range(60, 90)))
+    assert not any("stand twice" in text for text in runs.assumed)
+    left = read(pd.concat([TABLE, TABLE.iloc[:30]], ignore_index=True), leave_out=["lines 60-89"])
+    assert (len(left), left.doubts) == (60, ())
+
+
+def test_one_material_pasted_again_is_stated_for_its_rows():
+    both = [TABLE.assign(Material=name) for name in ("C45", "C45", "42CrMo4")]
+    runs = read(pd.concat(both, ignore_index=True), work=None)
+    assert any("60 rows (lines 60-119) repeat the 60 others" in text for text in runs.assumed)
+    assert runs.doubts == ()
+    laws = [fit.power_law(pair, "VB", ["V", "f", "d", "t"]) for pair in runs.pairs()]
+    assert [(law.repeats, law.nobs) for law in laws] == [(2, 60), (1, 60)]
+
+
 def test_names_that_start_again_with_each_material_are_kept():
     both = pd.concat([TABLE.assign(Material=name) for name in ("C45", "42CrMo4")], ignore_index=True)
     runs = read(both, work=None)

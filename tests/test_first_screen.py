@@ -247,6 +247,15 @@ def test_a_unit_given_against_the_header_is_on_the_screen_and_in_the_file(shown,
     assert "--unit VB=um is used" in next((tmp_path / "fit").rglob("params.json")).read_text("utf-8")
 
 
+def test_a_table_pasted_again_is_on_the_screen(shown, tmp_path):
+    frame = wear_tests(np.random.default_rng(2), 8)
+    path = write(tmp_path / "twice.csv", pd.concat([frame, frame], ignore_index=True))
+    code, out, _ = shown(path, "--out", str(tmp_path / "fit"))
+    assert code == 0
+    assert "repeat the " in " ".join(out.split())
+    assert "others in every cell, and each measurement is counted once" in " ".join(out.split())
+
+
 @pytest.mark.parametrize("pairs", [2, 5])
 def test_several_pairs_share_the_screen(shown, tmp_path, pairs):
     rng = np.random.default_rng(3)

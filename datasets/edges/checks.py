@@ -7,12 +7,12 @@ import numpy as np
 from ...core.arrays import MAD, Array, Flags, Ints
 from ...core.rounding import format_plain
 from ..doubts import Doubt
-from ..draft import Draft, numbers_of
+from ..draft import Draft, lines_of, numbers_of, target_of
 from ..plausibility.stray_values import section_of
 from ..vocabulary import MEASURED, ROLES
 from .columns import differs
 from .merged_cells import lines_text
-from .rows import FEW, EdgeRows, by_edge, listed, median, of_equal_tests
+from .rows import EdgeRows, by_edge, listed, median, of_equal_tests, of_repeated_pairs
 from .times import begun_anew, doubts_of_no_time, doubts_of_time
 
 MOST_ROWS = 100_000  # of a table whose edges are checked cell by cell
@@ -31,6 +31,7 @@ HALFWAY = 0.5  # of the way between two levels
 MOST_VOTES = 0.75  # share of the edges that decides
 MOST_KNOWN = 0.9  # share of known values from which a column is looked at for a shift
 FEW_STEPS = 5.5  # of a reading, between readings of one cut
+COPIED = "rows that stand twice"
 ANOTHER_ORDER = "is of another order than in the other edges"
 
 
@@ -112,14 +113,27 @@ def _a_few_steps_apart(values: Array, group: Ints) -> Flags:
 
 
 def _of_copies(draft: Draft, copies: Flags) -> Iterator[Doubt]:
-    """Rows that occur twice, unless so many do that the file repeats each measurement."""
-    if copies.any() and copies.mean() < FEW and ("t" in draft.data or "edge" in draft.data):
-        which = lines_text(draft.lines[copies])
-        repeat = "repeats an earlier row" if copies.sum() == 1 else "repeat earlier rows"
+    """Doubt rows that occur twice, and state those of pairs all of whose rows do: a fit counts each of them once."""
+    if not copies.any() or not ("t" in draft.data or "edge" in draft.data):
+        return
+    repeated = of_repeated_pairs(draft)
+    whole = copies & repeated
+    if whole.any():
+        count, others = np.count_nonzero(whole), np.count_nonzero(repeated & ~whole)
+        draft.assumed.append(
+            f"{COPIED}: {count} rows ({lines_of(draft.lines[whole])}) repeat the {others} others in every cell, and "
+            "each measurement is counted once"
+        )
+    twice = copies & ~whole
+    if twice.any():
+        repeat = "repeats an earlier row" if twice.sum() == 1 else "repeat earlier rows"
+        target = target_of(draft, np.flatnonzero(twice))
         yield Doubt(
             tuple(role for role in draft.data if role in ROLES),
-            f"{which} {repeat} in every cell, and would count twice in a fit; remove what was copied",
-            lines=numbers_of(draft, copies),
+            f"{lines_text(draft.lines[twice])} {repeat} in every cell, and would count twice in a fit; remove what was "
+            "copied",
+            f'--leave-out "{target}"' if target else "",
+            lines=numbers_of(draft, twice),
         )
 
 

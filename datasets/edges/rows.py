@@ -9,7 +9,7 @@ import numpy as np
 from ...core.arrays import Array, Flags, Ints, Texts
 from ..doubts import Doubt
 from ..draft import Draft, numbers_of
-from ..vocabulary import ROLES
+from ..vocabulary import ROLES, UNNAMED
 from .merged_cells import lines_text
 
 FEW = 0.3  # share of the edges above which something is a property of the tests, not a slip
@@ -157,3 +157,17 @@ def of_equal_tests(draft: Draft, numbers: dict[str, Array], measured: tuple[str,
             "earlier rows, and would count twice in a fit; tests that are repeated differ: remove what was copied",
             lines=numbers_of(draft, copies),
         )
+
+
+def of_repeated_pairs(draft: Draft) -> Flags:
+    """Whether each row is of a pair of tool and work all of whose rows the file contains twice, or more often."""
+    cells = [np.unique(column.values.astype(str), return_inverse=True)[1].ravel() for column in draft.columns]
+    row, size = np.unique(np.column_stack(cells), axis=0, return_inverse=True, return_counts=True)[1:]
+    pair = np.zeros(len(draft.lines), dtype=np.intp)
+    for role in (role for role in UNNAMED if role in draft.data):
+        codes, names = draft.codes(role)
+        pair = pair * len(names) + codes
+    number = np.unique(pair, return_inverse=True)[1]
+    least = np.zeros(number.max() + 1, dtype=np.intp)
+    np.gcd.at(least, number, size[row.ravel()])
+    return np.asarray(least[number] > 1)

@@ -266,13 +266,14 @@ def copies(law: LawFit) -> Check | NotAvailable | None:
         return NotAvailable(f"copies are sought among {MOST_ROWS} rows at most, and the law has {law.nobs}")
     twice = _rows_twice(law, law.edge)
     blocks, pvalue = _equal_sequences(law, law.edge)
-    kept = "No rows stand twice, and no two edges have the same readings."
+    once = f"The file contains each measurement {law.repeats} times, and each is counted once"
+    kept = f"{once if law.repeats > 1 else 'No rows stand twice'}, and no two edges have the same readings."
     suspects = [Suspect(law.response, lines=tuple(int(law.lines[i]) for i in twice), cause="copies")] if twice else []
     suspects += [Suspect(law.response, edges=pair, cause="copies") for pair in dict.fromkeys(b[:2] for b in blocks)]
     return Check(
         null="no readings are copies of others",
         statistic=float(len(twice) + len(blocks)),
-        symbol="copies",
+        symbol="copies" if law.repeats == 1 else "copies counted",
         pvalue=None if twice else pvalue,
         concern=int(bool(suspects)),
         verdict=f"{_twice_words(law, twice)} {_block_words(law, blocks)}".strip() or kept,
