@@ -311,6 +311,6 @@ def colour(level: str) -> str:
     >>> colour("usable with reservations"), colour("do not use")
     ('doubt', 'bad')
     """
-    if "reservations" in level:
+    if "reservations" in level or level.startswith("outdated"):
         return "doubt"
     return "bad" if level.startswith("do not") else "good" if level.startswith("usable") else ""

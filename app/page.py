@@ -141,8 +141,9 @@ class Page(FilePage):
         entry = self._entry(request.path_params["name"])
         given = await self._fields_of_run(request)
         await asyncio.to_thread(shown.check_all, self.project, entry, given)
-        _, subject = await asyncio.to_thread(self._subject, entry, given.get("params", ""))
-        action = {one.name: one for one in actions(subject)}.get(request.path_params["action"])
+        name = request.path_params["action"]
+        subject = await asyncio.to_thread(self._subject_of_form, entry, name, given.get("params", ""))
+        action = {one.name: one for one in actions(subject)}.get(name)
         if action is None:
             raise HTTPException(HTTPStatus.NOT_FOUND, "There is no such command on this page.")
         is_control = action.name == "export" and given.get("to") in CONTROLS
@@ -155,6 +156,10 @@ class Page(FilePage):
         job = self.jobs.start(words, entry.name)
         self._runs[entry.name, action.name] = job, given
         return self._waiting(entry, job, action.title.lower(), _address(job, entry))
+
+    def _subject_of_form(self, entry: Entry, name: str, wanted: str) -> Subject:
+        """The subject of a form; that of ``compare`` has no parameter file, because it reads the tests alone."""
+        return Subject(entry.stem, "") if name == "compare" else self._subject(entry, wanted)[1]
 
     async def _fields_of_run(self, request: Request) -> dict[str, str]:
         """Fields of a command; a record that comes with them is added to the project and chosen."""
@@ -196,7 +201,7 @@ class Page(FilePage):
     def _after(self, entry: Entry, job: Job) -> dict[str, Any]:
         """Changes of the page by a command, besides its answer."""
         path = next((word for word in job.words if word.endswith("params.json")), "")
-        subject = self._subject(entry, path)[1] if path in self.project.parameter_files(entry) else None
+        subject = self._subject(entry, path)[1] if path in stages.current_files(self.project, entry)[0] else None
         return stages.after(self.project, entry, subject, job)
 
     async def _cancel(self, request: Request) -> Response:

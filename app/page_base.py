@@ -25,6 +25,10 @@ from .project import SUFFIXES, Entry, Project
 from .stages import current_files
 
 PRELOAD: Final = ("fitmodels.app.warm", "fitmodels.datasets.overview")
+OF_FORMER: Final = (
+    "The present settings have given no parameter file; the one in the folder is of former settings, and nothing is "
+    "computed or exported from it. Correct the file under 1 and 2, or take the last change back."
+)
 POLL: Final = 0.02  # s between looks at a command that is waited for
 
 
@@ -131,10 +135,16 @@ class PageBase:
         return Markup(block.render(job=job, what=job.words[0], again=again, to=to))  # noqa: S704  texts are escaped
 
     def _subject(self, entry: Entry, wanted: str) -> tuple[list[str], Subject]:
-        """The parameter files of a file, and the one that is wanted, or the first."""
-        files, _ = current_files(self.project, entry)
+        """The parameter files of a file, and the one that is wanted, or the first.
+
+        Raises
+        ------
+        UsageError
+            The file has none, or none of its present settings.
+        """
+        files, former = current_files(self.project, entry)
         if not files:
-            raise UsageError("there is no parameter file yet: the laws above must be fitted first.")
+            raise UsageError(OF_FORMER if former else "there is no parameter file yet: the laws must be fitted first.")
         others = [one.name for one in self.project.files if one.name != entry.name]
         path = wanted if wanted in files else next(iter(files))
         return list(files), Subject(entry.stem, path, files[path], others)

@@ -44,13 +44,14 @@ def reading_of(job: Job) -> dict[str, Any]:
 def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
     """Cards, laws, rows in doubt, remedies and files of the results of a file."""
     results = project.results(entry)
-    files, former = current_files(project, entry)
+    current, former = current_files(project, entry)
+    files = current or former
     folders = [path.removesuffix("params.json") for path in files]
     found = laws_of(files)
     laws, judged = [(name, law) for _, name, law in found], levels(found)
     return {
         "cards": [name for name in results if name.endswith("/card.html") and name.startswith(tuple(folders))],
-        "is_former": bool(former) and set(files) == set(former),
+        "is_former": files != current,
         "has_load": any(
             law.get("form") in ("load_line", "feed_line") and colour(level) != "bad"
             for (_, law), (_, level) in zip(laws, judged, strict=True)
@@ -58,7 +59,7 @@ def facts_of_laws(project: Project, entry: Entry) -> dict[str, Any]:
         "is_barred": bool(judged) and all(colour(level) == "bad" for _, level in judged),
         "rows_of": rows_left_out(list(files.values())),
         "laws": list(dict.fromkeys(name for name, _ in laws)),
-        "levels": judged,
+        "levels": shown_levels(current, former),
         "suspects": suspects([law for _, law in laws]),
         "remedies": remedies(entry, results),
         "left_out": [(value, one) for one, value in typed(entry.options) if one.startswith("--leave-out")],
@@ -93,13 +94,30 @@ def files_of_tests(project: Project) -> list[str]:
     return [
         entry.name
         for entry in project.files
-        if any(content.get("laws") for content in current_files(project, entry)[0].values())
+        if any(content.get("laws") for part in current_files(project, entry) for content in part.values())
     ]
 
 
 def verdicts(project: Project) -> dict[str, list[tuple[str, str]]]:
-    """Laws of each file with the level of their verdicts."""
-    return {entry.name: levels(laws_of(current_files(project, entry)[0])) for entry in project.files}
+    """Laws of each file with the level of their verdicts; those of former settings are outdated."""
+    found = {entry.name: current_files(project, entry) for entry in project.files}
+    return {name: shown_levels(current, former) for name, (current, former) in found.items()}
+
+
+def shown_levels(
+    current: Mapping[str, Mapping[str, Any]], former: Mapping[str, Mapping[str, Any]]
+) -> list[tuple[str, str]]:  # fmt: skip
+    """Laws with the level of their verdicts; where there are none of the present settings, former ones as outdated."""
+    return levels(laws_of(current)) if current else outdated(levels(laws_of(former)))
+
+
+def outdated(judged: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Names of laws of former settings, marked as outdated in place of their verdicts.
+
+    >>> outdated([("VB", "usable inside the tested region")])
+    [('VB', 'outdated, of former settings')]
+    """
+    return [(name, "outdated, of former settings") for name, _ in judged]
 
 
 def levels(laws: Sequence[tuple[str, str, Mapping[str, Any]]]) -> list[tuple[str, str]]:

@@ -27,8 +27,9 @@ def of_options(entry: Entry) -> str:
 
 def of_files(project: Project, entry: Entry) -> str:
     """Checksum of the parameter files of a file."""
+    current, former = current_files(project, entry)
     sums = []
-    for path in sorted(current_files(project, entry)[0]):
+    for path in sorted(current or former):
         try:
             sums.append(f"{path} {sha256_of(project.folder / path)}")
         except OSError:  # a command replaces it at this moment

@@ -200,22 +200,22 @@ def _command_of(project: Project, result: str) -> tuple[str, ...]:
 
 def files_of(project: Project, entry: Entry, results: Mapping[str, Path]) -> dict[str, Any]:
     """Results of the present settings and of former ones, those older than the fit, and commands that it has undone."""
-    files, former = current_files(project, entry)
-    folders = tuple(path.removesuffix("params.json") for path in former if path not in files)
-    left = sorted(name for name in results if folders and name.startswith(folders))
+    current, former = current_files(project, entry)
+    folders = tuple(path.removesuffix("params.json") for path in former)
+    left = sorted(name for name in results if folders and (not current or name.startswith(folders)))
     found = {"results": sorted(set(results) - set(left)), "left": left, "older": older(project, entry, results)}
     return {**found, "to_repeat": to_repeat(project, entry)}
 
 
-def current_files(project: Project, entry: Entry) -> tuple[dict[str, Mapping[str, Any]], list[str]]:
-    """Parameter files that the command of a file wrote, with their contents, and those of former options.
+def current_files(project: Project, entry: Entry) -> tuple[dict[str, Mapping[str, Any]], dict[str, Mapping[str, Any]]]:
+    """Parameter files that the command of a file wrote, and those of former options, with their contents.
 
-    Where the command has written none, those of former options are both.
+    One that cannot be read counts as written: the commands refuse it and name the reason.
     """
     every = {path: subject_of(project.folder, entry.stem, path, ()).content for path in project.parameter_files(entry)}
     typed_now = shlex.join(["fitmodels", *command_of(entry)])
-    former = [path for path, content in every.items() if _command_in(content) != typed_now]
-    return {path: content for path, content in every.items() if path not in former} or every, former
+    former = {path: content for path, content in every.items() if content and _command_in(content) != typed_now}
+    return {path: content for path, content in every.items() if path not in former}, former
 
 
 def _command_in(content: Mapping[str, Any]) -> str:
@@ -226,7 +226,8 @@ def _command_in(content: Mapping[str, Any]) -> str:
 
 def has_added(project: Project, entry: Entry) -> bool:
     """Whether something was added to the parameter files of a file that its fit does not write."""
-    files, _ = current_files(project, entry)
+    current, former = current_files(project, entry)
+    files = current or former
     is_record = all(not content.get("laws") for content in files.values())
     return not is_record and any(content.get(one) for content in files.values() for one in SECTIONS.values())
 

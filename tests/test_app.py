@@ -408,6 +408,36 @@ def test_results_of_former_settings_are_not_shown_as_those_of_the_file(client):
     assert "These settings" not in client.until_done("/files/named.csv/laws")
 
 
+def test_laws_of_withdrawn_settings_are_marked_and_nothing_is_computed_from_them(client):
+    """After a change that the fit refuses, forms and exports went on with the former laws, unmarked."""
+    client.upload("withdrawn.csv", wear_table(wear=1.07))
+    client.until_done("/files/withdrawn.csv/laws")
+    assert "Done in" in client.run("withdrawn.csv", "export", to="ini")
+    first = re.search('name="params" value="([^"]+)"', client.get("/files/withdrawn.csv/machine"))[1]
+    client.reading("withdrawn.csv")
+    assert client.post("/files/withdrawn.csv/set", set="role", column="6", to="")[0] == 200
+    laws = client.until_done("/files/withdrawn.csv/laws")
+    assert "These settings have given no result" in laws
+    assert 'class="verdict doubt">outdated, of former settings</span>' in laws
+    assert "usable" not in laws.partition("<pre")[0]
+    assert "Next:" not in laws
+    assert "Files to take along" not in laws  # nor the export
+    assert "withdrawn-control.ini" in laws.partition("Files of former names or settings")[2]
+    machine = client.get("/files/withdrawn.csv/machine")
+    assert "of former settings, and nothing is computed or exported from it" in machine
+    assert "<form" not in machine
+    for name in ("predict", "limits", "next", "export", "card"):
+        status, text = client.post(f"/files/withdrawn.csv/run/{name}", params=first, to="ini")
+        assert (status, "of former settings" in text) == (422, True), name
+    assert client.ask("GET", f"/files/withdrawn.csv/region?params={first}")[0] == 422
+    start = client.get("/").partition("/files/withdrawn.csv")[2].partition("</li>")[0]
+    assert re.findall('verdict doubt">([^<]+)<', start) == ["VB: outdated, of former settings"]
+    assert client.post("/files/withdrawn.csv/undo")[0] == 200
+    assert "outdated" not in client.until_done("/files/withdrawn.csv/laws").partition("<pre")[0]
+    assert "usable" in client.get("/").partition("/files/withdrawn.csv")[2].partition("</li>")[0]
+    assert "Done in" in client.run("withdrawn.csv", "limits", V="100:150")
+
+
 def slipped_table():
     """A table of nine edges with a wear of ten times its value in line 15."""
     lines = wear_table().decode().splitlines()
