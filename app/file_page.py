@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import secrets
 import shlex
 from urllib.parse import quote
 
@@ -26,7 +27,7 @@ class FilePage(PageBase):
         changed = await asyncio.to_thread(self.project.is_changed, entry)
         return self._render(
             "file.html", entry=entry, project=self.project, changed=changed, command=options.command_of(entry),
-            token=shown.of_options(entry), same=request.query_params.get("same", "")[:100],
+            token=shown.of_options(entry), page=secrets.token_hex(8), same=request.query_params.get("same", "")[:100],
         )  # fmt: skip
 
     def _drawn(self, entry: Entry) -> Job:

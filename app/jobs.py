@@ -25,6 +25,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Literal
 
+from ..core.errors import FitmodelsError
 from ..core.files import cause
 from ..core.threads import start_with_one
 
@@ -58,6 +59,12 @@ class Job:
     cancelled : bool
     writes : str
         File whose results it writes, empty where it writes none.
+    by : str
+        Page that asked for it.
+    check : callable or None
+        Called when its turn has come; a package error from it is the reason why it is not run.
+    left : str
+        Checksum of the parameter files at its end.
     """
 
     id: str
@@ -70,6 +77,9 @@ class Job:
     code: int | None = None
     cancelled: bool = False
     writes: str = ""
+    by: str = ""
+    check: Callable[[], object] | None = None
+    left: str = ""
     process: BaseProcess | None = None
     future: "Future[None]" = field(default_factory=Future, repr=False)
 
@@ -123,7 +133,7 @@ class Jobs:
     preload : sequence of str
         Modules that the server of processes imports before the first command.
     ended : callable, optional
-        Called with the words and exit code of each command that has ended, and was not cancelled.
+        Called with each job whose process has ended, and its exit code.
     held : callable, optional
         Returns the jobs whose output is kept; of the other ended ones that of the last 60 is.
 
@@ -142,7 +152,7 @@ class Jobs:
         run: Runner,
         folder: str | os.PathLike[str],
         preload: Sequence[str] = (),
-        ended: Callable[[Sequence[str], int], None] | None = None,
+        ended: Callable[[Job, int], None] | None = None,
         held: Callable[[], Iterable[Job]] = tuple,
     ) -> None:
         start_with_one()
@@ -157,7 +167,9 @@ class Jobs:
         self._queues: dict[str, deque[Job]] = {}  # of each file whose results are written: the first one runs
         self._lock = threading.Lock()
 
-    def start(self, words: Sequence[str], writes: str = "") -> Job:
+    def start(
+        self, words: Sequence[str], writes: str = "", *, by: str = "", check: Callable[[], object] | None = None
+    ) -> Job:
         """Start a command, or let it wait for the end of others.
 
         Parameters
@@ -174,7 +186,8 @@ class Jobs:
             The commands were closed.
         """
         name = secrets.token_hex(8)
-        job = Job(name, tuple(words), self._outputs / f"{name}.out", self._outputs / f"{name}.err", writes=writes)
+        out, err = (self._outputs / f"{name}.{end}" for end in ("out", "err"))
+        job = Job(name, tuple(words), out, err, writes=writes, by=by, check=check)
         held = {one.id for one in self._held()}
         with self._lock:
             self._jobs[name] = job
@@ -220,19 +233,33 @@ class Jobs:
 
     def _work(self, job: Job) -> None:
         """Run a command in a process and wait for its end, then begin the next one that writes the same results."""
-        code = NOT_STARTED
+        code = None
         try:
+            code = self._code_of(job)
+            if code is not None and self._ended is not None:
+                self._ended(job, code)
+        except Exception as error:
+            _add(job, f"The command has ended, but it could not be recorded: {error!r}.")
+        finally:
+            self._after(job, NOT_STARTED if code is None else code)
+
+    def _code_of(self, job: Job) -> int | None:
+        """Exit code of a command that is run in a process; None where it was cancelled or refused before."""
+        try:
+            _check(job)
             process = self._process_of(job)
-            if process is not None:
-                code = _exit_code(job, process)
-                if not job.cancelled and (code < 0 or code == LOST):
-                    _not_ended(job, "it was ended from outside, as the system does when memory runs out")
-                if self._ended is not None and not job.cancelled:
-                    self._ended(job.words, code)
+            if process is None:
+                return None
+            code = _exit_code(job, process)
+            if not job.cancelled and (code < 0 or code == LOST):
+                _not_ended(job, "it was ended from outside, as the system does when memory runs out")
+        except FitmodelsError as refusal:
+            _add(job, str(refusal))
+            return None
         except Exception as error:  # the system gives no process or file
             _not_ended(job, cause(error) if isinstance(error, OSError) else repr(error))
-        finally:
-            self._after(job, code)
+            return None
+        return code
 
     def _process_of(self, job: Job) -> BaseProcess | None:
         """The process of a command, not started; None for one that was cancelled."""
@@ -263,6 +290,12 @@ class Jobs:
             job.future.set_result(None)
 
 
+def _check(job: Job) -> None:
+    """Ask whether a command may still be run, unless it was cancelled."""
+    if job.check is not None and not job.cancelled:
+        job.check()
+
+
 def _exit_code(job: Job, process: BaseProcess) -> int:
     """Start the process of a command, wait for its end and give its exit code."""
     process.start()
@@ -278,8 +311,13 @@ def _exit_code(job: Job, process: BaseProcess) -> int:
 
 def _not_ended(job: Job, reason: str) -> None:
     """State on standard error of a command why it was not run to its end."""
+    _add(job, f"The command was not run to its end: {reason}. Run it again.")
+
+
+def _add(job: Job, line: str) -> None:
+    """Add a line to standard error of a command."""
     with contextlib.suppress(OSError):
-        job.err.write_text(f"{job.errors}The command was not run to its end: {reason}. Run it again.\n", "utf-8")
+        job.err.write_text(f"{job.errors}{line}\n", "utf-8")
 
 
 def _end(process: BaseProcess) -> None:

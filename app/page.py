@@ -2,6 +2,8 @@
 
 import asyncio
 import shlex
+from collections.abc import Mapping
+from functools import partial
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final
@@ -139,23 +141,39 @@ class Page(FilePage):
 
     async def _run(self, request: Request) -> Response:
         entry = self._entry(request.path_params["name"])
-        given = await self._fields_of_run(request)
-        await asyncio.to_thread(shown.check_all, self.project, entry, given)
-        name = request.path_params["action"]
-        subject = await asyncio.to_thread(self._subject_of_form, entry, name, given.get("params", ""))
+        name, given = request.path_params["action"], await self._fields_of_run(request)
+        check = partial(self._allowed, entry.name, name, given)
+        entry, subject = await asyncio.to_thread(check)
         action = {one.name: one for one in actions(subject)}.get(name)
         if action is None:
             raise HTTPException(HTTPStatus.NOT_FOUND, "There is no such command on this page.")
-        is_control = action.name == "export" and given.get("to") in CONTROLS
-        if is_control and (old := await asyncio.to_thread(shown.outdated_control, self.project, entry, subject)):
-            raise UsageError(old)
         own = options.of_comparison if action.name == "compare" else options.of_reading
         forms = await asyncio.to_thread(stages.filled, self.project, entry, subject)
         emptied = [name for one in forms if one.name == action.name for name in stages.emptied(one, given)]
         words = command(action, subject, given, [entry.name, *own(entry.options)], emptied)
-        job = self.jobs.start(words, entry.name)
+        job = self.jobs.start(words, entry.name, by=given.get(shown.PAGE, ""), check=check)
         self._runs[entry.name, action.name] = job, given
         return self._waiting(entry, job, action.title.lower(), _address(job, entry))
+
+    def _allowed(self, of_file: str, name: str, given: Mapping[str, str]) -> tuple[Entry, Subject]:
+        """File and subject of a form that may be run now: when it is asked for, and when its turn has come.
+
+        Raises
+        ------
+        UsageError
+            The page shows what has changed, or a control would be exported that is outdated.
+        """
+        entry = self._entry(of_file)
+        self._check_shown(entry, given)
+        subject = self._subject_of_form(entry, name, given.get("params", ""))
+        is_control = name == "export" and given.get("to") in CONTROLS
+        if is_control and (old := shown.outdated_control(self.project, entry, subject)):
+            raise UsageError(old)
+        return entry, subject
+
+    def _check_shown(self, entry: Entry, given: Mapping[str, str]) -> None:
+        """Refuse a request of a page that shows other options or parameter files than there are."""
+        shown.check_all(self.project, entry, given, self._left.get(given.get(shown.PAGE, ""), ""))
 
     def _subject_of_form(self, entry: Entry, name: str, wanted: str) -> Subject:
         """The subject of a form; that of ``compare`` has no parameter file, because it reads the tests alone."""
@@ -174,13 +192,28 @@ class Page(FilePage):
     async def _repeat(self, request: Request) -> Response:
         """Run a command again that added to the former parameter file, or made a result that is older than it."""
         entry, given = await self._form(request)
-        wanted = given.get("command", "")
-        facts = await asyncio.to_thread(facts_of_laws, self.project, entry)
-        known = {shlex.join(words): words for words in (*facts["to_repeat"], *facts["older"].values())}
-        if not wanted or wanted not in known:
-            raise UsageError("this command was run again already: reload the page.")
-        job = self.jobs.start(known[wanted], entry.name)
+        check = partial(self._to_repeat, entry.name, given)
+        words = await asyncio.to_thread(check)
+        job = self.jobs.start(words, entry.name, by=given.get(shown.PAGE, ""), check=check)
         return self._waiting(entry, job, job.words[0], _address(job, entry))
+
+    def _to_repeat(self, of_file: str, given: Mapping[str, str]) -> tuple[str, ...]:
+        """Words of the command that is to be repeated, and was not yet.
+
+        Raises
+        ------
+        UsageError
+            The page shows what has changed, or the command was repeated.
+        """
+        entry = self._entry(of_file)
+        self._check_shown(entry, given)
+        facts = facts_of_laws(self.project, entry)
+        known: dict[str, tuple[str, ...]] = {
+            shlex.join(words): words for words in (*facts["to_repeat"], *facts["older"].values())
+        }
+        if not given.get("command") or given["command"] not in known:
+            raise UsageError("this command was run again already: reload the page.")
+        return known[given["command"]]
 
     async def _job(self, request: Request) -> Response:
         job = self.jobs.get(request.path_params["id"])
@@ -193,10 +226,7 @@ class Page(FilePage):
         pictures = [name for name in files if name.endswith(PICTURES)]
         to = await asyncio.to_thread(self._places, entry, job.words[0])
         changed = await asyncio.to_thread(self._after, entry, job)
-        token = await asyncio.to_thread(shown.of_files, self.project, entry)
-        return self._render(
-            "result.html", entry=entry, job=job, written=files, pictures=pictures, to=to, token=token, **changed
-        )
+        return self._render("result.html", entry=entry, job=job, written=files, pictures=pictures, to=to, **changed)
 
     def _after(self, entry: Entry, job: Job) -> dict[str, Any]:
         """Changes of the page by a command, besides its answer."""

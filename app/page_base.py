@@ -3,7 +3,6 @@
 import asyncio
 import shlex
 import threading
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any, Final
@@ -16,7 +15,7 @@ from starlette.responses import HTMLResponse, Response
 
 from ..core.errors import FitmodelsError, UsageError
 from ..core.files import cause
-from . import messages, options, reading
+from . import messages, options, reading, shown
 from .cells import Cells
 from .command_forms import Subject, actions
 from .jobs import Job, Jobs, Runner
@@ -59,6 +58,7 @@ class PageBase:
         self.jobs = Jobs(run, project.folder, PRELOAD, self._ended, self._held)
         self._shown: dict[str, Shown] = {}
         self._runs: dict[tuple[str, str], tuple[Job, dict[str, str]]] = {}  # last run of each form, and its fields
+        self._left: dict[str, str] = {}  # checksum of parameter files at the end of the last command of each page
         self._lock = threading.Lock()
         self._unrecorded = ""  # why the last command is not in the list of the project
         self._templates = Environment(
@@ -113,8 +113,8 @@ class PageBase:
 
     def _held(self) -> list[Job]:
         """Jobs whose output the page shows: of each file as it is set now."""
-        shown = [job for now in tuple(self._shown.values()) for job in (now.look, now.laws, now.picture)]
-        return [job for job in shown if job is not None]
+        of_files = [job for now in tuple(self._shown.values()) for job in (now.look, now.laws, now.picture)]
+        return [job for job in of_files if job is not None]
 
     def _places(self, entry: Entry, own: str = "") -> messages.Places:
         """Places that messages on a file can lead to: the forms of its laws, the menus of its columns."""
@@ -149,13 +149,18 @@ class PageBase:
         path = wanted if wanted in files else next(iter(files))
         return list(files), Subject(entry.stem, path, files[path], others)
 
-    def _ended(self, words: Sequence[str], code: int) -> None:
-        """Keep in the project what was run, but for readings."""
-        if words[0] not in ("look", "--version"):
+    def _ended(self, job: Job, code: int) -> None:
+        """Keep in the project what was run, but for readings, and the checksum of what the command has left."""
+        if job.words[0] not in ("look", "--version") and not job.cancelled:
             try:
-                self.project.ran(words, code)
+                self.project.ran(job.words, code)
             except (FitmodelsError, OSError) as error:
                 self._unrecorded = str(error)
+        entry = self.project.entry(job.writes)
+        if entry is not None:
+            job.left = shown.of_files(self.project, entry)
+        if job.by:
+            self._left[job.by] = job.left
 
 
 async def fields_of(request: Request) -> dict[str, str]:

@@ -182,7 +182,8 @@ def _strings(data: object, key: str) -> list[str]:
 def written(project: Project, entry: Entry, job: Job) -> list[str]:
     """Results that a command has written since it was started; the picture of the reading is drawn beside it."""
     found, drawn = project.results(entry), f"{entry.stem}-look.png"
-    return [name for name, path in found.items() if name != drawn and time_of(path) >= job.clock_time - 0.05]
+    later = (name for name, path in found.items() if time_of(path) >= job.clock_time - 0.05)
+    return [name for name in later if name != drawn] if job.clock_time else []
 
 
 def answer_of(path: Path) -> Response:

@@ -13,7 +13,8 @@ from .stages import OF_CONTROL, current_files, states
 
 OPTIONS: Final = "shown-options"
 FILES: Final = "shown-files"
-NAMES: Final = (OPTIONS, FILES)
+PAGE: Final = "shown-page"  # name of the page itself
+NAMES: Final = (OPTIONS, FILES, PAGE)
 
 
 def of_options(entry: Entry) -> str:
@@ -48,15 +49,24 @@ def check_options(entry: Entry, given: Mapping[str, str]) -> None:
         raise UsageError(CHANGED)
 
 
-def check_all(project: Project, entry: Entry, given: Mapping[str, str]) -> None:
+def check_all(project: Project, entry: Entry, given: Mapping[str, str], left: str = "") -> None:
     """Refuse a request of a page that shows other options or parameter files than there are.
+
+    Parameters
+    ----------
+    project : Project
+    entry : Entry
+    given : mapping of str
+        Fields of the form.
+    left : str
+        Checksum of the parameter files at the end of the last command of this page, which it may not show yet.
 
     Raises
     ------
     UsageError
     """
     check_options(entry, given)
-    if FILES in given and given[FILES] != of_files(project, entry):
+    if FILES in given and of_files(project, entry) not in (given[FILES], left):
         raise UsageError(CHANGED)
 
 

@@ -12,6 +12,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import zipfile
 from pathlib import Path
@@ -21,6 +22,7 @@ import numpy as np
 import pytest
 from fitmodels import cli, datasets, parameters
 from fitmodels.app import cells as app_cells
+from fitmodels.app import jobs as app_jobs
 from fitmodels.app import region, server
 from fitmodels.app.cells import Cells, cells_of
 from fitmodels.app.command_forms import actions, subject_of
@@ -410,7 +412,7 @@ def test_results_of_former_settings_are_not_shown_as_those_of_the_file(client):
 
 def test_laws_of_withdrawn_settings_are_marked_and_nothing_is_computed_from_them(client):
     """After a change that the fit refuses, forms and exports went on with the former laws, unmarked."""
-    client.upload("withdrawn.csv", wear_table(wear=1.07))
+    client.upload("withdrawn.csv", wear_table(wear=1.171))
     client.until_done("/files/withdrawn.csv/laws")
     assert "Done in" in client.run("withdrawn.csv", "export", to="ini")
     first = re.search('name="params" value="([^"]+)"', client.get("/files/withdrawn.csv/machine"))[1]
@@ -573,6 +575,62 @@ def test_a_page_that_is_out_of_date_changes_and_runs_nothing(client):
     assert client.page.project.entry("tabs.csv").options == ("--tool", "T1")
 
 
+def test_a_command_that_waited_runs_only_where_its_page_is_not_out_of_date_then(client, monkeypatch):
+    """Two tabs at once: both limits were reported as done, and those of the first tab were lost."""
+    name = client.upload("queue.csv", wear_table(wear=1.172))[1]
+    client.until_done(f"{name}/laws")
+    shown = re.search('name="shown-files" value="([^"]+)"', client.get(f"{name}/machine"))[1]
+    pages = [re.search('name="shown-page" value="([^"]+)"', client.get(name))[1] for _ in range(2)]
+    assert 'hx-include="#shown-options, #shown-files, #shown-page"' in client.get(name)
+    first, second = ({"shown-files": shown, "shown-page": page} for page in pages)
+    go, run = threading.Event(), app_jobs._exit_code
+
+    def held(job, process):
+        go.wait(60)
+        return run(job, process)
+
+    monkeypatch.setattr(app_jobs, "_exit_code", held)
+
+    def started(action, **fields):
+        status, text = client.post(f"{name}/run/{action}", **fields)
+        assert status == 200, text
+        return re.search(r'hx-get="([^"]+)"', text)[1].replace("&amp;", "&")
+
+    own = [started("limits", V="100:150", **first), started("limits", V="110:150", **first)]
+    other = [started("limits", V="120:200", **second), started("export", to="ini", **second)]
+    steps = len(client.page.project.steps)
+    go.set()
+    assert all("Done in" in client.until_done(one) for one in own)  # one after another, in the same tab
+    for one in other:
+        text = client.until_done(one)
+        assert "reload the page. Nothing was run." in text
+        assert "Not done" in text
+        assert "shown-files" not in text  # the page stays out of date
+        assert "save" not in text.partition('id="files-of"')[0]  # nothing was written
+    assert len(client.page.project.steps) == steps + 2
+    (params,) = client.page.project.parameter_files(client.page.project.entry("queue.csv"))
+    speed = json.loads((client.page.project.folder / params).read_text())["limits"]["speed"]
+    assert (speed["low"], speed["high"]) == (110, 150)
+    assert not list(client.page.project.folder.glob("queue-control.*"))
+    assert client.post(f"{name}/run/limits", V="120:200", **second)[0] == 422
+
+
+def test_a_command_that_is_repeated_twice_at_once_runs_once(tmp_path, monkeypatch):
+    with served(tmp_path) as one:
+        name = one.upload("twice.csv", wear_table(wear=1.01))[1]
+        one.until_done(f"{name}/laws")
+        one.run("twice.csv", "limits", V="100:150")
+        one.post(f"{name}/again")
+        typed = re.search('name="command" value="([^"]+)"', one.until_done(f"{name}/laws"))[1].replace("&#39;", "'")
+        go, run = threading.Event(), app_jobs._exit_code
+        monkeypatch.setattr(app_jobs, "_exit_code", lambda *job: (go.wait(60), run(*job))[1])
+        texts = [one.post(f"{name}/repeat", command=typed)[1] for _ in range(2)]
+        go.set()
+        ids = [re.search(r'hx-get="([^"]+)"', text)[1].replace("&amp;", "&") for text in texts]
+        assert "Done in" in one.until_done(ids[0])
+        assert "was run again already" in one.until_done(ids[1])
+
+
 def test_a_change_of_options_that_changed_meanwhile_is_refused(tmp_path):
     """The reading that tries a change takes seconds; another change may be accepted in them."""
     project = Project(tmp_path)
@@ -705,7 +763,8 @@ def test_the_picture_of_a_reading_is_no_result_of_a_command(tmp_path):
     entry = project.add("a.csv", io.BytesIO(b"V\n1\n"))
     for name in ("a-look.png", "a-next.csv"):
         (tmp_path / name).write_text("x")
-    assert written(project, entry, Job("1", ("check",), tmp_path, tmp_path)) == ["a-next.csv"]
+    assert written(project, entry, Job("1", ("check",), tmp_path, tmp_path, clock_time=1.0)) == ["a-next.csv"]
+    assert written(project, entry, Job("1", ("check",), tmp_path, tmp_path)) == []  # it was not started
 
 
 def test_commands_that_have_made_a_card_are_no_remedy(tmp_path):
@@ -978,6 +1037,24 @@ def test_a_command_that_gets_no_process_says_so_and_the_next_one_runs(tmp_path, 
         assert (first.state, first.code, first.future.done()) == ("done", 1, True)
         assert re.fullmatch(r"The command was not run to its end: .*open files.* Run it again\.\n", first.errors)
         assert (tmp_path / "own").read_text() == "b<b>"
+    finally:
+        jobs.close()
+
+
+def test_a_command_that_cannot_be_recorded_has_ended_all_the_same(tmp_path):
+    def failing(*_):
+        raise ValueError("no such record")
+
+    jobs = Jobs(cli.main, tmp_path, ended=failing)
+    try:
+        job = jobs.start(["--version"], "a.csv")
+        job.future.result(60)
+        assert job.code == 0
+        assert job.output.startswith("fitmodels")
+        assert job.errors == "The command has ended, but it could not be recorded: ValueError('no such record').\n"
+        next_one = jobs.start(["--version"], "a.csv")
+        next_one.future.result(60)
+        assert next_one.code == 0
     finally:
         jobs.close()
 
