@@ -61,7 +61,7 @@ def files(pf: ParameterFile) -> tuple[str, ...]:
 
 
 def markdown(pf: ParameterFile, *, folder: Path | None = None, publication: "PublicationPart | None" = None) -> str:
-    """The card of a parameter file as README.md, schema ``fitmodels.card/7``: Markdown with YAML front matter.
+    """The card of a parameter file as README.md, schema ``fitmodels.card/8``: Markdown with YAML front matter.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def parser() -> Parser:
     p.add_argument("--citation", action="store_true", help="write CITATION.cff too")
     p.add_argument("--zenodo", action="store_true", help="write .zenodo.json too")
     p.add_argument("--force", action="store_true", help="replace existing files with other content")
-    output_options(p, "print card.json (fitmodels.card/7), and write nothing")
+    output_options(p, "print card.json (fitmodels.card/8), and write nothing")
     return p
 
 

@@ -733,3 +733,46 @@ def test_the_plan_of_an_edge_is_that_of_the_replay_and_the_exports():
 def test_a_remedy_takes_an_option_without_the_end_of_its_sentence():
     """The command of the remedy once read ``--form T=weibull.``, which is no form."""
     assert OPTION.search("the lives prefer Weibull: --form T=weibull.")[0] == "--form T=weibull"
+
+
+def test_costs_of_the_file_are_in_every_form_of_its_card(tmp_path, capsys, monkeypatch):
+    """Figures with units and their source; they stood in the command line of the provenance alone."""
+    monkeypatch.chdir(tmp_path)
+    write(collect(tool="GC435", work="709M40", limits={"power": 7}), "params.json")
+    without = compose(read("params.json"))
+    assert without.costs is None
+    assert without.empty["costs"] == "The file holds no costs of a part; add them with fitmodels costs params.json."
+    stated = [
+        "costs params.json machine=72/h insert=16 edges=4 change=1.5min handling=2min volume=120cm3 currency=EUR",
+        "costs params.json failure=40 energy=0.3/kWh",
+    ]
+    assert [main(words.split()) for words in stated] == [0, 0]
+    card = compose(read("params.json"))
+    facts = {item.name: (item.number.value, item.number.unit) for item in card.costs.facts}
+    assert facts == {
+        "machine rate": (72.0, "EUR/h"),
+        "labour rate": (0.0, "EUR/h"),
+        "price of an insert": (16.0, "EUR"),
+        "edges of an insert": (4.0, ""),
+        "price of an edge": (4.0, "EUR"),
+        "time of a change of the edge": (1.5, "min"),
+        "handling time of a part": (2.0, "min"),
+        "volume cut from a part": (120.0, "cm3"),
+        "cost of a failed edge beyond its change": (40.0, "EUR"),
+        "price of energy": (0.3, "EUR/kWh"),
+    }
+    source = f"Costs as stated, not measured; stated by: {' && '.join(f'fitmodels {words}' for words in stated)}."
+    assert card.costs.sentences == (source, "The efficiency is not stated: 1 is assumed.")
+    assert "costs" not in card.empty
+    assert main(["card", "params.json", "--force"]) == 0
+    capsys.readouterr()
+    readme, page, data = ((tmp_path / name).read_text("utf-8") for name in ("README.md", "card.html", "card.json"))
+    assert "## Costs of a part" in readme
+    assert "| machine rate | 72 EUR/h |" in readme
+    assert re.search(r'<section id="costs".*Costs of a part.*72\s<span class="unit">EUR/h<', page, re.S)
+    assert '<a href="#costs">' in page
+    assert json.loads(data)["costs"]["facts"][0]["number"] == {"value": 72.0, "text": "72", "unit": "EUR/h"}
+    of_volume = collect(tool="a", work="b", costs={"currency": "EUR", "machine": 60.0, "edge": 8.0, "change": 1.5})
+    part = compose(of_volume).costs
+    assert part.title == "Costs of 1 cm3, because the cut of a part is not stated"
+    assert part.sentences == ("Costs as stated, not measured; the file does not name the command that stated them.",)

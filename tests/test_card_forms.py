@@ -60,7 +60,7 @@ HOSTILE = (
     "=",
     "\u202eabc",
 )
-PUBLISHED_SCHEMA = json.loads((files("fitmodels.cards") / "schema" / "card-7.json").read_text("utf-8"))
+PUBLISHED_SCHEMA = json.loads((files("fitmodels.cards") / "schema" / "card-8.json").read_text("utf-8"))
 PUBLISHED = PublicationPart(
     license="CC-BY-4.0", authors=("Doe, Jane (0000-0002-1825-0097)", "Institute of Machining"), contact="j@example.org",
     doi="10.5281/zenodo.1", keywords=("turning",),
@@ -415,7 +415,7 @@ def test_card_json_obeys_its_schema_and_reads_back(files, name, tmp_path):
 def test_the_published_schema_is_that_of_the_code():
     Draft202012Validator.check_schema(PUBLISHED_SCHEMA)
     assert json.loads(card_json.schema_text()) == PUBLISHED_SCHEMA
-    assert PUBLISHED_SCHEMA["$id"] == "fitmodels.card/7"
+    assert PUBLISHED_SCHEMA["$id"] == "fitmodels.card/8"
 
 
 @pytest.mark.parametrize("name", HOSTILE)

@@ -714,7 +714,7 @@ def test_json_prints_the_card_and_writes_nothing(pairs, capsys):
     before = content(pairs)
     module = importlib.import_module("fitmodels.cli.card")
     assert module.run(module.parser().parse_args(["pairs/one/params.json", "--json"])) == 0
-    assert json.loads(capsys.readouterr().out)["schema"] == "fitmodels.card/7"
+    assert json.loads(capsys.readouterr().out)["schema"] == "fitmodels.card/8"
     assert content(pairs) == before
 
 

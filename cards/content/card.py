@@ -37,18 +37,18 @@ from .profiler import profiler_part
 from .tool_life import PlanPart, no_plan, no_tool_life, plan_part, tool_life_part
 from .uncertainty import UncertaintyPart, statements
 from .verdicts import verdicts_of, worst
-from .windows import window_parts
+from .windows import costs_part, window_parts
 
 NO_LAWS = "The file holds no law; fit a file of cutting tests: fitmodels data.csv."
 
 
 class Card(Part):
-    """A model card of a tool/work pair, schema ``fitmodels.card/7``.
+    """A model card of a tool/work pair, schema ``fitmodels.card/8``.
 
     ``empty``: name of each empty field -> the reason in a sentence.
     """
 
-    schema_: str = Field(default="fitmodels.card/7", alias="schema")
+    schema_: str = Field(default="fitmodels.card/8", alias="schema")
     slug: str
     title: str
     verdict: str  # the worst of all results, in words; empty where the card has none that is judged
@@ -65,6 +65,7 @@ class Card(Part):
     gains: GainsPart | None = None
     windows: tuple[WindowPart, ...] = ()
     plan: PlanPart | None = None
+    costs: WindowPart | None = None
     figures: tuple[FigurePart, ...] = ()
     intended: tuple[str, ...]
     out_of_scope: tuple[str, ...]
@@ -143,6 +144,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
         "gains": lambda: gains_part(pf.pi, pf.dynamics),
         "windows": lambda: window_parts(pf),
         "plan": lambda: plan_part(pf),
+        "costs": lambda: costs_part(pf),
         "figures": lambda: figures(pf, parts["laws"], folder),
         "profiler": lambda: profiler_part(pf),
     }
@@ -150,7 +152,7 @@ def compose(pf: ParameterFile, *, publication: PublicationPart | None = None, fo
     failed = {name: f"Not composed: {why}." for name, why in made.items() if isinstance(why, NotAvailable)}
     parts |= {name: part for name, part in made.items() if name not in failed}
     end = f"End of card {parts['slug']}, {identity.content_sha256[:12]}"
-    return Card(schema="fitmodels.card/7", **parts, empty=_empty(pf, parts) | failed, end=end)
+    return Card(schema="fitmodels.card/8", **parts, empty=_empty(pf, parts) | failed, end=end)
 
 
 def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
@@ -168,6 +170,7 @@ def _empty(pf: ParameterFile, parts: dict[str, Any]) -> dict[str, str]:
         "windows": f"The file holds no limits of power, force or wear{laws}, so there is no operating window; add "
         "them with fitmodels limits params.json.",
         "plan": no_plan(pf),
+        "costs": "The file holds no costs of a part; add them with fitmodels costs params.json.",
         "figures": "There are no figures: the file holds no law and no dynamics.",
         "profiler": NO_LAWS,
     }  # fmt: skip

@@ -298,7 +298,7 @@ class DynamicsPart(Part):
 
 
 class WindowPart(Part):
-    """The operation window and its best point, or the settings of a controller."""
+    """The operation window and its best point, the settings of a controller, or the costs of a part."""
 
     title: str
     verdict: VerdictPart | None = None  # of estimates that a controller starts from

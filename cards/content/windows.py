@@ -1,10 +1,11 @@
-"""Limits, operating window and controller settings as parts of a card."""
+"""Limits, operating window, controller settings and costs as parts of a card."""
 
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import FitmodelsError
 from ...parameters import ParameterFile
 from ...parameters.sections.base import Covariance, ModelCovariance
+from ...parameters.sections.costs import CostsSection, PartCut
 from ...parameters.sections.force_control import AdaptiveForceSection, DriveSection, RoughnessSection
 from ...parameters.sections.load_line import (
     Bound,
@@ -85,6 +86,39 @@ def limits_window(limits: LimitsSection, *, alone: bool = False) -> WindowPart:
     return WindowPart(
         title="Limits", facts=tuple(facts), sentences=("Limits as given, not fitted.", *([ALONE] if alone else []))
     )
+
+
+def costs_part(pf: ParameterFile) -> WindowPart | None:
+    """Costs of a part as stated, with the commands that stated them; None where the file has none."""
+    if (costs := pf.costs) is None:
+        return None
+    stated = " && ".join(command for command in pf.provenance.then if command.startswith("fitmodels costs "))
+    source = f"stated by: {stated}" if stated else "the file does not name the command that stated them"
+    assumed = ["The efficiency is not stated: 1 is assumed."] if costs.energy and not costs.efficiency else []
+    of = "a part" if costs.cut else "1 cm3, because the cut of a part is not stated"
+    sentences = (sentence(f"costs as stated, not measured; {source}"), *assumed)
+    return WindowPart(title=f"Costs of {of}", facts=_costs(costs, costs.currency), sentences=sentences)
+
+
+def _costs(costs: CostsSection, money: str) -> tuple[FactPart, ...]:
+    """Each cost with its unit."""
+    cut = costs.cut or PartCut.model_construct()
+    figures = (
+        ("machine rate", costs.machine, f"{money}/h"),
+        ("labour rate", costs.labour, f"{money}/h"),
+        ("price of an insert", costs.insert, money),
+        ("edges of an insert", costs.edges, ""),
+        ("price of an edge", costs.price_of_edge, money),
+        ("time of a change of the edge", costs.change, "min"),
+        ("handling time of a part", costs.handling if costs.cut else None, "min"),
+        ("volume cut from a part", cut.volume, "cm3"),
+        ("length cut of a part, one pass", cut.length, "mm"),
+        ("diameter of this cut", cut.diameter, "mm"),
+        ("cost of a failed edge beyond its change", costs.failure, money),
+        ("price of energy", costs.energy, f"{money}/kWh"),
+        ("efficiency from the line to the tool", costs.efficiency, ""),
+    )
+    return tuple(item for name, value, unit in figures for item in fact(name, figure(value, 6, unit)))
 
 
 def load_line_window(line: LoadLineSection, pf: ParameterFile) -> WindowPart:

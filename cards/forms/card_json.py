@@ -1,6 +1,6 @@
 """The card for programs: card.json and its versioned schema.
 
-``python -m fitmodels.cards.forms.card_json`` prints the schema, as it is kept in ``cards/schema/card-7.json``.
+``python -m fitmodels.cards.forms.card_json`` prints the schema, as it is kept in ``cards/schema/card-8.json``.
 """
 
 import json
@@ -11,7 +11,7 @@ from ...core.text import escaped
 from ...parameters.json_schema import DIALECT
 from ..content.card import Card
 
-SCHEMA: Final = "fitmodels.card/7"
+SCHEMA: Final = "fitmodels.card/8"
 
 
 def as_json(card: Card) -> str:
@@ -20,7 +20,7 @@ def as_json(card: Card) -> str:
     >>> from fitmodels import parameters
     >>> from fitmodels.cards.content.card import compose
     >>> as_json(compose(parameters.collect(tool="GC435", work="709M40"))).splitlines()[1]
-    ' "schema": "fitmodels.card/7",'
+    ' "schema": "fitmodels.card/8",'
     """
     return escaped(card.model_dump_json(by_alias=True, indent=1)) + "\n"
 
@@ -29,7 +29,7 @@ def json_schema() -> dict[str, Any]:
     """The schema of card.json, generated from the classes.
 
     >>> json_schema()["properties"]["schema"]
-    {'const': 'fitmodels.card/7', 'type': 'string'}
+    {'const': 'fitmodels.card/8', 'type': 'string'}
     """
     made = Card.model_json_schema(by_alias=True, mode="serialization")
     _tidy(made)

@@ -34,6 +34,7 @@ FIELDS = {
     "tool_life": "tool life",
     "windows": "operating window",
     "plan": "plan of an edge",
+    "costs": "costs of a part",
     "design": "tests",
     "doubts": "doubts about the data",
 }

@@ -129,6 +129,7 @@ def _contents(card: Card) -> list[tuple[str, str, bool]]:
         ("tool-life", "Tool life", card.tool_life is not None),
         ("window", "Window and settings", bool(card.windows)),
         ("plan", "Plan of an edge", card.plan is not None),
+        ("costs", "Costs", card.costs is not None),
         ("dynamics", "Dynamics", card.dynamics is not None),
         ("gains", "Gains", card.gains is not None),
         ("uncertainty", "Uncertainty", bool(card.uncertainty)),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 # schema -> its package, its file in it, and the module of the classes of its parts
 SCHEMAS = {
     "parameters": ("parameters", "schema/parameters-10.json", "fitmodels.parameters"),
-    "card": ("cards", "schema/card-7.json", "fitmodels.cards.content.parts"),
+    "card": ("cards", "schema/card-8.json", "fitmodels.cards.content.parts"),
 }
 WHOLES = {"parameters": ("fitmodels.parameters", "ParameterFile"), "card": ("fitmodels.cards.content.card", "Card")}
 LIMITS = {"minimum": "≥", "maximum": "≤", "exclusiveMinimum": ">", "exclusiveMaximum": "<"}
