@@ -19,10 +19,11 @@ from fitmodels import parameters
 from fitmodels.cards import publishing
 from fitmodels.cards.content import figure_texts
 from fitmodels.cards.publishing import build, pair, pool
-from fitmodels.cards.publishing.entries import CardEntry, with_slugs
-from fitmodels.cards.publishing.pages import updated
+from fitmodels.cards.publishing.entries import CardEntry, exponents_data, with_slugs
+from fitmodels.cards.publishing.pages import compare_page, index_page, updated
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.core.text import printable
+from fitmodels.core.verdict import LEVELS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -186,6 +187,39 @@ def test_without_a_script_the_exponents_stand_in_tables(made):
     assert all(f"{x['estimate']['text']}{x['low']['text']} … {x['high']['text']}" in text for x in exponents)
 
 
+def alike(slug, verdict, data_file):
+    """A card of an unnamed pair with one law of this verdict."""
+    x = {"factor": "V", "estimate": {"value": 1.0, "text": "1.00"}, "low": {}, "high": {}}
+    one = {"response": "P", "verdict": verdict, "quantity": "power", "unit": "kW", "form": "power", "equation": "P = V"}
+    names = {"tool": "unnamed-tool", "work": "unnamed-work", "title": "unnamed-tool on unnamed-work"}
+    return CardEntry(
+        slug=slug, **names, summary="", simulated=False, content_sha256="0" * 64, data_file=data_file,
+        laws=({**one, "exponents": (x,)},),
+    )  # fmt: skip
+
+
+def test_exponents_of_a_draft_have_the_verdict_on_their_law_and_the_file_of_their_pair():
+    """Laws that must not be used stood unmarked beside others, and two unnamed pairs could not be told apart."""
+    entries = [
+        alike("u-1", LEVELS[2], "may.csv"),
+        alike("u-2", LEVELS[0], "june.csv"),
+        alike("u-3", LEVELS[1], "j.csv"),
+    ]
+    page = compare_page(entries, "Cards", draft=True)
+    rows = dict(re.findall(r'<a href="cards/(u-\d)/index.html">(.+?)</th>', page))
+    assert {slug: re.search('class="fine">([^<]+)<', row)[1] for slug, row in rows.items()} == {
+        "u-1": "may.csv", "u-2": "june.csv", "u-3": "j.csv"
+    }  # fmt: skip
+    assert re.search(r'badge do-not-use"><span[^>]*>✗</span> <span>do not use for control<', rows["u-1"])
+    assert re.search(r'badge usable"><span[^>]*>✓</span> <span class="hidden">usable inside', rows["u-2"])
+    assert re.search(r'badge reservations"><span[^>]*>!</span> <span>usable with reservations<', rows["u-3"])
+    data = exponents_data(entries)
+    assert [pair["source"] for pair in data["pairs"]] == ["may.csv", "june.csv", "j.csv"]
+    assert [data["verdicts"][row[-1]][1] for row in data["sets"][0]["rows"]] == [LEVELS[2], LEVELS[0], LEVELS[1]]
+    assert re.findall('class="fine">([^<]+)<', index_page(entries, "Cards")) == ["may.csv", "june.csv", "j.csv"]
+    assert 'class="fine"' not in compare_page(entries[:1], "Cards").partition("<tbody>")[2].partition("</tbody>")[0]
+
+
 @pytest.mark.parametrize("name", ["index.html", "compare.html"])
 def test_a_page_allows_its_own_style_and_script_and_nothing_else(made, name):
     page = Page(made / name)
@@ -200,7 +234,7 @@ def test_a_page_allows_its_own_style_and_script_and_nothing_else(made, name):
 
 def test_the_list_holds_the_numbers_of_the_cards_and_the_hashes_of_their_files(made):
     listed = json.loads((made / "cards.json").read_text("utf-8"))
-    assert listed["schema"] == "fitmodels.site/4"
+    assert listed["schema"] == "fitmodels.site/5"
     for one in listed["cards"]:
         home = made / "cards" / one["slug"]
         assert set(one["files"]) == OF_A_CARD

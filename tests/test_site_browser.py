@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from fitmodels import parameters
 from fitmodels.cards import publishing
+from fitmodels.cards.publishing.entries import CardEntry
+from fitmodels.cards.publishing.pages import compare_page
+from fitmodels.core.verdict import LEVELS
 from scipy.stats import ttest_ind_from_stats
 from statsmodels.stats.multitest import multipletests
 
@@ -190,6 +193,35 @@ def test_a_reference_marks_the_pairs_that_differ_by_construction(opened, made):
         f"10 of 49 differ from insert 1 on work P, adjusted for 49 comparisons (Holm). Unadjusted {alone} differ, "
         "of which about 2.5 are expected by chance if all were equal."
     )
+
+
+def test_each_exponent_has_the_verdict_on_its_law_and_pairs_of_one_name_their_files(chromium, tmp_path):
+    numbers = {"estimate": {"value": 1.0, "text": "1.00"}, "low": {}, "high": {}}
+    power = {"response": "P", "quantity": "power", "unit": "kW", "form": "power", "equation": "P = V"}
+    entries = [
+        CardEntry(
+            slug=f"u-{level}", title="u on u", summary="", tool="u", work="u", simulated=False, content_sha256="0" * 64,
+            data_file=f"{level}.csv", laws=({**power, "verdict": words, "exponents": ({"factor": "V", **numbers},)},),
+        )
+        for level, words in enumerate(LEVELS)
+    ]  # fmt: skip
+    (tmp_path / "compare.html").write_text(compare_page(entries, "Cards", draft=True), encoding="utf-8")
+    tab = chromium.new_page()
+    try:
+        tab.goto((tmp_path / "compare.html").as_uri())
+        names = [" ".join(one.split()) for one in tab.locator("#forest .name").all_inner_texts()]
+        assert names == [
+            "u on u 0.csv ✓ usable inside the tested region",
+            "u on u 1.csv ! usable with reservations",
+            "u on u 2.csv ✗ do not use for control",
+        ]
+        words = tab.locator("#forest .badge > span:last-child")
+        assert [words.nth(k).evaluate("e => e.className") for k in range(3)] == ["hidden", "", ""]
+        assert tab.locator("#reference option").all_inner_texts() == [
+            "none", "u on u (0.csv)", "u on u (1.csv)", "u on u (2.csv)"
+        ]  # fmt: skip
+    finally:
+        tab.close()
 
 
 def test_the_rows_stand_by_value_by_name_or_by_difference(opened, made):

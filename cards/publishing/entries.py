@@ -15,6 +15,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import AfterValidator, Field
 
 from ...core.text import printable
+from ...core.verdict import MARKS, NOT_JUDGED
 from ...datasets.vocabulary import ROLES
 from ...parameters import ParameterFile
 from ..content.card import Card
@@ -52,7 +53,7 @@ class LawEntry(Part):
 
 
 class CardEntry(Part):
-    """A card in the list of a site, as ``cards.json`` (schema ``fitmodels.site/4``) has it.
+    """A card in the list of a site, as ``cards.json`` (schema ``fitmodels.site/5``) has it.
 
     ``slug`` names the folder of the card; ``files`` are paths in it -> SHA-256; ``made_from`` is the SHA-256 of the
     files and of the code that the card was made from; ``gaps`` of a draft are sentences on what keeps the card from
@@ -75,6 +76,7 @@ class CardEntry(Part):
     dynamics: bool = False
     content_sha256: str
     data_sha256: str = ""
+    data_file: Shown = ""
     files: dict[str, str] = Field(default_factory=dict)
     made_from: str = ""
     gaps: tuple[Shown, ...] = ()
@@ -128,6 +130,7 @@ def card_entry(card: Card, pf: ParameterFile, files: dict[str, str], gaps: tuple
         dynamics=card.dynamics is not None,
         content_sha256=i.content_sha256,
         data_sha256=card.provenance.data_sha256,
+        data_file=card.provenance.data_file,
         files=files,
         gaps=gaps,
     )
@@ -195,9 +198,10 @@ Key = tuple[str, str, str]  # response, quantity, form
 
 
 class ComparisonRow(NamedTuple):
-    """A card in a table: its exponents in the order of the table's factors, None where its law lacks one."""
+    """A card in a table: its law, and exponents in the order of the table's factors, None where the law lacks one."""
 
     entry: CardEntry
+    law: LawEntry
     exponents: tuple[ExponentEntry | None, ...]
 
 
@@ -232,19 +236,42 @@ def exponents_data(entries: Sequence[CardEntry]) -> dict[str, Any]:
     """Data of the script: pairs, and for each law and factor the exponents.
 
     An exponent is a list: place of its pair, value, standard error, degrees of freedom, low, high, then the three
-    texts. Numbers have seven digits: enough for every mark, and a third of the page size.
+    texts, and the place of the verdict on its law. Numbers have seven digits: enough for every mark, and a third of
+    the page size.
 
     Examples
     --------
-    >>> exponents_data([])
-    {'pairs': [], 'sets': []}
+    >>> list(exponents_data([]))
+    ['pairs', 'verdicts', 'sets']
     """
     place = {e.slug: at for at, e in enumerate(entries)}
+    named = sources(entries)
     pairs = [
-        {"slug": e.slug, "title": e.title, "tool": e.tool, "work": e.work, "group": e.group, "simulated": e.simulated}
+        {"slug": e.slug, "title": e.title, "source": named.get(e.slug, ""), "tool": e.tool, "work": e.work,
+         "group": e.group, "simulated": e.simulated}
         for e in entries
-    ]
-    return {"pairs": pairs, "sets": [one for table in tables(entries) for one in _sets(table, place)]}
+    ]  # fmt: skip
+    verdicts = [[mark.icon, mark.words, mark.css] for mark in MARKS.values()]
+    sets = [one for table in tables(entries) for one in _sets(table, place)]
+    return {"pairs": pairs, "verdicts": verdicts, "sets": sets}
+
+
+def sources(entries: Sequence[CardEntry]) -> dict[str, str]:
+    """Data files of the cards of equal title, by slug; the slug itself where the files have one name, too.
+
+    Examples
+    --------
+    >>> one = CardEntry(slug="a-1", title="a", summary="", tool="a", work="b", simulated=True, content_sha256="0" * 64)
+    >>> two = one.model_copy(update={"slug": "a-2", "data_file": "may.csv"})
+    >>> sources([one, two]), sources([one])
+    ({'a-1': 'a-1', 'a-2': 'may.csv'}, {})
+    """
+    titles, files = Counter(e.title for e in entries), Counter((e.title, e.data_file) for e in entries)
+    return {
+        e.slug: e.data_file if e.data_file and files[e.title, e.data_file] == 1 else e.slug
+        for e in entries
+        if titles[e.title] > 1
+    }
 
 
 def _table(key: Key, held: Sequence[tuple[CardEntry, LawEntry]]) -> ComparisonTable:
@@ -252,7 +279,7 @@ def _table(key: Key, held: Sequence[tuple[CardEntry, LawEntry]]) -> ComparisonTa
     rows = []
     for e, law in held:
         own = {_name(x): x for x in law.exponents}
-        rows.append(ComparisonRow(e, tuple(own.get(name) for name in factors)))
+        rows.append(ComparisonRow(e, law, tuple(own.get(name) for name in factors)))
     return ComparisonTable(*key, tuple(factors), tuple(rows))
 
 
@@ -264,7 +291,7 @@ def _name(x: ExponentEntry) -> str:
 def _sets(table: ComparisonTable, place: dict[str, int]) -> Iterator[dict[str, Any]]:
     for column, factor in enumerate(table.factors):
         rows = [
-            [place[row.entry.slug], *_numbers(x), x.estimate.text, x.low.text, x.high.text]
+            [place[row.entry.slug], *_numbers(x), x.estimate.text, x.low.text, x.high.text, _place(row.law.verdict)]
             for row in table.rows
             if (x := row.exponents[column]) is not None
         ]
@@ -274,6 +301,12 @@ def _sets(table: ComparisonTable, place: dict[str, int]) -> Iterator[dict[str, A
             "factor": factor,
             "rows": rows,
         }
+
+
+def _place(verdict: str) -> int:
+    """Place of a verdict in the data of the script."""
+    words = [mark.words for mark in MARKS.values()]
+    return words.index(verdict if verdict in words else NOT_JUDGED)
 
 
 def _numbers(x: ExponentEntry) -> list[float | int | None]:

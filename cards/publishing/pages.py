@@ -18,7 +18,7 @@ from ...core.verdict import MARKS
 from ...core.version import __version__
 from ..forms.markdown import text
 from ..forms.rendering import asset, checksum, data_block, environment
-from .entries import CardEntry, exponents_data, tables
+from .entries import CardEntry, exponents_data, sources, tables
 from .site_folder import SCHEMA
 
 if TYPE_CHECKING:
@@ -61,7 +61,8 @@ def index_page(
     >>> "<h1>Cards</h1>" in index_page([], "Cards")
     True
     """
-    return _page("site_index", title, entries, draft=draft, left_out=left_out, choices=_choices(entries))
+    more = {"choices": _choices(entries), "sources": sources(entries)}
+    return _page("site_index", title, entries, draft=draft, left_out=left_out, **more)
 
 
 def compare_page(entries: Sequence[CardEntry], title: str, *, draft: bool = False) -> str:
@@ -73,8 +74,8 @@ def compare_page(entries: Sequence[CardEntry], title: str, *, draft: bool = Fals
     True
     """
     data = json_text(exponents_data(entries), separators=(",", ":"))
-    more = {"choices": _choices(entries), "tables": tables(entries), "data": data_block(data)}
-    return _page("site_compare", title, entries, draft=draft, **more)
+    facts = {"tables": tables(entries), "sources": sources(entries), "data": data_block(data)}
+    return _page("site_compare", title, entries, draft=draft, choices=_choices(entries), **facts)
 
 
 def mark_page(page: bytes, gaps: Sequence[str]) -> bytes:
@@ -221,7 +222,7 @@ def _add(parent: ET.Element, name: str, text: str | None = None, **attributes: s
 
 
 def card_list(entries: Sequence[CardEntry], title: str, *, draft: bool = False) -> bytes:
-    """The list, schema ``fitmodels.site/4``; ``draft`` is true where its cards are not published.
+    """The list, schema ``fitmodels.site/5``; ``draft`` is true where its cards are not published.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from ...core.bounded import read_bounded, stored_json
 from ...core.errors import DataError, UsageError
 from .entries import CardEntry
 
-SCHEMA = "fitmodels.site/4"
+SCHEMA = "fitmodels.site/5"
 LIST = "cards.json"
 NAMES = ("index.html", "compare.html", "atom.xml", LIST, "cards")
 

@@ -2,7 +2,7 @@
 (() => {
   const $ = (id) => document.getElementById(id);
   if (!$("data")) return;
-  const { pairs, sets } = JSON.parse($("data").textContent);
+  const { pairs, verdicts, sets } = JSON.parse($("data").textContent);
   const LEVEL = 0.05;
   const SVG = "http://www.w3.org/2000/svg";
 
@@ -86,8 +86,9 @@
   const words = [...new Set(sets.map((s) => s.words))];
   const chosenSet = () => sets.find((s) => s.words === $("law").value && s.factor === $("factor").value);
   const rowsOf = (set) =>
-    set.rows.map(([at, value, se, df, low, high, text, lowText, highText]) => ({
+    set.rows.map(([at, value, se, df, low, high, text, lowText, highText, judged]) => ({
       pair: pairs[at], value, se, df, low, high, text,
+      verdict: verdicts[judged],
       interval: lowText ? `${lowText} to ${highText}` : "no interval",
     })); // prettier-ignore
 
@@ -152,10 +153,16 @@
 
   const line = (r, axis, reference) => {
     const name = element("span", { class: "name" }, element("a", { href: `cards/${r.pair.slug}/index.html` }, r.pair.title));
+    if (r.pair.source) name.append(" ", element("span", { class: "fine" }, r.pair.source));
+    const [icon, words, css] = r.verdict;
+    const shown = css === "usable" ? { class: "hidden" } : {};
+    const badge = element("span", { class: `badge ${css}` }, element("span", { class: "icon", "aria-hidden": "true" }, icon), " ");
+    badge.append(element("span", shown, words));
     if (r.pair.simulated) name.append(" ", element("span", { class: "fine" }, "simulated"));
+    name.append(" ", badge);
     const value = element("span", { class: "number" }, element("b", {}, r.text), ` (${r.interval})`);
     const button = element("button", { type: "button", "aria-pressed": String(r.kind === "reference") }, "reference");
-    button.setAttribute("aria-label", `reference: ${r.pair.title}`);
+    button.setAttribute("aria-label", `reference: ${named(r.pair)}`);
     button.addEventListener("click", () => {
       $("reference").value = r.kind === "reference" ? "" : r.pair.slug;
       show();
@@ -173,13 +180,14 @@
     return item;
   };
 
+  const named = (pair) => (pair.source ? `${pair.title} (${pair.source})` : pair.title);
   const few = (x) => (x < 10 ? String(Math.round(10 * x) / 10) : String(Math.round(x)));
   const summarise = (reference, found, shown) => {
     if (!reference) return [`${shown} pair${shown === 1 ? "" : "s"}. Choose a reference to see which exponents differ from it.`];
     const one = found.filter((r) => r.found.p < LEVEL).length;
     const all = found.filter((r) => r.found.adjusted < LEVEL).length;
     return [
-      element("strong", {}, `${all} of ${found.length} differ from ${reference.pair.title}`),
+      element("strong", {}, `${all} of ${found.length} differ from ${named(reference.pair)}`),
       `, adjusted for ${found.length} comparisons (Holm). Unadjusted ${one} differ, of which about ${few(LEVEL * found.length)} are `,
       "expected by chance if all were equal.",
     ];
@@ -188,7 +196,7 @@
   const byName = new Intl.Collator("en", { numeric: true });
   const ORDERS = {
     value: (a, b) => b.value - a.value,
-    name: (a, b) => byName.compare(a.pair.title, b.pair.title),
+    name: (a, b) => byName.compare(named(a.pair), named(b.pair)),
     difference: (a, b) => (b.found ? b.found.t : -Infinity) - (a.found ? a.found.t : -Infinity),
   };
 
@@ -225,8 +233,8 @@
     pickReference($("reference").value);
   };
   const pickReference = (wanted) => {
-    const named = rowsOf(chosenSet()).sort(ORDERS.name).map((r) => [r.pair.slug, r.pair.title]);
-    options($("reference"), [["", "none"], ...named], wanted);
+    const choices = rowsOf(chosenSet()).sort(ORDERS.name).map((r) => [r.pair.slug, named(r.pair)]);
+    options($("reference"), [["", "none"], ...choices], wanted);
   };
 
   // what is chosen stands in the address, so that it can be sent
