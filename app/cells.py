@@ -1,7 +1,8 @@
-"""Cells that a doubt or a check names: their rows in the file, and the correction that gives one a new value."""
+"""Cells that a doubt or a check is about: their rows in the file, and the correction that gives one a new value."""
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +25,7 @@ LAST_BIT: Final = 2.3e-16  # relative
 ULPS: Final = 12  # neighbours of a factor that are tried
 LONGEST: Final = 40  # characters of a cell
 LARGEST: Final = 5_000_000  # bytes of a file: a larger one would hold up other requests
-NAMED: Final = re.compile(r"\blines? (\d{1,9}(?:(?:, ?|-| and )\d{1,9})*)")
+NAMED: Final = re.compile(r"\blines? (\d{1,9}(?:(?:, ?|-)\d{1,9})*)")
 AGAINST: Final = (", its neighbours in edge ", " where the other rows of edge ")  # a cell, and what is usual beside it
 UNIT_RATIO: Final = re.compile(r"a factor of ([\d.]+) as between")
 OWN: Final = re.compile(r"lines (\d+):([A-Za-z]\w*)[*/+-].+")
@@ -150,15 +151,49 @@ class Cells:
                 row[numbers.index(self.column(cell.symbol)[0].number)] = f"{new:.6g} (was {cell.value:.6g})"
         return row
 
+    def lines_of_doubt(self, doubt: Mapping[str, Any]) -> list[int]:
+        """Lines of a doubt, the first few; of one about whole edges those that it compares with others of their edge.
+
+        None where a doubt is about whole edges, or columns, and compares no cell.
+        """
+        lines = [int(line) for line in doubt.get("lines") or ()]
+        if self._are_whole_edges(lines):
+            compared = ratios_in(str(doubt["sentence"]))
+            lines = [line for line in lines if line in compared]
+        return lines[:MOST]
+
+    def _are_whole_edges(self, lines: Sequence[int]) -> bool:
+        """Whether lines are all of their edges, of three rows or more each."""
+        edges = self._edges()
+        rows, held = Counter(edges.values()), Counter(edges[line] for line in lines if line in edges)
+        return bool(held) and all(count == rows[name] > 2 for name, count in held.items())
+
+    def _edges(self) -> dict[int, str]:
+        """The name of the edge of each line, where a column has them; a blank one is that of the row above."""
+        number = next((one["number"] for one in self.columns if one["role"] == "edge"), None)
+        values = next((one.values for one in self.table.columns if one.number == number), ())
+        found, name = dict[int, str](), ""
+        for line, value in zip(self.table.lines, values, strict=False):
+            name = _text(value) or name
+            found[int(line)] = name
+        return found
+
+    def _is_of_whole_rows(self, symbols: Sequence[str]) -> bool:
+        """Whether a doubt is about all columns, as one about copies."""
+        roles = {one["role"] for one in self.columns} - {None, "edge"}
+        return len(roles) > 3 and roles <= set(symbols)
+
     def of_doubt(self, doubt: Mapping[str, Any], others: Sequence[Mapping[str, Any]] = ()) -> list[Cell]:
-        """Cells that a doubt names, with the value that it points to.
+        """Cells of the lines of a doubt, with the value that it points to.
 
         Where it compares columns, and one of ``others`` finds which of them jumps in a line, that cell is wrong.
         """
-        symbols, sentence = [str(one) for one in doubt.get("columns") or ("",)], str(doubt["sentence"])
-        wrong = self._jumping(symbols, others)
-        lines, ratio = lines_in(sentence), ratios_in(sentence)
-        found = [wrong.get(line) or cell for line in lines for cell in self._known(line, symbols[0])]
+        symbols, sentence = [str(one) for one in doubt["columns"]], str(doubt["sentence"])
+        if self._is_of_whole_rows(symbols):
+            return []
+        wrong, ratio = self._jumping(symbols, others), ratios_in(sentence)
+        lines, first = self.lines_of_doubt(doubt), next(iter(symbols), "")
+        found = [wrong.get(line) or cell for line in lines for cell in self._known(line, first)]
         return [
             one if one in wrong.values()
             else Cell(one.line, one.symbol, one.unit, one.value, _ready(one.value, ratio.get(one.line), sentence))
@@ -197,15 +232,15 @@ def cells_of(path: Path, options: Sequence[str], look: Mapping[str, Any]) -> Cel
         return None
 
 
-def lines_in(text: str) -> list[int]:
-    """Lines that a sentence names, the first few.
+def lines_in(target: str) -> list[int]:
+    """Lines of a target, the first few; none where it names edges.
 
-    >>> lines_in("line 31 has 260.9 A; lines 3-5, 9 and edge 7")
-    [31, 3, 4, 5, 9]
+    >>> lines_in("lines 31, 3-5,9"), lines_in("E07")
+    ([31, 3, 4, 5, 9], [])
     """
     found: dict[int, None] = {}
-    for part in NAMED.findall(text):
-        for piece in re.split(r", ?| and ", part):
+    for part in NAMED.findall(target):
+        for piece in part.split(","):
             first, _, last = piece.partition("-")
             found |= dict.fromkeys(range(int(first), min(int(last or first), int(first) + MOST) + 1))
     return list(found)[:MOST]

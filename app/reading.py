@@ -252,12 +252,12 @@ class NamedRow:
 
 
 def named_rows(look: Mapping[str, Any], cells: Cells | None, options: Sequence[str]) -> list[NamedRow]:
-    """Rows that doubts and corrections name: those in doubt that are not among the first ones, and every corrected."""
-    corrections = [value for name, value in pairs(options) if name == "--correct"]
-    doubted = dict.fromkeys(line for doubt in look.get("doubts") or () for line in lines_in(doubt["sentence"]))
-    corrected = dict.fromkeys(line for text in corrections for line in lines_in(text.partition(":")[0]))
+    """Rows of doubts and corrections: those in doubt that are not among the first ones, and every corrected one."""
     if cells is None:
         return []
+    corrections = [value for name, value in pairs(options) if name == "--correct"]
+    doubted = dict.fromkeys(line for doubt in look.get("doubts") or () for line in cells.lines_of_doubt(doubt))
+    corrected = dict.fromkeys(line for text in corrections for line in lines_in(text.partition(":")[0]))
     wanted = {
         line: line in doubted for line in (*doubted, *corrected) if line in corrected or line not in look["lines"]
     }

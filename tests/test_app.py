@@ -31,7 +31,7 @@ from fitmodels.app.jobs import Job, Jobs
 from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
-from fitmodels.app.reading import assumptions, column_menus, offered, option_of_change, role_label, units_of
+from fitmodels.app.reading import assumptions, column_menus, named_rows, offered, option_of_change, role_label, units_of
 from fitmodels.app.results import policy_of_card, reading_of, remedies, suspects, written
 from fitmodels.app.stages import filled, older, states, to_repeat
 from fitmodels.controllers.region.visible import visible_region
@@ -960,11 +960,41 @@ def test_of_two_columns_that_disagree_the_cell_that_jumps_is_the_one_to_correct(
     path.write_text("Fc [N],P [kW]\n458,1.4\n4549,1.35\n472,1.42\n")
     columns = [{"number": 1, "role": "Fc", "unit": "N"}, {"number": 2, "role": "P", "unit": "kW"}]
     cells = cells_of(path, (), {"columns": columns, "units": {"Fc": "N", "P": "kW"}})
-    both = {"columns": ["P", "Fc", "V"], "sentence": "P is 0.0989 times Fc V/60000 in 1 row (line 3)"}
+    both = {"columns": ["P", "Fc", "V"], "sentence": "P is 0.0989 times Fc V/60000 in 1 row (line 3)", "lines": [3]}
     jump = "Fc jumps within an edge: line 3 has 4549 N, its neighbours in edge 1 458 and 472; a digit may have slipped"
-    (cell,) = cells.of_doubt(both, [both, {"columns": ["Fc"], "sentence": jump}])
+    (cell,) = cells.of_doubt(both, [both, {"columns": ["Fc"], "sentence": jump, "lines": [3]}])
     assert (cell.symbol, cell.line, cell.ready) == ("Fc", 3, 454.9)
     assert [one.symbol for one in cells.of_doubt(both, [both])] == ["P"]
+
+
+def test_the_lines_of_a_doubt_are_those_of_its_field_and_none_of_its_sentence(tmp_path):
+    """ "lines 2, 3, 4, 5, 6 and 23 more" showed the sound line 23 as doubted."""
+    path = tmp_path / "a.csv"
+    names = "".join(f"{name},100,{k / 10}\n" for name in ("E1", "E2") for k in range(1, 16))
+    path.write_text(f"edge,V,VB\n{names}")
+    columns = [{"number": k, "role": role, "unit": None} for k, role in enumerate(("edge", "V", "VB"), 1)]
+    cells = cells_of(path, (), {"columns": columns, "units": {}})
+    many = {"columns": ["VB"], "sentence": "VB in lines 2, 3, 4, 5, 6 and 23 more", "lines": [2, 3, 4, 5, 6, 8, 9, 30]}
+    assert [one.line for one in cells.of_doubt(many)] == [2, 3, 4, 5, 6, 8]
+    look = {"doubts": [many], "lines": [2, 3, 4]}
+    assert [(row.line, row.doubted) for row in named_rows(look, cells, ())] == [
+        (line, True) for line in (5, 6, 8)
+    ]  # fmt: skip
+    edge = {
+        "columns": ["VB"],
+        "sentence": "VB is of another order in edge E2 by a factor of 25",
+        "lines": [*range(17, 32)],
+    }
+    assert cells.of_doubt(edge) == []
+    assert named_rows({"doubts": [edge], "lines": []}, cells, ()) == []
+    odd = "V changes within an edge: line 19 has 1000 where the other rows of edge E2 have 100; correct the cell"
+    (cell,) = cells.of_doubt({"columns": ["V"], "sentence": odd, "lines": [*range(17, 32)]})
+    assert (cell.line, cell.ready) == (19, 10.0)  # of 100 in the file, ten times too much by the sentence
+    assert cells.of_doubt({"columns": ["V"], "sentence": "V is constant in lines 2, 3", "lines": []}) == []
+    wide = [{"number": k, "role": role, "unit": None} for k, role in enumerate(("V", "f", "t", "VB"), 1)]
+    path.write_text("V,f,t,VB\n" + "100,0.1,2,0.1\n" * 3)
+    copies = {"columns": ["V", "f", "t", "VB"], "sentence": "lines 3 and 4 repeat earlier rows", "lines": [3, 4]}
+    assert cells_of(path, (), {"columns": wide, "units": {}}).of_doubt(copies) == []
 
 
 def test_a_command_is_cancelled_and_another_waits(tmp_path):
