@@ -89,7 +89,7 @@ class Guard:
         if scope["method"] not in ("GET", "HEAD") and headers.get("origin") != f"http://{headers['host']}":
             return HTTPStatus.FORBIDDEN, "Only this page may change something."
         size = headers.get("content-length", "0")
-        if not size.isdigit() or int(size) > self.largest:
+        if not size.isdecimal() or int(size) > self.largest:
             return HTTPStatus.REQUEST_ENTITY_TOO_LARGE, self._too_large
         return None, ""
 

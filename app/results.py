@@ -25,7 +25,7 @@ NO_READING: Final[Mapping[str, Any]] = {
     "commands": [], "units": {},
 }  # fmt: skip
 NO_RESULT: Final = {True: "cancelled", False: "The reading ended without a result; run it again."}
-LEFT_OUT: Final = re.compile(r"assumed: left out as asked, --leave-out ([^:]+): (.+)", re.S)
+LEFT_OUT: Final = re.compile(r"assumed: left out as asked, --leave-out (.+?): (\d+ rows? \(.+)", re.S)
 POLICY_OF_CARD = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]{1,2000})"')
 
 

@@ -27,12 +27,13 @@ from fitmodels.app import region, server
 from fitmodels.app.cells import Cells, cells_of
 from fitmodels.app.command_forms import actions, subject_of
 from fitmodels.app.command_words import command
+from fitmodels.app.guard import Guard
 from fitmodels.app.jobs import Job, Jobs
 from fitmodels.app.messages import on_page, places
 from fitmodels.app.options import applied, command_of, of_comparison, replaced
 from fitmodels.app.project import SUFFIXES, Project, safe_name
 from fitmodels.app.reading import assumptions, column_menus, named_rows, offered, option_of_change, role_label, units_of
-from fitmodels.app.results import policy_of_card, reading_of, remedies, suspects, written
+from fitmodels.app.results import policy_of_card, reading_of, remedies, rows_left_out, suspects, written
 from fitmodels.app.stages import filled, older, states, to_repeat
 from fitmodels.controllers.region.visible import visible_region
 from fitmodels.core.errors import DataError, UsageError
@@ -42,6 +43,7 @@ from fitmodels.fit.form_choice import CHOICES
 from fitmodels.parameters.published import published
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from starlette.datastructures import Headers
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -142,6 +144,12 @@ def test_a_request_that_is_too_large_is_refused_with_and_without_a_length(tmp_pa
         assert one.ask("POST", "/files", pieces, content_type=kind)[0] == 413
         assert one.page.project.files == ()
         assert [path.name for path in tmp_path.iterdir()] == []
+
+
+def test_a_length_of_a_digit_that_is_no_number_is_refused():
+    guard = Guard(None, 1)
+    headers = Headers({"host": "127.0.0.1:1", "cookie": f"{guard.cookie}={guard._secret}", "content-length": "\u00b2"})
+    assert guard._refusal({"path": "/", "method": "GET"}, headers)[0] == 413
 
 
 def test_an_upload_that_is_cut_off_leaves_nothing(client):
@@ -639,6 +647,16 @@ def test_a_change_of_options_that_changed_meanwhile_is_refused(tmp_path):
     with pytest.raises(UsageError, match="reload the page"):
         project.change(shown, ["--leave-out", "lines 30"], {"lines 30": "chips"})
     assert project.entry("a.csv") == first
+
+
+@pytest.mark.parametrize("edge", ["P20:3", "E7: new", "E07"])
+def test_rows_of_an_edge_that_is_left_out_are_listed_whatever_its_name_is(tmp_path, edge):
+    table = wear_table().decode().replace("E3;", f"{edge};").replace(",", ".").replace(";", ",").encode()
+    (tmp_path / "a.csv").write_bytes(table)
+    assumed = datasets.read_runs(tmp_path / "a.csv", leave_out=[edge]).assumed
+    found = rows_left_out([{"design": {"understood": [f"assumed: {words}" for words in assumed]}}])
+    assert list(found) == [edge]
+    assert found[edge].startswith("4 rows (lines 14, 15, 16 and 17)")
 
 
 def test_rows_that_a_check_names_are_proposed_as_ranges_of_lines():
