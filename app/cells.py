@@ -111,7 +111,11 @@ class Cells:
         """
         cell, new = self.cell(line, symbol), _number(with_points(typed.strip(), symbol))
         if new is None:
-            raise UsageError(f"{symbol} in line {line}: {typed[:40]!r} is no number; write it as 0.261.")
+            unit = f" in {cell.unit}" if cell.unit else ""
+            raise UsageError(
+                f"{symbol} in line {line}: {typed[:40]!r} is no number; write digits with a decimal point{unit}. The "
+                f"file has {cell.value:.6g}."
+            )
         if new == cell.value:
             raise UsageError(f"{symbol} in line {line}: {new:g} is the value of the file; write another one.")
         if new * cell.value > 0:

@@ -86,12 +86,13 @@ class Action:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Subject of the forms: a file, its parameter file, and the other files of the project."""
+    """Subject of the forms: a file, its parameter file, the other files of the project, and those that have laws."""
 
     stem: str
     params: str
     content: Mapping[str, Any] = field(default_factory=dict)
     others: Sequence[str] = ()
+    tests: Sequence[str] = ()
 
     @property
     def is_record(self) -> bool:
@@ -172,7 +173,9 @@ def _of_laws(of: Subject) -> tuple[Action, ...]:
 
 def _of_control(of: Subject) -> tuple[Action, ...]:
     """Forms of dynamics, settings and gains."""
-    records = tuple((name, name) for name in of.others)
+    others = sorted(of.others, key=lambda name: name in of.tests)  # files of tests are hardly the record
+    chosen = [("", "choose one, or add it below")] if others and others[0] in of.tests else []
+    records = (*chosen, *((name, name) for name in others))
     return (
         Action(
             "settings",
@@ -342,7 +345,7 @@ def _settings(of: Subject) -> tuple[Input, ...]:
         for name, label, default in ENGAGEMENT
     )  # fmt: skip
     return (
-        Input("worn", f"load limit of a worn tool{unit}", "--worn {}", "0.28", needed=True),
+        Input("worn", f"load limit of a worn tool{unit}", "--worn {}", "0.28" if unit == ", A" else "", needed=True),
         Input("safety-factor", "safety factor: reference load divided by the load limit", "--safety-factor {}",
               default="0.85"),
         Input("window", "wear at tool change, from:to with unit", "--window {}", default="180:220um"),

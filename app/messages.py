@@ -4,6 +4,7 @@ import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 from markupsafe import Markup, escape
@@ -187,7 +188,7 @@ def _command(text: str, start: re.Match[str], to: Places) -> tuple[Markup, int]:
     name, rest = (tokens[0], tokens[1:]) if tokens else ("", [])
     if name in to.forms and "--as" not in rest:
         form = to.forms[name]
-        given = " ".join(token for token in rest if "=" in token and not token.startswith("-"))
+        given = _given(rest)
         options = [
             _linked(*_worded(option, value, to, name))
             for option, value in _pairs_of(rest)
@@ -203,6 +204,16 @@ def _command(text: str, start: re.Match[str], to: Places) -> tuple[Markup, int]:
         worded = [_linked(*_worded(option, value, to, "")) for option, value in _pairs_of(rest)]
         return Markup(", ").join(worded) or _linked(Markup("the fit"), "h-laws"), after
     return Markup("<code>{}</code> (in a terminal)").format(" ".join(["fitmodels", *tokens])), after
+
+
+def _given(words: Sequence[str]) -> str:
+    """Values by name among the words of a command that are none of an option.
+
+    >>> _given(["a.csv", "P=7kW", "--map", "f=col3", "f=0.1:0.4"])
+    'P=7kW f=0.1:0.4'
+    """
+    values = (word for before, word in pairwise(["", *words]) if not before.startswith("--"))
+    return " ".join(word for word in values if "=" in word and not word.startswith("-"))
 
 
 def _tokens(text: str, at: int) -> tuple[list[str], int]:

@@ -3,6 +3,7 @@
 import asyncio
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from http import HTTPStatus
 from pathlib import Path
@@ -105,17 +106,21 @@ class Page(FilePage):
             paths, subject = await asyncio.to_thread(self._subject, entry, wanted)
         except UsageError as missing:
             return self._render("alert.html", words=str(missing))
+        subject = await asyncio.to_thread(self._with_tests, subject)
         running = self._running(entry, subject)
         forms = await asyncio.to_thread(stages.filled, self.project, entry, subject)
         forms = [stages.with_values(one, running[one.name][1]) if one.name in running else one for one in forms]
         done = await asyncio.to_thread(stages.states, self.project, entry, subject, running)
-        tests = await asyncio.to_thread(files_of_tests, self.project) if subject.is_record else []
         return self._render(
             "machine.html", entry=entry, actions=[one for one in forms if one.is_form], paths=paths,
-            path=subject.params, states=done, is_record=subject.is_record, language=language_of(request), tests=tests,
-            token=await asyncio.to_thread(shown.of_files, self.project, entry),
+            path=subject.params, states=done, is_record=subject.is_record, language=language_of(request),
+            tests=subject.tests, token=await asyncio.to_thread(shown.of_files, self.project, entry),
             waiting={name: self._waiting_words(entry, job, _address(job, entry)) for name, (job, _) in running.items()},
         )  # fmt: skip
+
+    def _with_tests(self, subject: Subject) -> Subject:
+        """A subject with the files of the project that have laws."""
+        return replace(subject, tests=files_of_tests(self.project))
 
     def _running(self, entry: Entry, of: Subject) -> dict[str, tuple[Job, dict[str, str]]]:
         """Commands of the forms of a parameter file that have not ended, with the fields that they were given."""
@@ -231,7 +236,8 @@ class Page(FilePage):
     def _after(self, entry: Entry, job: Job) -> dict[str, Any]:
         """Changes of the page by a command, besides its answer."""
         path = next((word for word in job.words if word.endswith("params.json")), "")
-        subject = self._subject(entry, path)[1] if path in stages.current_files(self.project, entry)[0] else None
+        is_current = path in stages.current_files(self.project, entry)[0]
+        subject = self._with_tests(self._subject(entry, path)[1]) if is_current else None
         return stages.after(self.project, entry, subject, job)
 
     async def _cancel(self, request: Request) -> Response:

@@ -335,5 +335,5 @@ def _length(text: str, label: str) -> str:
     except ValueError:
         is_length = False
     if not is_length:
-        raise UsageError(f"{label}: {text[:40]!r} is no length above zero in mm; write it as 0.3.")
+        raise UsageError(f"{label}: {text[:40]!r} is no length above zero in mm; write digits with a decimal point.")
     return value

@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -484,6 +485,41 @@ def test_a_mistyped_text_is_refused_at_its_field_and_not_kept(client):
     assert "Not read" not in text
 
 
+def test_examples_are_of_the_unit_and_no_value_to_enter(tmp_path):
+    """'abc' is no number; write it as 0.261; a load limit in kW such as 0.28, which is a current in A."""
+    path = tmp_path / "a.csv"
+    path.write_text("VB [mm]\n1.54\n")
+    cells = cells_of(path, (), {"columns": [{"number": 1, "role": "VB", "unit": "mm"}], "units": {"VB": "mm"}})
+    with pytest.raises(
+        UsageError, match=r"'abc' is no number; write digits with a decimal point in mm\. The file has 1\.54"
+    ):
+        cells.correction(2, "VB", "abc")
+    for symbol, unit, words in (("P", "kW", "fill it in\\.$"), ("I", "A", "fill it in, such as 0.28")):
+        (tmp_path / "params.json").write_text(json.dumps({"laws": {symbol: {"unit": unit}}}))
+        subject = subject_of(tmp_path, "d", "params.json", [])
+        form = next(one for one in actions(subject) if one.name == "settings")
+        with pytest.raises(UsageError, match=f"load limit of a worn tool, {unit} is empty: {words}"):
+            command(form, subject, {}, [])
+
+
+def test_a_record_is_offered_before_files_of_tests(client, tmp_path):
+    (tmp_path / "params.json").write_text("{}")
+    of = subject_of(tmp_path, "d", "params.json", ["b.csv", "drive.csv"])
+
+    def offered_records(subject):
+        return [value for value, _ in next(one for one in actions(subject) if one.name == "ident").inputs[0].choices]
+
+    assert offered_records(replace(of, tests=["a.csv", "b.csv"])) == ["drive.csv", "b.csv"]
+    assert offered_records(replace(of, tests=["b.csv", "drive.csv"])) == ["", "b.csv", "drive.csv"]
+    for k in range(2):
+        client.upload(f"offer{k}.csv", wear_table(wear=1.2 + k / 10))
+        client.until_done(f"/files/offer{k}.csv/laws")
+    client.upload("offer_drive.csv", (Path(__file__).parents[1] / "docs/examples/drive.csv").read_bytes() + b"\n")
+    text = client.get("/files/offer0.csv/machine")
+    menu = text.partition('<select id="ident-record"')[2].partition("</select>")[0]
+    assert menu.index("offer_drive.csv") < menu.index("offer1.csv")
+
+
 def test_buttons_are_not_made_of_a_malformed_correction():
     ways = ("--correct '31: 0.261' --correct 31", "--unit VB=um", "--correct 'lines 3:VB/10'")
     look = {"commands": [{"command": f"fitmodels a.csv {one}"} for one in ways]}
@@ -929,6 +965,10 @@ def test_messages_name_the_forms_and_fields_of_the_page(tmp_path):
         assert "--" not in words
         assert "fitmodels" not in words
     assert on_page("<b>&", to) == "&lt;b&gt;&amp;"
+    remedy = "Remedy: fitmodels next a.csv --map f=col3 --map d=col4 --unit f=mm/rev --unit d=mm --out a-next.csv"
+    assert re.sub("<[^>]+>", "", on_page(remedy, to)) == "Remedy: Plan further tests"
+    costs = "write them: fitmodels costs d/params.json machine=60/h edge=8 --force"
+    assert 'data-fill="machine=60/h edge=8"' in on_page(costs, to)
     for text, words in (
         ("For gains in feed add --unit mm/min --force.", "For gains in feed set Gains, unit of the command: mm/min."),
         ("no such: --x (did you mean --draws?); see 'fitmodels FILE -h'.", "no such: --x."),
