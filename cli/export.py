@@ -54,8 +54,8 @@ def parser() -> Parser:
     p.add_argument("--accept-verdict", action="store_true", help=accept)
     p.add_argument(
         "--beyond-tests", metavar="REASON", default="",
-        help="accept a plan at a depth 1.5 times or more beyond the tested ones, for this reason, which is written "
-        "into the file (default: refused)",
+        help="accept a plan 1.5 times or more beyond the tested depths, speeds, feeds or wear, or 3 times the longest "
+        "test, for this reason, which is written into the file (default: refused)",
     )  # fmt: skip
     p.add_argument("--force", action="store_true", help="replace an existing file")
     output_options(p, "print the path and the notes as JSON (fitmodels.export/1)")

@@ -2,14 +2,17 @@
 
 import math
 import re
+from itertools import product
 from typing import Final
 
 import numpy as np
 
 from ..core.errors import UsageError
+from ..core.text import shortened
 from ..core.verdict import DO_NOT_USE
 from ..datasets.units import convert, is_unit, same_dimension
-from .messages import short
+from .evaluation import equation_of
+from .messages import in_unit, short
 from .sections.law import LawSection
 from .sections.load_line import FeedLimit, LimitsSection, LoadLineSection, not_applied_words
 
@@ -17,6 +20,8 @@ FAR_WEAR: Final = 2.0  # times the largest wear tested: a wear in another unit
 LEAST_FACTOR: Final = 0.5  # safety factor: below, twice the reference is still no overload
 FAR_WORN: Final = 3.0  # times the largest load tested: a load of a worn tool that no test supports
 FAR_LOAD: Final = 5.0  # times the largest load tested, or its inverse: a load in another unit
+FAR_LIMIT: Final = 3.0  # times the largest load by the law in the tests: a limit that never binds, or a slip of a digit
+MOST_FACTORS: Final = 8  # of a law whose largest load is looked for at all combinations of their ends and middles
 BEYOND: Final = 1.5  # times the largest or smallest feed tested: a feed limit further out is a mistake
 # Beginning of the note on a window that was not given. The schema has no field of it.
 WINDOW_ASSUMED: Final = "The wear at tool change is assumed"
@@ -247,3 +252,25 @@ def feeds_far_beyond_tests(law: LawSection, lower: float, upper: float) -> str:
             f"{feed.low:g} {feed.unit}"
         )
     return ""
+
+
+def limit_far_beyond_tests(law: LawSection, limit: float, unit: str) -> str:
+    """Words on a limit of a load far above all that its law gives within the ranges tested; empty where it is not.
+
+    >>> from fitmodels.parameters.published import published
+    >>> law = published("AC-2017").laws["P"]
+    >>> limit_far_beyond_tests(law, 7.0, "kW"), limit_far_beyond_tests(law, 70.0, "kW").partition(",")[0]
+    ('', 'P up to 70 kW is 5.52 times the largest that its law gives in the tests')
+    """
+    high = in_unit(limit, unit, law.unit)
+    if high is None or len(law.factors) > MOST_FACTORS:
+        return ""
+    X = np.array([*product(*((one.low, (one.low + one.high) / 2, one.high) for one in law.factors))])
+    levels = (None,) if law.by is None else (law.by.reference, *law.by.shifts)
+    largest = max(float(equation_of(law, level).values(X).max()) for level in levels)
+    if not high > FAR_LIMIT * largest > 0:
+        return ""
+    words = (
+        f"{shortened(law.response)} up to {limit:g} {unit} is {high / largest:.3g} times the largest that its law gives"
+    )
+    return f"{words} in the tests, {largest:.4g} {law.unit}, and has no effect there: check its unit and digits."

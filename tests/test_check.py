@@ -324,6 +324,21 @@ def test_wears_at_which_an_edge_is_changed_are_in_the_range_of_limits(pf):
     assert "load_line.window: VB up to 7 mm is impossible, beyond 5 mm; correct it." in [one.words for one in worn]
 
 
+@pytest.mark.parametrize(("name", "value"), [("power", 7.0), ("force", 1500.0)])
+def test_a_limit_of_load_that_its_law_never_reaches_in_the_tests_is_doubted(name, value):
+    pf = published("AC-2017")
+    limits = pf.limits.model_dump()
+
+    def doubts(times):
+        of = sealed(pf, limits={**limits, name: {**limits[name], "value": times * value}})
+        return [one.words for one in check(of).findings if "has no effect there" in one.words]
+
+    assert not doubts(1.0)
+    assert not doubts(3.0)  # a strong machine and a light cut
+    (words,) = doubts(10.0)
+    assert words.startswith(f"limits.{name}: ")
+
+
 @pytest.fixture(scope="module")
 def with_posterior():
     """A file with a law and its posterior, and the same with a prior that the data contradict."""

@@ -461,6 +461,39 @@ def test_a_depth_far_beyond_the_tests_needs_a_reason(to):
     assert any(words.startswith("BEYOND TESTS: d 1 mm") for words in done.notes)
 
 
+@pytest.mark.parametrize(
+    ("limits", "says"),
+    [
+        ({"wear": {"value": 3.0, "unit": "mm", "of": "AW"}}, r"t \d+ min lies [\d.]+-fold outside the tested 2 to 15"),
+        ({"feed": {"low": 0.1, "high": 4.0, "unit": "mm/rev"}}, r"f [\d.]+ mm/rev lies [\d.]+-fold outside the"),
+        ({"speed": {"low": 301.0, "high": 400.0, "unit": "m/min"}}, r"V [\d.]+ m/min lies [\d.]+-fold outside the"),
+    ],
+)
+@pytest.mark.parametrize("to", ["csv", "c"])
+def test_a_time_feed_or_speed_far_beyond_the_tests_needs_a_reason(to, limits, says):
+    pf = published("AC-2017")
+    free = {"power": None, "force": None} if "speed" in limits else {}
+    wrong = sealed(pf, limits={**pf.limits.model_dump(), **free, **limits})
+
+    def made(reason=""):
+        turning = TurningRequest(PlanOptions(), beyond_tests=reason)
+        return exported(wrong, to, system="recursion", job=ExportJob(diameter=(80.0, 80.0), turning=turning))
+
+    with pytest.raises(GateError, match=rf"not exported: .*{says}.* --beyond-tests"):
+        made()
+    assert "trial on scrap" in made("trial on scrap").content
+
+
+def test_a_part_that_ends_near_the_longest_test_is_cut_whatever_the_plan_lasts():
+    pf = published("AC-2017")
+    worn = {"power": None, "force": None, "wear": {"value": 3.0, "unit": "mm", "of": "AW"}}
+    long = sealed(pf, limits={**pf.limits.model_dump(), **worn})
+    one = TurningRequest(PlanOptions(), TurningJob(PASSES[:1], 2500.0, parts=1))
+    assert "BEYOND TESTS" not in nc_program(turning_export(long, one))
+    with pytest.raises(GateError, match="--beyond-tests"):
+        turning_export(long, replace(one, job=replace(one.job, parts=None)))
+
+
 @pytest.mark.parametrize("to", ["nc", "c"])
 def test_a_plan_without_a_pair_names_the_limit_that_stops_the_slowest(to):
     job = ExportJob(diameter=(80.0, 80.0), turning=TurningRequest(PlanOptions(depth=20.0)))

@@ -107,7 +107,7 @@ def plan_control(pf: "ParameterFile", job: ExportJob) -> PlanControl:
         raise GateError(f"not exported: {no_pair(plan.life, plan.extrapolated)}")
     laws = plan.laws
     sentences = require_checked(pf, laws, job.accept_verdict)
-    sentences = (*sentences, *require_near_tests(pf, [laws], job.turning.beyond_tests))
+    sentences = (*sentences, *require_near_tests(pf, [laws], plan.life.path, job.turning.beyond_tests))
     view = view_of_laws(pf, (laws.wear.response, *(terms.response for _, terms in laws.limited)), job.accept_verdict)
     low, high = _diameters(pf, job, plan)
     caps, words = _caps(pf, job, plan, low, high)

@@ -5,6 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
+import numpy as np
+
+from ...core.arrays import Array
 from ...core.errors import UsageError
 from ..recursion.interval_optimum import Grid, choose
 from ..recursion.laws import LifeLaws, Rules, wear_after
@@ -296,6 +299,13 @@ class TurningPlan:
     def edges(self) -> int:
         """Edges used."""
         return self.moves[-1].edge
+
+    @property
+    def path(self) -> dict[str, Array]:
+        """V, f, t and the wear at the end of each move, by their symbols in the laws."""
+        wear, names = self.edge.laws.wear.response, ("V", "f", "end", "wear")
+        values = np.array([[getattr(move, name) for name in names] for move in self.moves]).T
+        return dict(zip(("V", "f", "t", wear), values, strict=True))
 
     @property
     def minutes(self) -> float:

@@ -52,7 +52,7 @@ class TurningRequest:
     options: PlanOptions = field(default_factory=PlanOptions)
     job: TurningJob | None = None
     inch: bool = False
-    beyond_tests: str = ""  # reason that accepts a depth far beyond the tests
+    beyond_tests: str = ""  # reason that accepts a plan far beyond the tests
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +124,9 @@ def turning_export(
     used = (plan.laws.wear.response, *(terms.response for _, terms in plan.laws.limited))
     verdicts = require_verdicts(pf, accept_verdict, only=used)
     part, outside = (None, plan.extrapolated) if request.job is None else part_plan(pf, plan, request.job)
-    depths = (plan.laws, *(() if part is None else part.edge.others))
+    depths, path = ((plan.laws,), plan.life.path) if part is None else ((plan.laws, *part.edge.others), part.path)
     left_out = require_checked(pf, plan.laws, accept_verdict)
-    said_first = (*left_out, *require_near_tests(pf, depths, request.beyond_tests))
+    said_first = (*left_out, *require_near_tests(pf, depths, path, request.beyond_tests))
     simulated = {True: "SIMULATED data, not measured", None: "not known whether the data were measured or SIMULATED"}
     said, who = simulated.get(pf.identity.simulated, ""), pf.identity
     pair = f"tool {plain(who.tool)}, work {plain(who.work)}, machine {plain(who.machine or 'not named')}"

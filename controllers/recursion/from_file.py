@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from ...parameters.sections.load_line import Bound, LimitsSection, Range
 
 DEPTH = 2.5  # mm, of both papers
-FAR = 1.5  # times the ends of the tested depths: a plan beyond is exported for a stated reason only
+FAR = 1.5  # times the ends of the tests: a plan beyond is exported for a stated reason only
+FAR_TIME = 3.0  # times the longest test, of the time in the cut: lives of twice the longest test are usual
 NEAR = 1e-9  # of an end of a tested range: a value on it is inside
 PAPER = "AC-2017"  # provenance.options["paper"] of its own file
 UNITS: Mapping[str, str] = {"V": "m/min", "f": "mm/rev", "d": "mm", "t": "min"}
@@ -305,17 +306,19 @@ def outside_tests(
     return inside[:count], tuple(words)
 
 
-def require_near_tests(pf: "ParameterFile", used: Iterable[LifeLaws], reason: str) -> tuple[str, ...]:
-    """Raise for a depth of these laws far beyond its tests; where a reason accepts it, the words that state both."""
+def require_near_tests(
+    pf: "ParameterFile", used: Iterable[LifeLaws], path: Mapping[str, Array], reason: str
+) -> tuple[str, ...]:
+    """Raise for a plan by these laws far beyond its tests; where a reason accepts it, the words that state both.
+
+    ``path`` holds V, f, t and the wear of its rows, as in `outside_tests`.
+    """
     far = dict.fromkeys(
-        f"d {laws.d:g} mm lies {max(laws.d / high, low / laws.d):.3g}-fold outside the tested {low:.4g} to {high:.4g} "
-        "mm"
+        words
         for laws in used
         for name in (laws.wear.response, *(terms.response for _, terms in laws.limited))
         for factor in pf.laws[name].factors
-        if factor.symbol == "d"
-        for low, high in [(factor.low / ratio("mm", factor.unit), factor.high / ratio("mm", factor.unit))]
-        if not low / FAR * (1 + NEAR) < laws.d < high * FAR * (1 - NEAR)
+        if (words := _far(factor, {**path, "d": np.array(laws.d)}, laws.wear))
     )
     if not far:
         return ()
@@ -323,9 +326,24 @@ def require_near_tests(pf: "ParameterFile", used: Iterable[LifeLaws], reason: st
     if reason:
         return (f"BEYOND TESTS: {words}; accepted: {reason}",)
     raise GateError(
-        f"not exported: {words}, and from {FAR:g}-fold on a plan is refused. Test nearer to it, give a depth nearer to "
-        "the tests with --depth, or accept it with --beyond-tests and a reason, which is written into the file."
+        f"not exported: {words}, and from {FAR:g}-fold on ({FAR_TIME:g}-fold in time) a plan is refused. Check the "
+        "limits of the file, test nearer to the plan, plan nearer to the tests (--depth, --time, limits of V, f and "
+        "wear), or accept it with --beyond-tests and a reason, which is written into the file."
     )
+
+
+def _far(factor: "Factor", path: Mapping[str, Array], wear: Terms) -> str:
+    """Words on the value of a plan that is furthest outside the tests of a factor; empty where none is far outside."""
+    units = {**UNITS, wear.response: wear.unit}
+    if factor.symbol not in path or factor.symbol not in units:
+        return ""
+    begins, unit = factor.symbol in ("t", wear.response), units[factor.symbol]
+    low, high = (end / ratio(unit, factor.unit) for end in (factor.low, factor.high))
+    most, least = float(path[factor.symbol].max()), float(path[factor.symbol].min())
+    value, times = (least, low / least) if low / least > most / high and not begins else (most, most / high)
+    if times < (FAR_TIME if factor.symbol == "t" else FAR) * (1 - NEAR):
+        return ""
+    return f"{factor.symbol} {value:.4g} {unit} lies {times:.3g}-fold outside the tested {low:.4g} to {high:.4g} {unit}"
 
 
 def _beyond_words(factor: "Factor", values: Array) -> tuple[str, str]:

@@ -80,6 +80,11 @@ class Life(Plottable):
         """Metal removed per minute of cut, mm3/min; 0 without a feasible pair."""
         return self.removed / self.minutes if len(self.time) else 0.0
 
+    @property
+    def path(self) -> dict[str, Array]:
+        """V, f, t and the wear at the end of each interval, by their symbols in the laws."""
+        return {"V": self.V, "f": self.f, "t": self.time, self.laws.wear.response: self.AW}
+
     def before(self, k: int) -> float:
         """Wear at the beginning of interval k, counted from 0."""
         return float(self.AW[k - 1]) if k else 0.0

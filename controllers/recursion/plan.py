@@ -250,8 +250,7 @@ def plan_of(
     rules = Rules(options.factors or laws.times, wear, options.interval or 1.0)
     grid = grid_of(laws, *options.steps)
     life, bound, least = _chosen(pf, laws, rules, grid, options)
-    path = {"V": life.V, "f": life.f, "t": life.time, laws.wear.response: life.AW}
-    tested, outside = outside_tests(pf, laws, path, options.at, options.by)
+    tested, outside = outside_tests(pf, laws, life.path, options.at, options.by)
     rows = tuple(_row(life, k, diameter, bool(tested[k])) for k in range(len(life.time)))
     currency = "" if pf.costs is None else pf.costs.currency
     cost = None if pf.costs is None or not rows else (cost_of_edge(pf.costs, life.minutes, life.removed)[0], currency)

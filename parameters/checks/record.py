@@ -24,7 +24,7 @@ from ..sections.law import LawSection
 from ..sections.law_parts import LevelShifts, Region, ToolLifeSection
 from ..sections.load_line import Bound, LimitsSection, Range
 from ..sections.posterior import LawPosterior
-from ..setting_words import loads_tested
+from ..setting_words import limit_far_beyond_tests, loads_tested
 from .report import FileFinding
 
 AGREE: Final = 1.25  # static gain and slope of a load law are from two experiments
@@ -317,6 +317,7 @@ def _is_barred(law: LawSection) -> bool:
 LIMITED: Final[Mapping[str, str]] = {
     "power": "P", "force": "F", "wear": "VB", "feed": "f", "feed_rate": "fm", "speed": "V", "spindle_speed": "n",
 }  # fmt: skip
+LOADS: Final = ("limits.power", "limits.force")
 FAR_WEAR, FAR = 3.0, 10.0  # times the largest wear, or value of a factor, that was tested: a limit beyond is doubted
 
 
@@ -331,6 +332,8 @@ def check_limits(pf: ParameterFile) -> Iterator[FileFinding]:
             words = f"{where}: {shortened(symbol)} up to {value:g} {unit}"
             tested = None if where == CRITERION else _largest_tested(pf, symbol, ROLES[symbol].unit)
             yield from _size(words, symbol, high, ranges, tested)
+        if where in LOADS and symbol in pf.laws and (far := limit_far_beyond_tests(pf.laws[symbol], value, unit)):
+            yield FileFinding("doubt", None, f"{where}: {far}")
     yield from _two_criteria(pf)
 
 
