@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from ..core.bounded import LIMITS, parse_json, read_bounded
 from ..core.display import Plottable
@@ -99,6 +99,7 @@ class ParameterFile(Plottable, Section):
     history: tuple[VersionSection, ...] = ()
     provenance: ProvenanceSection
     content_sha256: Sha256 | None = None
+    _is_read: bool = PrivateAttr(default=False)
 
     __hash__ = None  # type: ignore[assignment]  # it holds dictionaries
 
@@ -111,6 +112,11 @@ class ParameterFile(Plottable, Section):
         if "" in (self.model_extra or {}):
             raise ValueError("a section has no name")
         return self
+
+    @property
+    def is_read(self) -> bool:
+        """Whether the file was read from disk, where it must have its checksum."""
+        return self._is_read
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, ParameterFile):
@@ -147,7 +153,9 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
     True
     """
     recover(path)
-    return _parse(_bytes(Path(path)), str(path))
+    pf = _parse(_bytes(Path(path)), str(path))
+    pf._is_read = True
+    return pf
 
 
 def write(
@@ -257,15 +265,8 @@ def _check_unchanged(target: Path, former: ParameterFile, name: str) -> None:
 
 
 def as_bytes(pf: ParameterFile, name: str = "the parameter file") -> bytes:
-    r"""The bytes that `write` puts on disk, with the checksum renewed; ``name`` is used in errors.
+    r"""The bytes that `write` puts on disk, with the checksum renewed; ParameterError, with ``name``, as for `write`.
 
-    Raises
-    ------
-    ParameterError
-        A section has a value that JSON cannot represent.
-
-    Examples
-    --------
     >>> pf = ParameterFile(identity={"tool": "GC435", "work": "709M40", "simulated": False},
     ...                    provenance={"fitmodels": "0.1.0"})
     >>> as_bytes(pf)[:20]
@@ -323,12 +324,12 @@ def seal_fault(pf: ParameterFile) -> str:
 
 
 def require_unchanged(pf: ParameterFile) -> None:
-    """Raise where the content of a file is not that of its checksum; a file without one is of this program's memory.
+    """Raise where the content of a file is not that of its checksum, or a file read from disk has none.
 
     Raises
     ------
     GateError
-        The content was changed after it was written.
+        The content was changed after it was written, or may have been.
 
     Examples
     --------
@@ -336,7 +337,7 @@ def require_unchanged(pf: ParameterFile) -> None:
     ...                           provenance={"fitmodels": "0.1.0"}))
     >>> require_unchanged(pf)
     """
-    if pf.content_sha256 is not None and (fault := seal_fault(pf)):
+    if (pf.is_read or pf.content_sha256 is not None) and (fault := seal_fault(pf)):
         raise GateError(
             f"the file fails the check: {fault}: restore the file, or make the change with fitmodels, which writes it."
         )

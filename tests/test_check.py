@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
-from fitmodels.core.errors import ParameterError
+from fitmodels.controllers import AdaptiveForceControl, ConstantLoad, ConstantRoughness, TurningRecursion
+from fitmodels.core.errors import GateError, ParameterError
 from fitmodels.fit.bayes.priors import Normal
 from fitmodels.ident.model import Model
 from fitmodels.ident.pi.gains import PiGains
@@ -267,6 +268,24 @@ def test_a_file_without_a_checksum_is_reported_and_passes(pf):
     report = check(bare)
     assert report.ok
     assert (report.findings[0].name, report.findings[0].passed) == ("checksum", None)
+
+
+CONTROLLERS = {
+    "CLM-2023": ConstantLoad.from_parameters,
+    "LYAP": lambda pf: AdaptiveForceControl.from_parameters(pf, depth=2.0),
+    "SURF": ConstantRoughness.from_parameters,
+    "AC-2017": TurningRecursion.from_parameters,
+}
+
+
+@pytest.mark.parametrize("paper", CONTROLLERS)
+def test_a_file_from_disk_without_a_checksum_drives_no_controller(tmp_path, paper):
+    path = tmp_path / "params.json"
+    path.write_text(json.dumps({**published(paper).model_dump(), "content_sha256": None}), "utf-8")
+    assert check(read(path)).failed[0].name == "checksum"
+    with pytest.raises(GateError, match="no content_sha256"):
+        CONTROLLERS[paper](read(path))
+    CONTROLLERS[paper](read(write(published(paper), path, force=True)))
 
 
 def test_gains_that_are_marked_as_forced_may_miss_but_not_be_unstable(pf):

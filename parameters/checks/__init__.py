@@ -37,7 +37,8 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     ----------
     pf : ParameterFile
     folder : path, optional
-        Folder of the file, which must then have a checksum; without it neither this nor the draws are checked.
+        Folder of the file; without it the draws are not checked. A file that has a folder, or was read from disk, must
+        have a checksum.
 
     Returns
     -------
@@ -51,7 +52,7 @@ def check(pf: "ParameterFile", folder: str | os.PathLike[str] | None = None) -> 
     (True, ['checksum', 'units'])
     """
     found = [
-        _checksum(pf, on_disk=folder is not None),
+        _checksum(pf, on_disk=pf.is_read or folder is not None),
         *check_texts(pf),
         *_origin(pf),
         *check_verdicts(pf),
