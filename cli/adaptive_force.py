@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from ..core.errors import UsageError
 from ..core.verdict import DO_NOT_USE
-from .arguments import Parser, parameter_file, traced
+from .arguments import Parser, failing, parameter_file, traced
 from .numbers import NUMBER, pairs
 from .output import Printer, complain, output_options, print_json
 from .physical import FORCE, fitted, spindle_speed, teeth, with_teeth
@@ -74,7 +74,7 @@ def parser() -> Parser:
     p.add_argument("--units", metavar="FEED,FORCE", help="units of the section, as mm/rev,kN (default: of the record)")
     far = "allow a feed or a force of more than 1.5 times what was tested; the file and the output state it"
     p.add_argument("--beyond-tested", action="store_true", help=far)
-    bad = "with --record: replace estimates of the file even by ones that must not be used for control"
+    bad = "write settings that `fitmodels check` fails, and estimates of --record that must not be used for control"
     p.add_argument("--accept-verdict", action="store_true", help=bad)
     p.add_argument("--force", action="store_true", help="replace settings in the file")
     output_options(p, "print the section and its margins as JSON (fitmodels.adaptive-force/1)")
@@ -124,6 +124,7 @@ def run(args: argparse.Namespace) -> int:
     from .. import parameters
     from ..controllers.adaptive_force.derivation import design
     from ..controllers.adaptive_force.settings import limit_words
+    from ..controllers.gate.adaptive_force import check_adaptive_force
     from ..parameters.checks.report import cautions
     from ..parameters.file import sealed
 
@@ -136,8 +137,9 @@ def run(args: argparse.Namespace) -> int:
     identity = with_teeth(pf.identity, args.teeth)
     changed = sealed(pf, identity=identity, adaptive_force=section, provenance=traced(pf, args.words))
     _check(changed, args.file)
+    unsafe = failing(check_adaptive_force(changed), args.file, accepted=args.accept_verdict)
     parameters.write(changed, args.file, replaces=pf)
-    verdicts = cautions(changed, "adaptive_force")
+    verdicts = [*unsafe, *cautions(changed, "adaptive_force")]
     if args.json:
         facts = {"file": Path(args.file).name, "adaptive_force": section.model_dump(), **_facts(found)}
         print_json("adaptive-force", {**facts, "verdicts": verdicts})
@@ -303,8 +305,7 @@ def _with(section: "AdaptiveForceSection", found: "ForceDesign") -> "AdaptiveFor
     """The section with the settings, their sources and a note on their margins."""
     data, settings = section.model_dump(), dict(found.settings)
     sources = {**data["sources"], **settings.pop("sources")}
-    starts = ("Design:", "Kd, lambda and rates are of")
-    notes = [note for note in data["notes"] if not note.startswith(starts)]
+    notes = [note for note in data["notes"] if not note.startswith(("Design:", "Kd, lambda and rates are of"))]
     data |= {**settings, "sources": sources, "notes": [*notes, f"Design: {' '.join(_margins(section, found))}"]}
     return type(section).model_validate(data)
 

@@ -28,6 +28,7 @@ ONE_TABLE = "several files that are one table go into a folder: fitmodels FOLDER
 if TYPE_CHECKING:
     from ..datasets import Record
     from ..parameters import ParameterFile
+    from ..parameters.checks.report import FileFinding
     from ..parameters.sections.origin import IdentitySection
 
 
@@ -239,6 +240,20 @@ def parameter_file(path: str, *, writes: bool = False) -> "ParameterFile":
     elif fault := seal_fault(pf):
         complain(f"{path}: {fault}. Commands that write from it refuse it.")
     return pf
+
+
+def failing(found: "Iterable[FileFinding]", path: str, *, accepted: bool) -> list[str]:
+    """A sentence on the first finding of the gate that fails settings which were accepted all the same.
+
+    Raises
+    ------
+    UsageError
+        It fails settings that were not accepted: nothing is to be written.
+    """
+    words = next((finding.words for finding in found if finding.passed is False), "")
+    if words and not accepted:
+        raise UsageError(f"{path}: {words} Nothing was written.")
+    return [f"! fitmodels check fails these settings, and no export is made: {words}"] if words else []
 
 
 def inputs_of(path: str, pf: "ParameterFile") -> list[Path]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import UsageError
 from ..core.suggestions import did_you_mean
-from .arguments import Parser, joined, now_simulated, parameter_file, traced
+from .arguments import Parser, failing, joined, now_simulated, parameter_file, traced
 from .numbers import NUMBER, pairs
 from .output import Printer, output_options, print_json
 
@@ -117,6 +117,7 @@ def parser() -> Parser:
 def run(args: argparse.Namespace) -> int:
     """Derive and write the settings, and return the exit code."""
     from .. import parameters
+    from ..controllers.gate.roughness import check_roughness
     from ..controllers.roughness.controller import ConstantRoughness, not_applied
     from ..controllers.roughness.derivation import derived_settings
     from ..controllers.roughness.plant import measured_from
@@ -137,8 +138,9 @@ def run(args: argparse.Namespace) -> int:
     provenance = traced(pf, args.words)
     changed = sealed(pf, identity=joined(pf, steps), roughness=found.section, provenance=provenance)
     effective = ConstantRoughness.from_parameters(changed)  # limits of the machine may leave no range
+    unsafe = failing(check_roughness(changed), args.file, accepted=bool(args.beyond_tests.strip()))
     parameters.write(changed, args.file, replaces=pf)
-    verdicts = cautions(pf, *found.laws)
+    verdicts = [*unsafe, *cautions(pf, *found.laws)]
     if args.json:
         print_json("roughness", {**_facts(found, args), "verdicts": verdicts})
         return 0

@@ -438,6 +438,20 @@ def test_estimates_are_not_replaced_by_ones_that_must_not_be_used(file, run, tmp
     assert "Verdict on the force process: do not use for control" in err
 
 
+@pytest.mark.parametrize("words", [("4mm=150N", "--feed", "60:500mm/min"), ("1mm=150N", "2mm=200N", "--kd", "0.0043")])
+def test_settings_that_the_check_fails_are_refused_or_said_at_once(file, run, capsys, words):
+    before = file.read_bytes()
+    code, out, err = run(file, *words)
+    assert (code, out) == (2, "")
+    assert "Adaptive force control: " in err
+    assert "Nothing was written." in err
+    assert file.read_bytes() == before
+    code, out, err = run(file, *words, "--accept-verdict")
+    assert code == 0, err
+    assert "! fitmodels check fails these settings, and no export is made: Adaptive force" in " ".join(out.split())
+    assert main(["check", str(file), "-q"]) == 5
+
+
 def test_the_gate_refuses_a_control_whose_feed_jumps_after_a_gap(monkeypatch):
     """The law on the last valid reading, as it was before: 49 of 300 readings lost took the feed to 600 mm/min."""
     pf = published("LYAP")

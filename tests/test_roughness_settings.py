@@ -302,6 +302,15 @@ def test_a_given_gain_far_from_the_force_law_needs_a_reason(params):
     assert any("2878" in note and "depth of a third" in note for note in section.notes)
 
 
+def test_settings_that_the_check_fails_are_refused_or_said_at_once(params, capsys):
+    lower = (*GIVEN[:2], "f=0.05mm/rev", *GIVEN[3:])  # the reference needs 0.13 mm/rev
+    assert "outside the limits" in refused(params, capsys, *lower)
+    assert main(["roughness", str(params), *lower, "--beyond-tests", "trial on scrap"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "! fitmodels check fails these settings, and no export is made: Roughness control: At the ref" in said
+    assert main(["check", str(params), "-q"]) == 5
+
+
 def test_a_condition_outside_the_tests_of_the_force_law_is_stated(tmp_path):
     rng = np.random.default_rng(2)
     frame = pd.DataFrame([(f, d) for f in (0.1, 0.2, 0.3) for d in (0.5, 1.0, 2.0)], columns=["f", "d"])
@@ -313,7 +322,7 @@ def test_a_condition_outside_the_tests_of_the_force_law_is_stated(tmp_path):
     section = settings(tmp_path / "params.json", *GIVEN, "d=1mm")
     assert section.force_per_feed == pytest.approx(2000 * 0.2**-0.25, rel=0.02)
     assert section.notes == ()
-    section = settings(tmp_path / "params.json", *GIVEN, "d=2.5mm", "--force")
+    section = settings(tmp_path / "params.json", *GIVEN, "d=2.5mm", "override=20:150%", "--force")
     assert any("d 2.5 mm is outside" in note for note in section.notes)
 
 
