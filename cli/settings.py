@@ -257,8 +257,10 @@ def _computed(pf: "ParameterFile", engagement: dict[str, Any], args: argparse.Na
 
 def _worn(pf: "ParameterFile", args: argparse.Namespace) -> float:
     """Load of a worn tool in the unit of the load law."""
-    named = [law for law in pf.laws.values() if args.law in (None, law.response)]
-    unit = next((law.unit for law in named if law.form == "load_line"), "A")
+    from ..parameters.setting_rules import load_law_of
+
+    law = load_law_of(pf, args.law)
+    unit = law.unit if law.form == "load_line" else "A"
     return _numbers(args.worn, unit, "--worn", f"0.28{unit}", 1)[0]
 
 

@@ -18,12 +18,13 @@ from .edges import changes_within
 from .kienzle import FORCES, kienzle_law
 from .lawfit import LawFit
 from .laws import Error
-from .regression import fit_form
+from .regression import fit_form, load_law
 from .rows import SELECTED, LeftOut
 
 ICCS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49)])  # shares of the variance between edges
 REDUCED = "second-order-reduced"
 TIME = "t"
+FEEDS = ("f", "fz", "fm")
 WEAR_LAST = ("power_exponential", "additive_wear")  # forms in which the last factor enters as it is
 Unsuited = Callable[[str, tuple[str, ...]], str]  # reason why a form is none of a response on factors, or ""
 Fit = Callable[[Runs, str, tuple[str, ...], Error, str | None], LawFit]
@@ -72,6 +73,13 @@ def _of_wear(response: str, factors: tuple[str, ...]) -> str:
     if wear is None:
         return f"it is a form of a load on wear, and no wear is among the factors {', '.join(factors)}"
     return "" if len(factors) > 1 else f"it needs a factor besides {wear}"
+
+
+def _of_load(response: str, factors: tuple[str, ...]) -> str:
+    if response not in ROLES or ROLES[response].kind != "load":
+        return f"it is a form of loads, and {response} is none"
+    feed_and_wear = len(factors) == 2 and factors[0] in FEEDS and factors[1] == wear_among(factors)
+    return "" if feed_and_wear else f"its factors are a feed and a wear, not {', '.join(factors)}"
 
 
 def _of_chip(response: str, factors: tuple[str, ...]) -> str:
@@ -146,6 +154,14 @@ def _reduced(runs: Runs, response: str, factors: tuple[str, ...], error: Error, 
     return replace(law, left_out=(*law.left_out, *gone))
 
 
+def _load_line(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by: str | None) -> LawFit:
+    """The load line; of another load than the spindle current not the line of feed at a held load."""
+    law = load_law(runs, response, feed=factors[0], wear=factors[1])
+    if law.form != "load_line" and response != "I":
+        raise FitError(f"{response} is held at one value in most rows: measure it at several feeds of one wear.")
+    return law
+
+
 def _kienzle(runs: Runs, response: str, factors: tuple[str, ...], error: Error, by: str | None) -> LawFit:
     """Kienzle's law; a note names the factors that it does not have."""
     if error != "multiplicative":
@@ -187,6 +203,7 @@ CHOICES: Mapping[str, FormChoice] = {
             _of("power_exponential"),
         ),
         FormChoice("additive", "R = c0 prod X^b + k w", "additive_wear", _of_wear, _of("additive_wear")),
+        FormChoice("load-line", "R = A + B f + k1 w", "load_line", _of_load, _load_line),
         FormChoice("kienzle", "Fc = kc1.1 b h^(1 - mc)", "power", _of_chip, _kienzle),
         FormChoice("taylor", "T = C V^a prod X^b", "power", _of_life, _power),
         FormChoice("weibull", "T = c0 prod X^b, Weibull lives", "power", _of_lives, _weibull),

@@ -100,7 +100,7 @@ def settings(
     >>> line.reference, round(line.upper.value), round(line.lower.value)
     (0.24, 996, 563)
     """
-    found = _law(pf, law)
+    found = load_law_of(pf, law)
     assumed, window = window is None, _usual_window(found) if window is None else window
     limit = window[1] if wear_limit is None else wear_limit
     _check(worn, safety_factor, rounded_to, window, limit, level)
@@ -147,14 +147,24 @@ def _engagement(given: Mapping[str, Any]) -> dict[str, Any]:
     return dict(given)
 
 
-def _law(pf: ParameterFile, name: str | None) -> "LawSection":
+def load_law_of(pf: ParameterFile, name: str | None) -> "LawSection":
+    """The load law of a file, by its response where there are several.
+
+    Raises
+    ------
+    UsageError
+        There is no law of this name, or there are several.
+    ParameterError
+        The file has no load law.
+    """
     if name is not None and name not in pf.laws:
         raise UsageError(f"--law {name}: the file holds laws of {', '.join(pf.laws) or 'nothing'}.")
     found = [law for key, law in pf.laws.items() if law.form in LOAD_FORMS and name in (None, key)]
     if not found:
         raise ParameterError(
             "the file has no load law (load on feed and wear): fit runs that have the columns fm, VB and I, the "
-            "spindle current in A; a power, force or load in % is not fitted as a line of feed and wear."
+            "spindle current in A; of another load, such as the power P, ask for it: --law 'P ~ fm, VB' --form "
+            "P=load-line."
         )
     if len(found) > 1:
         raise UsageError(f"there are load laws of {', '.join(law.response for law in found)}; choose one with --law.")

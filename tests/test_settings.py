@@ -10,6 +10,7 @@ from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
 from fitmodels.core import errors
 from fitmodels.core.errors import ParameterError
+from fitmodels.fit.form_choice import CHOICES
 from fitmodels.parameters import collect, read, setting_rules, write
 from fitmodels.parameters.checks.report import worn_past_window
 from fitmodels.parameters.file import sealed
@@ -544,3 +545,29 @@ def test_a_worn_load_may_have_its_unit(params, capsys):
     one = read(params).load_line
     assert main(["settings", str(params), "--worn", "280mA", "--force"]) == 0
     assert read(params).load_line == one
+
+
+def test_settings_of_constant_power_come_from_the_load_line_of_the_power(tmp_path, capsys):
+    rng, rows = np.random.default_rng(5), [(fm, VB) for fm in (500, 700, 900, 1100) for VB in (0.02, 0.08, 0.14, 0.2)]
+    frame = pd.DataFrame(rows, columns=["fm [mm/min]", "VB [mm]"])
+    noise = 0.02 * rng.standard_normal(len(rows))
+    frame["P [kW]"] = 1.18 + 1.18e-3 * frame["fm [mm/min]"] + 2.75 * frame["VB [mm]"] + noise
+    path = tmp_path / "mill.csv"
+    path.write_text(f"# simulated\n# tool: T1\n# work: W1\n{frame.to_csv(index=False)}")
+    law, worn = ("--law", "P ~ fm, VB", "--out"), ("--worn", "2.8kW", "--force")
+    assert main([str(path), "--form", "P=linear", *law, str(tmp_path / "linear")]) == 0
+    capsys.readouterr()
+    assert main(["settings", str(tmp_path / "linear/T1_W1/params.json"), *worn]) == 3
+    said = capsys.readouterr().err
+    assert "has no load law" in said
+    assert "--form P=load-line" in said
+    assert main([str(path), "--form", "P=load-line", *law, str(tmp_path / "line")]) == 0
+    assert main(["settings", str(tmp_path / "line/T1_W1/params.json"), *worn]) == 0
+    line = read(tmp_path / "line/T1_W1/params.json").load_line
+    assert (line.load, line.unit_load, line.law, line.reference) == ("P", "kW", "P", 2.38)
+    assert line.upper.value == pytest.approx((2.38 - 1.18) / 1.18e-3, rel=0.03)
+
+
+@pytest.mark.parametrize(("response", "factors"), [("Ra", ("fm", "VB")), ("P", ("fm",)), ("P", ("V", "VB"))])
+def test_a_load_line_is_of_a_load_on_feed_and_wear(response, factors):
+    assert CHOICES["load-line"].unsuited(response, factors)
