@@ -438,6 +438,31 @@ def test_estimates_are_not_replaced_by_ones_that_must_not_be_used(file, run, tmp
     assert "Verdict on the force process: do not use for control" in err
 
 
+@pytest.mark.parametrize(
+    ("changes", "of"),
+    [
+        ({"alpha": 10.0}, "lam"), ({"m": 0.5}, "lam"), ({"lam": 0.1}, "lam"), ({"Kd": 0.1}, "Kd"), ({"g1": 0.1}, "g1"),
+        ({"g2": 10.0}, "g2"), ({"g3": 0.5}, "g3"), ({"reference_time": 10.0}, "reference_time"),
+    ],
+)  # fmt: skip
+def test_gains_of_the_rule_are_those_of_the_estimates(file, run, changes, of):
+    assert run(file, "1mm=150N", "2mm=200N", "--delay", "2ms")[0] == 0
+    pf = parameters.read(file)
+    assert not [finding for finding in check_adaptive_force(pf) if finding.passed is False]
+    section = pf.adaptive_force.model_dump()
+    wrong = sealed(pf, adaptive_force={**section, **{name: times * section[name] for name, times in changes.items()}})
+    failed = [finding.words for finding in check_adaptive_force(wrong) if finding.passed is False]
+    assert any(f"Adaptive force control: {of} is " in words and "by the design rule" in words for words in failed)
+
+
+def test_more_force_at_less_depth_is_noted(file, run):
+    assert "exchanged" not in run(file, "1mm=150N", "2mm=200N")[1]
+    code, out, _ = run(file, "1mm=200N", "2mm=150N", "--force", "--feed", "60:900mm/min", "--beyond-tested")
+    assert code == 0
+    assert "at 1 mm asks for more force than that at 2 mm, 200 and 150 N" in " ".join(out.split())
+    assert any("exchanged" in finding.words for finding in check_adaptive_force(parameters.read(file)))
+
+
 @pytest.mark.parametrize("words", [("4mm=150N", "--feed", "60:500mm/min"), ("1mm=150N", "2mm=200N", "--kd", "0.0043")])
 def test_settings_that_the_check_fails_are_refused_or_said_at_once(file, run, capsys, words):
     before = file.read_bytes()

@@ -4,6 +4,7 @@ Limits of the command are those that were tested unless others are given; beyond
 and so are set points that the limits do not reach. What is not given is derived by the rule of `design`, or assumed.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -13,6 +14,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.errors import UsageError
 from ...datasets.records.resampling import aliased_teeth, aliased_words, samples_of_revolution
+from ...parameters.gather.control import DESIGNED_BEFORE
 from ...parameters.sections.force_control import TESTED, RecordRanges
 from .design import (
     SLOWEST_REFERENCE,
@@ -22,6 +24,7 @@ from .design import (
     design_gains,
     largest_step,
     loop_margins,
+    poles_of,
     refuse_no_plant,
     settling_time,
     small_margins,
@@ -41,6 +44,8 @@ BEYOND, BEYOND_NEED = 1.5, 2.0  # times the tested range; times the feed that th
 OTHER_SPEED: Final = 0.1  # relative: a spindle speed that is not that of the record
 LONGEST_DELAY, SLOWEST = 1.0, 100.0  # s; times the time of the reference model by the rule
 DRAWS, SEED = 1000, 1
+RULE: Final = "design rule"  # beginning of the source of a gain
+AGREES: Final = 2e-3  # of a gain by the rule: a source has four digits of the dead time
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,6 +303,32 @@ def _gains(
     }
     given = {"Kd": choices.Kd, "lam": choices.lam, "g3": choices.g3, "reference_time": choices.reference_time}
     return gains, {**by, **{name: GIVEN for name, value in given.items() if value is not None}}
+
+
+def off_rule(section: "AdaptiveForceSection") -> "Iterator[str]":
+    """Gains and times whose source is the design rule, and that are not those of the rule for the estimates.
+
+    >>> from fitmodels.parameters.published import published
+    >>> list(off_rule(published("LYAP").adaptive_force))
+    []
+    """
+    gains = {name: getattr(section, name) for name in ForceGains._fields}
+    if None in (section.depth, *gains.values()) or not section.set_points or DESIGNED_BEFORE in section.notes:
+        return
+    for name, value in _by_rule(section, gains).items():
+        if section.sources.get(name, "").startswith(RULE) and not abs(gains[name] - value) <= AGREES * abs(value):
+            yield f"{name} is {gains[name]:.4g}, by the {RULE} for the estimates {value:.4g}"
+
+
+def _by_rule(section: "AdaptiveForceSection", gains: dict[str, float]) -> dict[str, float]:
+    ratios = np.array([section.m, section.alpha, section.beta]) * (section.depth or 1.0) / section.set_points[-1].depth
+    p, q = (float(pole) for pole in poles_of(ratios[None])[0].real)
+    T, largest = gains["reference_time"], max(point.force for point in section.set_points)
+    rule = {"lam": p, "g3": gains["Kd"] * q / largest**2, "g2": gains["g3"] * T**2, "g1": gains["g3"] * T**4}
+    if found := re.search(r"dead time of ([\d.]+(?:e[+-]?\d+)?) ms", section.sources.get("Kd", "")):
+        dead_time = float(found[1]) / 1e3
+        rule |= {"Kd": ratios[0] / (2 * dead_time), "reference_time": max(2 / p, SLOWEST_REFERENCE * dead_time)}
+    return rule
 
 
 def _at(ratios: Array, depth: float, force: float, gains: ForceGains, timing: Timing) -> AtSetPoint:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -167,7 +168,17 @@ def limit_words(pf: "ParameterFile") -> tuple[str, ...]:
     section, (low, high), unused = _section(pf), command_limits(pf), not_applied(pf)
     words = f"The control commands {low:.4g} to {high:.4g} {section.unit_u}, all limits of feed together."
     narrowed = (low, high) != (section.low, section.high)
-    return (*([words] if narrowed else []), *unused)
+    return (*([words] if narrowed else []), *unused, *falling_force(section))
+
+
+def falling_force(section: "AdaptiveForceSection") -> tuple[str, ...]:
+    """A sentence on a set point of more force than one of a larger depth; none where the force rises with the depth."""
+    return tuple(
+        f"The set point at {a.depth:g} {section.unit_depth} asks for more force than that at {b.depth:g} "
+        f"{section.unit_depth}, {a.force:g} and {b.force:g} {section.unit_force}: check that they are not exchanged."
+        for a, b in pairwise(section.set_points)
+        if a.force > b.force
+    )
 
 
 def turning(pf: "ParameterFile") -> float | None:

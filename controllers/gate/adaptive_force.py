@@ -18,7 +18,7 @@ from ...parameters.messages import in_unit
 from ...parameters.sections.base import ModelCovariance
 from ...parameters.sections.load_line import feed_in
 from ..adaptive_force.controller import AdaptiveForceControl
-from ..adaptive_force.derivation import ALLOWED, UNEVEN, far_beyond
+from ..adaptive_force.derivation import ALLOWED, UNEVEN, far_beyond, off_rule
 from ..adaptive_force.design import ForceGains, Timing, fast_rates, loop_margins, settling_time, small_margins
 from ..adaptive_force.plant import DriveAndCut
 from ..adaptive_force.settings import (
@@ -26,6 +26,7 @@ from ..adaptive_force.settings import (
     assumed_settings,
     beyond_limit,
     command_limits,
+    falling_force,
     force_loop,
     incomplete,
     lacking,
@@ -82,11 +83,13 @@ def check_adaptive_force(pf: "ParameterFile") -> tuple[FileFinding, ...]:
 
 
 def _of_control(pf: "ParameterFile") -> list[FileFinding]:
-    """Findings on margins, or where these are kept on the simulated control."""
+    """Findings on the rule of the gains and on margins, or where these are kept on the simulated control."""
     if why := lacking(pf):
         raise GateError(why)
     machine(pf)
-    return list(_loops(pf)) or list(_simulated(pf))
+    off = () if pf.adaptive_force is None else off_rule(pf.adaptive_force)
+    wrong = [_failed("rule", f"{words}; derive it again or restore the file.") for words in off]
+    return wrong or list(_loops(pf)) or list(_simulated(pf))
 
 
 @lru_cache(maxsize=16)
@@ -118,7 +121,7 @@ def _order(pf: "ParameterFile") -> Iterator[FileFinding]:
         return
     if incomplete(pf):
         return
-    yield from (FileFinding("limits", None, words) for words in not_applied(pf))
+    yield from (FileFinding("limits", None, words) for words in (*not_applied(pf), *falling_force(section)))
     yield from _units(section)
     yield from _turns(pf, section)
     yield from _feeds(pf, section)
