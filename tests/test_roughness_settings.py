@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
 from fitmodels.cli import main
+from fitmodels.controllers.gate.roughness import check_roughness
 from fitmodels.controllers.roughness.inverse import inverse_force
 from fitmodels.controllers.roughness.plant import loop_theory
 from fitmodels.controllers.roughness.reference import (
@@ -300,6 +301,20 @@ def test_a_given_gain_far_from_the_force_law_needs_a_reason(params):
     section = settings(params, *GIVEN, "kca=800N", "--beyond-tests", "depth of a third")
     assert section.force_per_feed == 800
     assert any("2878" in note and "depth of a third" in note for note in section.notes)
+
+
+@pytest.mark.parametrize("values", [GIVEN, ("Ra=1.6um", "n=610rpm", "f=0.2mm/rev", "servo=0.13s", "override=10:150%")])
+def test_assumed_values_are_those_of_their_source(params, values):
+    section = settings(params, *values).model_dump()
+    pf = parameters.read(params)
+    assert all(finding.passed is not False for finding in check_roughness(pf))
+    for name, words in (("threshold", "The threshold "), ("threshold_time", "The time above the threshold")):
+        for times in (0.1, 0.5, 2.0, 10.0):
+            if name == "threshold" and times * section[name] >= section["force"]:
+                continue
+            wrong = sealed(pf, roughness={**section, name: times * section[name]})
+            failed = [finding.words for finding in check_roughness(wrong) if finding.passed is False]
+            assert any(words in each for each in failed), (name, times)
 
 
 def test_settings_that_the_check_fails_are_refused_or_said_at_once(params, capsys):

@@ -1,6 +1,7 @@
 """Values of control at constant roughness that no cut has, or that contradict the laws of the file."""
 
 import math
+import re
 from typing import TYPE_CHECKING, Final
 
 from ...core.errors import UsageError
@@ -35,6 +36,7 @@ AGREE: Final = (
 )
 ACCEPTED: Final = "Accepted: "  # in a note: what the tests do not cover was accepted for a reason
 LEAST_THRESHOLD: Final = 0.01  # of the reference
+TWO_DIGITS: Final = 0.1  # share that a number rounded down to two digits may lose
 OTHER_ROUGHNESS: Final = 1.5  # times the required one: of a force by regression, which is not the inverse of the law
 FAR_FORCE: Final = 1.5  # times the largest force of the tests
 MOST_EXPONENT: Final = 700.0  # exp of more is no number
@@ -136,6 +138,7 @@ def contradictions(pf: "ParameterFile") -> "Iterator[tuple[str, str]]":
     accepted = any(ACCEPTED in note for note in section.notes)
     yield from _off_law(section, law, accepted=accepted)
     yield from _off_spindle(section)
+    yield from _off_assumed(section)
     yield from _off_reference(section)
     times = {"servo": section.servo_time or 0.0, "process": section.process_time or 0.0}
     try:
@@ -228,3 +231,17 @@ def _off_spindle(section: "RoughnessSection") -> "Iterator[tuple[str, str]]":
                 "of turning; check the spindle speed."
             ),
         )
+
+
+def _off_assumed(section: "RoughnessSection") -> "Iterator[tuple[str, str]]":
+    """Threshold and wait whose source is an assumption, and that are not those of it."""
+    n, wait, of_threshold = section.spindle_speed, section.threshold_time, section.sources.get("threshold", "")
+    turns = re.match(r"([\d.]+) revolutions, assumed", section.sources.get("threshold_time", ""))
+    if turns and n and wait is not None and abs(wait * n / 60 - float(turns[1])) > ROUNDING * float(turns[1]):
+        words = f"The time above the threshold, {wait:.4g} s, is stated to be {turns[0]}, which take "
+        yield "times", f"{words}{float(turns[1]) * 60 / n:.4g} s; derive the settings again with `fitmodels roughness`."
+    share = re.match(r"([\d.]+) % of (?:the reference|the force at the lower feed limit, ([\d.e+]+) N), ", of_threshold)
+    of = float(share[1]) / 100 * float(share[2] or section.force) if share else section.threshold
+    if not (1 - TWO_DIGITS) * of <= section.threshold <= (1 + ROUNDING) * of:
+        words = f"The threshold {section.threshold:.4g} N is stated to be {of_threshold.rpartition(',')[0]}, that is "
+        yield "threshold", f"{words}{of:.4g} N; derive the settings again with `fitmodels roughness`."
