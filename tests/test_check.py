@@ -295,6 +295,21 @@ def test_gains_that_are_marked_as_forced_may_miss_but_not_be_unstable(pf):
     assert not check(changed(pf, put("pi", kp=8.0, forced="a trial at the bench"))).ok
 
 
+@pytest.mark.parametrize(("name", "words"), [("gain_margin", "gain margin"), ("delay_margin", "delay margin")])
+def test_stated_margins_are_those_of_the_loop(pf, name, words):
+    right = figures(closed_loop(pf.dynamics, pf.pi))[name]
+    for times, ok in ((1.0, True), (0.1, False), (10.0, False)):
+        stated = check(changed(pf, put("pi", figures={"stable": True, name: times * right})))
+        assert stated.ok is ok
+        assert any(words in finding.words for finding in stated.failed) is not ok
+
+
+def test_a_reference_is_a_multiple_of_its_rounding(pf):
+    assert check(changed(pf, put("load_line", rounded_to=None if pf.load_line.rounded_to is None else 0.01))).ok
+    wrong = check(changed(pf, put("load_line", rounded_to=0.1))).failed
+    assert any("is not rounded to 0.1" in finding.words for finding in wrong)
+
+
 def test_gains_in_other_units_are_tried_through_their_scaling(pf):
     """1459 mm/min in one volt: the same controller."""
     scaled = put("pi", kp=0.3 * 1459, ki=4.5 * 1459, unit_u="mm/min", scaling_u=1459.0)
@@ -332,6 +347,31 @@ def test_a_tool_life_is_that_of_its_law_of_wear(values, words):
         life["coefficients"]["c0"] *= values.get("c0", 1.0)
 
     assert words in " ".join(finding.words for finding in check(changed(pf, change)).failed)
+
+
+@pytest.fixture(scope="module")
+def of_wear():
+    """A file with a wear law, its sums and a tool life."""
+    wear = fit.power_law(datasets.read_runs(datasets.bundled("gc435_709m40")), "AW", ["V", "f", "d", "t"])
+    return collect(tool="GC435", work="709M40", laws=[wear], tool_life=fit.tool_life(wear, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "words"),
+    [
+        ("laws.AW", "residual_se", "laws.AW: its coefficients and sums give a scatter of 0.095"),
+        ("laws.AW", "smearing", "laws.AW: its mean is "),
+        ("tool_life", "taylor_n", "tool_life: its exponent of V, "),
+        ("tool_life", "t_observed", "tool_life: its longest test, 200 min, is longer than those of the law of AW, 20"),
+    ],
+)
+@pytest.mark.parametrize("times", [0.1, 10.0])
+def test_figures_of_a_law_are_those_of_its_sums_and_coefficients(of_wear, section, name, words, times):
+    assert check(of_wear).ok
+    held = of_wear.laws["AW"] if section == "laws.AW" else of_wear.tool_life
+    found = check(changed(of_wear, put(section, **{name: times * getattr(held, name)}))).failed
+    harmless = (name, times) == ("t_observed", 0.1)  # more is extrapolated
+    assert any(words in finding.words for finding in found) is not harmless, found
 
 
 def test_wears_at_which_an_edge_is_changed_are_in_the_range_of_limits(pf):
@@ -374,6 +414,7 @@ def with_equation(pf, **coefficients):
     def change(data):
         law = data["laws"]["AW"]
         law["coefficients"] |= coefficients
+        law["sums"] = None  # by them any change of a coefficient is seen
         texts = [f"{law['coefficients'][name]:.6g}" for name in pf.laws["AW"].formula.names]
         law["equation"] = f"AW = {pf.laws['AW'].formula.equation(texts)}"
 

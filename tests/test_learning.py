@@ -15,6 +15,7 @@ from fitmodels.live.learning import learn, learn_file, next_path, parse_measured
 from fitmodels.live.samples import LoadMean, Window
 from fitmodels.parameters import read
 from fitmodels.parameters.draws import read_draws
+from fitmodels.parameters.file import sealed
 from fitmodels.parameters.gather.learned import drift, law_with, learned_law, posterior_with
 from fitmodels.parameters.sections.edge_sums import LawSums
 
@@ -85,6 +86,8 @@ def test_edges_taken_in_one_by_one_equal_a_fit_of_all_rows(runs, early, response
     assert section.edges.sd_within == pytest.approx(mixed.sd_within, rel=1e-7)  # the search stops at 1e-7
     assert section.edges.sd_between == pytest.approx(mixed.sd_between, rel=1e-6)
     assert section.statistics.r2 == pytest.approx(whole.rsquared, rel=1e-12)
+    learned = sealed(early, laws={**early.model_dump()["laws"], response: section.model_dump()})
+    assert not [finding for finding in parameters.check(learned).failed if "scatter" in finding.words]
     here = posterior_with(pf, law)
     there = fit.posterior(whole, draws=1000, priors=here.priors)
     assert np.abs((here.draws - there.draws) / there.draws.std(axis=0)).max() < EXACT
@@ -236,7 +239,6 @@ def test_edges_of_a_simulation_make_the_file_simulated(early):
 
 
 def test_settings_of_the_former_law_are_left_out(early):
-    from fitmodels.parameters.file import sealed
 
     roughness = {"law": "P", "roughness": 1.0, "force": 420.0, "threshold": 100.0, "override_high": 1.5}
     pf = sealed(early, roughness=roughness)

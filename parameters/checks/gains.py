@@ -21,6 +21,7 @@ WORDS = {
     "ms": "sensitivity peak",
     "phase_margin": "phase margin",
     "gain_margin": "gain margin",
+    "delay_margin": "delay margin",
     "disturbance": "peak after a step of load",
     "travel": "travel of the command",
     "peak_u": "largest command",
@@ -134,7 +135,7 @@ def _as_stated(pi: PiSection, found: Mapping[str, float]) -> Iterator[FileFindin
     if pi.figures is None:
         return
     odd = []
-    for name in ("rise_time", "settling_time", "ms", "phase_margin"):
+    for name in ("rise_time", "settling_time", "ms", "phase_margin", "gain_margin", "delay_margin"):
         stated = getattr(pi.figures, name)
         if stated is not None and not np.isclose(stated, found[name], rtol=AGREES, atol=pi.sample_time * AGREES):
             odd.append(f"{WORDS[name]} {stated:.4g} is {found[name]:.4g}")

@@ -178,14 +178,16 @@ def _margins(loop: ClosedLoop) -> dict[str, float]:
     ok = np.isfinite(L)
     theta, L = theta[ok], L[ok]
     if not len(L):
-        return {"ms": np.inf, "phase_margin": 0.0, "gain_margin": 1.0}
+        return {"ms": np.inf, "phase_margin": 0.0, "delay_margin": 0.0, "gain_margin": 1.0}
     size = np.log(np.maximum(np.abs(L), 1e-300))
     cross = np.flatnonzero((size[1:] > 0) != (size[:-1] > 0))
     share = size[cross] / (size[cross] - size[cross + 1])
-    lead = np.abs(np.angle(-loop.open(theta[cross] + share * (theta[cross + 1] - theta[cross]))))
+    at = theta[cross] + share * (theta[cross + 1] - theta[cross])
+    lead = np.angle(-loop.open(at))
     return {
         "ms": (1 / np.abs(1 + L)).max(),
-        "phase_margin": float(np.degrees(lead.min(initial=np.inf))),
+        "phase_margin": float(np.degrees(np.abs(lead).min(initial=np.inf))),
+        "delay_margin": float((np.mod(lead, 2 * np.pi) / at).min(initial=np.inf)) * loop.sample_time,
         "gain_margin": _gain_margin(loop, L),
     }
 

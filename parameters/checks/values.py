@@ -15,6 +15,7 @@ from ..sections.base import Covariance, ModelCovariance, covariance_error
 from ..sections.dynamics import DynamicsSection
 from ..sections.force_control import AdaptiveForceSection
 from ..sections.law import LawSection
+from ..sections.law_parts import ToolLifeSection
 from ..sections.load_line import Engagement, FeedLimit, LimitInterval, LoadLineSection
 from ..sections.posterior import LawPosterior
 from ..setting_words import feeds_far_beyond_tests, no_overload
@@ -22,12 +23,19 @@ from .report import FileFinding
 
 # Vehtari et al. 2021, doi 10.1214/20-BA1221, section 4.1; Vehtari et al. 2024, Pareto smoothed importance sampling
 R_HAT, ESS, K_HAT = 1.01, 400.0, 0.7
+SUMMED = 1e-6  # relative: a scatter is that of the sums of the rows
+LIFE_AGREES = 1e-4  # relative: a tool life is solved from its law
+EXACT = 1e-6  # scatter of a law of exact data: rounding
+SMEARED = 10.0  # times the variance of the scatter: mean factors of exp(residual) reach half of it
 SURE = 2.0  # standard errors between the static gain and zero
 
 
 def check_estimates(pf: ParameterFile) -> Iterator[FileFinding]:
     """Findings on covariances, on the posterior and on the dynamics."""
     yield from _covariances(pf)
+    yield from _scatters(pf)
+    if pf.tool_life is not None:
+        yield from _taylor(pf, pf.tool_life)
     if pf.posterior is not None:
         for name, law in pf.posterior.laws.items():
             if law.reason is None:
@@ -50,6 +58,47 @@ def _covariances(pf: ParameterFile) -> Iterator[FileFinding]:
         why = covariance_error(np.array(matrix, dtype=np.float64).reshape(size, size))
         words = f"{where}: {why}." if why else f"{where}: the covariance is positive semi-definite."
         yield FileFinding("covariance", why is None, words)
+
+
+def _scatters(pf: ParameterFile) -> Iterator[FileFinding]:
+    """Findings on the scatter of a power law that is not that of its sums, and on a mean factor that is not of it."""
+    for name, law in pf.laws.items():
+        if law.form != "power" or law.error != "multiplicative" or law.by is not None or not law.residual_se:
+            continue
+        if wrong := _off_sums(law, law.residual_se) or _off_smearing(law, law.residual_se):
+            yield FileFinding("law", False, f"laws.{shortened(name)}: {wrong}; restore the file or fit again.")
+
+
+def _off_smearing(law: LawSection, scatter: float) -> str:
+    if law.smearing is None or 1 - SUMMED <= law.smearing <= np.exp(min(SMEARED * scatter**2, 700.0)) + SUMMED:
+        return ""
+    return f"its mean is {law.smearing:.4g} times its median, which a scatter of {scatter:.4g} does not give"
+
+
+def _off_sums(law: LawSection, scatter: float) -> str:
+    names = {law.response, *(factor.symbol for factor in law.factors)}
+    if law.sums is None or set(law.sums.columns) != names or law.df < 1 or not law.coefficients["c0"] > 0:
+        return ""
+    c = [-np.log(law.coefficients["c0"]), *(-law.coefficients.get(name, -1.0) for name in law.sums.columns)]
+    found = float(np.sqrt(law.sums.squares(np.array(c)) / law.df))
+    if abs(found - scatter) <= SUMMED * (found + EXACT):
+        return ""
+    return f"its coefficients and sums give a scatter of {found:.6g}, not {scatter:.6g}"
+
+
+def _taylor(pf: ParameterFile, life: ToolLifeSection) -> Iterator[FileFinding]:
+    """Findings on Taylor's n against the exponent of V, and on the longest test against the law of the wear."""
+    n, b = life.taylor_n, life.coefficients.get("V", 0.0)
+    if n is not None and abs(n * b + 1) > LIFE_AGREES:
+        words = f"tool_life: its exponent of V, {b:.4g}, is not that of Taylor's n, {n:.4g}; restore the file."
+        yield FileFinding("tool life", False, words)
+    factors = pf.laws[life.wear].factors if life.wear in pf.laws else ()
+    for longest in [in_unit(one.high, one.unit, life.unit) for one in factors if one.symbol == "t"]:
+        if longest is not None and life.t_observed > longest * (1 + LIFE_AGREES):
+            words = (
+                f"tool_life: its longest test, {life.t_observed:.4g} {life.unit}, is longer than those of the law of "
+            )
+            yield FileFinding("tool life", False, f"{words}{shortened(life.wear)}, {longest:.4g}; restore the file.")
 
 
 def _gate(name: str, law: LawPosterior) -> FileFinding:
@@ -305,6 +354,8 @@ def _reference(pf: ParameterFile, line: LoadLineSection) -> Iterator[str]:
         yield f"the reference {line.reference:g} is not between 0 and {limit}"
         return
     step = line.rounded_to or 0.0
+    if step and abs(line.reference / step - round(line.reference / step)) > SUMMED:
+        yield f"the reference {line.reference:g} {unit} is not rounded to {step:g}"
     if abs(line.reference - line.safety_factor * line.worn) > step / 2 + 1e-9 * line.worn:
         product = line.safety_factor * line.worn
         yield f"the reference {line.reference:g} is not {line.safety_factor:g} x {line.worn:g} = {product:g} {unit}"

@@ -2,8 +2,10 @@
 
 from typing import Annotated, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from ...core.arrays import Array
 from ..messages import short
 from .base import Count, IsoDate, NotNegative, Number, Section, Sha256, Text
 from .origin import OneOrMore
@@ -69,6 +71,20 @@ class LawSums(Section):
         if len(set(names)) < len(names):
             raise ValueError("the sums of an edge are there twice")
         return self
+
+    def squares(self, c: Array) -> float:
+        """Sum over all rows of the square of ``c[0]`` plus the columns times ``c[1:]``, shape (1 + columns,).
+
+        >>> one = {"edge": "", "rows": 2, "mean": [1.0, 3.0], "moves": [0, 1], "root": [[1.0, 1.0]]}
+        >>> LawSums(columns=["V", "AW"], edges=[one]).squares(np.array([-1.0, -2.0, 1.0]))
+        1.0
+        """
+        total = 0.0
+        for edge in self.edges:
+            level, within = float(c[0] + c[1:] @ np.array(edge.mean)), c[1:][list(edge.moves)]
+            moves = [float(np.array(row) @ within[k:]) for k, row in enumerate(edge.root)]
+            total += edge.rows * level**2 + sum(value**2 for value in moves)
+        return total
 
 
 class LevelShift(Section):
