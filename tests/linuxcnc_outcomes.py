@@ -13,6 +13,7 @@ PRINTED = 1e-5  # halsampler prints six decimals
 RESOLVED = 1e-3  # mm/min: the feed of the machine has reached its command
 STANDS = 1.05  # times the load that a worn tool withstands
 HALUI = 0.1  # s within which a change of the operator's override reaches its pin: 0.03 s were seen
+FOLLOWS = 0.95  # of the commanded feed: the component takes a slower path for slowed
 LAG = 0.5  # s in which the load follows the feed through the drive
 
 
@@ -27,6 +28,8 @@ def followed(loop: LoadLoop, trace: dict[str, np.ndarray], *, requested: bool = 
         controller.reset = bool(trace["reset"][k])
         if requested:
             controller.requested = float(trace["request"][k])
+            last = trace["u"][k - 1] if k else loop.low
+            controller.slowed = not trace["feed"][k] >= FOLLOWS * trace["request"][k] * last  # at 50 % too
         u = controller.step(load, loop.sample_time)
         row = (u, controller.fault, controller.worn, controller.overload, controller.feed_inhibit)
         for name, value in zip(names, row, strict=True):

@@ -10,7 +10,7 @@ from c_evaluator import evaluated
 from fitmodels.controllers import ConstantLoad
 
 STRICT = ["-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
-INPUTS = ("period", "load", "requested", "enable", "spindle_on", "idle", "beat", "reset")
+INPUTS = ("period", "load", "requested", "enable", "spindle_on", "idle", "beat", "reset", "slowed")
 OUTPUTS = ("feed_override", "measured", "state", "fault", "worn", "overload", "feed_inhibit")
 DRIVER = """\
 #include "controller.c"
@@ -20,7 +20,7 @@ void run(long n, const double *in, double *out);
 int start(void) { return load_control_init(&load_settings, &state); }
 void run(long n, const double *in, double *out)
 {
-    for (; n > 0; --n, in += 8, out += 7) {
+    for (; n > 0; --n, in += 9, out += 7) {
         LoadInput i;
         LoadOutput o;
         i.period = (LoadReal)in[0];
@@ -31,6 +31,7 @@ void run(long n, const double *in, double *out)
         i.idle = in[5] > 0;
         i.beat = in[6] > 0;
         i.reset = in[7] > 0;
+        i.slowed = in[8] > 0;
         load_control_step(&load_settings, &state, &i, &o);
         out[0] = (double)o.feed_override;
         out[1] = (double)o.measured;
@@ -62,21 +63,21 @@ def variants(loop):
 
 
 def sequence(loop, seed=0, samples=6000):
-    """Inputs, shape (samples, 8): period s, load, requested, enable, spindle_on, idle, beat, reset.
+    """Inputs, shape (samples, 9): period s, load, requested, enable, spindle_on, idle, beat, reset, slowed.
 
     Stretches of a cut, of air and of each fault in a random order: NaN, infinite, zero, negative, too large, a spike,
     stuck in the cut and in air, a dead source, enable or spindle lost, a cut after the feed was free, invalid and
-    other requested feeds, pauses, resets.
+    other requested feeds, pauses, resets; in a fifth of the samples the feed is slowed from outside.
     """
     rng = np.random.default_rng(seed)
-    out = np.empty((samples, 8))
+    out = np.empty((samples, len(INPUTS)))
     k = 0
     while k < samples:
         part = out[k : k + int(rng.integers(20, 300))]
         n, kind = len(part), int(rng.integers(0, 16))
         k += n
         level = rng.choice([0.17, 0.2, 0.22, 0.24, 0.27, 0.35], p=[0.1, 0.2, 0.2, 0.2, 0.2, 0.1])
-        part[:] = [loop.sample_time, 0.0, loop.feed_programmed, 1.0, 1.0, 0.0, 0.0, 0.0]
+        part[:] = [loop.sample_time, 0.0, loop.feed_programmed, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]
         part[:, 1] = level + rng.normal(0.0, 0.01, n)
         part[:, 6] = np.arange(n) // 3 % 2
         if kind == 0:
@@ -109,6 +110,8 @@ def sequence(loop, seed=0, samples=6000):
             part[-5:, 3] = 1.0
         if rng.random() < 0.6:
             part[n // 4 : n // 2, 7] = 1.0
+    changes = np.repeat(np.random.default_rng([seed, 1]).random(samples // 40 + 1) < 0.2, 40)
+    out[:, 8] = changes[:samples]
     return out
 
 
@@ -117,7 +120,7 @@ def reference(loop, inputs):
     c, out = ConstantLoad(loop), np.empty((len(inputs), len(OUTPUTS)))
     for row, (period, load, requested, *switches) in zip(out, inputs.tolist(), strict=True):
         c.requested = requested
-        c.enabled, c.spindle_on, c.idle, c.beat, c.reset = (switch > 0 for switch in switches)
+        c.enabled, c.spindle_on, c.idle, c.beat, c.reset, c.slowed = (switch > 0 for switch in switches)
         row[0] = c.step(load, period)
         row[1:] = c._measured, c.state, c.fault, c.worn, c.overload, c.feed_inhibit
     return out

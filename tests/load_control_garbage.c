@@ -88,6 +88,7 @@ int main(int count, char **words)
             in.enable = bits % 499 == 0 ? (int)bits : (bits >> 9) % 400 != 0;
             in.spindle_on = (bits >> 10) % 400 != 0;
             in.idle = (bits >> 11) % 5 == 0;
+            in.slowed = (bits >> 14) % 10 == 0;
             in.beat = (bits >> 12) % 3 == 0;
             in.reset = (bits >> 13) % 50 == 0;
             load_control_step(&s, &state, &in, &out);

@@ -60,18 +60,19 @@ def test_the_same_seed_gives_the_same_trace(controller, plant):
 
 
 readings = st.lists(st.floats(), min_size=1, max_size=300)  # NaN and infinity too
-inputs = st.lists(st.tuples(st.floats(), *[st.booleans()] * 5, st.one_of(st.none(), st.floats())), max_size=200)
+inputs = st.lists(st.tuples(st.floats(), *[st.booleans()] * 6, st.one_of(st.none(), st.floats())), max_size=200)
 
 
 @settings(deadline=None, max_examples=60)
 @given(inputs)
 def test_whatever_it_reads_the_command_is_finite_bounded_and_slow(loaded, inputs):
     c, last = controllers.ConstantLoad(loaded), None
-    for reading, c.enabled, c.spindle_on, c.idle, c.beat, c.reset, c.requested in inputs:
+    for reading, c.enabled, c.spindle_on, c.idle, c.beat, c.reset, c.slowed, c.requested in inputs:
         command = c.step(reading, loaded.sample_time)
         assert 0 < command <= 1.0
         u = c._u
         assert loaded.low <= u <= loaded.high
+        assert not (c.cutting and c.slowed and last is not None and u > last)
         assert command <= u or c.state != State.FAULT
         if last is not None:
             assert -loaded.back_off * loaded.sample_time - 1e-12 <= u - last
@@ -107,6 +108,58 @@ def worn_cut(loaded):
     assert c.state is State.CONTROL
     assert loaded.low < c.command < loaded.high
     return c
+
+
+class Slowed:
+    """The path of a cut, slower than its feed by the operator's override or in a corner: the share of a time in s."""
+
+    def __init__(self, plant, controller, share, *, wired=True) -> None:
+        self.plant, self.controller, self.share, self.wired, self.time = plant, controller, share, wired, 0.0
+
+    def step(self, command, dt, noise):
+        self.time, share = self.time + dt, self.share(self.time)
+        self.controller.slowed = self.wired and share < 1
+        return self.plant.step(command * share, dt, noise)
+
+
+CORNERS = {"override 60 %": lambda t: 0.6 if 15 < t < 25 else 1.0,
+           "override 40 %": lambda t: 0.4 if 15 < t < 25 else 1.0,
+           "corners": lambda t: 0.5 if t > 15 and t % 4 < 2 else 1.0}  # fmt: skip
+
+
+@pytest.mark.parametrize("share", CORNERS.values(), ids=CORNERS)
+@pytest.mark.parametrize("form", ["position", "incremental_sum"])
+def test_a_feed_slowed_from_outside_is_not_compensated(controller, plant, share, form):
+    """It was, and the feed returned to the upper limit: 948 mm/min after 573 at a load of 0.285 A."""
+    gains = {} if form == "position" else {"form": form, "kp": 160.0, "ki": 0.0}
+    c = controller(pi=gains)
+    trace = controllers.replay(c, Slowed(plant(offset=0.1358, noise=1e-4), c, share), duration=35, dt=0.02)
+    before = trace.command[(trace.time > 10) & (trace.time < 15)]
+    assert c.loop.low < before.mean() < 0.9 * c.loop.high
+    assert trace.command[trace.time > 15].max() < 1.02 * before.max()
+    assert not c.worn
+    other = controller(pi=gains)
+    free = Slowed(plant(offset=0.1358, noise=1e-4), other, share, wired=False)
+    assert controllers.replay(other, free, duration=35, dt=0.02).command.max() > 1.2 * before.max()
+
+
+def test_a_program_that_requests_less_than_the_loop_does_not_raise_its_feed(controller, plant):
+    """F 400 of 1000 mm/min for 10 s, then 1000 again: the loop went to its upper limit meanwhile."""
+    c, seen = controller(), []
+    cut, noise = plant(offset=0.1358), np.random.default_rng(1)
+    for k in range(1750):
+        c.requested = 400.0 if 750 <= k < 1250 else 1000.0
+        seen.append(c.step(cut.step(c.command * c.requested / 1000, 0.02, noise) + 1e-5 * (k % 2), 0.02))
+    assert max(seen[750:1250]) == 1.0
+    assert max(seen[1250:]) < 1.02 * seen[749] < 0.9
+
+
+def test_a_slowed_feed_at_the_lower_limit_is_no_worn_tool_until_the_load_is_the_reference(loaded):
+    c = controllers.ConstantLoad(loaded, running=True)
+    run(c, noisy(0.2, 800), slowed=True)
+    assert (c.command, c.worn) == (loaded.low, False)
+    run(c, noisy(0.225, 800))
+    assert c.worn
 
 
 def test_before_the_first_cut_the_feed_is_the_programmed_one_until_it_is_switched_on(loaded):

@@ -25,6 +25,7 @@ from load_control import DRIVER, INPUTS, OUTPUTS, STRICT, compiled, interpreted,
 sys.path.remove(str(Path(__file__).parent))
 
 INSTALL = "apt-get install gcc libc6-dev"
+EDGE = 2e-3  # of an override: of a comparison on its edge, measured 1e-3 for 341 samples
 DOUBLE, SINGLE = 1e-12, 1e-4  # of an override; the closing condition of the requirement, measured 0 and 1.2e-6
 NAMES = ("position", "stop, feed-forward", "average of the load", "average of the command", "incremental sum",
          "incremental sum, average", "shortest times", "limits below 1")  # fmt: skip
@@ -76,6 +77,7 @@ def test_the_text_is_the_python_controller(loop, name):
 MUTATIONS = [
     *c_settings.__globals__["_NUMBERS"], "average", "average_command", "incremental", "stop_on_fault",
     "LOAD_OVERLOAD_SHARE", "LOAD_OVERLOAD_MEAN", "LOAD_REST_SHARE", "LOAD_WORN_MEAN", "LOAD_PERIOD_SHARE",
+    "LOAD_SLOW_AFTER",
 ]  # fmt: skip
 
 
@@ -197,7 +199,7 @@ def test_the_real_feed_stays_inside_its_limits_at_any_requested_feed(loop):
 def test_in_a_fault_a_requested_feed_in_a_wrong_unit_does_not_raise_the_feed(loop):
     """Inch/s taken for mm/s, so 25.4 times too small: 100 % in the cut, the lower limit in a fault."""
     inputs = sequence(loop, 3, samples=200)
-    inputs[:] = [loop.sample_time, 0.0, loop.feed_programmed / 25.4, 1.0, 1.0, 0.0, 0.0, 0.0]
+    inputs[:] = [loop.sample_time, 0.0, loop.feed_programmed / 25.4, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]
     inputs[:, 1] = 0.2 + 1e-3 * (np.arange(200) % 3)
     inputs[:, 6] = np.arange(200) // 3 % 2
     inputs[100:, 1] = np.nan
@@ -226,17 +228,16 @@ def component(text):
 
 
 def ran(step, pins, loop, inputs, operator=1.0):
-    """Outputs of a component under inputs that LinuxCNC would give it."""
+    """Outputs of a component under inputs that LinuxCNC would give it: the path or the operator slows the feed."""
     found = []
-    for row in inputs.tolist():
+    for k, row in enumerate(inputs.tolist()):
         named = dict(zip(INPUTS, row, strict=True))
-        pins.load, pins.requested_vel, pins.operator_override = (
-            named["load"],
-            named["requested"] / 60 / operator,
-            operator,
-        )
-        pins.enable, pins.spindle_on, pins.idle, pins.heartbeat, pins.reset = row[3:]
-        pins.current_vel = 10.0
+        by_path = named["slowed"] and named["requested"] > 0 and k % 80 < 40
+        pins.operator_override = 0.998 if named["slowed"] and not by_path else operator
+        pins.load, pins.requested_vel = named["load"], named["requested"] / 60 / max(pins.operator_override, 1.0)
+        pins.enable, pins.spindle_on, pins.idle, pins.heartbeat, pins.reset, _ = row[3:]
+        commanded = named["requested"] / 60 * pins.adaptive_feed
+        pins.current_vel = 0.949 * commanded if by_path else max(0.951 * commanded, 1.0)
         step(pins, round(named["period"] * 1e9))
         found.append([getattr(pins, "adaptive_feed" if name == "feed_override" else name) for name in OUTPUTS])
     return np.array(found, float)
@@ -256,7 +257,8 @@ def test_the_component_is_the_python_controller(constant_load_file, loop, operat
     [("feed-scale 60", "feed-scale 61"), ("operator_override = 1 ", "operator_override = 2 "),
      ("requested_vel = -1", "requested_vel = 1"), ("* 1e-9", "* 1.1e-9"), ("operator_ < 1.0", "operator_ < 1.3"),
      ("adaptive_feed = 0.6", "adaptive_feed = 0.7"), ("? 1.0 : operator_", "? 1.1 : operator_"),
-     ("current_vel = -1", "current_vel = 1")],
+     ("current_vel = -1", "current_vel = 1"), ("FULL 0.999", "FULL 0.997"), ("FULL 0.999", "FULL 1.001"),
+     ("FOLLOWS 0.95 ", "FOLLOWS 0.96 "), ("FOLLOWS 0.95 ", "FOLLOWS 0.94 ")],
 )  # fmt: skip
 def test_a_changed_constant_of_the_component_is_seen(constant_load_file, loop, constant, other):
     text = rendered(constant_load_file(), "comp")
@@ -265,19 +267,24 @@ def test_a_changed_constant_of_the_component_is_seen(constant_load_file, loop, c
     inputs = sequence(loop, 4, samples=1500)
     first = (pins.adaptive_feed, pins.requested_vel, pins.current_vel, pins.operator_override) != (loop.low, -1, -1, 1)
     seen = [differences(lambda rows, o=o: ran(step, pins, loop, rows, o), loop, inputs, reference(loop, inputs))
-            for o in (1.2, 0.9)]  # fmt: skip
+            for o in (1.2, 1.0)]  # fmt: skip
     assert first or any(seen)
     assert component(text)[1].requested_vel == -1
 
 
 def test_an_operator_below_100_percent_slows_the_feed_and_is_not_compensated(constant_load_file, loop):
+    """The load of 0.22 A at half of the feed: it was compensated up to the upper limit, where the feed returned to."""
     step, pins = component(rendered(constant_load_file(), "comp"))
-    inputs = sequence(loop, 4, samples=1000)
-    inputs[:, 2] = loop.feed_programmed
-    full = ran(step, pins, loop, inputs)[:, 0]
-    step, pins = component(rendered(constant_load_file(), "comp"))
-    inputs[:, 2] *= 0.5  # so that `ran` gives the same velocity
-    assert (ran(step, pins, loop, inputs, 0.5)[:, 0] == full).all()
+    rows = np.tile([loop.sample_time, 0.2, loop.feed_programmed, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0], (500, 1))
+    rows[:, 1] += 1e-3 * (np.arange(500) % 3)
+    rows[:, 6] = np.arange(500) // 3 % 2
+    before = ran(step, pins, loop, rows[:60])[-1, 0]
+    assert loop.low < before < loop.high
+    rows[:, 1] -= 0.03
+    slow = ran(step, pins, loop, rows[60:], 0.5)[:, 0]
+    assert slow.max() <= before
+    rows[:, 1] += 0.05
+    assert ran(step, pins, loop, rows)[:, 0].max() <= before
 
 
 def test_a_component_whose_requested_velocity_is_not_connected_goes_to_fault(constant_load_file, loop):
@@ -316,7 +323,7 @@ def test_the_hal_lines_state_the_feed_scale_of_both_machine_units(loop, unit, sc
 
 
 @pytest.mark.parametrize(
-    ("velocity", "state"), [(10.0, 3), (0.11, 3), (0.09, 2), (0.0, 2), (-1.0, 2), (float("nan"), 2)]
+    ("velocity", "state"), [(16.0, 3), (0.11, 3), (0.09, 2), (0.0, 2), (-1.0, 2), (float("nan"), 2)]
 )
 def test_the_component_opens_the_loop_while_the_path_does_not_advance(constant_load_file, loop, velocity, state):
     """In a pause the load falls and a closed loop would raise the feed; 600 mm/min is 10 mm/s, 1 % of it the limit."""
@@ -325,11 +332,11 @@ def test_the_component_opens_the_loop_while_the_path_does_not_advance(constant_l
     pins.requested_vel = loop.feed_programmed / 60
     feeds = []
     for k in range(100):
-        pins.load, pins.heartbeat, pins.current_vel = 0.2 + 1e-3 * (k % 3), k // 3 % 2, 10.0 if k < 80 else velocity
+        pins.load, pins.heartbeat, pins.current_vel = 0.2 + 1e-3 * (k % 3), k // 3 % 2, 16.0 if k < 80 else velocity
         step(pins, round(loop.sample_time * 1e9))
         feeds.append(pins.adaptive_feed)
     assert (pins.state, pins.fault) == (state, 0)
-    assert (feeds[-1] > feeds[79]) == (state == 3)
+    assert (feeds[-1] > feeds[79]) == (velocity == 16.0)  # a slower path is no reason to raise the feed
 
 
 @pytest.mark.consumer
@@ -347,7 +354,8 @@ def test_single_precision_is_double_precision_of_loads_that_are_rounded(consumer
     """Its backward error: a comparison that falls on its edge is decided by the rounding of the load.
 
     Such a comparison is whether the output of the PI is at its limit. In at most two of 30 sequences of 20 000 samples
-    it matters; these are the controller in double precision of loads larger or smaller by at most 2e-6 of themselves.
+    it matters; these are the controller in double precision of loads larger or smaller by at most 2e-6 of themselves,
+    or differ in the override alone, by less than `EDGE`.
     """
     cc, one = consumer("cc", INSTALL), variants(loop)[name]
     double, single = (compiled(cc, c_controller(one), tmp_path, *STRICT, *more) for more in ((), FLOAT))
@@ -356,7 +364,8 @@ def test_single_precision_is_double_precision_of_loads_that_are_rounded(consumer
     assert len(away) <= 2
     for inputs in away:
         changes = [sign * ROUNDING * k for k in (1, 2, 5, 10, 20, 30) for sign in (-1, 1)]
-        assert any(alike(single(inputs), double(inputs * loads_changed(change))) for change in changes)
+        near = np.abs(single(inputs) - double(inputs))[:, [0, *range(2, len(OUTPUTS))]].max() < EDGE
+        assert near or any(alike(single(inputs), double(inputs * loads_changed(change))) for change in changes)
 
 
 def alike(single, double):

@@ -117,7 +117,7 @@ def test_fmpy_validates_compiles_and_runs_the_fmu(consumer, fmpy, constant_load_
 def step(model, k, row, period):
     """Outputs of the FMU after a step, in the order of OUTPUTS."""
     model.setReal([0, 1], row[1:3])
-    model.setBoolean([0, 1, 2, 3, 4], [value > 0 for value in row[3:]])
+    model.setBoolean([0, 1, 2, 3, 4, 5], [value > 0 for value in row[3:]])
     model.doStep(k * period, period)
     bits = [bool(bit) for bit in model.getBoolean([10, 11, 12, 13])]
     return [model.getReal([10])[0], model.getReal([12])[0], model.getInteger([0])[0], *bits]
@@ -180,20 +180,27 @@ def machine(consumer):
 
 
 def streamed(machine, component, lines, inputs, requested, operator=1.0):
-    """Outputs of a component, from streamer to sampler: a row a period; inputs as in `INPUTS`, requested per s."""
+    """Outputs of a component, from streamer to sampler: a row a period; inputs as in `INPUTS`, requested per s.
+
+    A feed that is slowed is that of the path, at 3 % of the requested one.
+    """
     thread = "servo-thread" if "addf fm-control servo-thread" in lines else "fm-thread"
     motion = [("addf motion-command-handler servo-thread",), ("addf motion-controller servo-thread",)]
     before, after = motion if thread == "servo-thread" else ((), ())
-    rows = "".join(f"{r[1]!r} {' '.join(str(int(v)) for v in r[3:])}\n" for r in inputs.tolist())
+    speeds = np.where(inputs[:, 8] > 0, 0.03, 2.0) * requested * operator
+    rows = "".join(
+        f"{r[1]!r} {speed!r} {' '.join(str(int(v)) for v in r[3:8])}\n"
+        for r, speed in zip(inputs.tolist(), speeds.tolist(), strict=True)
+    )
     (machine.folder / "inputs").write_text(rows)
-    signals = ("fm-load", "fm-enable", "fm-spindle-on", "fm-idle", "fm-heartbeat", "fm-reset")
+    signals = ("fm-load", "fm-velocity", "fm-enable", "fm-spindle-on", "fm-idle", "fm-heartbeat", "fm-reset")
     sampled = ("feed", "measured", "state", "fault", "worn", "overload", "inhibit")
     hal = (
         "loadrt trivkins", "loadrt tpmod", "loadrt homemod",
         "loadrt motmod servo_period_nsec=1000000 num_joints=3",
-        "loadrt streamer depth=4000 cfg=fbbbbb", "loadrt sampler depth=4000 cfg=ffsbbbb",
+        "loadrt streamer depth=4000 cfg=ffbbbbb", "loadrt sampler depth=4000 cfg=ffsbbbb",
         lines.replace("# >>> setp ", "setp ").replace(f"addf fm-control {thread}", ""),
-        f"sets fm-operator {operator!r}", "sets fm-velocity 10", f"sets fm-requested {requested!r}",
+        f"sets fm-operator {operator!r}", f"sets fm-requested {requested!r}",
         *(f"net {name} streamer.0.pin.{k}" for k, name in enumerate(signals)),
         "net fm-measured fm-control.measured", "net fm-state fm-control.state",
         *(f"net fm-{name} sampler.0.pin.{k}" for k, name in enumerate(sampled)),

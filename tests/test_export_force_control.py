@@ -14,6 +14,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 from fitmodels.controllers.adaptive_force.controller import AdaptiveForceControl
+from fitmodels.controllers.adaptive_force.plant import DriveAndCut
 from fitmodels.controllers.adaptive_force.runs import steady_run
 from fitmodels.controllers.constant_load_milling.control_laws import loop_of
 from fitmodels.controllers.constant_load_milling.plant import MillingCut
@@ -135,7 +136,9 @@ def test_the_function_block_is_the_python_controller_in_every_sample(pf, loop, r
     block, found = FunctionBlock(structured_text(gated(pf))), []
     for row in rows.tolist():
         on = [value > 0 for value in row[3:]]
-        block.call(LOAD=row[1], ENABLE=on[0], SPINDLE_ON=on[1], MOTION_IDLE=on[2], BEAT=on[3], RESET=on[4])
+        block.call(
+            LOAD=row[1], ENABLE=on[0], SPINDLE_ON=on[1], MOTION_IDLE=on[2], BEAT=on[3], RESET=on[4], SLOWED=on[5]
+        )
         found.append([block[name.upper()] for name in OUTPUTS])
     expected = reference(loop, rows)
     assert np.abs(np.array(found, float) - expected)[:, [0, 2, 3, 4, 5, 6]].max() <= ROUNDING
@@ -174,7 +177,7 @@ class Exported:
         return self.out.worn
 
     def step(self, force, dt):
-        row = [dt, force, self.loop.feed_programmed, 1, 1, 0, self.k // 3 % 2, 0]
+        row = [dt, force, self.loop.feed_programmed, 1, 1, 0, self.k // 3 % 2, 0, self.inputs.slowed]
         self.k += 1
         for name, value in zip(INPUTS, row, strict=True):
             setattr(self.inputs, name, value)
@@ -232,6 +235,31 @@ def test_the_closed_loop_of_adaptive_force_through_the_exported_code_is_the_repl
     found = replay(armed(loop), again, duration=1.2, dt=loop.sample_time, seed=1)
     np.testing.assert_allclose(found.command, run.trace.command, rtol=1e-9)
     np.testing.assert_allclose(found.measurement, run.trace.measurement, rtol=1e-9, atol=1e-9)
+
+
+class Slowed:
+    """The cut of a file whose path has half of the commanded feed from 3 to 6 s, by the operator's override."""
+
+    def __init__(self, pf, control, feed) -> None:
+        self.plant = (
+            TurningForce.from_parameters(pf, feed=feed) if pf.roughness else DriveAndCut.from_parameters(pf, 1.0)
+        )
+        self.control, self.time = control, 0.0
+
+    def step(self, command, dt, noise):
+        self.time, slowed = self.time + dt, 3 < self.time < 6
+        self.control.inputs.slowed = int(slowed)
+        return self.plant.step(command * (0.5 if slowed else 1.0), dt, noise) * (1 + 1e-6 * noise.normal())
+
+
+def test_a_feed_slowed_from_outside_is_not_compensated(pf, loop):
+    """The feed rose to its upper limit, twice what it was, and adaptive force had it at once after the return."""
+    control = armed(loop)
+    trace = replay(control, Slowed(pf, control, control.command), duration=9.0, dt=loop.sample_time, seed=1)
+    before = trace.command[(trace.time > 2) & (trace.time < 3)]
+    assert before.max() < 0.95 * loop.feed_high
+    assert trace.command[(trace.time > 3) & (trace.time < 6)].max() <= before.max()
+    assert trace.command[trace.time > 6].max() < 1.1 * before.max()
 
 
 # what is refused before an export

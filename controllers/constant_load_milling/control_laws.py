@@ -63,6 +63,11 @@ def low_pass_gain(loop: "LoadLoop", time: float) -> float:
     return -math.expm1(-loop.sample_time / time) if time else 1.0
 
 
+def _holds(law: "PositionLaw | IncrementalLaw", error: float, *, slow: bool) -> bool:
+    """Whether the sum holds: the output is clipped, or the feed slowed from outside, and the error pushes further."""
+    return not error * law.limited <= 0 or (slow and error > 0)
+
+
 class PositionLaw:
     """PI in position form with clamping, from the override at entry.
 
@@ -83,9 +88,9 @@ class PositionLaw:
         """Begin at an override."""
         self._bias, self._sum, self.limited = override - self._middle, 0.0, 0
 
-    def target(self, error: float) -> float:
-        """Override for an error; pid holds its sum while its output is clipped and the error pushes further."""
-        if error * self.limited <= 0:
+    def target(self, error: float, *, slow: bool = False) -> float:
+        """Override for an error; the sum holds while the output is clipped, or the feed slow, and the error pushes."""
+        if not _holds(self, error, slow=slow):
             self._sum += error * self._time
         half = self._half
         out = self._bias + self._p * error + self._i * self._sum
@@ -113,13 +118,13 @@ class IncrementalLaw:
         """Begin at an override."""
         self._last, self._sum, self.limited = override, 0.0, 0
 
-    def target(self, error: float) -> float:
-        """Override for an error."""
+    def target(self, error: float, *, slow: bool = False) -> float:
+        """Override for an error; it does not rise while the feed is slowed from outside."""
         last = self._last
-        if error * self.limited <= 0:
+        if not _holds(self, error, slow=slow):
             self._sum += error
-        unlimited = last + self._p * error + self._i * self._sum
-        self._last = min(max(unlimited, self._low, last - self._back_off), self._high, last + self._recover)
+        unlimited, most = last + self._p * error + self._i * self._sum, last if slow else last + self._recover
+        self._last = min(max(unlimited, self._low, last - self._back_off), self._high, most)
         self.limited = (unlimited > self._high) - (unlimited < self._low)
         return self._last
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 REST_SHARE: Final = 0.01  # of the range of the feed, at most of its lower limit: a mean command so near rests on it
 SPARSE_RISE, SPARSE_AT, SPARSE_MOST = 4, 8, 10  # count of an invalid reading; lost, and end of the count, by lost_after
+SLOW_AFTER: Final = 0.5  # s after a feed that was slowed from outside: the load has followed it
 WORN_MEAN: Final = 0.2  # s, time constant of the mean command
 OVERLOAD_MEAN: Final = 0.1  # s, time constant of the mean load: the mean delay of a mean over 0.2 s
 PERIOD: Final = 0.01  # relative deviation of the period that the gains and filters allow
@@ -40,14 +41,14 @@ class ConstantLoad(Displayable):
         Gains, limits and settings; see `fitmodels.parameters.exports.loop.LoadLoop`.
     running : bool
         The spindle has run for ``arm_after`` before the first sample.
-    enabled, spindle_on, idle, reset : bool
+    enabled, spindle_on, idle, reset, slowed : bool
         Inputs: the operator's switch; the spindle turns; the path does not advance, also in a pause; the operator's
-        acknowledgement, at its edge.
+        acknowledgement, at its edge; the operator's override is below 1, or the path is slower than commanded: no rise.
     beat : bool or None
         Input: heartbeat of the load's source; None: it lives.
     requested : float or None
-        Input: feed that program and operator's override request before this controller's, unit_feed; None: the
-        programmed feed of the file. In a fault it only reduces the command.
+        Input: feed that the program requests, times an operator's override above 1, unit_feed; None: the programmed
+        feed of the file. In a fault it only reduces the command. Where it is below the loop's feed, this does not rise.
     command : float
         The last command; before the first one the lower limit.
     state : State
@@ -85,6 +86,7 @@ class ConstantLoad(Displayable):
     spindle_on: bool = True
     idle: bool = False
     reset: bool = False
+    slowed: bool = False
     beat: bool | None = None
     requested: float | None = None
     command: float = field(init=False)
@@ -115,6 +117,8 @@ class ConstantLoad(Displayable):
     _gap: int = field(default=0, init=False)  # samples for which the revolution holds a bridged reading
     _gaps: int = field(default=0, init=False)  # samples since the first of them
     _falling: bool = field(default=False, init=False)
+    _capped: bool = field(default=False, init=False)  # the program requests less than the loop
+    _slow: int = field(default=0, init=False)  # samples without a rise, as the load is that of a slowed feed
     _last_reset: bool = field(default=False, init=False)
     _last_beat: bool | None = field(default=None, init=False)
     _limited: int = field(default=0, init=False)
@@ -141,12 +145,9 @@ class ConstantLoad(Displayable):
         self.command, self.reference = loop.low, loop.reference
         self.labels = ("feed override", f"load, {loop.unit_load}")
         times = ("arm_after", "lost_after", "engage_after", "stuck_after", "heartbeat", "overload_after", "dwell")
-        self._n = {name: loop.samples(getattr(loop, name)) for name in times}
-        self._gains = (
-            low_pass_gain(loop, loop.filter_time),
-            low_pass_gain(loop, OVERLOAD_MEAN),
-            low_pass_gain(loop, WORN_MEAN),
-        )
+        self._n = {name: loop.samples(getattr(loop, name)) for name in times} | {"slow": loop.samples(SLOW_AFTER)}
+        load, mean, rest = (low_pass_gain(loop, time) for time in (loop.filter_time, OVERLOAD_MEAN, WORN_MEAN))
+        self._gains = (load, mean, rest)
         self._threshold = (loop.engage_at, loop.hysteresis / 2)
         self._bounds = (loop.low, loop.high, loop.back_off * loop.sample_time, loop.recover * loop.sample_time)
         self.rest = loop.low + REST_SHARE * min(loop.high - loop.low, loop.low)
@@ -194,6 +195,7 @@ class ConstantLoad(Displayable):
         equal = self._read(load)
         self._engage()
         self._watch(equal)
+        self._slow = self._n["slow"] if self.slowed or self._capped else max(self._slow - 1, 0)
         if isinstance(self._law, RatioLaw | AdaptiveLaw):
             u = loop.low if self._u is None else self._u
             self._law.track(u, self._held, self.reference, closed=self.cutting)
@@ -205,7 +207,7 @@ class ConstantLoad(Displayable):
         self.state = self._state()
         # In a fault a smaller requested feed does not raise the output, which a wrong unit of it would.
         factor = min(self._factor, 1.0) if self.state == State.FAULT else self._factor
-        self.command = min(u * factor, 1.0)
+        self._capped, self.command = u * factor > 1.0, min(u * factor, 1.0)
         return self.command
 
     def _read(self, load: float) -> bool:
@@ -307,6 +309,7 @@ class ConstantLoad(Displayable):
             self._had_cut = False
         if cutting:
             target = self._control(u, begins=not self.cutting)
+            target = min(target, u) if self._slow else target
         elif self.fault or self.overload or (self.enabled and not self._armed):
             target = self.loop.low
         elif self.loop.law != "pi":
@@ -327,7 +330,7 @@ class ConstantLoad(Displayable):
             if begins:
                 law.enter()
             adaptive = isinstance(law, AdaptiveLaw)
-            known = not self._bad and not self._gap and (self._above or not adaptive)
+            known = not (self._bad or self._gap or self._slow) and (self._above or not adaptive)
             target = law.target(self._measured, self.reference, known=known)
             if adaptive:
                 target = self._bridged(target, u, begins=begins)
@@ -338,7 +341,7 @@ class ConstantLoad(Displayable):
             if begins:
                 law.enter(u + self.loop.entry_gain * error)
                 self._targets.extend([u] * len(self._targets))
-            target = law.target(error)
+            target = law.target(error, slow=self._slow > 0)
         if law.limited != self._limited:
             self._limited = law.limited
             self.news += (("free", "at high", "at low")[law.limited],)  # the third by index -1
@@ -377,9 +380,9 @@ class ConstantLoad(Displayable):
         return self._u
 
     def _rests(self, u: float) -> None:
-        """Latch ``worn`` where the mean command rested for the dwell; time in air neither counts nor resets it."""
+        """Latch ``worn`` where the mean command rested for the dwell; time in air, or slowed, does not count."""
         self._average += (u - self._average) * self._gains[2]
-        if self.cutting:
+        if self.cutting and not (self._slow and self._measured < self.reference):
             self._rested = self._rested + 1 if self._average <= self.rest else 0
             if self._rested >= self._n["dwell"] and not self.worn:
                 self.worn = True

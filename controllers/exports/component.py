@@ -89,6 +89,8 @@ license "BSD-3-Clause";
 _FUNCTIONS = """
 #define FEED_LOW (load_settings.low * load_settings.feed_programmed)
 #define STILL 0.01 /* of the lower feed limit: a path that is slower does not advance */
+#define FULL 0.999 /* an override of the operator below slows the feed; 1 after steps of it is not exact */
+#define FOLLOWS 0.95 /* of the commanded feed: a slower path is in a corner, accelerates or is at its own limit */
 
 static LoadState fm_state;
 
@@ -102,7 +104,8 @@ static int extra_setup(struct __comp_state *__comp_inst, char *prefix, long extr
     return -EINVAL;
 }
 
-/* FUNCTION(_): an override of the operator below 1 slows the feed further, and is not compensated. */
+/* FUNCTION(_): an override of the operator below 1 slows the feed further, and the loop does not compensate it: while
+ * the feed is slowed, by the operator or the path, it does not rise. NaN: slowed. */
 static void _(struct __comp_state *__comp_inst, long period)
 {
     const double operator_ = *__comp_inst->operator_override;
@@ -115,6 +118,8 @@ static void _(struct __comp_state *__comp_inst, long period)
     in.enable = *__comp_inst->enable;
     in.spindle_on = *__comp_inst->spindle_on;
     in.idle = *__comp_inst->idle || !(*__comp_inst->current_vel * scale >= STILL * FEED_LOW);
+    in.slowed = !(operator_ >= FULL)
+        || !(*__comp_inst->current_vel * scale >= FOLLOWS * in.requested * *__comp_inst->adaptive_feed);
     in.beat = *__comp_inst->heartbeat;
     in.reset = *__comp_inst->reset;
     load_control_step(&load_settings, &fm_state, &in, &out);

@@ -45,7 +45,7 @@ def _variables(loop: LoadLoop) -> tuple[Variable, ...]:
     out = "output"
     return (
         Variable("load", "input", "Real", 0, "reading of the sensor", "0.0", load),
-        Variable("requested", "input", "Real", 1, "feed of program and operator before this override; 0 at rest",
+        Variable("requested", "input", "Real", 1, "feed of the program times an operator above 1; 0 at rest",
                  repr(loop.feed_programmed), feed),
         Variable("enable", "input", "Boolean", 0, "the switch of the operator", "false"),
         Variable("spindle_on", "input", "Boolean", 1, "the spindle turns", "false"),
@@ -53,6 +53,8 @@ def _variables(loop: LoadLoop) -> tuple[Variable, ...]:
         Variable("beat", "input", "Boolean", 3, "changes while the source of the load is alive", "false"),
         Variable("reset", "input", "Boolean", 4, "a rising edge clears what is latched unless its cause is present",
                  "false"),
+        Variable("slowed", "input", "Boolean", 5, "operator below 1, or path over 5 % slower than commanded: no rise",
+                 "true"),
         Variable("feed_override", out, "Real", 10, "factor of the requested feed", low, "1"),
         Variable("u", out, "Real", 11, "feed over programmed feed", low, "1"),
         Variable("measured", out, "Real", 12, "filtered load", "0.0", load),

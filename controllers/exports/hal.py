@@ -44,7 +44,8 @@ NOT_IN_HAL = (
 )
 _REAL_FEED: Final = (
     "The limits hold as shares: another F, or an operator's override other than 100 %, moves the real feed by the same "
-    "factor, above 100 % beyond the upper limit. The component (--to comp) bounds it."
+    "factor, above 100 % beyond the upper limit. Below 100 % the loop raises its share until it holds the load again, "
+    "and after the return to 100 % the feed is too large until the loop lowers it. The component (--to comp) does not."
 )
 
 _FUNCTIONS: Final = (

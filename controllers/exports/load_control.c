@@ -96,12 +96,15 @@ typedef struct {          /* load: in the unit of the load; override: feed / fee
 typedef struct {
     LoadReal period;    /* s since the last call, measured; more than 1 % off sample_time is a fault */
     LoadReal load;      /* reading of the sensor; any value, also NaN */
-    LoadReal requested; /* feed that program and operator request before this override; 0 at rest. Where unknown:
+    LoadReal requested; /* feed that the program requests before this override, times an override of the operator
+                           above 1; 0 at rest. One below 1 is not part of it: see slowed. Where unknown:
                            feed_programmed, and the limits hold only for a program with that F at 100 %.
                            In a wrong unit it lets the override rise up to 1, except in a fault */
     int enable;         /* the operator's switch */
     int spindle_on;     /* spindle at speed */
     int idle;           /* the path does not advance: at rest, in a pause, at an override of 0 */
+    int slowed;         /* the operator's override is below 1, or the path is more than 5 % slower than commanded, as in
+                           a corner: the override does not rise; 1 where it is not known */
     int beat;           /* 0 or 1, changes while the source of the load is alive; of a counter: counter & 1 */
     int reset;          /* a change from 0 to 1 clears fault, worn and overload unless their cause is present */
 } LoadInput;
@@ -120,16 +123,16 @@ typedef struct {
 
 typedef struct {
     LoadReal gain, overload_gain, worn_gain, half_hysteresis, middle, half, fall, rise, rest, overload_above;
-    long n_arm, n_engage, n_lost, n_stuck, n_beat, n_overload, n_dwell;
+    long n_slow, n_arm, n_engage, n_lost, n_stuck, n_beat, n_overload, n_dwell;
     LoadReal held, filtered, measured, mean, u, before, bias, sum, average, factor;
     LoadReal kept[LOAD_CONTROL_AVERAGE];
     LoadReal servo, servo_gain;                                         /* of LOAD_RATIO */
     LoadReal m, alpha, beta, wanted, wanted_rate, error, last_E, last_w[3]; /* of LOAD_ADAPTIVE */
     LoadReal forces[LOAD_CONTROL_AVERAGE + 1], model[LOAD_CONTROL_AVERAGE + 1], rates[LOAD_CONTROL_AVERAGE + 1];
     LoadReal force_sum, model_sum;
-    long spindle, bad, gap, gaps, sparse, loaded_for, clear_for, same, alive, high_for, rested;
+    long spindle, bad, gap, gaps, sparse, loaded_for, clear_for, same, alive, high_for, rested, slow;
     int ready, begun, armed, place, over, above, cutting, clipped, falling, had_cut, last_beat, last_reset, ring, soft;
-    int fault, worn, overload;
+    int fault, worn, overload, capped;
     LoadCause cause;
 } LoadState;
 
@@ -149,6 +152,7 @@ void load_control_step(const LoadSettings *s, LoadState *x, const LoadInput *in,
 #define LOAD_OVERLOAD_MEAN 0.1   /* s: a one-pole mean that lags as a mean over .2 s */
 #define LOAD_REST_SHARE 0.01     /* of high - low, at most of low: an override so near low rests on it */
 #define LOAD_WORN_MEAN 0.2       /* s */
+#define LOAD_SLOW_AFTER 0.5      /* s after a feed that was slowed: the load has followed it */
 #define LOAD_PERIOD_SHARE 0.01   /* of sample_time */
 #define LOAD_LONGEST 2000000000L /* samples: counters stop there */
 #define LOAD_SPARSE_RISE 4L      /* an invalid reading adds it, a valid one takes 1: more than a fifth of them rises */
@@ -250,6 +254,7 @@ static int load_first_wrong_of_law(const LoadSettings *s)
 static int load_count_samples(const LoadSettings *s, LoadState *x)
 {
     const LoadReal T = s->sample_time;
+    x->n_slow = load_samples((LoadReal)LOAD_SLOW_AFTER, T);
     x->n_engage = load_samples(s->engage_after, T);
     x->n_arm = load_samples(s->arm_after, T);
     x->n_lost = load_samples(s->lost_after, T);
@@ -257,6 +262,7 @@ static int load_count_samples(const LoadSettings *s, LoadState *x)
     x->n_beat = load_samples(s->heartbeat, T);
     x->n_overload = load_samples(s->overload_after, T);
     x->n_dwell = load_samples(s->dwell, T);
+    if (x->n_slow == 0) return 1;
     if (x->n_engage == 0) return 12;
     if (x->n_arm == 0) return 13;
     if (x->n_lost == 0 || x->n_lost > LOAD_LONGEST / (2L * LOAD_SPARSE_MOST)) return 14;
@@ -380,11 +386,24 @@ static void load_latch(const LoadSettings *s, LoadState *x, LoadCause cause, int
     }
 }
 
-/* Step of pid: its sum holds while the output is clipped and the error pushes further. */
+/* While the feed is slowed from outside, and until the load has followed it after that, the override does not rise. */
+static void load_slow(LoadState *x, const LoadInput *in)
+{
+    if (in->slowed || x->capped) x->slow = x->n_slow;
+    else if (x->slow > 0) --x->slow;
+}
+
+/* Whether the sum holds: the output is clipped, or the feed slowed from outside, and the error pushes further. */
+static int load_holds(const LoadState *x, LoadReal error)
+{
+    return !(error * (LoadReal)x->clipped <= 0) || (x->slow > 0 && error > 0);
+}
+
+/* Step of pid, with a sum that holds. */
 static LoadReal load_position(const LoadSettings *s, LoadState *x, LoadReal error)
 {
     LoadReal out;
-    if (error * (LoadReal)x->clipped <= 0) x->sum += error * s->sample_time;
+    if (!load_holds(x, error)) x->sum += error * s->sample_time;
     out = x->bias + s->p * error + s->i * x->sum;
     x->clipped = (out > x->half) - (out < -x->half);
     return x->middle + load_clip(out, -x->half, x->half);
@@ -393,8 +412,8 @@ static LoadReal load_position(const LoadSettings *s, LoadState *x, LoadReal erro
 /* Equation 16 of doi 10.1109/ACCESS.2023.3330587 inside limits and rates. */
 static LoadReal load_incremental(const LoadSettings *s, LoadState *x, LoadReal error)
 {
-    LoadReal out, least = x->bias - x->fall, most = x->bias + x->rise;
-    if (error * (LoadReal)x->clipped <= 0) x->sum += error;
+    LoadReal out, least = x->bias - x->fall, most = x->slow > 0 ? x->bias : x->bias + x->rise;
+    if (!load_holds(x, error)) x->sum += error;
     out = x->bias + s->p * error + s->i * s->sample_time * x->sum;
     x->clipped = (out > s->high) - (out < s->low);
     x->bias = load_clip(out, s->low > least ? s->low : least, s->high < most ? s->high : most);
@@ -475,7 +494,7 @@ static void load_adapt(const LoadSettings *s, LoadState *x, int entering)
     const LoadReal w2 = x->model_sum / n, error = x->force_sum / n - w2;
     const LoadReal rate = (x->forces[new_] - x->forces[old]) / time - w1;
     const LoadReal E = entering ? rate : rate + s->lam * error, step = (x->last_E + E) / two * s->sample_time;
-    if (!entering && x->bad == 0 && x->gap == 0 && x->clipped == 0 && x->above) {
+    if (!entering && x->bad == 0 && x->gap == 0 && x->clipped == 0 && x->above && x->slow == 0) {
         x->m -= s->g1 * step * (w0 + x->last_w[0]) / two;
         x->alpha -= s->g2 * step * (w1 + x->last_w[1]) / two;
         x->beta -= s->g3 * step * (w2 + x->last_w[2]) / two;
@@ -574,11 +593,12 @@ static void load_limit(const LoadSettings *s, LoadState *x, LoadReal target)
     x->u = load_clip(target, x->u - most, x->u + most);
 }
 
-/* Step 9: the mean override rests on the lower limit; time in air neither counts nor resets it. */
-static void load_rest(LoadState *x)
+/* Step 9: the mean override rests on the lower limit; time in air, or at a feed that is slowed from outside with less
+ * load than the reference, neither counts nor resets it. */
+static void load_rest(const LoadSettings *s, LoadState *x)
 {
     x->average += (x->u - x->average) * x->worn_gain;
-    if (!x->cutting) return;
+    if (!x->cutting || (x->slow > 0 && x->measured < s->reference)) return;
     x->rested = x->average <= x->rest ? load_count(x->rested) : 0;
     if (x->rested >= x->n_dwell) x->worn = 1;
 }
@@ -599,6 +619,7 @@ static void load_output(const LoadSettings *s, LoadState *x, const LoadInput *in
     factor = fault && x->factor > (LoadReal)1 ? (LoadReal)1 : x->factor; /* in a fault it only reduces */
     real = x->u * factor;
     out->feed_override = real < (LoadReal)1 ? real : (LoadReal)1;
+    x->capped = real > (LoadReal)1; /* the program requests less than u: a rise of u has no effect */
     out->u = x->u;
     out->measured = x->measured;
     out->cause = x->cause;
@@ -625,13 +646,15 @@ void load_control_step(const LoadSettings *s, LoadState *x, const LoadInput *in,
     reset = in->reset && !x->last_reset;
     x->last_reset = in->reset != 0;
     load_latch(s, x, load_cause(s, x, in, equal), reset);
+    load_slow(x, in);
     load_track(s, x);
     cutting = x->loaded_for >= x->n_engage && !x->fault && !x->overload && !in->idle;
     if (cutting) target = load_closed(s, x, s->reference - x->measured, !x->cutting);
     else target = load_open(s, x, in);
+    if (cutting && x->slow > 0 && target > x->u) target = x->u;
     x->cutting = cutting;
     load_limit(s, x, target);
-    load_rest(x);
+    load_rest(s, x);
     load_output(s, x, in, out, engaged);
     x->begun = 1;
 }

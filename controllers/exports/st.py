@@ -17,6 +17,7 @@ from ..constant_load_milling.control_laws import low_pass_gain
 from ..constant_load_milling.controller import (
     OVERLOAD_MEAN,
     REST_SHARE,
+    SLOW_AFTER,
     SPARSE_AT,
     SPARSE_MOST,
     SPARSE_RISE,
@@ -51,7 +52,7 @@ _FLAGS = (
     "started", "valid", "armed", "over", "above", "engaged", "loaded", "last_beat", "last_reset", "cleared",
     "cutting", "begins", "had_cut", "falling",
 )  # fmt: skip
-_COUNTERS = ("found", "bad", "sparse", "running", "waited", "equal", "alive", "high_for", "rested")
+_COUNTERS = ("found", "bad", "sparse", "running", "waited", "equal", "alive", "high_for", "rested", "slow")
 _NUMBERS = (
     "previous", "held", "filtered", "measured", "mean_load", "deviation", "total", "asked", "clipped", "target", "most",
     "mean_feed",
@@ -257,7 +258,7 @@ def _counts(loop: LoadLoop) -> dict[str, int]:
                 f"{time}: {getattr(loop, time):g} s are {count} samples of {loop.sample_time:g} s; a counter of a PLC "
                 f"(DINT) holds {LARGEST_COUNT} at most. Give a shorter time."
             )
-    lost = counts["LOST_SAMPLES"]
+    counts["SLOW_SAMPLES"], lost = loop.samples(SLOW_AFTER), counts["LOST_SAMPLES"]
     sparse = {"SPARSE_RISE": SPARSE_RISE, "SPARSE_AT": SPARSE_AT * lost, "SPARSE_MOST": SPARSE_MOST * lost}
     average = {"AVERAGE": loop.average} if loop.average > 1 or loop.law == "adaptive" else {}
     return counts | sparse | average

@@ -23,7 +23,7 @@ from ..roughness.plausible import AGREE, contradictions
 from ..roughness.reference import settings_of
 from . import _MADE_BY_THE_GATE, GatedControl
 from .settings import TIMES, WIDEST
-from .simulation import SAFE_WITHIN, Fault, FileKey, faults_of
+from .simulation import SAFE_WITHIN, SLOW_SHARE, SLOWED, Fault, FileKey, faults_of
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -47,6 +47,7 @@ class ForceBench:
     plant: Any
     period: float
     rng: np.random.Generator
+    share: float = 1.0  # of the command that the path has
     news: list[str] = field(default_factory=list)
     _beat: bool = False
 
@@ -65,7 +66,7 @@ class ForceBench:
         n = max(round(seconds / self.period), 1)
         commands, forces = np.empty(n), np.empty(n)
         for k in range(n):
-            force = self.plant.step(controller.command, self.period, self.rng)
+            force = self.plant.step(self.share * controller.command, self.period, self.rng)
             self._beat = self._beat is not beats
             control.beat = self._beat
             commands[k] = controller.step(force if reading is None else reading(force), self.period)
@@ -129,7 +130,7 @@ def _answer(middle: ForceBench, fault: Fault) -> str:
 
 _LOSSES: Final = (
     "the force falls to zero", "the sign of the reading is reversed", "enable is lost", "spindle-on is lost",
-    "the path stops",
+    "the path stops", SLOWED,
 )  # fmt: skip
 
 
@@ -138,7 +139,8 @@ def _loss(middle: ForceBench, name: str) -> str:
     control, before = bench.controller.control, bench.controller.command
     control.enabled = name != "enable is lost"
     control.spindle_on = name != "spindle-on is lost"
-    control.idle = name == "the path stops"
+    control.idle, control.slowed = name == "the path stops", name == SLOWED
+    bench.share = (1.0, SLOW_SHARE)[control.slowed]
     readings = {_LOSSES[0]: lambda force: 0.0, _LOSSES[1]: lambda force: -force}
     highest = float(bench.run(2.0, reading=readings.get(name))[0].max())
     if control.fault and highest <= BRIDGED * before:

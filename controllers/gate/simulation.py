@@ -119,6 +119,7 @@ class Bench:
     controller: ConstantLoad
     cut: Cut
     samples: int = 0
+    share: float = 1.0  # of the command that the path has
     _beat: bool = False
 
     def run(
@@ -137,7 +138,7 @@ class Bench:
         news: list[str] = []
         for k in range(n):
             cut.wear += rise
-            load = cut.load(controller.command)
+            load = cut.load(self.share * controller.command)
             self._beat = self._beat is not beats
             controller.beat = self._beat
             overrides[k] = controller.step(load if reading is None else reading(load), cut.period)
@@ -333,7 +334,9 @@ def simulate_fault(loop: "LoadLoop", middle: Bench, fault: Fault) -> str:
     return f"{fault.name} cannot be reset when the reading has returned" if bench.controller.fault else ""
 
 
-HELD_FEED: Final = ("the load falls to that of air", "enable is lost", "the path stops")
+SLOWED: Final = "the path is slowed"
+HELD_FEED: Final = ("the load falls to that of air", "enable is lost", "the path stops", SLOWED)
+SLOW_SHARE: Final = 0.5  # of the command, by the operator or in a corner
 LOWEST_FEED: Final = ("spindle-on is lost", "the controller restarts")
 
 
@@ -349,7 +352,8 @@ def check_losses(middle: Bench) -> Iterator[FileFinding]:
         controller = bench.controller
         controller.enabled = name != "enable is lost"
         controller.spindle_on = name != "spindle-on is lost"
-        controller.idle = name == "the path stops"
+        controller.idle, controller.slowed = name == "the path stops", name == SLOWED
+        bench.share = (1.0, SLOW_SHARE)[controller.slowed]
         bench.cut.in_cut = name != "the load falls to that of air"
         overrides = bench.run(max(seconds, (before - loop.low) / loop.back_off + loop.sample_time)).override
         highest, last = float(overrides.max()), float(overrides[-1])
@@ -362,7 +366,8 @@ def check_losses(middle: Bench) -> Iterator[FileFinding]:
     yield from (FileFinding("fault", False, f"{words}; nothing monitors the load then.") for words in wrong)
     if not wrong:
         words = (
-            "In mid-cut the feed does not rise when the load falls to that of air, enable is lost, or the path stops; "
-            "it goes to its lower limit when spindle-on is lost, and is there when the controller restarts."
+            "In mid-cut the feed does not rise when the load falls to that of air, enable is lost, or the path stops "
+            f"or is slowed to {100 * SLOW_SHARE:g} %; it goes to its lower limit when spindle-on is lost, and is there "
+            "when the controller restarts."
         )
         yield FileFinding("fault", True, words)
