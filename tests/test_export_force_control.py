@@ -262,6 +262,21 @@ def test_a_feed_slowed_from_outside_is_not_compensated(pf, loop):
     assert trace.command[trace.time > 6].max() < 1.1 * before.max()
 
 
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_a_sensor_that_stands_still_raises_the_feed_at_recover(pf, loop, share):
+    """It rose to the upper limit in one sample, and stayed there until the fault, 1 s later."""
+    control = armed(loop)
+    replay(control, Slowed(pf, control, control.command), duration=2.5, dt=loop.sample_time, seed=1)
+    before, feeds = control.out.u, []
+    for _ in range(loop.samples(loop.stuck_after) - 1):
+        control.step(share * loop.reference, loop.sample_time)
+        feeds.append(control.out.u)
+    assert control.out.fault == 0
+    rise = loop.recover * loop.sample_time * np.arange(1, len(feeds))
+    assert (np.array(feeds[1:]) <= before + rise + 1e-12).all()
+    assert max(feeds) > before
+
+
 # what is refused before an export
 
 

@@ -116,6 +116,7 @@ class ConstantLoad(Displayable):
     _before: float = field(default=0.0, init=False)
     _gap: int = field(default=0, init=False)  # samples for which the revolution holds a bridged reading
     _gaps: int = field(default=0, init=False)  # samples since the first of them
+    _base: float = field(default=0.0, init=False)  # override before the first of equal readings
     _falling: bool = field(default=False, init=False)
     _capped: bool = field(default=False, init=False)  # the program requests less than the loop
     _slow: int = field(default=0, init=False)  # samples without a rise, as the load is that of a slowed feed
@@ -302,10 +303,9 @@ class ConstantLoad(Displayable):
         u = self.loop.low if self._u is None else self._u
         if cutting != self.cutting:
             self.news += ("cut" if cutting else "air",)
-        at, half = self._threshold
         if cutting:
             self._had_cut = True
-        elif not self._armed and self.idle and load - at < -half:  # false for NaN
+        elif not self._armed and self.idle and load - self._threshold[0] < -self._threshold[1]:  # false for NaN
             self._had_cut = False
         if cutting:
             target = self._control(u, begins=not self.cutting)
@@ -334,6 +334,9 @@ class ConstantLoad(Displayable):
             target = law.target(self._measured, self.reference, known=known)
             if adaptive:
                 target = self._bridged(target, u, begins=begins)
+            self._base = u if begins or not self._same else self._base
+            if self._same and self.loop.stuck_after:
+                target = min(target, self._base + self._same * self._bounds[3])
             if not self._above or (self._bad and not adaptive):
                 target = min(target, u)  # between teeth, on leaving the cut and on a bridged reading it never rises
         else:
@@ -393,6 +396,4 @@ class ConstantLoad(Displayable):
             return State.FAULT
         if self.cutting:
             return State.WORN if self.worn else State.CONTROL
-        if self._engaged:
-            return State.ENTRY
-        return State.AIR if self._armed else State.OFF
+        return State.ENTRY if self._engaged else State.AIR if self._armed else State.OFF

@@ -68,8 +68,10 @@ _OF_FORCE: Final = {
     State.ENTRY: "held",
 }
 _LAWS: Final = {
-    "ratio": "feed of the servo times reference over force, from entry no faster than recover until it first falls",
-    "adaptive": "adaptive law on the force of the last revolution, no rise while the reading is below the threshold",
+    "ratio": "feed of the servo times reference over force, no faster than recover from entry until it first falls and "
+    "while readings repeat",
+    "adaptive": "adaptive law on the force of the last revolution, no rise while the reading is below the threshold, "
+    "no faster than recover while readings repeat",
 }
 
 

@@ -124,7 +124,7 @@ typedef struct {
 typedef struct {
     LoadReal gain, overload_gain, worn_gain, half_hysteresis, middle, half, fall, rise, rest, overload_above;
     long n_slow, n_arm, n_engage, n_lost, n_stuck, n_beat, n_overload, n_dwell;
-    LoadReal held, filtered, measured, mean, u, before, bias, sum, average, factor;
+    LoadReal held, filtered, measured, mean, u, before, base, bias, sum, average, factor;
     LoadReal kept[LOAD_CONTROL_AVERAGE];
     LoadReal servo, servo_gain;                                         /* of LOAD_RATIO */
     LoadReal m, alpha, beta, wanted, wanted_rate, error, last_E, last_w[3]; /* of LOAD_ADAPTIVE */
@@ -538,6 +538,15 @@ static LoadReal load_bridged(const LoadSettings *s, LoadState *x, LoadReal targe
     return target < x->before ? target : x->before;
 }
 
+/* While readings repeat, as of a sensor that stands still, the override rises at recover from that before the first. */
+static LoadReal load_repeated(const LoadSettings *s, LoadState *x, LoadReal target, int entering)
+{
+    LoadReal most;
+    if (entering || x->same == 0) x->base = x->u;
+    most = x->base + (LoadReal)x->same * x->rise;
+    return s->stuck_after > 0 && x->same > 0 && target > most ? most : target;
+}
+
 /* Step 7: override that the control law asks for. */
 static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error, int entering)
 {
@@ -547,6 +556,7 @@ static LoadReal load_closed(const LoadSettings *s, LoadState *x, LoadReal error,
         x->had_cut = 1;
         if (s->law == LOAD_ADAPTIVE) target = load_bridged(s, x, load_adaptive(s, x, entering), entering);
         else target = load_ratio(s, x, entering);
+        target = load_repeated(s, x, target, entering);
         held = !x->above || (x->bad > 0 && s->law != LOAD_ADAPTIVE); /* between teeth, on leaving the cut, bridged */
         return held && target > x->u ? x->u : target;                /* the feed never rises */
     }

@@ -139,6 +139,7 @@ def _law(loop: LoadLoop) -> str:
         _TEXT[name] for name in {"ratio": ("servo", "ratio"), "adaptive": ("revolution", "adaptive")}[loop.law]
     )
     feed = _TEXT["feed"].format(average_command=average, air=_TEXT["approach"], rates=_TEXT["free_rates"])
+    closed = closed.format(repeated=_TEXT["repeated"])
     return read + _TEXT["clear"] + _TEXT["watch"].format(anew=_TEXT["anew"]) + follow + closed + feed
 
 
@@ -173,10 +174,10 @@ def _variables(loop: LoadLoop) -> str:
 def _own_numbers(loop: LoadLoop) -> tuple[str, ...]:
     """Names of the real variables that one law has."""
     if loop.law == "ratio":
-        return ()
+        return ("base",)
     if loop.law == "adaptive":
         return (
-            "wanted", "wanted_rate", "rate", "second", "ahead", "error", "change", "last_error", "force_sum",
+            "base", "wanted", "wanted_rate", "rate", "second", "ahead", "error", "change", "last_error", "force_sum",
             "model_sum", "before", "w0", "w1", "w2", "last_w0", "last_w1", "last_w2",
         )  # fmt: skip
     return ("last" if loop.form == "incremental_sum" else "bias",)

@@ -78,7 +78,8 @@ class ForceBench:
 def fault_findings(middle: ForceBench) -> Iterator[FileFinding]:
     """Findings on faults of the sensor and on losses in mid-cut."""
     loop = middle.controller.control.loop
-    faults = [fault for fault in faults_of(loop, loop.reference) if fault.name != "a reading of zero"]
+    still = (loop.engage_at + loop.hysteresis / 2 + loop.reference) / 2  # in the cut, and below the reference
+    faults = [fault for fault in faults_of(loop, still) if fault.name != "a reading of zero"]
     faults.append(Fault("every second reading lost", _every_second(), True, 7 * _lost(loop)))
     wrong = [words for fault in faults if (words := _answer(middle, fault))]
     yield from (FileFinding("fault", False, f"{words[:1].upper()}{words[1:]}.") for words in wrong)
@@ -118,7 +119,11 @@ def _answer(middle: ForceBench, fault: Fault) -> str:
     commands, _ = bench.run(allowed + fall + 5 * loop.sample_time, reading=fault.reading, beats=fault.beats)
     if not control.fault or bench.controller.command > loop.feed_low * (1 + 1e-9):
         return f"{fault.name} does not take the feed to its lower limit within {allowed + fall:.3g} s"
-    if fault.name != "a stuck reading" and commands.max() > BRIDGED * max(before, loop.feed_low):
+    stuck = fault.name == "a stuck reading"
+    most = BRIDGED * max(before, loop.feed_low)
+    if stuck:  # its first sample is not known to stand still
+        commands, most = commands[1:], before + loop.recover * loop.feed_high * (allowed + loop.sample_time)
+    if commands.max() > most * (1 + 1e-9):
         return f"{fault.name} raises the feed from {before:.4g} to {commands.max():.4g} before it is detected"
     bench.run(0.5)
     if not control.fault:
