@@ -527,6 +527,7 @@ def test_limits_that_adaptive_force_does_not_apply_are_named():
         ({"threshold": 0.11}, "below 1 % of the reference"),
         ({"force_high": 1e300}, "so that none is invalid"),
         ({"force_low": -1e5}, "so that none is invalid"),
+        ({"force_low": -1100.0}, "where the feed rises; give a smallest valid reading of at least -100 N"),
         ({"servo_time": 1e300}, "time constant of the servo, 1e+300 s, is not 0.001 to 10 s"),
         ({"process_time": 1e300}, "time constant of the process, 1e+300 s, is not 0.001 to 10 s"),
         ({"spindle_speed": 610e3}, "1.83e+05 mm/min at 6.1e+05 1/min, beyond the 20000 mm/min of turning"),
@@ -556,6 +557,20 @@ def test_a_reference_far_above_the_tests_of_the_law_needs_a_reason():
     assert "times the largest of the tests of Ra, 9 N" in failed
     notes = ["EXTRAPOLATED: The reference force lies above the tests of Ra. Accepted: trial cut."]
     assert not [f for f in check_roughness(sealed(changed(good, notes=notes), laws=laws)) if f.passed is False]
+
+
+def test_a_reversed_sensor_from_power_on_that_reads_air_fails_the_simulation(monkeypatch):
+    """With readings valid from -1100 N the feed rose from its lower limit to the programmed one, without a fault."""
+    file = changed(of_paper("roughness"), force_low=-1101.0)  # not the file above, whose findings are kept
+    monkeypatch.setattr("fitmodels.controllers.gate.roughness.contradictions", lambda pf: iter(()))
+    failed = " ".join(f.words for f in check_roughness(file) if f.passed is False)
+    assert "a power cycle in the cut with a reversed sensor raises the feed to" in failed
+
+
+def test_a_reversed_sensor_that_adaptive_force_takes_for_air_is_named():
+    file = changed(of_paper("adaptive-force"), force_low=-200.0)
+    named = [f.words for f in check_adaptive_force(file) if f.passed is None and f.name == "readings"]
+    assert "of reversed sign reads -12 N in a cut" in "".join(named)
 
 
 @pytest.mark.parametrize("number", range(1, 9))

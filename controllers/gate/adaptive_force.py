@@ -22,6 +22,7 @@ from ..adaptive_force.derivation import ALLOWED, UNEVEN, far_beyond, off_rule
 from ..adaptive_force.design import ForceGains, Timing, fast_rates, loop_margins, settling_time, small_margins
 from ..adaptive_force.plant import DriveAndCut
 from ..adaptive_force.settings import (
+    DRIFT,
     OVERLOAD,
     assumed_settings,
     beyond_limit,
@@ -154,6 +155,13 @@ def _readings(section: "AdaptiveForceSection") -> Iterator[FileFinding]:
         span = f"valid readings from {readings[0]:.4g} to {readings[1]:.4g} {section.unit_force}"
         times = f"{HIGHEST * OVERLOAD:g} times the largest set point"
         yield _failed("readings", f"{span} go beyond {most:.4g}, {times}, so that none is invalid; narrow them.")
+    per_force = (feed / force for feed, force in zip(needed_feeds(section), forces, strict=True))
+    at_low = (section.low or 0.0) / max(per_force)  # the smallest force of a cut, by the estimates
+    least, low = max(at_low, DRIFT * max(forces)), section.force_low or 0.0  # the other is a drift of the zero
+    if low < -least:
+        words = f"A sensor of reversed sign reads {-at_low:.4g} {section.unit_force} in a cut at the lower feed limit, "
+        end = f"taken for air, as readings are valid from {low:.4g}; raise force_low above {-least:.4g} for a fault."
+        yield FileFinding("readings", None, f"{words}{end}")
 
 
 def _units(section: "AdaptiveForceSection") -> Iterator[FileFinding]:

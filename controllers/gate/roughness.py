@@ -312,21 +312,22 @@ def _draws(pf: "ParameterFile") -> Iterator[FileFinding]:
 
 
 def _power_on(pf: "ParameterFile") -> Iterator[FileFinding]:
-    """A power cycle in a cut twice as stiff as that of the file."""
-    section = settings_of(pf)
-    bench = _bench(pf, approached=False, gain=2 * (section.force_per_feed or 0.0))
+    """A power cycle in a cut twice as stiff as that of the file, and in that of the file with a reversed sensor."""
+    gain = settings_of(pf).force_per_feed or 0.0
+    bench = _bench(pf, approached=False, gain=2 * gain)
     loop = bench.controller.control.loop
     commands, forces = bench.run(6.0)
-    least = 2 * (section.force_per_feed or 0.0) * loop.feed_low  # no control can be below it
-    if commands[0] > loop.feed_low * (1 + 1e-9) or forces.max() > 1.5 * max(bench.controller.reference, least):
+    least = 2 * gain * loop.feed_low  # no control can be below it
+    low = loop.feed_low * (1 + 1e-9)
+    if commands[0] > low or forces.max() > 1.5 * max(bench.controller.reference, least):
         yield _failed("fault", f"a power cycle in the cut gives a force of {forces.max():.4g} N.")
     else:
-        yield FileFinding(
-            "fault",
-            True,
-            f"After a power cycle in a cut twice as stiff the feed starts at {loop.feed_low:.3g} mm/rev and the force "
-            f"stays below {forces.max():.4g} N.",
-        )
+        words = f"After a power cycle in a cut twice as stiff the feed starts at {loop.feed_low:.3g} mm/rev and the"
+        yield FileFinding("fault", True, f"{words} force stays below {forces.max():.4g} N.")
+    commands, _ = _bench(pf, approached=False).run(6.0, reading=lambda force: -force)
+    if commands[-1] > low:
+        words = f"a power cycle in the cut with a reversed sensor raises the feed to {commands.max():.4g} mm/rev"
+        yield _failed("fault", f"{words}, as if in air; raise force_low.")
 
 
 def roughness_lacks(pf: "ParameterFile") -> str:

@@ -298,7 +298,8 @@ class _Draft:
     def threshold(self) -> None:
         """Force of a cut, and the valid readings."""
         cut, reference = self.cut, self.values["force"]
-        lowest = self.force(self.values["override_low"] * self.values["feed"] or FLOOR * self.values["feed"])
+        low_feed = (self.values["override_low"] or FLOOR) * self.values["feed"]
+        lowest = self.force(low_feed)
         highest = self.force(self.values["override_high"] * self.values["feed"])
         if not lowest < highest:
             raise UsageError(
@@ -327,12 +328,13 @@ class _Draft:
         if self.values["threshold"] >= lowest:
             words = f"At the lower feed limit the force is {lowest:.4g} N, not above the threshold: the control takes "
             self.note(f"{words}the cut for air there; lower the threshold or raise the lower limit.")
-        margin = max(self.values["threshold"], 0.1 * reference)
+        of_cut = min(lowest, self.values["force_per_feed"] * low_feed)
+        margin = max(self.values["threshold"], min(0.1 * reference, of_cut))
         usual = -_down(margin), _down(LARGEST_READING * max(reference, highest))
         low, high = cut.valid or usual
         assumed = f"{LARGEST_READING:g} times the largest force expected, {max(reference, highest):.4g} N, assumed"
         given = cut.valid is not None
-        check_readings(low, high, self.values["threshold"], reference, given=given)
+        check_readings(low, high, self.values["threshold"], reference, of_cut, given=given)
         self.put("force_low", low, "given" if given else "a drift of the zero below the threshold, assumed")
         self.put("force_high", high, "given" if given else assumed)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from ...core.errors import UsageError
 from ...datasets.plausibility.ranges import KC, plausible
 from ...parameters.sections.force_control import ROUNDING
+from .controller import FLOOR
 from .plant import Cut
 from .reference import (
     feed_of_ideal_roughness,
@@ -66,8 +67,12 @@ def check_plausible(
             raise UsageError(f"{words}; check its unit.")
 
 
-def check_readings(low: float, high: float, threshold: float, reference: float, *, given: bool = True) -> None:
+def check_readings(
+    low: float, high: float, threshold: float, reference: float, lowest: float, *, given: bool = True
+) -> None:
     """Refuse valid readings, N, that do not enclose threshold and reference, or that are as good as no limit.
+
+    ``lowest`` is the force at the lower feed limit: a reversed sensor reads minus that in a cut.
 
     Raises
     ------
@@ -76,7 +81,7 @@ def check_readings(low: float, high: float, threshold: float, reference: float, 
 
     Examples
     --------
-    >>> check_readings(-50.0, 3000.0, 56.0, 580.0)
+    >>> check_readings(-50.0, 3000.0, 56.0, 580.0, 60.0)
     """
     if not low < threshold < reference < high:
         raise UsageError(
@@ -90,6 +95,19 @@ def check_readings(low: float, high: float, threshold: float, reference: float, 
             f"valid={low:.4g}:{high:.4g}N: a valid reading is at most {HIGHEST_READING:g} times the reference force "
             f"{reference:.4g} N, which is {most:.4g} N, of either sign; {remedy}."
         )
+    if words := _reversed_valid(low, threshold, lowest):
+        raise UsageError(f"valid={low:.4g}:{high:.4g}N: {words}")
+
+
+def _reversed_valid(low: float, threshold: float, lowest: float) -> str:
+    """Sentence on a smallest valid reading, N, by which a reversed sensor reads air in a cut; empty where sound."""
+    least = -max(threshold, lowest)
+    if low >= least:
+        return ""
+    return (
+        f"a sensor of reversed sign reads {-lowest:.4g} N in a cut at the lower feed limit, which would be taken for "
+        f"air, where the feed rises; give a smallest valid reading of at least {least:.4g} N."
+    )
 
 
 def large_feed(top: float, roughness: float, nose_radius: float | None, depth: float | None, times: float) -> str:
@@ -160,6 +178,9 @@ def _off_reference(section: "RoughnessSection") -> "Iterator[tuple[str, str]]":
     if max(-low, high) > most:
         words = f"Valid readings from {low:.4g} to {high:.4g} N go beyond {most:.4g} N, {HIGHEST_READING:g} times the "
         yield "readings", f"{words}reference, so that none is invalid; narrow them (valid=-50:3000N)."
+    lowest = (section.force_per_feed or 0.0) * (section.override_low or FLOOR) * (section.feed or 0.0)
+    if words := _reversed_valid(low, section.threshold, lowest):
+        yield "readings", f"The smallest valid reading is {low:.4g} N: {words}"
 
 
 def _off_feeds(
