@@ -376,6 +376,7 @@ def test_a_sample_time_beyond_the_process_is_refused(params, capsys):
         (("Ra=1.6um", "valid=-1e9:1e9N"), "at most 20 times the reference force 579.5 N"),
         (("Ra=1.6um", "valid=-1e9:3000N"), "narrow the range"),
         (("Ra=1.6um", "valid=-1100:3000N"), "would be taken for air, where the feed rises"),
+        (("Ra=1.6um", "override=0:1.4%"), "10 % of the programmed feed, assumed as the override begins at 0"),
         (("Ra=1.6um", "kca=1e9N"), "kc a 1e+09 N per mm/rev and the 2878 N per mm/rev"),
         (("Ra=1.6um", "kca=800N"), "Correct the value or its unit"),
         (("Ra=1.6um", "kca=1e9N", "--beyond-tests", "trial"), "check kc a"),

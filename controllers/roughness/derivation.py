@@ -251,6 +251,7 @@ class _Draft:
         if cut.override is not None:
             self.put("override_low", low, "given")
             self.put("override_high", high, "given")
+        check_plausible(override=(low, high))
         top = max(high, 1.0) * feed
         words = f"The largest feed {top:.4g} mm/rev"
         if impossible := large_feed(top, cut.roughness, cut.nose_radius, cut.depth, WIPER):

@@ -45,15 +45,21 @@ OTHER_GAIN: Final = 3.0  # times the kc a of the force law, or a share of it: a 
 
 
 def check_plausible(
-    gain: float | None = None, depth: float | None = None, times: "Mapping[str, float] | None" = None
+    gain: float | None = None,
+    depth: float | None = None,
+    times: "Mapping[str, float] | None" = None,
+    override: tuple[float, float] | None = None,
 ) -> None:
-    """Refuse a kc a, N per mm/rev, at a depth, mm, or time constants, s, that no cut has.
+    """Refuse a kc a, N per mm/rev, at a depth, mm, or time constants, s, that no cut has, or an override without range.
 
     Raises
     ------
     UsageError
-        The specific force is not 100 to 30000 N/mm2, or a time constant not 1 ms to 10 s.
+        The specific force is not 100 to 30000 N/mm2, a time constant not 1 ms to 10 s, or the upper end of the override
+        not above the lower feed limit.
     """
+    if override is not None:
+        _check_override(*override)
     low, high = KC.hard
     if gain is not None and depth is not None and not low <= gain / depth <= high:
         raise UsageError(
@@ -107,6 +113,18 @@ def _reversed_valid(low: float, threshold: float, lowest: float) -> str:
     return (
         f"a sensor of reversed sign reads {-lowest:.4g} N in a cut at the lower feed limit, which would be taken for "
         f"air, where the feed rises; give a smallest valid reading of at least {least:.4g} N."
+    )
+
+
+def _check_override(low: float, high: float) -> None:
+    """Refuse an override whose upper end is not above its lower one, which is assumed where it begins at 0."""
+    if high > (low or FLOOR):
+        return
+    assumed = "" if low else ", assumed as the override begins at 0"
+    raise UsageError(
+        f"override={100 * low:g}:{100 * high:g}%: its upper end is not above the lower feed limit, "
+        f"{100 * (low or FLOOR):g} % of the programmed feed{assumed}, so that the control has no range; raise the "
+        "upper end, as a rule to 100 % or more."
     )
 
 
