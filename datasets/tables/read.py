@@ -186,9 +186,7 @@ def read_table(
     if isinstance(source, TextSource):
         mark = source.delimiter
         layout, realigned = aligned(source, layout, path.name, mark)
-    headers = enumerate(zip(layout.names, layout.unit_cells, strict=True))
-    labels = frozenset(i for i, (header, unit) in headers if is_label(i + 1, visible(header), visible(unit)))
-    body = Body(path.name, source, layout, mark, labels=labels)
+    body = Body(path.name, source, layout, mark, labels=_labels(layout, is_label))
     point, thousands, doubts = weigh_decimal(body, decimal)
     columns, lines, findings, cell_doubts = gather_columns(body, point)
     averages = average_rows(columns, lines, body)
@@ -208,6 +206,12 @@ def read_table(
         sheets=titles[:1],
         other_sheets=titles[1:],
     )
+
+
+def _labels(layout: Layout, is_label: Callable[[int, str, str], bool]) -> frozenset[int]:
+    """Places, from 0, of the columns of names."""
+    headers = enumerate(zip(layout.names, layout.unit_cells, strict=True))
+    return frozenset(i for i, (header, unit) in headers if is_label(i + 1, visible(header), visible(unit)))
 
 
 def _from_workbook(

@@ -109,11 +109,10 @@ def missing_of(needed: Sequence[str], stated: Callable[[str], bool], process: st
 
 def is_noted(notes: Sequence[str], name: str) -> bool:
     """Whether a quantity stands in notes by any of its names (``ap = 2 mm``), or by its symbol (``d 2.5 mm``)."""
-    if any(one.role == name for one in conditions_of_file("", notes)):
-        return True
+    named = any(one.role == name for one in conditions_of_file("", notes))
     stated = re.compile(rf"(?<![\w./]){name}[ \t=:]+\d[\d.,]*[ \t]*([^\s,;]+)")
     units = (match[1].rstrip(".") for note in notes for match in stated.finditer(note))
-    return any(is_unit(unit) and fits(name, unit) for unit in units)
+    return named or any(is_unit(unit) and fits(name, unit) for unit in units)
 
 
 def absent(missing: Sequence[str], where: str = "this file") -> str:
