@@ -378,8 +378,8 @@ def _of_range(life: ToolLife, law: LawFit, runs: Runs | None) -> Iterator[tuple[
     elif life.typical < first:
         before = f"shorter than the first reading ({first:.3g} {life.unit})"
         yield 1 + int(life.typical < first / VERY_FAR), f"{head} {before}: extrapolated."
-    beyond = 0 if runs is None else runs.marked(life.wear, ">")  # they are in no law
-    if law.rows is not None and not beyond and life.criterion > (largest := float(law.observed.max())):
+    above = 0 if runs is None else runs.marked(life.wear, ">")  # they are in no law
+    if law.rows is not None and not above and life.criterion > (largest := float(law.observed.max())):
         wear = f"{life.criterion:g} {life.unit_of_wear} (largest wear {largest:.3g})"
         yield 1, f"No test reached the criterion {wear}: the life is extrapolated."
 

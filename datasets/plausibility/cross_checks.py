@@ -147,7 +147,7 @@ def _compare_components(draft: Draft, values: dict[str, Array]) -> None:
 def _off_main_force(values: dict[str, Array], role: str) -> float:
     """By how much the exponents of feed and depth differ from those of a cutting force; infinite where unknown."""
     held = {name: values[name] for name in ("f", "d", "V") if name in values}
-    names = [name for name, x in held.items() if np.fmax.reduce(x) > np.fmin.reduce(x)]  # an empty column has neither
+    names: list[str] = [name for name, x in held.items() if np.fmax.reduce(x) > np.fmin.reduce(x)]  # not empty
     if not set(MAIN_FORCE) <= set(names):
         return np.inf
     X = np.column_stack([values[role], *(values[name] for name in names)])
