@@ -443,6 +443,7 @@ def test_estimates_are_not_replaced_by_ones_that_must_not_be_used(file, run, tmp
     [
         ({"alpha": 10.0}, "lam"), ({"m": 0.5}, "lam"), ({"lam": 0.1}, "lam"), ({"Kd": 0.1}, "Kd"), ({"g1": 0.1}, "g1"),
         ({"g2": 10.0}, "g2"), ({"g3": 0.5}, "g3"), ({"reference_time": 10.0}, "reference_time"),
+        ({"force_low": 10.0}, "force_low"), ({"force_high": 2.0}, "force_high"),
     ],
 )  # fmt: skip
 def test_gains_of_the_rule_are_those_of_the_estimates(file, run, changes, of):
@@ -452,7 +453,7 @@ def test_gains_of_the_rule_are_those_of_the_estimates(file, run, changes, of):
     section = pf.adaptive_force.model_dump()
     wrong = sealed(pf, adaptive_force={**section, **{name: times * section[name] for name, times in changes.items()}})
     failed = [finding.words for finding in check_adaptive_force(wrong) if finding.passed is False]
-    assert any(f"Adaptive force control: {of} is " in words and "by the design rule" in words for words in failed)
+    assert any(f"Adaptive force control: {of} is " in words and "; its source, " in words for words in failed)
 
 
 def test_more_force_at_less_depth_is_noted(file, run):

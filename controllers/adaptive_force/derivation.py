@@ -44,6 +44,7 @@ BEYOND, BEYOND_NEED = 1.5, 2.0  # times the tested range; times the feed that th
 OTHER_SPEED: Final = 0.1  # relative: a spindle speed that is not that of the record
 LONGEST_DELAY, SLOWEST = 1.0, 100.0  # s; times the time of the reference model by the rule
 DRAWS, SEED = 1000, 1
+ASSUMED: Final = f"assumed: {READINGS[0]:g} and {READINGS[1]:g}"
 RULE: Final = "design rule"  # beginning of the source of a gain
 AGREES: Final = 2e-3  # of a gain by the rule: a source has four digits of the dead time
 
@@ -159,11 +160,7 @@ def design(section: "AdaptiveForceSection", choices: ForceChoices) -> ForceDesig
             f"--readings {readings[0]:g}:{readings[1]:g}: readings in air, near 0 {section.unit_force}, would be "
             f"invalid; give a range that encloses 0 and {force:g} {section.unit_force}, the largest set point."
         )
-    assumed = (
-        GIVEN
-        if choices.readings
-        else f"assumed: {READINGS[0]:g} and {READINGS[1]:g} times the largest force (--readings)"
-    )
+    assumed = GIVEN if choices.readings else f"{ASSUMED} times the largest force (--readings)"
     least = min(at, key=lambda one: one.margins.gain)
     cut = ratios * section.depth / least.depth
     return ForceDesign(
@@ -306,7 +303,7 @@ def _gains(
 
 
 def off_rule(section: "AdaptiveForceSection") -> "Iterator[str]":
-    """Gains and times whose source is the design rule, and that are not those of the rule for the estimates.
+    """Gains, times and valid readings that are not those of the rule that their source states.
 
     >>> from fitmodels.parameters.published import published
     >>> list(off_rule(published("LYAP").adaptive_force))
@@ -316,15 +313,17 @@ def off_rule(section: "AdaptiveForceSection") -> "Iterator[str]":
     if None in (section.depth, *gains.values()) or not section.set_points or DESIGNED_BEFORE in section.notes:
         return
     for name, value in _by_rule(section, gains).items():
-        if section.sources.get(name, "").startswith(RULE) and not abs(gains[name] - value) <= AGREES * abs(value):
-            yield f"{name} is {gains[name]:.4g}, by the {RULE} for the estimates {value:.4g}"
+        held, source = getattr(section, name), section.sources.get(name, "")
+        if source.startswith((RULE, ASSUMED)) and not abs(held - value) <= AGREES * abs(value):
+            yield f"{name} is {held:.4g}; its source, {source}, gives {value:.4g}"
 
 
 def _by_rule(section: "AdaptiveForceSection", gains: dict[str, float]) -> dict[str, float]:
     ratios = np.array([section.m, section.alpha, section.beta]) * (section.depth or 1.0) / section.set_points[-1].depth
     p, q = (float(pole) for pole in poles_of(ratios[None])[0].real)
     T, largest = gains["reference_time"], max(point.force for point in section.set_points)
-    rule = {"lam": p, "g3": gains["Kd"] * q / largest**2, "g2": gains["g3"] * T**2, "g1": gains["g3"] * T**4}
+    rule = dict(zip(("force_low", "force_high"), (times * largest for times in READINGS), strict=True))
+    rule |= {"lam": p, "g3": gains["Kd"] * q / largest**2, "g2": gains["g3"] * T**2, "g1": gains["g3"] * T**4}
     if found := re.search(r"dead time of ([\d.]+(?:e[+-]?\d+)?) ms", section.sources.get("Kd", "")):
         dead_time = float(found[1]) / 1e3
         rule |= {"Kd": ratios[0] / (2 * dead_time), "reference_time": max(2 / p, SLOWEST_REFERENCE * dead_time)}
