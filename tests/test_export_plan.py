@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fitmodels import parameters
 from fitmodels.controllers.exports import ExportJob, exported, rendered, system_of
 from fitmodels.controllers.exports.plan_table import _variables as plan_variables
 from fitmodels.controllers.exports.plan_table import plan_control
@@ -786,3 +787,10 @@ def test_blark_parses_the_structured_text(system):
         pytest.fail(missing) if os.environ.get("FITMODELS_REQUIRE_CONSUMERS") == "1" else pytest.skip(missing)
     text = rendered(SYSTEMS[system][0], "st", system=system, job=JOB)
     assert parse.parse_source_code(text).exception is None
+
+
+@pytest.mark.parametrize("system", ["recursion", "region"])
+def test_a_file_that_was_read_from_disk_is_exported_as_one_of_memory(tmp_path, system):
+    pf, job = published("AC-2017"), ExportJob(diameter=(80.0, 80.0))
+    read = parameters.read(parameters.write(pf, tmp_path / "params.json"))
+    assert exported(read, "c", system=system, job=job).content == exported(pf, "c", system=system, job=job).content

@@ -12,7 +12,7 @@ from ..checks import check
 from ..checks.record import record_notes
 from ..checks.report import require_verdicts
 from ..data_sources import data_lines
-from ..file import ParameterFile
+from ..file import ParameterFile, sealed
 from ..file_format import content_sha256
 from ..sections.law import LawSection
 from ..setting_words import window_assumed
@@ -166,12 +166,8 @@ def view_of_laws(pf: ParameterFile, used: tuple[str, ...], accept_verdict: bool)
     held = require_verdicts(pf, accept_verdict, only=used)
     lines = tuple(line for words in held for line in plain_lines(words))
     parts = ("dynamics", "pi", "load_line", "drive", "adaptive_force", "roughness")
-    alone = pf.model_copy(
-        update={
-            **dict.fromkeys((*parts, "content_sha256")),
-            "laws": {name: law for name, law in pf.laws.items() if name in used},
-        }
-    )
+    laws = {name: law for name, law in pf.laws.items() if name in used}
+    alone = sealed(pf, **dict.fromkeys(parts), laws=laws)
     checksum = pf.content_sha256 or content_sha256(pf.model_dump())
     return replace(export_view(alone, accept_verdict=True), verdicts=lines, checksum=checksum)
 
