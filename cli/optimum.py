@@ -150,6 +150,7 @@ def _facts(found: "EconomicSettings") -> dict[str, Any]:
         "life": found.source.words,
         "least_cost": _setting(found.least_cost),
         "greatest_rate": _setting(found.greatest_rate),
+        "least_cost_within_tests": None if found.tested is None else _setting(found.tested),
         "today": None if found.today is None else _setting(found.today),
         "saving": None
         if found.saving is None

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 SIDES = {-1: "below", 1: "above"}
 EXTRAPOLATED = 1.05  # times the longest test; below, the ratio rounds to 1 and the last steps of wear are alike
+COMBINATION = "the combination is farther from the centre of the tests than any test"  # each factor in its range
 MOST_SHOWN = 20  # points of a table
 
 
@@ -168,7 +169,7 @@ class Prediction(Plottable):
             return f"inside the tested region{self._upper_end(i)}"
         beyond, why = self._beyond_tests(i), self._outside(i)
         if not beyond and not why:
-            why = ["the combination is farther from the centre of the tests than any test"]
+            why = [COMBINATION]
         region = [f"outside the tested region: {', and '.join(why)}"] if why else []
         return "; ".join([*beyond, *region, "do not rely on it"])
 

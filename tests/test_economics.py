@@ -177,6 +177,50 @@ def test_a_depth_outside_the_tests_is_named_as_a_speed_would_be():
     assert not any(words.startswith("d ") for words in economic_settings(published("AC-2017"), costs).least_cost.beyond)
 
 
+def of_lives_in_a_ball(radius: float) -> parameters.ParameterFile:
+    """`of_lives` whose tests lie within a coded radius of their centre, V 141 m/min, f .224 mm/rev, d 1.58 mm."""
+    pf = of_lives()
+    law = pf.laws["T"]
+    ends = np.log([[f.low, f.high] for f in law.factors])
+    region = {
+        "logs": True, "centre": ends.mean(axis=1).tolist(), "half_range": (np.ptp(ends, axis=1) / 2).tolist(),
+        "largest_radius": radius, "levels": [], "spaces": [],
+    }  # fmt: skip
+    whole = json.loads(pf.model_dump_json(exclude_none=True))
+    whole["laws"]["T"]["region"] = region
+    return parameters.ParameterFile.model_validate(whole)
+
+
+def test_a_combination_outside_the_tests_is_named_as_by_a_prediction_with_the_best_setting_inside():
+    pf = of_lives_in_a_ball(0.25)
+    law, found = pf.laws["T"], economic_settings(pf, COSTS, d=2.0)
+    best, held = found.least_cost, found.tested
+    assert not law.inside(V=best.V, f=best.f, d=2.0)
+    assert best.beyond == ("the combination is farther from the centre of the tests than any test of T",)
+    shown = of_economic_settings(found)
+    assert "outside the tests" in shown.head
+    assert any("Least cost lies outside the tests: the combination" in words for words in shown.sentences)
+    assert held is not None
+    assert (held.beyond, held.held_by) == ((), ("tested region of T",))
+    assert "least within tests" in shown.table.header
+    V, f = np.exp(np.meshgrid(np.linspace(np.log(100), np.log(400), 301), np.linspace(np.log(0.1), np.log(0.5), 301)))
+    kept = law.inside(V=V, f=f, d=np.full_like(V, 2.0)) & (pf.laws["P"].values(V=V, f=f, d=np.full_like(V, 2.0)) <= 5)
+    cost = found.cost.value(np.log(np.stack([V, f], axis=-1)).reshape(-1, 2)).reshape(V.shape)
+    assert held.cost <= cost[kept & (f <= 0.2862)].min()
+    assert held.cost == pytest.approx(cost[kept & (f <= 0.2862)].min(), rel=1e-3)
+
+
+def test_a_setting_inside_the_tests_has_no_second_one_beside_it():
+    found = economic_settings(of_lives_in_a_ball(0.5), COSTS, d=2.0)
+    assert (found.least_cost.beyond, found.tested) == ((), None)
+    assert "outside" not in of_economic_settings(found).head
+    nowhere = economic_settings(of_lives_in_a_ball(0.1), COSTS, d=2.0)
+    assert nowhere.tested is None
+    assert "No pair within the limits was found inside the tested region" in " ".join(
+        of_economic_settings(nowhere).sentences
+    )
+
+
 @pytest.mark.parametrize("not_knowing", [0.0, 0.02])
 def test_tests_are_not_called_worthless_where_the_optimum_is_extrapolated(not_knowing):
     for d in (2.0, 6.0):

@@ -576,6 +576,12 @@ def test_what_is_not_known_counts_as_the_worse_end_and_is_latched():
     )
 
 
+def test_the_head_of_a_region_states_what_its_output_tested_does_not_check():
+    for target in ("c", "st"):
+        text = " ".join(rendered(published("AC-2016"), target, system="region", job=JOB).replace(" * ", " ").split())
+        assert "tested is of each factor by itself: it does not check whether their combination or the wear" in text
+
+
 def test_laws_without_time_need_none():
     pf = published("AC-2016")
     laws = {"Fz": pf.laws["AW"].model_copy(update={

@@ -17,8 +17,12 @@ def of_economic_settings(found: EconomicSettings) -> Display:
     head = (
         f"calculated, cost of a {of} at d {found.setting.d:g} mm, {found.source.words}: least "
         f"{format_plain(best.cost)} {currency} at V {best.V:.4g} m/min, f {best.f:.3g} mm/rev"
+        f"{', outside the tests' if best.beyond else ''}"
     )
-    named = {"least cost": best, "greatest rate": found.greatest_rate, "today": found.today}
+    named = {
+        "least cost": best, "greatest rate": found.greatest_rate, "least within tests": found.tested,
+        "today": found.today,
+    }  # fmt: skip
     shown = {name: setting for name, setting in named.items() if setting is not None}
     header = ("", *shown)
     rows = [
@@ -45,6 +49,8 @@ def _sentences(found: EconomicSettings, shown: dict[str, PricedSetting]) -> Iter
     yield f"Cost per {costs.of} at the least-cost setting, {costs.currency}: {parts}."
     for name, setting in shown.items():
         yield from _limits(name, setting)
+    if best.beyond and found.tested is None:
+        yield "No pair within the limits was found inside the tested region of the laws."
     if costs.cut is not None:
         yield f"At the least-cost setting one edge cuts {format_plain(best.per_edge, 3)} parts in its life."
     yield from _comparison(found)
@@ -67,7 +73,7 @@ def _limits(name: str, setting: PricedSetting) -> Iterator[str]:
         yield f"{name.capitalize()}: limited by {' and '.join(setting.held_by)}."
     if setting.beyond:
         beyond = "; ".join(setting.beyond)
-        yield f"{name.capitalize()} lies outside the tests: {beyond}. Extrapolated: test there first."
+        yield f"{name.capitalize()} lies outside the tests: {beyond}. Extrapolated: test there before relying on it."
 
 
 def _comparison(found: EconomicSettings) -> Iterator[str]:

@@ -9,18 +9,19 @@ import numpy as np
 from ...core.arrays import Array, is_positive
 from ...core.display import Plottable
 from ...core.errors import DataError, UsageError
+from ...core.predictions import COMBINATION
 from ..recursion.from_file import tested_depths
 from ..recursion.laws import Times
 from ..region.curved import Limit, curved_conflict
 from ..region.half_planes import SAME, HalfPlane, conflict_sentence
 from ..region.limits import MachineRange
-from ..region.log_planes import USUAL, CutSetting, ratio
+from ..region.log_planes import CutSetting
 from ..region.operating_point import limit_names, ln, plain
-from ..region.surfaces import Surface
+from ..region.surfaces import RegionLimit, Surface
 from .age_replacement import ChangeInterval, Distribution, change_interval
 from .life_end import LifeSource, WornEdge
 from .part_cost import PowerSum
-from .problem import DrawnParts, PartProblem, Search, draw_parts, limits_of, part_problem, single
+from .problem import DrawnParts, PartProblem, Search, draw_parts, limits_of, part_problem, single, tested_regions
 
 if TYPE_CHECKING:
     from ...parameters import ParameterFile
@@ -91,6 +92,9 @@ class EconomicSettings(Plottable):
         Depth, level, further factors.
     source : LifeSource
     least_cost, greatest_rate : PricedSetting
+    tested : PricedSetting or None
+        The setting of least cost within the tested region of the laws, where that of ``least_cost`` lies outside it;
+        None where it does not, and where no pair of the limits lies inside.
     today : PricedSetting or None
     saving : (float, float, float) or None
         Saving of the least-cost setting over today's per part: estimate, low, high.
@@ -117,6 +121,7 @@ class EconomicSettings(Plottable):
     source: LifeSource
     least_cost: PricedSetting
     greatest_rate: PricedSetting
+    tested: PricedSetting | None
     today: PricedSetting | None
     saving: tuple[float, float, float] | None
     not_knowing: float | None
@@ -204,11 +209,12 @@ def economic_settings(
         _check_life(edge, x)
     drawn = draw_parts(problem, search, draws, seed)
     at_best = {name: _priced(problem, edge, held, x[0], drawn, level, name) for name, x in best.items()}
+    tested = _tested(problem, search, edge, drawn, level) if at_best["cost"].beyond else None
     now = None if today is None else _priced(problem, edge, held, _point(today), drawn, level, "")
     change, why = _change(problem, at_best["cost"])
     return EconomicSettings(
         costs=costs, setting=problem.setting, source=problem.source, least_cost=at_best["cost"],
-        greatest_rate=at_best["rate"], today=now,
+        greatest_rate=at_best["rate"], tested=tested, today=now,
         saving=None if now is None else _saving(now, at_best["cost"], drawn, level),
         not_knowing=None if drawn is None else drawn.regret(best["cost"][0]), change=change, level=level,
         draws=0 if drawn is None else drawn.count, cost=cost, rate=rate, limits=held, machine=problem.machine,
@@ -274,8 +280,18 @@ def _priced(
         parts={name: value for name, value in one.parts(x).items() if value > 0},
         held_by=limit_names([each for each, by in over if abs(by) <= 10 * SAME]),
         exceeds=limit_names([each for each, by in over if by > 10 * SAME]),
-        beyond=_beyond(problem, {"V": V, "f": f}, life), bands=_bands(drawn, x, level, best),
+        beyond=_beyond(problem, edge, x), bands=_bands(drawn, x, level, best),
     )  # fmt: skip
+
+
+def _tested(
+    problem: PartProblem, search: Search, edge: WornEdge, drawn: DrawnParts | None, level: float
+) -> PricedSetting | None:
+    """The setting of least cost within the limits and the tested regions; None where there is none."""
+    held = (*search.held, *tested_regions(problem, edge))
+    x = Search(problem, held).least(edge, problem.sums(edge)[0])[0]
+    found = _priced(problem, edge, held, x, drawn, level, "") if np.isfinite(x).all() else None
+    return None if found is None or found.beyond else found
 
 
 def _bands(drawn: DrawnParts | None, x: Array, level: float, best: str) -> dict[str, Band]:
@@ -307,25 +323,33 @@ def _saving(
     return now.cost - best.cost, float(low), float(high)
 
 
-def _beyond(problem: PartProblem, pair: Mapping[str, float], life: float) -> tuple[str, ...]:
-    """Values of a pair and of the depth outside the tests of the law of the life, and the depths of the file."""
-    out = []
-    law, longest = problem.source.law, problem.source.longest
-    values = {**pair, "d": problem.setting.d}
-    tested = {
-        factor.symbol: (factor.low * ratio(factor.unit, USUAL[factor.symbol]),
-                        factor.high * ratio(factor.unit, USUAL[factor.symbol]))
-        for factor in law.factors if factor.symbol in pair
-    }  # fmt: skip
-    if (depths := tested_depths(problem.pf)) is not None:
-        tested["d"] = depths
-    for symbol, (low, high) in tested.items():
-        if not low * (1 - SAME) <= values[symbol] <= high * (1 + SAME):
-            ends = f"{low:g} to {high:g}" if low < high else f"{low:g} alone"
-            out.append(f"{symbol} {values[symbol]:.4g} {USUAL[symbol]} (tested {ends})")
-    if longest is not None and life > longest * (1 + SAME):
-        out.append(f"life {life:.3g} min (longest test {longest:g} min)")
-    return tuple(out)
+def _beyond(problem: PartProblem, edge: WornEdge, x: Array) -> tuple[str, ...]:
+    """What of a pair and of the worn edge lies outside the tests of the laws in use; the depth of those of the file."""
+    found = {}
+    d, depths = problem.setting.d, tested_depths(problem.pf)
+    if depths is not None and not depths[0] * (1 - SAME) <= d <= depths[1] * (1 + SAME):
+        found["d"] = _range_words("d", d, "mm", *depths)
+    outside = [region for region in tested_regions(problem, edge) if float(region.beyond(x)) > SAME]
+    for region in outside:
+        found = {**_out_of_range(region, x), **found}
+    if outside and not found:
+        return (f"{COMBINATION} of {' and '.join(region.surface.response for region in outside)}",)
+    return tuple(found.values())
+
+
+def _out_of_range(region: RegionLimit, x: Array) -> dict[str, str]:
+    """Factors of a law outside their tested ranges, each with its value and its range."""
+    columns = zip(region.surface.law.factors, region.surface.points(x), region.parts(x), strict=False)
+    return {f.symbol: _range_words(f.symbol, value, f.unit, f.low, f.high) for f, value, over in columns if over > SAME}
+
+
+def _range_words(symbol: str, value: float, unit: str, low: float, high: float) -> str:
+    """A value outside its tested range."""
+    if symbol == "t":
+        longest = f"longest test {high:g} {unit}" if value > high else f"shortest test {low:g} {unit}"
+        return f"life {value:.3g} {unit} ({longest})"
+    ends = f"{low:g} to {high:g}" if low < high else f"{low:g} alone"
+    return f"{symbol} {value:.4g} {unit} (tested {ends})"
 
 
 def _change(problem: PartProblem, best: PricedSetting) -> tuple[ChangeInterval | None, tuple[str, ...]]:

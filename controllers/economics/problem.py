@@ -1,7 +1,7 @@
 """The choice of V and f as an optimisation problem: limits of a worn edge, its least cost, and the same by draws."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.arrays import Array
 from ...core.errors import DataError
+from ...parameters.evaluation import equation_of
 from ..recursion.from_file import depth
 from ..recursion.laws import Times
 from ..region.curved import Limit, grid, minimum, worst
@@ -16,12 +17,12 @@ from ..region.half_planes import HalfPlane
 from ..region.limits import MachineRange, box, check_fixed_factors, limited, merged, of_spindle, within_tests
 from ..region.log_planes import CutSetting, LogPlane, ratio
 from ..region.sampled_laws import sampled_parameters
-from ..region.surfaces import ResponseBound, Surface, limits_on, tested_limits
+from ..region.surfaces import LawSurface, RegionLimit, ResponseBound, Surface, limits_on, tested_limits
 from .life_end import LIFE, POWER, LifeSource, WornEdge, curved_ends, life_source, worn_edge
 from .part_cost import PowerSum, Sides, cost_of_part, least, time_of_part
 
 if TYPE_CHECKING:
-    from ...parameters import ParameterFile
+    from ...parameters import LawSection, ParameterFile
     from ...parameters.draws import Draws
     from ...parameters.sections.costs import CostsSection
     from ...parameters.sections.load_line import LimitsSection
@@ -101,6 +102,36 @@ def limits_of(problem: PartProblem, edge: WornEdge) -> tuple[Limit, ...]:
     on_curves = [b for b in problem.bounds if b.symbol in problem.curved]
     tested = tested_limits(on_curves, problem.curved)
     return (*limits_on(problem.bounds, over), *problem.spindle, *tested, *problem.machine.sides)
+
+
+def tested_regions(problem: PartProblem, edge: WornEdge) -> tuple[RegionLimit, ...]:
+    """The tested region of the law of the life and of each limited law, at the end of the life of the edge.
+
+    Examples
+    --------
+    >>> from fitmodels.parameters.published import published
+    >>> problem, _ = part_problem(published("AC-2017"), {}, None, None, None, None, None)
+    >>> [region.name for region in tested_regions(problem, problem.edge())]
+    ['tested region of AW', 'tested region of Fxz', 'tested region of P']
+    """
+    pf, source, life = problem.pf, problem.source, replace(single(edge.life), response="t")
+    names = dict.fromkeys((source.law.response, *sorted({*problem.limited} & {*pf.laws})))
+    found = []
+    for law in (pf.laws[name] for name in names):
+        equation = equation_of(law, None if law.by is None else problem.setting.by)
+        surface = LawSurface(law, source.worn(problem.setting), equation, life)
+        found.append(RegionLimit(surface, ranges(law) if law.region is None else law.region.model_dump()))
+    return tuple(found)
+
+
+def ranges(law: "LawSection") -> dict[str, Any]:
+    """The tested ranges of a law as the facts of a region, whose ends are inside it as a criterion of wear often is."""
+    low, high = (np.array([getattr(factor, end) for factor in law.factors]) for end in ("low", "high"))
+    half = np.maximum((high - low) / 2, 1e-9 * np.abs(high))
+    return {
+        "logs": False, "centre": (low + high) / 2, "half_range": half, "largest_radius": len(low) ** 0.5, "levels": [],
+        "spaces": [],
+    }  # fmt: skip
 
 
 def single(plane: LogPlane) -> LogPlane:

@@ -81,7 +81,7 @@ typedef struct {
     RegionReal speed_override; /* the same of V at this f */
     int binding;               /* number of the limit with the largest excess, 1 the first */
     int within;                /* every limit is kept */
-    int tested;                /* V, f, d lie in the tested ranges and t not beyond; every edge begins new */
+    int tested;                /* V, f, d each in its tested range, t not beyond; combination not checked */
     int fault;                 /* latched */
     RegionCause cause;         /* of the fault, the first one */
     int feed_inhibit;          /* stop the feed: no feed at this V keeps the limits */

@@ -250,6 +250,8 @@ def _about(
     of = (f"diameter {diameter[0]:g} to {diameter[1]:g} mm",) if any(row.by[4] for row in rows) else ()
     return (
         f"tested ranges that all laws share: {spans}; beyond them the laws are extrapolated and tested is 0",
+        "tested is of each factor by itself: it does not check whether their combination or the wear lies in the "
+        "tested region of the laws, as fitmodels predict and replay do; where it is 1 a pair may be extrapolated",
         *of,
         "feed_override is the largest factor of the feed before it, at most 1, that keeps every limit; 0 where none "
         "does: the feed is then inhibited until the speed is changed",
@@ -321,7 +323,7 @@ def _variables(control: RegionControl) -> tuple[Variable, ...]:
         Variable("binding", out, "Integer", 0, "number of the binding limit", "0"),
         Variable("cause", out, "Integer", 1, CAUSES, "0"),
         Variable("within", out, "Boolean", 10, "every limit is kept", "false"),
-        Variable("tested", out, "Boolean", 11, "V, f, d and t lie in the tested ranges", "false"),
+        Variable("tested", out, "Boolean", 11, "V, f, d, t lie each in its tested range, not all combined", "false"),
         Variable("fault", out, "Boolean", 12, "latched: see cause", "true"),
         Variable("feed_inhibit", out, "Boolean", 13, "stop the feed", "true"),
     )  # fmt: skip
