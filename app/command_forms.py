@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..datasets.derived import COMPUTED
+
 LABELS = {  # kinds of exports, which are the suffixes of their files
     "hal": "LinuxCNC HAL file", "comp": "LinuxCNC component for halcompile", "st": "IEC 61131-3 structured text",
     "c": "C source for firmware", "fmu": "FMI 2.0 co-simulation", "nc": "NC program of the plan",
@@ -382,12 +384,15 @@ def _middle(of: Subject, factor: Mapping[str, Any]) -> float:
     return middle_of(factor["low"], factor["high"], logs=FORMS[form].log_factors)
 
 
+def _limited(name: str, law: Mapping[str, Any]) -> str:
+    """Quantity and symbol of a response; of a power that was computed from the force what it is of."""
+    of_cut = name == "P" and f"{name}{COMPUTED}" in str(law.get("notes"))
+    return f"{law.get('quantity', name)}{' of the cut' if of_cut else ''} {name}"
+
+
 def _limits(of: Subject) -> tuple[Input, ...]:
     laws = (of.content.get("laws") or {}).items()
-    upper = [
-        Input(name, f"{law.get('quantity', name)} {name} at most, {law.get('unit', '')}", name + "={}")
-        for name, law in laws
-    ]
+    upper = [Input(name, f"{_limited(name, law)} at most, {law.get('unit', '')}", name + "={}") for name, law in laws]
     life = [Input("T", "tool life at least, min", "T={}")] if of.content.get("tool_life") else []
     ranges = [
         Input(one["symbol"], f"range of {one['quantity']}, {one['unit']}", one["symbol"] + "={}",

@@ -69,7 +69,8 @@ def _of_response(pf: ParameterFile, law: Any) -> Slider:  # noqa: ANN401  a sect
     highest = float(np.max(_values(law)))
     set_now = _limits(pf).get(law.response)
     value = set_now if set_now is not None else 0.8 * highest
-    return _slider(law.response, f"{law.quantity} at most", law.unit, highest / 10, max(1.3 * highest, value), value)
+    label = f"{law.quantity}{' of the cut' if law.of_cut else ''} at most"
+    return _slider(law.response, label, law.unit, highest / 10, max(1.3 * highest, value), value)
 
 
 def _values(law: Any) -> np.ndarray:  # noqa: ANN401

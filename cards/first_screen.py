@@ -48,7 +48,6 @@ from .reading_terminal import (
 
 HEIGHT = 25  # lines of the screen, with the line on what was written
 MOST_BLOCKS = 3  # pairs with a block of their own; more are a table
-COMPUTED = " is computed, not measured: "  # of the note of a law
 STATISTICS = re.compile(r" \((?=[^()]*(?:\bp\b|\bF\(|\bt\(|chi2|R2|score))(?:[^()]|\([^()]*\))*\)")
 WEAR = ("AW", "VB", "T")  # predicted before other responses
 OUTSIDE = "outside the tested region: do not rely on it"
@@ -243,7 +242,7 @@ def _law_head(law: LawSection, verdict: VerdictPart, screen: FirstScreen) -> Tex
     short = long.replace(" of one row", "").replace(" of one life", "")
     spread = long if cell_len(f"{line.plain}; {long}{what}") <= screen.width else short
     for part in (
-        "; computed, not measured" if any(COMPUTED in note for note in law.notes) else "",
+        "; computed, not measured" if law.computed else "",
         *(f"{'; ' if i == 0 else ', '}{why}" for i, why in enumerate(short_reasons(law, verdict))),
         f"; {spread}" if spread else "",
         what,

@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
     from ..parameters.checks.record import check_limits
     from ..parameters.checks.report import cautions, worn_past_window
     from ..parameters.file import sealed
+    from ..parameters.setting_words import measured_power_words
 
     pf = parameter_file(args.file, writes=True)
     given = {symbol: _limit(symbol, text, pf) for symbol, text in pairs(args.limits, "limit", "P=7kW").items()}
@@ -67,12 +68,13 @@ def run(args: argparse.Namespace) -> int:
     bounded = [*(limit["of"] for limit in asked.values() if limit.get("of")), *others]
     verdicts = [*(f"! {finding.words}" for finding in found), *(cautions(pf, *bounded) if bounded else [])]
     past, words = worn_past_window(changed)
+    measured = measured_power_words(section, changed.laws) if "power" in asked else ()
     if args.json:
         facts = {"file": Path(args.file).name, "limits": section.model_dump(), "worn_past_window": past}
         print_json("limits", {**facts, "verdicts": verdicts}, version=3)
     else:
         out = Printer(quiet=args.quiet)
-        for line in (*_sentences(section), *([words] if words else []), *verdicts):
+        for line in (*_sentences(section), *measured, *([words] if words else []), *verdicts):
             out.show(line)
         out.wrote(f"Written: limits in {args.file}", args.file)
     return 0

@@ -117,12 +117,18 @@ def run(args: argparse.Namespace) -> int:
     budgets, without = _budgets(pf, predictions[: len(predictions) - life], args)
     if beyond:
         predictions = [replace(one, inside=False, given=(*one.given, *beyond)) for one in predictions]
+    of_cut = [f"{law.of_cut}." for law in laws if law.of_cut and law.response not in failed]
     if args.json:
         more = {"budgets": [budget.facts() for budget in budgets], "no_budget": without} if args.budget else {}
-        report = {**_report(pf, args.file, predictions, reasons), **more, "verdicts": verdicts, "remarks": remarks}
+        report = {
+            **_report(pf, args.file, predictions, reasons),
+            **more,
+            "verdicts": verdicts,
+            "remarks": [*remarks, *of_cut],
+        }
         print_json("prediction", report, version=2)
         return 0
-    lines = [*remarks, *(prediction.words for prediction in predictions)]
+    lines = [*remarks, *(prediction.words for prediction in predictions), *of_cut]
     lines += [line for budget in budgets for line in _budget_lines(budget)]
     lines += [f"{name} is not predicted: {reason}" for name, reason in reasons.items()]
     lines += [f"{name} has no uncertainty budget: {reason}" for name, reason in without.items()]

@@ -12,6 +12,7 @@ from ..core.errors import FitError, UsageError
 from ..core.formula import FORMS, Term, second_order_terms
 from ..core.rounding import count, label_of
 from ..datasets import Runs
+from ..datasets.derived import COMPUTED, OF_CUT
 from ..datasets.vocabulary import ROLES
 from .laws import LARGEST_LOG, LawForm
 from .least_squares import linear
@@ -325,9 +326,9 @@ def computed_note(runs: Runs, response: str) -> tuple[str, ...]:
     sources = [name for name in rule.inputs if ROLES[name].kind not in ("condition", "time", "other")]
     if len(sources) != 1 or len(rule.inputs) == 1:
         return ()
-    of_cut = "; it is the power of the cut, without the losses of the drive" if response == "P" else ""
+    of_cut = f"; it is {OF_CUT}" if response == "P" else ""
     return (
-        f"{response} is computed, not measured: {rule.equation}; its law is that of {sources[0]} with this equation, "
+        f"{response}{COMPUTED}{rule.equation}; its law is that of {sources[0]} with this equation, "
         f"which R2, F and t contain{of_cut}",
     )
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping
 from itertools import product
 from typing import Final
 
@@ -13,6 +14,7 @@ from ..core.verdict import DO_NOT_USE
 from ..datasets.units import convert, is_unit, same_dimension
 from .evaluation import equation_of
 from .messages import in_unit, short
+from .sections.costs import CostsSection
 from .sections.law import LawSection
 from .sections.load_line import FeedLimit, LimitsSection, LoadLineSection, not_applied_words
 
@@ -23,6 +25,7 @@ FAR_LOAD: Final = 5.0  # times the largest load tested, or its inverse: a load i
 FAR_LIMIT: Final = 3.0  # times the largest load by the law in the tests: a limit that never binds, or a slip of a digit
 MOST_FACTORS: Final = 8  # of a law whose largest load is looked for at all combinations of their ends and middles
 BEYOND: Final = 1.5  # times the largest or smallest feed tested: a feed limit further out is a mistake
+RATING: Final = "the rating of the motor times the efficiency of the drive"
 # Beginning of the note on a window that was not given. The schema has no field of it.
 WINDOW_ASSUMED: Final = "The wear at tool change is assumed"
 NARROWED: Final = 1.02  # times the lower feed limit of the settings: a limit that a person has rounded
@@ -37,6 +40,39 @@ def window_note(low: float, high: float, unit: str) -> str:
 def window_assumed(line: LoadLineSection) -> bool:
     """Whether the window of wear was assumed, by the notes of the settings."""
     return any(note.startswith(WINDOW_ASSUMED) for note in line.notes)
+
+
+def of_cut_lines(laws: Mapping[str, LawSection]) -> tuple[str, ...]:
+    """A line on each law of a power that is that of the cut."""
+    return tuple(f"{law.of_cut}: a limit of it is {RATING}" for law in laws.values() if law.of_cut)
+
+
+def power_limit_words(
+    limits: LimitsSection | None, laws: Mapping[str, LawSection], costs: CostsSection | None = None
+) -> tuple[str, ...]:
+    """A sentence on what a limit of power is compared with, where that was computed from the force; else none.
+
+    ``costs`` are those of the file, whose efficiency the limit does not use.
+    """
+    bound = None if limits is None else limits.power
+    law = None if bound is None else laws.get(bound.of or "P")
+    if bound is None or law is None or not law.of_cut:
+        return ()
+    priced = None if costs is None else costs.efficiency
+    unused = "" if priced is None else f" The efficiency {priced:g} of the costs is not applied to it."
+    return (f"{law.of_cut}: the limit {bound.value:g} {bound.unit} must be {RATING}.{unused}",)
+
+
+def measured_power_words(limits: LimitsSection | None, laws: Mapping[str, LawSection]) -> tuple[str, ...]:
+    """A sentence on a limit of a power that was not computed from the force; none without such a limit."""
+    bound = None if limits is None else limits.power
+    name = "P" if bound is None else bound.of or "P"
+    if bound is None or name not in laws or laws[name].of_cut:
+        return ()
+    return (
+        f"{name} is as the tests state it: if that is at the motor, its limit is the rating of the motor; if at the "
+        f"tool, {RATING}.",
+    )
 
 
 def rounded(value: float, step: float | None) -> float:

@@ -25,6 +25,53 @@ def test_limits_are_written_with_their_units_and_what_they_are_of(file):
     assert parameters.check(pf).ok
 
 
+@pytest.fixture
+def computed(tmp_path):
+    """The paper's file with a power that was computed from the force."""
+    pf = published("AC-2017")
+    note = "P is computed, not measured: P = Fc V/60000; its law is that of Fc with this equation"
+    laws = {**pf.laws, "P": pf.laws["P"].model_copy(update={"notes": (*pf.laws["P"].notes, note)})}
+    return str(parameters.write(sealed(pf, laws=laws), tmp_path / "computed.json"))
+
+
+OF_CUT = "P is the power of the cut, without the losses of the drive, computed by P = Fc V/60000"
+RATING = f"{OF_CUT}: the limit 7 kW must be the rating of the motor times the efficiency of the drive."
+
+
+def test_a_limit_of_power_says_whether_it_is_compared_with_the_power_of_the_cut(computed, file, capsys):
+    def said(*words):
+        assert main([*words]) == 0
+        return " ".join(capsys.readouterr().out.split())
+
+    assert RATING in said("limits", computed, "P=7kW")
+    assert RATING in said("check", computed)
+    assert said("replay", computed, "--system", "region").count(RATING) == 1
+    measured = said("limits", file, "P=7kW")
+    assert "P is as the tests state it: if that is at the motor, its limit is the rating of the motor" in measured
+    assert "the power of the cut" not in said("check", file)
+
+
+def test_exports_and_optimum_state_that_the_limit_is_of_the_power_of_the_cut(computed, tmp_path, capsys):
+    def text(*words):
+        target = tmp_path / "made"
+        words = ["export", computed, *words, "--out", str(target), "--force", "--accept-verdict", "--diameter", "60mm"]
+        assert main(words) == 0, capsys.readouterr().err
+        return target.read_text()
+
+    def flat(lines, mark):
+        return " ".join(lines.replace(mark, " ").split())
+
+    assert RATING in flat(text("--to", "c", "--system", "region"), "\n * ")
+    assert RATING in flat(text("--to", "c", "--system", "recursion"), "\n * ")
+    program = text("--to", "nc", "--length", "200mm", "--max-rpm", "2500")
+    assert "the rating of the motor times the efficiency of the drive" in flat(program.replace(")\n(fm -", " "), "(fm")
+    assert main(["costs", computed, "machine=60/h", "edge=8", "change=1.5min", "currency=EUR", "efficiency=0.8"]) == 0
+    capsys.readouterr()
+    assert main(["optimum", computed, "--accept-verdict"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert f"{RATING} The efficiency 0.8 of the costs is not applied to it." in out
+
+
 def test_what_is_not_named_stays_and_what_stands_needs_force(file, capsys):
     assert main(["limits", file, "P=7kW"]) == 0
     assert main(["limits", file, "AW=0.3mm"]) == 0

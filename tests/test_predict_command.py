@@ -8,8 +8,10 @@ import re
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from fitmodels import datasets, fit, parameters
+from fitmodels.app.command_forms import actions, subject_of
 from fitmodels.cli import main
 from fitmodels.parameters import ParameterFile
 from fitmodels.parameters.file import sealed
@@ -69,6 +71,21 @@ def by_material(tmp_path_factory):
 
 
 # --- what it says
+
+
+def test_a_power_computed_from_the_force_is_named_as_that_of_the_cut(params, tmp_path):
+    rng = np.random.default_rng(7)
+    V, f = map(np.ravel, np.meshgrid([80.0, 120, 180], [0.1, 0.2, 0.3]))
+    runs = datasets.runs_from_frame(pd.DataFrame({"V": V, "f": f, "Fc": 1800 * f**0.75 * rng.lognormal(0, 0.03, 9)}))
+    pf = parameters.collect(tool="A", work="B", laws=fit.default_laws(runs)[0])
+    file = parameters.write(pf, tmp_path / "params.json")
+    words = "P is the power of the cut, without the losses of the drive, computed by P = Fc V/60000."
+    assert words in run(file, "V=120", "f=0.2").out
+    assert report(file, "V=120", "f=0.2")["remarks"] == [words]
+    assert words not in run(file, "V=120", "f=0.2", "--law", "Fc").out
+    assert "power of the cut" not in run(params, *AT).out
+    forms = {form.name: form.inputs for form in actions(subject_of(tmp_path, "d", file.name, []))}
+    assert "power of the cut P at most, kW" in {one.label for one in forms["limits"]}
 
 
 def test_each_law_in_one_sentence(params):

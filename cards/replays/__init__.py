@@ -1,8 +1,10 @@
 """Reports on replays of controllers, as sentences, numbers and figures; one module per system of the papers."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
+
+from ...parameters.setting_words import power_limit_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -75,6 +77,8 @@ def replayed(
     module = import_module(f".{SYSTEMS[system]}", __name__)
     more = (options,) if system in PLANNED else ()
     found: Replayed = module.replayed(pf, draws, seed, *more)
+    if system in PLANNED:
+        found = replace(found, lines=(*found.lines, *power_limit_words(pf.limits, pf.laws, pf.costs)))
     if pf.identity.simulated:
         from ...core.plotting import mark_simulated
 

@@ -10,6 +10,7 @@ import numpy as np
 from ...core.arrays import Array
 from ...core.errors import DataError
 from ...parameters.evaluation import equation_of
+from ...parameters.setting_words import power_limit_words
 from ..recursion.from_file import depth
 from ..recursion.laws import Times
 from ..region.curved import Limit, grid, minimum, worst
@@ -93,6 +94,7 @@ def part_problem(
     spindle, notes = of_spindle(asked, setting)
     on_curves = [b for b in bounds if b.symbol in curved]
     machine = within_tests(box(pf, asked), tested_limits(on_curves, curved))
+    notes = (*notes, *power_limit_words(asked, pf.laws, costs))
     return PartProblem(pf, costs, setting, source, bounds, spindle, machine, curved), notes
 
 

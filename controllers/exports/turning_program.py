@@ -10,7 +10,7 @@ B-64604EN-1, G-code system A.
 import csv
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from textwrap import wrap
@@ -22,6 +22,7 @@ from ...parameters.checks.report import require_verdicts
 from ...parameters.exports.names import gcode_text, plain, plain_lines, plain_unit
 from ...parameters.exports.view import NO_SAFETY, require_check
 from ...parameters.file_format import content_sha256
+from ...parameters.setting_words import power_limit_words
 from ..recursion.from_file import require_checked, require_near_tests
 from ..recursion.laws import held_by_moves
 from ..recursion.life import no_pair
@@ -30,8 +31,6 @@ from .turning_job import CLEAR, FOOT, INCH, Move, TurningJob, TurningPlan
 from .turning_plan import SETTLE, part_plan
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from ...parameters import ParameterFile
     from ...parameters.draws import Draws
 
@@ -104,7 +103,7 @@ def turning_export(
     pf: "ParameterFile",
     request: TurningRequest,
     *,
-    draws: "Mapping[str, Draws] | None" = None,
+    draws: Mapping[str, "Draws"] | None = None,
     seed: int = 1,
     accept_verdict: bool = False,
 ) -> TurningExport:
@@ -117,7 +116,7 @@ def turning_export(
     UsageError
         No plan keeps the limits, or the part cannot be cut by it.
     """
-    untried = require_check(pf)
+    untried = (*require_check(pf), *power_limit_words(pf.limits, pf.laws, pf.costs))
     plan = plan_of(pf, draws, request.options, seed)
     if not plan.rows:
         raise GateError(f"not exported: {no_pair(plan.life, plan.extrapolated)}")

@@ -24,7 +24,7 @@ from ..sections.law import LawSection
 from ..sections.law_parts import LevelShifts, Region, ToolLifeSection
 from ..sections.load_line import Bound, LimitsSection, Range
 from ..sections.posterior import LawPosterior
-from ..setting_words import limit_far_beyond_tests, loads_tested
+from ..setting_words import limit_far_beyond_tests, loads_tested, power_limit_words
 from .report import FileFinding
 
 AGREE: Final = 1.25  # static gain and slope of a load law are from two experiments
@@ -335,6 +335,7 @@ def check_limits(pf: ParameterFile) -> Iterator[FileFinding]:
         if where in LOADS and symbol in pf.laws and (far := limit_far_beyond_tests(pf.laws[symbol], value, unit)):
             yield FileFinding("doubt", None, f"{where}: {far}")
     yield from _two_criteria(pf)
+    yield from (FileFinding("limits", None, words) for words in power_limit_words(pf.limits, pf.laws, pf.costs))
 
 
 def _size(words: str, symbol: str, high: float, ranges: Plausible, tested: float | None) -> Iterator[FileFinding]:

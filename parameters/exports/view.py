@@ -15,7 +15,7 @@ from ..data_sources import data_lines
 from ..file import ParameterFile, sealed
 from ..file_format import content_sha256
 from ..sections.law import LawSection
-from ..setting_words import window_assumed
+from ..setting_words import of_cut_lines, power_limit_words, window_assumed
 from .loop import LoadLoop, loop_settings
 from .names import plain, plain_equation, plain_lines, plain_unit, safe_name
 from .quantities import Quantity, file_quantities
@@ -70,8 +70,9 @@ class ExportView:
     ``file_quantities`` holds every number worth carrying, the loop's among them, in a fixed order.
     ``assumed`` lists the settings that the file lacks, with the value assumed for each; ``verdicts`` are lines on the
     laws, dynamics and force process that are not usable without reservations, with the reasons; ``equations`` are those
-    of the laws, for people: a program computes with the quantities; ``data`` are lines on the data files and on what
-    was corrected or left out in them; ``basis`` are lines on what the settings of the control come from.
+    of the laws, for people: a program computes with the quantities; ``data`` are lines on the data files, on what
+    was corrected or left out in them and on a power that is computed from a force; ``basis`` are lines on what the
+    settings of the control come from.
     """
 
     name: str
@@ -151,7 +152,7 @@ def export_view(pf: ParameterFile, *, accept_verdict: bool = False, loop_only: b
         loop=found.loop, verdicts=verdicts, gains=_gains(pf), plant=_plant(pf),
         equations=tuple(_equation(law) for law in pf.laws.values()),
         quantities=file_quantities(pf, found.loop), assumed=(*doubted, *untried, *found.assumed),
-        data=data_lines(pf), basis=_basis(pf),
+        data=(*data_lines(pf), *_of_power(pf)), basis=_basis(pf),
     )  # fmt: skip
 
 
@@ -221,6 +222,12 @@ def _basis(pf: ParameterFile) -> tuple[str, ...]:
         sentences.append(f"Gains for {', '.join(limits)}, with probability {share}.")
         sentences += [note for note in pi.notes if note.startswith("Scaling ")]
     return tuple(_in_full(words) for words in sentences)
+
+
+def _of_power(pf: ParameterFile) -> tuple[str, ...]:
+    """A line on a power that was computed from the force, and its limit."""
+    limited = power_limit_words(pf.limits, pf.laws, pf.costs)
+    return tuple(line for words in limited or of_cut_lines(pf.laws) for line in plain_lines(words))
 
 
 def _in_full(words: str) -> str:

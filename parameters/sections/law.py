@@ -12,6 +12,7 @@ from ...core.errors import ParameterError
 from ...core.intervals import Centre, Edge, Kind
 from ...core.predictions import Prediction
 from ...core.predicts import Predicts
+from ...datasets.derived import OF_CUT, computed_by
 from ..evaluation import IntervalOptions, as_given, interval_band, point_values, region_contains
 from ..prediction import predict_with_interval
 from .law_fields import LawFields
@@ -104,6 +105,24 @@ class LawSection(Predicts, Plottable, LawFields):
     """
 
     alternative: "LawSection | None" = None
+
+    @property
+    def computed(self) -> str:
+        """Equation by which the response was computed from a measured one; empty where it was measured."""
+        return computed_by(self.response, self.notes)
+
+    @property
+    def of_cut(self) -> str:
+        """That a power is that of the cut, as it was computed; empty of a measured power and of other responses.
+
+        Examples
+        --------
+        >>> note = "P is computed, not measured: P = Fc V/60000; its law is that of Fc with this equation"
+        >>> LawSection.model_validate(EXAMPLE | {"response": "P", "notes": [note]}).of_cut
+        'P is the power of the cut, without the losses of the drive, computed by P = Fc V/60000'
+        """
+        by = self.computed if self.response == "P" else ""
+        return by and f"{self.response} is {OF_CUT}, computed by {by}"
 
     @property
     def _takes(self) -> Takes:
