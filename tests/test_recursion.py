@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitmodels import datasets
+from fitmodels.cards.replays import replayed
 from fitmodels.controllers.loop import FAULTS, FaultyPlant, replay
 from fitmodels.controllers.recursion.controller import TurningRecursion, WearingEdge
 from fitmodels.controllers.recursion.figures import life_figure, pairs_figure, plane_figure, speeds_figure
@@ -24,6 +25,7 @@ from fitmodels.controllers.region.limits import limited
 from fitmodels.core.errors import UsageError
 from fitmodels.datasets.units import canonical
 from fitmodels.parameters import ParameterFile
+from fitmodels.parameters.file import sealed
 from fitmodels.parameters.published import published
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -324,6 +326,56 @@ def test_power_that_falls_with_wear_is_no_convex_problem_and_says_so(laws):
 
 
 # Fixed parameters, other readings
+
+
+def best_of_all(laws, grid, score):
+    """The pair of a grid with the greatest score of its life, by a loop."""
+    lives = [fixed_life(laws, V, f, PUBLISHED) for V in grid.V for f in grid.f]
+    return max((one for one in lives if not one.passes), key=score)
+
+
+def test_the_best_fixed_pair_is_that_of_the_objective(laws):
+    grid = grid_of(laws, 10.0, 0.02)
+    longest = best_fixed(laws, PUBLISHED, grid, "minutes", rate=100e3)
+    loop = best_of_all(laws, grid, lambda one: one.minutes if one.per_minute >= 100e3 else 0.0)
+    assert (longest.V, longest.f) == (loop.V, loop.f)
+    assert longest.per_minute >= 100e3
+    cheapest = best_fixed(laws, PUBLISHED, grid, (9.0, 0.5))
+    loop = best_of_all(laws, grid, lambda one: one.removed / (9.0 + 0.5 * one.minutes))
+    assert (cheapest.V, cheapest.f) == (loop.V, loop.f)
+    short = best_fixed(laws, PUBLISHED, grid, until=5.0)
+    assert (short.minutes, short.passes) == (5.0, ())
+    assert short.per_minute > best_fixed(laws, PUBLISHED, grid).per_minute  # the limits hold for 5 min, not to the end
+    assert fixed_life(laws, short.V, short.f, PUBLISHED).minutes >= 5.0
+    with pytest.raises(UsageError, match="per_minute, removed, minutes"):
+        best_fixed(laws, PUBLISHED, grid, "cost")
+
+
+@pytest.mark.parametrize(
+    ("removal", "end"),
+    [
+        (100e3, "every pair of the grid that removes 100 cm3 per min or more would exceed 0.3 mm in the next interval"),
+        (60e3, "the pairs that remove 60 cm3 per min or more and keep it below 0.3 mm in the next interval exceed the "
+               "limits of force"),
+    ],
+)  # fmt: skip
+def test_a_plan_for_the_longest_life_is_compared_with_the_fixed_pair_of_longest_life(pf, removal, end):
+    report = replayed("recursion", pf, {}, 1, PlanOptions(depth=2.5, objective="life", removal=removal))
+    words, best = " ".join(report.lines), report.facts["best_fixed"]
+    assert removal <= best["removed_mm3_per_min"] * (1 + 1e-9)
+    assert f"The fixed pair of longest life, within the limits to the end, that removes {removal / 1000:g} " in words
+    assert f"the plan lasts {report.facts['life_min'] / best['life_min']:.2f} times as long" in words
+    assert end in words
+
+
+def test_a_plan_of_one_pair_is_named_so(pf):
+    unlimited = sealed(pf, limits={**pf.limits.model_dump(), "force": None})
+    report = replayed("recursion", unlimited, {}, 1, PlanOptions(depth=1.5, objective="life", removal=60e3))
+    (V, f), *others = {(one["V_m_per_min"], one["f_mm_per_rev"]) for one in report.facts["intervals"]}
+    assert others == []
+    words = " ".join(report.lines)
+    assert f"The plan is one fixed pair, {V:g} m/min and {f:g} mm/rev in every interval: the fixed pair of lo" in words
+    assert "times as much per edge" not in words
 
 
 def test_a_fixed_pair_wears_to_the_criterion_at_the_time_its_law_says(laws):

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ...controllers.economics.part_cost import cost_of_edge
 from ...controllers.recursion.interval_optimum import not_convex
 from ...controllers.recursion.laws import Rules, WearRule
-from ...controllers.recursion.life import Life, apply_plan, best_fixed, life_ratios, whole_life
+from ...controllers.recursion.life import FixedLife, Life, apply_plan, best_fixed, life_ratios, whole_life
 from ...controllers.recursion.plan import Plan
 from ...controllers.recursion.sequence import BestSequence, best_sequence
 from ...core.rounding import join_words
@@ -147,29 +148,63 @@ def exact_lines(life: Life, exact: Life | None) -> list[str]:
     ]
 
 
-def fixed_lines(life: Life) -> list[str]:
-    """Metal, life, peak power and peak force of the best fixed pair, compared with the recursion."""
-    fixed = best_fixed(life.laws, life.rules, life.grid) if len(life.time) else None
+def fixed_of(plan: Plan, costs: "CostsSection | None") -> FixedLife | None:
+    """The fixed pair that is best by the objective of a plan and keeps its limits; None where none does."""
+    life, options = plan.life, plan.options
+    if not len(life.time):
+        return None
+    find = partial(best_fixed, life.laws, life.rules, life.grid)
+    if options.objective == "life":
+        return find("minutes", rate=options.removal or 0.0)
+    if options.objective == "time":
+        return find(until=life.minutes)
+    if options.objective == "cost" and costs is not None:
+        return find((costs.per_minute * costs.change + costs.price_of_edge, costs.per_minute))
+    return find()
+
+
+def fixed_lines(plan: Plan, fixed: FixedLife | None) -> list[str]:
+    """Metal, life, peak power and peak force of the best fixed pair by the objective, compared with the plan."""
+    life = plan.life
     if fixed is None:
         return []
+    pair, pairs = f"{fixed.V:g} m/min and {fixed.f:g} mm/rev", _pairs(life)
+    if pairs == {(fixed.V, fixed.f)}:
+        return [f"The plan is one fixed pair, {pair} in every interval: {_best(plan, 'the fixed pair')}."]
+    same = "The plan is a fixed pair, too. " if len(pairs) == 1 else ""
     ratio, peaks = life_ratios(life, fixed), {"power": fixed.peak_power, "force": fixed.peak_force}
+    longer = f"lasts {ratio.minutes:.2f} times as long, and " if plan.options.objective == "life" else ""
     own = {"power": life.P, "force": life.Fxz}
     compared = [
         f"{name} {rounded(peaks[name])} {terms.unit} against {rounded(float(own[name].max()))}"
         for name, terms in life.laws.limited
     ]
     return [
-        f"The best fixed pair within the limits to the end, {fixed.V:g} m/min and {fixed.f:g} mm/rev, lasts "
+        f"{same}{_best(plan, 'The fixed pair')}, {pair}, lasts "
         f"{fixed.minutes:.1f} min and removes {metal(fixed.removed)}, {metal(fixed.per_minute)} per min: the "
-        f"plan removes {ratio.per_minute:.2f} times as much per minute and {ratio.removed:.2f} times as much "
+        f"plan {longer}removes {ratio.per_minute:.2f} times as much per minute and {ratio.removed:.2f} times as much "
         "per edge"
         f"{f'; peaks of the fixed pair: {join_words(compared)}' if compared else ''}."
     ]
 
 
-def fixed_facts(life: Life) -> dict[str, object] | None:
+def _pairs(life: Life) -> set[tuple[float, float]]:
+    """The different pairs of a plan."""
+    return set(zip(life.V.tolist(), life.f.tolist(), strict=True))
+
+
+def _best(plan: Plan, head: str) -> str:
+    """What the best fixed pair is by the objective of a plan."""
+    least, time = metal(plan.options.removal or 0), f"{plan.life.minutes:g} min"
+    return {
+        "life": f"{head} of longest life, within the limits to the end, that removes {least} per min or more",
+        "cost": f"{head} of least cost within the limits to the end",
+        "time": f"{head} that removes most in {time} within the limits",
+    }.get(plan.options.objective, f"{head.replace('fixed', 'best fixed')} within the limits to the end")
+
+
+def fixed_facts(life: Life, fixed: FixedLife | None) -> dict[str, object] | None:
     """Numbers of the best fixed pair; power and force where they are limited."""
-    fixed = best_fixed(life.laws, life.rules, life.grid) if len(life.time) else None
     if fixed is None:
         return None
     peaks = {"power": fixed.peak_power, "force": fixed.peak_force}
@@ -180,15 +215,14 @@ def fixed_facts(life: Life) -> dict[str, object] | None:
     }  # fmt: skip
 
 
-def cost_lines(life: Life, costs: "CostsSection | None") -> list[str]:
+def cost_lines(life: Life, costs: "CostsSection | None", fixed: FixedLife | None) -> list[str]:
     """Cost and rate of an edge under the plan and at the best fixed pair, with its change, where the file has costs."""
     if costs is None or not len(life.time):
         return []
     plan = cost_of_edge(costs, life.minutes, life.removed)
     words = f"{plan[0]:.4g} {costs.currency} per cm3 and {plan[1]:.4g} cm3/min"
-    fixed = best_fixed(life.laws, life.rules, life.grid)
     other = ""
-    if fixed is not None:
+    if fixed is not None and _pairs(life) != {(fixed.V, fixed.f)}:
         pair = cost_of_edge(costs, fixed.minutes, fixed.removed)
         other = f"; at the best fixed pair {pair[0]:.4g} and {pair[1]:.4g}"
     return [

@@ -22,6 +22,7 @@ from .plan_comparisons import (
     exact_lines,
     fixed_facts,
     fixed_lines,
+    fixed_of,
     greedy_lines,
     metal,
     reading_lines,
@@ -69,7 +70,8 @@ def replayed(
         lines += [*reading_lines(life, most), *sequence_lines(life, best), *exact_lines(life, exact)]
     else:
         lines += greedy_lines(plan, pf.costs, most)
-    lines += [*fixed_lines(life), *cost_lines(life, pf.costs)]
+    fixed = fixed_of(plan, pf.costs)
+    lines += [*fixed_lines(plan, fixed), *cost_lines(life, pf.costs, fixed)]
     cautions = (CALCULATED, STATE, *((CAUTION,) if greedy else ()))
     return Replayed(
         system="recursion",
@@ -77,7 +79,7 @@ def replayed(
         lines=(*lines, *draw_lines(found, draws)),
         assumed=(*plan.assumed, _times(life.rules), *cautions),
         facts={
-            **_facts(plan, exact, found), **sequence_facts(best), "best_fixed": fixed_facts(life),
+            **_facts(plan, exact, found), **sequence_facts(best), "best_fixed": fixed_facts(life, fixed),
             "replay_agrees": _agrees(plan),
         },
         figures=_figures(life, exact, found),
@@ -112,7 +114,7 @@ def _life_lines(plan: Plan) -> list[str]:
         f"d {laws.d:g} mm."
     )
     held = [] if plan.options.objective == "life" else [_binding(life)]  # least wear decides, not a limit
-    return [first, *held, _end(life) if life.ended else _worn_share(life)]
+    return [first, *held, _end(plan) if life.ended else _worn_share(life)]
 
 
 def _objective(plan: Plan) -> str:
@@ -146,15 +148,21 @@ def _binding(life: Life) -> str:
     return f"Active limits: {'; '.join(parts)}."
 
 
-def _end(life: Life) -> str:
-    k = len(life.time)
-    breaks = life.surfaces(k).breaks
+def _end(plan: Plan) -> str:
+    """The wear at the end, and why no pair of the grid goes on."""
+    life, least = plan.life, plan.options.removal if plan.options.objective == "life" else None
+    tried = life.surfaces(len(life.time))
+    enough = (least or 0.0) * (1 - 1e-12) <= tried.MRR
+    breaks = {name: broken[enough] for name, broken in tried.breaks.items()}
     wear, criterion = life.laws.wear, f"{life.laws.wear.most:g} {life.laws.wear.unit}"
     reached = f"At the end {wear.response} is {life.AW[-1]:.3g} {wear.unit}"
+    asked = f"{metal(least)} per min or more" if least else ""
     if breaks["wear"].all():
-        return f"{reached}; every pair of the grid would exceed {criterion} in the next interval."
-    others = join_words([name for name, broken in breaks.items() if name != "wear" and broken.any()])
-    return f"{reached}; the pairs that keep it below {criterion} in the next interval exceed the limits of {others}."
+        pairs = f"every pair of the grid{asked and f' that removes {asked}'}"
+        return f"{reached}; {pairs} would exceed {criterion} in the next interval."
+    others = join_words([name for name, broken in breaks.items() if (broken & ~breaks["wear"]).any()])
+    pairs = f"the pairs that {asked and f'remove {asked} and '}keep it below {criterion}"
+    return f"{reached}; {pairs} in the next interval exceed the limits of {others}."
 
 
 def _times(rules: Rules) -> str:

@@ -256,9 +256,10 @@ class FixedLife(Displayable):
     V, f : float
         m/min, mm/rev.
     minutes : float
-        Life, min: the time at which AW = C V^a f^b t^h meets the criterion, not rounded to intervals.
+        Life, min: the time at which AW = C V^a f^b t^h meets the criterion, not rounded to intervals; at most the time
+        asked for.
     removed, per_minute : float
-        mm3 in the whole life, and mm3/min.
+        mm3 in that time, and mm3/min.
     peak_power, peak_force : float
         The largest of the life, in the units of the laws; NaN where they are not limited.
     passes : tuple of str
@@ -284,8 +285,10 @@ class LifeRatios:
     minutes: float
 
 
-def fixed_life(laws: LifeLaws, V: float, f: float, rules: Rules | None = None) -> FixedLife:
+def fixed_life(laws: LifeLaws, V: float, f: float, rules: Rules | None = None, until: float = np.inf) -> FixedLife:
     """Life of a fixed pair until the edge is worn out, without regard to the limits of power and force.
+
+    ``until`` ends it after so many min.
 
     Raises
     ------
@@ -303,7 +306,7 @@ def fixed_life(laws: LifeLaws, V: float, f: float, rules: Rules | None = None) -
     if not (V > 0 and f > 0):
         raise UsageError(f"a fixed pair of {V!r} m/min and {f!r} mm/rev: give both above zero.")
     rules = rules or Rules(laws.times)
-    minutes, peaks = _to_the_end(laws, rules, V, f)
+    minutes, peaks = _to_the_end(laws, rules, V, f, until)
     values = {name: float(peak) for name, peak in peaks.items()}
     passes = tuple(name for name, terms in laws.limited if values[name] > terms.most * (1 + EQUAL))
     per_minute, none = float(laws.mrr(V, f)), float("nan")
@@ -313,7 +316,13 @@ def fixed_life(laws: LifeLaws, V: float, f: float, rules: Rules | None = None) -
 
 
 def best_fixed(
-    laws: LifeLaws, rules: Rules | None = None, grid: Grid | None = None, most: str = "per_minute"
+    laws: LifeLaws,
+    rules: Rules | None = None,
+    grid: Grid | None = None,
+    most: str | tuple[float, float] = "per_minute",
+    *,
+    rate: float = 0.0,
+    until: float = np.inf,
 ) -> FixedLife | None:
     """The fixed pair of the grid that keeps power and force within their limits until the edge is worn out, or None.
 
@@ -321,8 +330,13 @@ def best_fixed(
     ----------
     laws, rules, grid
         As in `whole_life`.
-    most : {"per_minute", "removed"}
-        What is to be largest: metal per minute of cut, or in the life of the edge.
+    most : {"per_minute", "removed", "minutes"} or (float, float)
+        What is to be largest: metal per minute of cut or in the life of the edge, or the life; metal per cost, with the
+        costs of an edge and of a minute.
+    rate : float
+        Least removal rate, mm3/min.
+    until : float
+        Time that the edge must last and that the limits must be kept for, min, in place of its life.
 
     Examples
     --------
@@ -332,16 +346,21 @@ def best_fixed(
     >>> best.V, best.f
     (200.0, 0.2)
     """
-    if most not in ("per_minute", "removed"):
-        raise UsageError(f"most={most!r}: it is 'per_minute' or 'removed'.")
+    costs = {"per_minute": (0.0, 1.0), "removed": (1.0, 0.0), "minutes": (0.0, 1.0)}
+    if isinstance(most, str) and most not in costs:
+        raise UsageError(f"most={most!r}: it is one of {', '.join(costs)}, or the costs of an edge and of a minute.")
+    of_edge, of_minute = costs[most] if isinstance(most, str) else most
     rules, grid = rules or Rules(laws.times), grid or grid_of(laws)
-    minutes, peaks = _to_the_end(laws, rules, grid.V[:, None], grid.f)
-    keeps = ~beyond_feed_rate(laws, grid)
+    minutes, peaks = _to_the_end(laws, rules, grid.V[:, None], grid.f, until)
+    removal = rates(laws, grid)
+    keeps = ~beyond_feed_rate(laws, grid) & (rate * (1 - EQUAL) <= removal)
+    keeps &= (minutes >= until * (1 - EQUAL)) | np.isinf(until)
     for name, terms in laws.limited:
         keeps &= peaks[name] <= terms.most * (1 + EQUAL)
-    score = np.where(keeps, rates(laws, grid) * (minutes if most == "removed" else 1.0), 0.0)
+    score = minutes if most == "minutes" else removal * minutes / (of_edge + of_minute * minutes)
+    score = np.where(keeps, score, 0.0)
     i, j = divmod(int(score.argmax()), score.shape[1])
-    return fixed_life(laws, float(grid.V[i]), float(grid.f[j]), rules) if score[i, j] > 0 else None
+    return fixed_life(laws, float(grid.V[i]), float(grid.f[j]), rules, until) if score[i, j] > 0 else None
 
 
 def life_ratios(life: Life, fixed: FixedLife) -> LifeRatios:
@@ -349,18 +368,21 @@ def life_ratios(life: Life, fixed: FixedLife) -> LifeRatios:
     return LifeRatios(life.per_minute / fixed.per_minute, life.removed / fixed.removed, life.minutes / fixed.minutes)
 
 
-def _to_the_end(laws: LifeLaws, rules: Rules, V: ArrayLike, f: ArrayLike) -> tuple[Array, dict[str, Array]]:
-    """Time at which the wear of these pairs meets the criterion, and the largest power and force until then.
+def _to_the_end(
+    laws: LifeLaws, rules: Rules, V: ArrayLike, f: ArrayLike, until: float
+) -> tuple[Array, dict[str, Array]]:
+    """Time at which the wear of these pairs meets the criterion, and at most ``until``; largest power and force in it.
 
     At a fixed pair both go with a power of time, so the largest stands at one end: of the life, or of its first
     interval (the laws are of a cut's end, and a power below zero has no value at time 0).
     """
     wear = laws.wear
-    minutes = (wear.most / wear(V, f)) ** (1.0 / wear.t)
-    first = np.minimum(rules.interval, minutes)
+    life = (wear.most / wear(V, f)) ** (1.0 / wear.t)
+    minutes, first = np.minimum(life, until), np.minimum(rules.interval, life)
+    worn = np.where(life <= until, wear.most, wear(V, f, minutes))
 
     def peak(terms: Terms) -> Array:
-        ends = ((first, wear(V, f, first)), (minutes, np.full_like(minutes, wear.most)))
+        ends = ((first, wear(V, f, first)), (minutes, worn))
         early, late = (response_at_end(terms, rules, V, f, end, AW) for end, AW in ends)
         return np.maximum(early, late)
 
