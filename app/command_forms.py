@@ -374,8 +374,8 @@ def _conditions(of: Subject) -> tuple[Input, ...]:
 
 def _middle(of: Subject, factor: Mapping[str, Any]) -> float:
     """The middle of a factor as on its card: geometric where the first law that has it takes its logarithm."""
-    from ..cards.content.design import middle_of
     from ..core.formula import FORMS
+    from ..core.rounding import middle_of
 
     laws = [law for law in (of.content.get("laws") or {}).values() if str(law.get("form")) in FORMS]
     factors = ((law["form"], one) for law in laws for one in law.get("factors") or () if isinstance(one, dict))

@@ -118,6 +118,17 @@ def listed(names: Sequence[str], most: int = 6) -> str:
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
+def middle_of(low: float, high: float, *, logs: bool) -> float:
+    """Middle of a range, to three digits where those lie inside it: a number that a person would set.
+
+    >>> middle_of(0.06, 0.6, logs=True), middle_of(1.5, 3.0, logs=False), middle_of(100.4, 100.4, logs=True)
+    (0.19, 2.25, 100.4)
+    """
+    exact = (low * high) ** 0.5 if logs and low > 0 else (low + high) / 2
+    short = float(f"{exact:.3g}")
+    return short if low <= short <= high else exact
+
+
 def join_words(names: Sequence[str]) -> str:
     """All names, the last after ``and``.
 

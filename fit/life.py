@@ -18,6 +18,7 @@ from ..core.errors import FitError, UsageError
 from ..core.intervals import Kind, Root, edge_words, fieller, solved_for
 from ..core.predictions import EXTRAPOLATED, LifePrediction, compared_time, single, unreached_words, within_tests
 from ..core.predicts import Predicts
+from ..core.rounding import middle_of
 from ..core.verdict import Verdict, verdict_from
 from ..datasets import Runs
 from .checks.exponent_ranges import usual_taylor_n
@@ -44,7 +45,7 @@ class ToolLife(Predicts, Plottable):
     t_observed : float
         Longest time in the data: a life beyond it is an extrapolation.
     typical, typical_at : float, mapping
-        Life at the middle (geometric mean of the range) of every factor, and that middle.
+        Life at the middle of every factor, and that middle: the geometric mean of its range to three digits.
     """
 
     wear: str
@@ -161,7 +162,7 @@ def tool_life(law: LawFit, criterion: float = 0.3) -> ToolLife:
     others = [j for j in range(len(law.theta)) if j != at]
     eta = -law.theta[others] / k
     eta[0] += np.log(criterion) / k
-    middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items() if name != "t"}
+    middle = {name: middle_of(*ends, logs=True) for name, ends in law.domain.items() if name != "t"}
     values = eta.copy()
     if abs(eta[0]) > LARGEST_LOG:
         raise FitError(
@@ -225,10 +226,10 @@ def taylor_constants(law: LawFit, criterion: float | None = None, level: float =
     if law.form != "power" or "V" not in law.factors:
         return None
     at, theta, C = law.names.index("V"), law.theta, law.covariance()
-    middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items() if name not in ("V", "t")}
+    middle = {name: middle_of(*ends, logs=True) for name, ends in law.domain.items() if name not in ("V", "t")}
     z = _columns(law, {**middle, "V": 1.0, "t": 1.0})
     known = law.cov_theta is not None
-    C, t = (C if known else np.zeros_like(C)), _quantile(law, level)
+    C, t = (C if known else np.zeros_like(C)), law.t_quantile(level)
     speed = solved_for(theta, C, z, at, 0.0 if criterion is None else float(np.log(criterion)), t)
     if "t" in law.factors:
         k = law.names.index("t")
@@ -250,16 +251,10 @@ def _columns(law: LawFit, factors: Mapping[str, float]) -> Array:
     return z
 
 
-def _quantile(law: LawFit, level: float) -> float:
-    from scipy.special import stdtrit
-
-    return float(stdtrit(max(law.df, 1), (1 + level) / 2))
-
-
 def _root(law: LawFit, criterion: float, factors: Mapping[str, float], level: float, extra: float) -> Root:
     """Logarithm of the time at which the law reaches the criterion."""
     z, at = _columns(law, {**factors, "t": 1.0}), law.names.index("t")
-    return solved_for(law.theta, law.covariance(), z, at, float(np.log(criterion)), _quantile(law, level), extra)
+    return solved_for(law.theta, law.covariance(), z, at, float(np.log(criterion)), law.t_quantile(level), extra)
 
 
 def edge_variance(law: LawFit, criterion: float, of: str = "edge") -> float:

@@ -72,8 +72,9 @@ def test_what_is_reported_beside_the_law():
     assert (life.wear, life.criterion, life.unit_of_wear, life.unit) == ("AW", 0.3, "mm", "min")
     assert list(life.coefficients.index) == ["c0", "V", "f", "d"]
     assert life.t_observed == 20
-    middle = {"V": np.sqrt(50 * 200), "f": np.sqrt(0.06 * 0.6), "d": np.sqrt(1.5 * 3)}
-    assert life.typical_at == pytest.approx(middle, rel=1e-9)
+    middle = {"V": 100.0, "f": 0.19, "d": 2.12}  # geometric means of the ranges, to three digits as they are printed
+    assert life.typical_at == middle
+    assert life.taylor.at == {"f": 0.19, "d": 2.12}
     assert life.typical == pytest.approx(life.values(**middle), rel=1e-12)
     assert life.taylor_n == pytest.approx(law.params["t"] / law.params["V"], rel=1e-12)
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from ...core.files import STANDARD_INPUT
+from ...core.rounding import middle_of
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.origin import DesignSection, EdgeFacts, LeftOutRows
 from .numbers import NONE, count, fact, figure, quantity
@@ -122,13 +123,6 @@ def middle(law: LawSection) -> dict[str, float]:
     {'V': 100.0}
     """
     return {f.symbol: middle_of(f.low, f.high, logs=log) for f, log in zip(law.factors, law.formula.logs, strict=True)}
-
-
-def middle_of(low: float, high: float, *, logs: bool) -> float:
-    """Middle of a range, to three digits where those lie inside it: a number that a person would set."""
-    exact = (low * high) ** 0.5 if logs and low > 0 else (low + high) / 2
-    short = float(f"{exact:.3g}")
-    return short if low <= short <= high else exact
 
 
 def at_words(law: LawSection, at: Mapping[str, float], by: str | None = None, digits: int = 6) -> str:

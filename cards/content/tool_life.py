@@ -97,8 +97,8 @@ def _plain(value: float) -> str:
 
 
 def settings(life: ToolLifeSection) -> dict[str, float]:
-    """The middle of the tests to three digits, as it is printed and typed."""
-    return {name: float(f"{value:.3g}") for name, value in life.typical_at.items()}
+    """The middle of the tests, as it is printed and typed."""
+    return dict(life.typical_at)
 
 
 def _predictions(life: ToolLifeSection, law: LawSection | None, where: Mapping[str, float]) -> tuple[Prediction, ...]:

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import FitmodelsError
+from ...core.rounding import middle_of
 from ...parameters import ParameterFile
 from ...parameters.sections.base import Covariance, ModelCovariance
 from ...parameters.sections.costs import CostsSection, PartCut
@@ -17,7 +18,7 @@ from ...parameters.sections.load_line import (
     Range,
 )
 from ...parameters.setting_words import rounding_words, window_assumed
-from .design import middle_of, reference
+from .design import reference
 from .numbers import count, fact, figure, number, percent, places, quantity, sentence, spread
 from .parts import FactPart, NumberPart, WindowPart
 from .verdicts import ADAPTIVE_FORCE, DRIVE, law_cautions, verdict_part

@@ -11,14 +11,14 @@ from ...core.arrays import Array
 from ...core.errors import ParameterError
 from ...core.figure_style import contour_levels
 from ...core.panels import PanelAxes
-from ...core.rounding import with_unit
+from ...core.rounding import middle_of, with_unit
 from ...datasets.vocabulary import FLANK_WEAR
 from ...parameters import ParameterFile
 from ...parameters.checks.loop_figures import ClosedLoop, closed_loop
 from ...parameters.sections.dynamics import DynamicsSection
 from ...parameters.sections.law_parts import Factor
 from ..content.card import Card
-from ..content.design import at_words, middle_of
+from ..content.design import at_words
 from ..content.figure_texts import (
     DrawnLaw,
     drawn_laws,

@@ -23,7 +23,7 @@ from ...core.censored import (
 )
 from ...core.errors import FitError
 from ...core.predictions import EXTRAPOLATED
-from ...core.rounding import count
+from ...core.rounding import count, middle_of
 from ...datasets import Runs
 from ...datasets.vocabulary import WEAR
 from ..available import NotAvailable
@@ -149,7 +149,7 @@ def _ended_early(law: LawFit, runs: Runs, among: Flags) -> str:
 
 def extrapolated_lives(law: LawFit) -> Check:
     """Check that the lives at the middle of the tests and at each tested setting were reached by tests."""
-    middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items()}
+    middle = {name: middle_of(*ends, logs=True) for name, ends in law.domain.items()}
     level = {law.by.column: law.by.reference} if law.by is not None else {}
     typical, longest = float(law.values({**middle, **level})), float(law.observed.max())
     unit = law.units[law.response]
@@ -237,7 +237,7 @@ def useful_law(law: LawFit) -> Check | None:
     q, df = law.df_model, law.df_resid
     F = max(law.tss / law.rss - 1, 0.0) * df / q
     p = float(fdtrc(q, df, F))
-    middle = {name: float(np.sqrt(low * high)) for name, (low, high) in law.domain.items()}
+    middle = {name: middle_of(*ends, logs=True) for name, ends in law.domain.items()}
     level = {law.by.column: law.by.reference} if law.by is not None else {}
     one = law.predict({**middle, **level})
     factor = float(one.high / one.value)
