@@ -1,7 +1,7 @@
 """``fitmodels predict``: predictions of the laws of a parameter file, and whether they extrapolate."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -117,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     budgets, without = _budgets(pf, predictions[: len(predictions) - life], args)
     if beyond:
         predictions = [replace(one, inside=False, given=(*one.given, *beyond)) for one in predictions]
-    of_cut = [f"{law.of_cut}." for law in laws if law.of_cut and law.response not in failed]
+    of_cut = _of_cut(laws, failed)
     if args.json:
         more = {"budgets": [budget.facts() for budget in budgets], "no_budget": without} if args.budget else {}
         report = {
@@ -136,6 +136,11 @@ def run(args: argparse.Namespace) -> int:
     doubts = [] if pf.reading is None else [f"Doubt about the data: {one.sentence}" for one in pf.reading.doubts]
     print_lines(verdicts + lines + simulated + doubts, quiet=args.quiet)
     return 0
+
+
+def _of_cut(laws: "Sequence[LawSection]", failed: Collection[str]) -> list[str]:
+    """A sentence on a predicted power that is that of the cut."""
+    return [f"{law.of_cut}." for law in laws if law.of_cut and law.response not in failed]
 
 
 def _no_criterion(pf: "ParameterFile", laws: "Sequence[LawSection] | None", given: Mapping[str, Value]) -> None:
