@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.display import TextTable, display_of
+from ..core.intervals import t_quantile
 from ..core.rounding import count
 from ..core.verdict import MARKS, RESERVATIONS, USABLE, Verdict
 from ..datasets import Runs
@@ -252,8 +253,6 @@ def physical_block(
 
     ``held_out`` is a sentence on its simulation of other samples.
     """
-    from scipy.special import stdtrit
-
     from ..core.display import estimates
 
     rec = records[0]
@@ -262,7 +261,7 @@ def physical_block(
     head.append(f"   {sum(map(len, records))} samples at {rec.rate:g} Hz{runs}   ", style="not bold")
     head.append(f"{verdict.mark.icon} {verdict.words}", style=verdict.mark.colour)
     names = [str(name).replace("_", " ") for name in fit.params.index]
-    half = float(stdtrit(fit.df, 0.975)) * fit.bse
+    half = t_quantile(fit.df) * fit.bse
     low, high = ((fit.params + sign * half).tolist() for sign in (-1, 1))
     table = estimates(names, fit.params, fit.bse, low, high, units=[fit.units[str(n)] for n in fit.params.index])
     sentences = [words for words in (*fit.remarks, held_out) if words not in verdict.reasons]

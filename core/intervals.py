@@ -27,6 +27,17 @@ KNOWN_LEVEL = "an edge whose own level is known and is the value"
 FARTHEST, NODES = 6.5, 48
 
 
+def t_quantile(df: float, level: float = 0.95) -> float:
+    """Quantile of Student's t for a two-sided interval, on one degree of freedom at least.
+
+    >>> round(t_quantile(23), 3), t_quantile(0) == t_quantile(1)
+    (2.069, True)
+    """
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(df, 1), (1 + level) / 2))
+
+
 @dataclass(frozen=True, slots=True)
 class Scatter:
     """Standard deviation of single rows about their law, on the scale of its errors.

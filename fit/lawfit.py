@@ -12,7 +12,7 @@ from ..core.arrays import Array, Flags
 from ..core.calls import Conditions, Takes, check_share
 from ..core.censored import LifeDistribution
 from ..core.errors import FitError
-from ..core.intervals import Kind
+from ..core.intervals import Kind, t_quantile
 from ..core.predictions import Prediction
 from ..core.predicts import Predicts
 from .available import NotAvailable
@@ -343,10 +343,8 @@ class LawFit(Predicts, RowAccess, LawFigures):
 
     def t_quantile(self, level: float) -> float:
         """Quantile of t on ``df`` degrees of freedom for a two-sided interval at ``level``."""
-        from scipy.special import stdtrit
-
         check_share("level", level)
-        return float(stdtrit(max(self.df, 1), (1 + level) / 2))
+        return t_quantile(self.df, level)
 
     def design_of(self, new: pd.DataFrame) -> Array:
         """Columns of the linear form at new factor values, shape (n, p); FitError names what they lack."""

@@ -342,7 +342,7 @@ def _of_taylor(life: ToolLife, law: LawFit, tool: str) -> Iterator[tuple[int, st
     if life.taylor_n is None:
         return
     n = usual_taylor_n(tool)
-    half = 0.0 if life.bse is None else float(_quantile(law, 0.95) * life.bse["V"])
+    half = 0.0 if life.bse is None else law.t_quantile(0.95) * float(life.bse["V"])
     b = float(life.coefficients["V"])
     if b - half > 0:
         yield 2, f"Life rises with cutting speed (Taylor's n {life.taylor_n:.2g}), where it must fall."

@@ -182,12 +182,10 @@ def wear_curve_lives(law: LawFit, criterion: float = 0.3) -> WearCurveLives:
 
 def doubt(law: LawFit, criterion: float, ln_life: float, variance: float) -> str:
     """Reason of the wear curves against the 95 % interval of the life of a new edge; empty where there is none."""
-    from scipy.special import stdtrit
-
     found = computed(lambda: wear_curve_lives(law, criterion))
     if isinstance(found, NotAvailable):
         return ""
-    half = float(stdtrit(law.df, 0.975)) * variance**0.5
+    half = law.t_quantile(0.95) * variance**0.5
     of = Root(ln_life, ln_life - half, ln_life + half, 0.0)
     return doubt_of_curves(found.ratio, found.ratio_interval, found.expected, of)
 

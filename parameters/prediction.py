@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..core.arrays import Array, Ints
 from ..core.errors import ParameterError
-from ..core.intervals import Root, edge_words, solved_for, unknown_scatter
+from ..core.intervals import Root, edge_words, solved_for, t_quantile, unknown_scatter
 from ..core.predictions import (
     GivenFactor,
     LifePrediction,
@@ -114,10 +114,8 @@ def predict_life(
         raise ParameterError(f"the law of {law.response} has no interval: {law.uncertainty.reason}.")
     values = {name: float(np.asarray(value)) for name, value in factors.items()}
     checked_values(law, {**values, "t": 1.0})
-    from scipy.special import stdtrit
-
     extra, of = edge_scatter(law, life) if asked.kind == "prediction" else (0.0, "the law")
-    root = life_root(law, life.criterion, values, float(stdtrit(law.uncertainty.df, (1 + asked.level) / 2)), extra)
+    root = life_root(law, life.criterion, values, t_quantile(law.uncertainty.df, asked.level), extra)
     with np.errstate(over="ignore", under="ignore"):
         value, low, high = (float(np.exp(end)) for end in (root.value, root.low, root.high))
     at = {**values, "t": value}
@@ -161,9 +159,7 @@ def no_edge_interval(law: LawFields, life: ToolLifeSection) -> str:
     unknown, curves = unknown_scatter(between, law.residual_se, law.n, law.n_edges, reason), life.curves
     if unknown or curves is None or curves.ratio is None or isinstance(law.uncertainty, NoCovariance):
         return unknown
-    from scipy.special import stdtrit
-
-    t = float(stdtrit(law.uncertainty.df, (1 + LEVEL) / 2))
+    t = t_quantile(law.uncertainty.df, LEVEL)
     root = life_root(law, life.criterion, life.typical_at, t, _variance(law, life))
     return doubt_of_curves(curves.ratio, curves.ratio_interval, curves.expected, root)
 

@@ -15,7 +15,7 @@ from fitmodels.cards.content.card import Card, compose
 from fitmodels.cards.content.design import middle
 from fitmodels.cards.content.identity import slug
 from fitmodels.cards.content.laws import law_coefficients
-from fitmodels.cards.content.numbers import count, figure, number, percent, places, probability, spread, t_quantile
+from fitmodels.cards.content.numbers import count, figure, number, percent, places, probability, spread
 from fitmodels.cards.content.parts import NumberPart, PublicationPart
 from fitmodels.cards.content.profiler import inside, profile, profile_all, profiled, profiler_part
 from fitmodels.cards.content.tables import check_table
@@ -28,6 +28,7 @@ from fitmodels.cards.folder import markdown
 from fitmodels.cli import main
 from fitmodels.controllers.recursion.plan import plan_of
 from fitmodels.core.formula import FORMS
+from fitmodels.core.intervals import t_quantile
 from fitmodels.core.rounding import decimals
 from fitmodels.core.verdict import LEVELS, MARKS
 from fitmodels.fit.regression import fit_form

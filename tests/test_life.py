@@ -5,11 +5,12 @@ import pandas as pd
 import pytest
 from fitmodels import datasets, fit
 from fitmodels.core import errors
-from fitmodels.core.intervals import fieller
+from fitmodels.core.intervals import fieller, t_quantile
 from fitmodels.fit.life import life_verdict
 from fitmodels.parameters.gather.lives import tool_life_section
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 from scipy.optimize import brentq
 
 
@@ -64,6 +65,12 @@ def test_standard_errors_are_those_of_a_monte_carlo(error):
         assert life.bse[name] == pytest.approx(np.std(-theta[:, j] / k), rel=0.03)
     ln_constant = (np.log(0.3) - theta[:, 0]) / k
     assert life.bse["c0"] / life.coefficients["c0"] == pytest.approx(np.std(ln_constant), rel=0.03)
+
+
+def test_one_quantile_of_t_serves_a_law_without_degrees_of_freedom_too():
+    law = wear_law()
+    assert law.t_quantile(0.9) == t_quantile(law.df, 0.9) == pytest.approx(stats.t.ppf(0.95, law.df), rel=1e-12)
+    assert t_quantile(0) == pytest.approx(12.7062, abs=5e-5)  # tables of t on one degree of freedom
 
 
 def test_what_is_reported_beside_the_law():

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from ...core.intervals import t_quantile
 from ...core.rounding import EXACT, format_plain, format_rounded
 from ...core.verdict import DO_NOT_USE
 from ...fit.checks.check import BY_EDGE, FAMILY_LEVEL, LEVELS, TITLES, UNTESTABLE, statistic_name
@@ -11,7 +12,7 @@ from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance, VerdictSection
 from ...parameters.sections.law_parts import DroppedRows, LawCheck
 from .design import factor_ranges
-from .numbers import LEVEL, NONE, count, fact, figure, number, percent, places, probability, spread, t_quantile
+from .numbers import LEVEL, NONE, count, fact, figure, number, percent, places, probability, spread
 from .parts import CheckPart, CoefficientPart, FactPart, LawPart, NumberPart
 from .posterior import posterior_of, posterior_part
 from .tool_life import fitted_by, lives_words

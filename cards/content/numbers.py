@@ -75,17 +75,6 @@ def probability(p: float | None) -> NumberPart:
     return NONE if p is None or not math.isfinite(p) else NumberPart(value=p, text=p_value(p))
 
 
-def t_quantile(df: float, level: float = LEVEL) -> float:
-    """Quantile of Student's t for a two-sided interval.
-
-    >>> round(t_quantile(23), 3)
-    2.069
-    """
-    from scipy.special import stdtrit
-
-    return float(stdtrit(df, (1 + level) / 2))
-
-
 def fact(name: str, value: NumberPart, words: str = "") -> tuple[FactPart, ...]:
     """A number under its name; nothing where there is neither number nor text nor words.
 

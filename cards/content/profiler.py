@@ -5,12 +5,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...core.intervals import t_quantile
 from ...datasets.region import ROUNDING, SLACK
 from ...datasets.vocabulary import FLANK_WEAR, ROLES
 from ...parameters import LawSection, ParameterFile
 from ...parameters.sections.base import Covariance
 from .design import factor_ranges, middle
-from .numbers import LEVEL, t_quantile
+from .numbers import LEVEL
 from .parts import FactorRangePart, LeverageSpacePart, ProfiledLawPart, ProfiledRegionPart, ProfilerPart
 
 ROW, ON_NEW_EDGE = "one new observation", "one new observation on a new edge"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...core.errors import ParameterError
-from ...core.intervals import Kind
+from ...core.intervals import Kind, t_quantile
 from ...core.predictions import EXTRAPOLATED, Prediction
 from ...core.rounding import format_rounded
 from ...core.verdict import DO_NOT_USE
@@ -20,7 +20,7 @@ from ...parameters.prediction import predict_life
 from ...parameters.sections.law_parts import ToolLifeSection
 from .design import at_words, middle, reference
 from .laws import degrees
-from .numbers import INFINITE, LEVEL, count, figure, percent, places, t_quantile
+from .numbers import INFINITE, LEVEL, count, figure, percent, places
 from .parts import NumberPart, Part
 from .profiler import ON_NEW_EDGE, ROW
 from .tool_life import settings

@@ -225,8 +225,6 @@ def local_exponents(law: LawFit, level: float = 0.95) -> dict[str, tuple[float, 
     >>> [round(b, 3) for b, _, _ in local_exponents(law).values()] == law.params.round(3).tolist()[1:]
     True
     """
-    from scipy.special import stdtrit
-
     form, theta = law.formula, law.theta
     X = law.X
     middle = np.array([np.exp(np.log(x).mean()) if log else x.mean() for x, log in zip(X.T, form.logs, strict=True)])
@@ -246,7 +244,7 @@ def local_exponents(law: LawFit, level: float = 0.95) -> dict[str, tuple[float, 
         [(slopes(theta + h * e) - slopes(theta - h * e)) / (2 * h) if h else np.zeros(len(b))
          for h, e in zip(steps, np.eye(len(theta)), strict=True)]
     )  # fmt: skip
-    half = stdtrit(max(law.df, 1), (1 + level) / 2) * np.sqrt(np.einsum("ij,jk,ik->i", J, cov, J))
+    half = law.t_quantile(level) * np.sqrt(np.einsum("ij,jk,ik->i", J, cov, J))
     found = zip(law.factors, b, half, middle, strict=True)
     return {name: (float(e), float(e - w), float(e + w)) for name, e, w, x in found if x > 0 and np.isfinite(e + w)}
 

@@ -367,9 +367,7 @@ def _widest(law: LawFit, names: tuple[str, ...], vif: Array) -> float | None:
     """Half-width of the 95 % interval of the widest exponent of high variance inflation; None without exponents."""
     if not law.formula.logarithmic or law.cov_theta is None:
         return None
-    from scipy.special import stdtrit
-
-    half = float(stdtrit(max(law.df, 1), 0.975)) * law.bse.to_numpy()[1:]
+    half = law.t_quantile(0.95) * law.bse.to_numpy()[1:]
     # an exponent is the effect of 1 in ln x; of a factor that enters as it is, its mean is about that
     size = [1.0 if log else float(np.abs(x).mean()) for x, log in zip(law.X.T, law.formula.logs, strict=True)]
     per = dict(zip(law.factors, size, strict=True))

@@ -179,14 +179,12 @@ _ORDER: tuple[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], float], .
 
 def _depends_more(law: LawFit, one: str, other: str, least: float) -> bool:
     """Whether a response depends more on one condition than on another, at 95 % and by more than ``least``."""
-    from scipy.special import stdtrit
-
     at = [law.names.index(name) for name in (one, other)]
     cov = law.covariance()[np.ix_(at, at)]
     error = float(np.sqrt(max(cov[0, 0] + cov[1, 1] - 2 * cov[0, 1], 0.0)))
     difference = float(law.params[one]) - float(law.params[other])
     sign = -1 if law.response == "T" else 1
-    return bool(sign * difference > max(stdtrit(max(law.df, 1), 0.975) * error, least))
+    return bool(sign * difference > max(law.t_quantile(0.95) * error, least))
 
 
 def _reversed_order(law: LawFit, ranges: Mapping[str, Exponent]) -> Found | None:
