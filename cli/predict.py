@@ -308,13 +308,22 @@ def _predicted(
     }
     missing = [f for name, f in lacking.items() if name not in sources]
     if missing:
-        raise UsageError(f"the law of {law.response} needs {_needed(pf, missing, given)}.")
+        needed = _needed(pf, missing, given)
+        raise UsageError(f"the law of {law.response} needs {needed}.{_without_time(pf, law, missing)}")
     factors = {f.symbol: in_unit(given[f.symbol], f) for f in law.factors if f.symbol in given}
     try:
         law.values({**factors, **{name: source.value for name, source in sources.items()}}, by=level)
     except ParameterError as reason:  # the request is wrong, not the file
         raise UsageError(str(reason)) from None
     return predict_with_interval(law, asked, level, factors, sources)
+
+
+def _without_time(pf: "ParameterFile", law: "LawSection", missing: "Sequence[Factor]") -> str:
+    """Why no tool life is predicted where no time is given, after a space; empty where there is one."""
+    from ..cards.content.tool_life import no_tool_life
+
+    asked = law.response in FLANK_WEAR and "t" in {factor.symbol for factor in missing}
+    return f" {no_tool_life(pf)}" if asked and pf.tool_life is None else ""
 
 
 def _gives(pf: "ParameterFile", wear: "Factor", given: Mapping[str, Value]) -> bool:

@@ -277,6 +277,9 @@ def test_a_condition_that_no_law_has_is_named_and_another_value_than_the_tested_
 
 
 def test_a_level_must_be_named_and_known(by_material):
+    of_life = "The law of AW has levels, and tool life is computed for one: fit each level alone, in a file of its own."
+    refused(run(by_material, "V=120", "f=0.2", "d=2", "--by", "hard"), 2, "needs t (cutting time, min)", of_life)
+    refused(run(by_material, "T", "V=120", "f=0.2", "d=2", "--by", "hard"), 2, of_life)
     refused(run(by_material, *AT), 2, "by material: give the level (hard, soft) with --by")
     refused(run(by_material, *AT, "--by", "Hard"), 2, "there are hard, soft (did you mean hard?)")
 

@@ -233,7 +233,8 @@ def no_tool_life(pf: ParameterFile) -> str:
         form = wear.form.replace("_", "-")
         return f"The law of {wear.response} has the form {form}, and tool life needs a power law of wear on time."
     if wear.by is not None:
-        return f"The law of {wear.response} has levels, and tool life is computed for one: fit each level separately."
+        alone = "fit each level alone, in a file of its own"
+        return f"The law of {wear.response} has levels, and tool life is computed for one: {alone}."
     return f"No tool life was computed from the law of {wear.response}: request it with --criterion."
 
 
