@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 SAME = ("overshoot", "undershoot", "ms", "phase_margin", "gain_margin", "travel", "noise_gain")
 LIMITS = {"rise": "rise_time", "settle": "settling_time", **{name: name for name in SAME}}
 OF_COMMAND = ("low", "high", "rate", "travel", "noise_gain")  # in the unit of the command
-STEP = 0.1  # of the reference load: a step that a tuned loop meets
 CONTROLLER = ("form", "integration", "delay", "filter_time", "average", "low", "high", "rate", "anti_windup",
               "setpoint_weight")  # fmt: skip
 
@@ -106,6 +105,7 @@ def run(args: argparse.Namespace) -> int:
     """Tune, print, write, and return the exit code."""
     from ..cards.folder import PI_FIGURE
     from ..core.progress import progress_bar
+    from ..parameters.checks.gains import reference_step
     from ..parameters.checks.record import against_load_law, against_scaling_by_law, record_notes, scaling_by_load_law
     from ..parameters.checks.report import cautions
     from ..parameters.file import picture_folder, replace, sealed
@@ -128,7 +128,8 @@ def run(args: argparse.Namespace) -> int:
         raise GateError(f"{against} Nothing was written; --force writes gains, marked as not to be used.")
     with progress_bar(lines=False) as step:
         step.say("tuning")
-        tuned = _tuned(pf.dynamics, args, against or (against_scaling_by_law(pf) if derived else ""))
+        stops = against or (against_scaling_by_law(pf) if derived else "")
+        tuned = _tuned(pf.dynamics, args, stops, reference_step(pf))
     tuned = tuned if args.scaling is None else tuned.in_units(args.unit, args.scaling)
     if tuned.misses and not args.force:
         raise GateError(f"{tuned.words} {_remedy(tuned)}")
@@ -136,7 +137,7 @@ def run(args: argparse.Namespace) -> int:
     section["notes"] += derived
     changed = sealed(pf, pi=section, provenance=traced(pf, args.words))
     figure = picture_folder(args.file) / PI_FIGURE
-    picture = _picture(tuned, _reference_step(pf), simulated=bool(pf.identity.simulated))
+    picture = _picture(tuned, reference_step(pf) or 1.0, simulated=bool(pf.identity.simulated))
     replace(changed, args.file, pf, {PI_FIGURE: picture})
     verdicts = cautions(pf, "dynamics")
     if args.json:
@@ -144,7 +145,7 @@ def run(args: argparse.Namespace) -> int:
         print_json("tune", {**facts, "verdicts": verdicts}, version=3)
         return 0
     by_law = scaling_by_load_law(pf, args.unit, args.scaling)
-    simulated = [*_simulated(tuned, _reference_step(pf)), *_beyond_limits(tuned, pf)]
+    simulated = [*_simulated(tuned, reference_step(pf) or 1.0), *_beyond_limits(tuned, pf)]
     verdicts += record_notes(pf)
     lines = [*verdicts, *derived, *_sentences(tuned, changed), *simulated, *by_law]
     out = Printer(quiet=args.quiet)
@@ -155,8 +156,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _tuned(d: "DynamicsSection", args: argparse.Namespace, against: str) -> "TunedPi":
-    """Gains for a specification; ``against`` is why they must not be used, or empty."""
+def _tuned(d: "DynamicsSection", args: argparse.Namespace, against: str, step: float | None) -> "TunedPi":
+    """Gains for a specification; ``against`` is why they must not be used, or empty; ``step`` that of the reference."""
     from ..core.verdict import DO_NOT_USE, verdict_from
     from ..ident import tune_pi
     from ..parameters.gather.control import model_of
@@ -174,7 +175,7 @@ def _tuned(d: "DynamicsSection", args: argparse.Namespace, against: str) -> "Tun
         verdict = verdict_from([(DO_NOT_USE, against), *known])
     return tune_pi(
         model_of(d), aim=args.aim, probability=args.probability, nominal=args.nominal, seed=args.seed,
-        verdict=verdict, **limits, **controller,
+        verdict=verdict, step=step, **limits, **controller,
     )  # fmt: skip
 
 
@@ -210,13 +211,6 @@ def _sentences(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
     ]
 
 
-def _reference_step(pf: "ParameterFile") -> float:
-    """Step of the reference that is simulated: a tenth of the reference load of the file, otherwise 1."""
-    d, line = pf.dynamics, pf.load_line
-    assert d is not None  # noqa: S101  tuned on it
-    return STEP * line.reference if line is not None and line.unit_load == d.unit_y else 1.0
-
-
 def _simulated(tuned: "TunedPi", step: float) -> list[str]:
     """Robustness, and simulated steps of reference and load, in words."""
     from ..ident.pi.loop import load_step, loop_of
@@ -240,12 +234,22 @@ def _simulated(tuned: "TunedPi", step: float) -> list[str]:
 
 
 def _beyond_limits(tuned: "TunedPi", pf: "ParameterFile") -> list[str]:
-    """Sentence on a simulated step of the reference whose command exceeds the range between the feed limits."""
-    gains, line = tuned.gains, pf.load_line
+    """Sentences on a step of the reference with the limits of the command, and on the range between the feed limits."""
+    gains, line, run = tuned.gains, pf.load_line, tuned.limited
+    if run is not None and run.limited:
+        f, y = run.figures, gains.unit_y or "unit of the measurement"
+        return [
+            f"The same step with the limits and the rate of the command: rise time {f['rise_time']:.3g} s, settling "
+            f"time {f['settling_time']:.3g} s, overshoot {100 * f['overshoot']:.2g} %."
+            if run.reached
+            else f"The same step with the limits of the command is not within 2 % of {run.step:.4g} {y} at its end."
+        ]
+    from ..parameters.checks.gains import reference_step
+
     low, high = gains.low, gains.high
     if line is not None and line.unit_feed == gains.unit_u:
         low, high = (low or line.lower.value), (high or line.upper.value)
-    peak = _reference_step(pf) * tuned.figures.peak_u
+    peak = (reference_step(pf) or 1.0) * tuned.figures.peak_u
     if low is None or high is None or peak <= high - low:
         return []
     return [

@@ -364,4 +364,25 @@ def test_gains_without_a_load_law_name_a_negative_static_gain(file, capsys):
 def test_a_step_beyond_the_limits_of_the_command_is_named(loose, capsys):
     code, out, _ = tune(capsys, "--rise", "1.5", "--nominal", "--low", "0", "--high", "0.5")
     assert code == 0
-    assert "more than the range between its limits, 0 to 0.5 V" in out
+    assert "With the limits of the command (low 0 V, high 0.5 V) a step of the y by 1 A is not reached: between" in out
+    assert "them it changes by 0.5 A at most" in out
+
+
+def test_a_rate_that_misses_the_specification_is_a_reservation(loose, capsys):
+    """The verdict was "usable" and the probability 93 %, though the rate alone needs longer than the specified time."""
+    code, out, _ = tune(capsys, "--rise", "1.5", "--settle", "4", "--nominal", "--rate", "0.1")
+    assert code == 0
+    assert "With the limits of the command (rate 0.1 V/s) a step of the y by 1 A misses the specification: rise" in out
+    main(["check", str(loose)])
+    checked = " ".join(capsys.readouterr().out.split())
+    assert "met, recomputed without limits of the command" in checked
+    assert "needs a change of the command by 1 V, 10 s at its rate of 0.1 V/s, above the 4 s asked for" in checked
+    code, out, _ = tune(capsys, "--rise", "1.5", "--settle", "4", "--nominal", "--rate", "500", "--force")
+    assert "limits of the command (" not in out
+
+
+def test_a_limit_that_no_verdict_knows_fails_the_check(loose, capsys):
+    tune(capsys, "--rise", "1.5", "--settle", "4", "--nominal")
+    pf = parameters.read(loose)
+    parameters.write(sealed(pf, pi={**pf.pi.model_dump(), "rate": 0.1, "verdict": None}), loose, force=True)
+    assert [f.name for f in parameters.check(parameters.read(loose)).failed] == ["limits"]

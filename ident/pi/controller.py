@@ -1,7 +1,8 @@
 """Time-domain simulation of the PI and its loop: limits, anti-windup, rounding, noise, interruptions of the cut."""
 
+import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import mul
 from typing import TYPE_CHECKING, Literal
 
@@ -9,11 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...core.arrays import Array, Flags
-from ...core.display import Plottable, as_columns
+from ...core.display import Displayable, Plottable, as_columns
 from ...core.errors import UsageError
+from ...core.verdict import DO_NOT_USE, RESERVATIONS
 from ..model import Model
 from .gains import PiGains
 from .loops import check_pair
+from .specification import Specification
+from .step_metrics import StepMetrics
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -257,6 +261,114 @@ def _run(
             past_x[0] = (u + load) * on
         out[k], sent[k], limited[k] = y + more, u, controller.limited
     return out, sent, limited
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LimitedStep(Displayable):
+    """Step of the reference with the limits and the rate of the command.
+
+    Attributes
+    ----------
+    step : float
+        Size, unit_y.
+    figures : dict of float
+        ``rise_time``, ``settling_time`` (s), ``overshoot`` and ``undershoot`` (shares of the step), by name.
+    limited : bool
+        Whether a limit or the rate was active.
+    reached : bool
+        Whether the output lies within 2 % of the reference at the end.
+    reach : float
+        Largest change of the output at rest between the limits of the command, unit_y.
+    given : bool
+        Whether the size is that of the application; otherwise it is 1.
+    """
+
+    step: float
+    figures: dict[str, float]
+    limited: bool
+    reached: bool
+    reach: float
+    given: bool
+
+
+LONGEST_STEP = 20_000  # samples of a step with limits
+
+
+def limited_step(model: Model, gains: PiGains, size: float | None, duration: float) -> LimitedStep | None:
+    """A step of the reference with the limits and the rate of the command; None for gains without them.
+
+    With two limits the command has their whole range for the step, as from the lower one upwards; with one limit, or
+    on a plant that integrates, the step starts from the operating point of the model, or from 0.
+
+    Parameters
+    ----------
+    model : Model
+    gains : PiGains
+    size : float or None
+        Of the step, unit_y; None for 1.
+    duration : float
+        Of the step without limits, s; the time that the rate needs is added.
+
+    Examples
+    --------
+    >>> model = Model(b=[0.0, 0.5], a=[1.0, -0.5], nk=1, sample_time=0.1)
+    >>> found = limited_step(model, PiGains(0.5, 2.0, 0.1, low=0.0, high=0.6), None, 5.0)
+    >>> found.reached, found.reach
+    (False, 0.6)
+    """
+    step = 1.0 if size is None else size
+    low, high = _room(model, gains)
+    if (low, high, gains.rate) == (None, None, None):
+        return None
+    change = step / abs(model.dc_gain) if model.dc_gain else math.inf
+    seconds = duration + (3 * change / gains.rate if gains.rate and math.isfinite(change) else 0.0)
+    n = min(math.ceil(seconds / gains.sample_time), LONGEST_STEP)
+    run = simulate_loop(model, replace(gains, low=low, high=high), np.full(n, step))
+    metrics = StepMetrics(np.r_[0.0, run.output][:, None] / step, np.ones(1), gains.sample_time, None)
+    metrics.update(0, n, np.zeros((n + 1, 1)), np.zeros((n, 1)))
+    found = metrics.figures()
+    figures = {name: float(found[name][0]) for name in ("rise_time", "settling_time", "overshoot", "undershoot")}
+    reach = math.inf if low is None or high is None else (high - low) * abs(model.dc_gain)
+    reached = math.isfinite(figures["settling_time"])
+    return LimitedStep(step, figures, bool(run.saturated.any()), reached, reach, size is not None)
+
+
+def against_limits(
+    run: LimitedStep | None, gains: PiGains, specification: Specification, output: str
+) -> list[tuple[int, str]]:
+    """Level and sentence where the limits or the rate of the command make a step miss the specification."""
+    if run is None or not run.limited:
+        return []
+    y, u = (f" {unit}" if unit else "" for unit in (gains.unit_y, gains.unit_u))
+    named = (("low", gains.low, u), ("high", gains.high, u), ("rate", gains.rate, f"{u}/s"))
+    limits = ", ".join(f"{name} {value:.4g}{unit}" for name, value, unit in named if value is not None)
+    step = f"With the limits of the command ({limits}) a step of the {output} by {run.step:.4g}{y}"
+    if not run.reached:
+        most = f": between them it changes by {run.reach:.4g}{y} at most" if run.reach < run.step else ""
+        words = f"{step} is not reached{most}. Widen the limits, or take smaller steps."
+        return [(DO_NOT_USE if run.given else RESERVATIONS, words)]
+    limited = {name: value for name, _, value in specification.active() if name in run.figures}
+    misses = Specification(**limited).misses({"stable": True, **run.figures})
+    words = (
+        f"{step} misses the specification: {'; '.join(misses)}. It holds without these limits only: widen them, take "
+        "smaller steps, or specify what they allow."
+    )
+    return [(RESERVATIONS, words)] if misses else []
+
+
+def _room(model: Model, gains: PiGains) -> tuple[float | None, float | None]:
+    """Limits of the command relative to the command before the step; None where there is none."""
+    low, high = gains.low, gains.high
+    if low is not None and high is not None and math.isfinite(model.dc_gain):
+        return (0.0, high - low) if model.dc_gain > 0 else (low - high, 0.0)
+    inside = [
+        start
+        for start in (*(model.operating_point or ())[:1], 0.0)
+        if (low is None or low < start) and (high is None or start < high)
+    ]
+    if not inside:
+        return None, None
+    return None if low is None else low - inside[0], None if high is None else high - inside[0]
 
 
 def _row(name: str, values: ArrayLike, n: int) -> Array:

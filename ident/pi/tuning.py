@@ -14,6 +14,7 @@ from ...core.threads import one_thread
 from ...core.verdict import DO_NOT_USE, PROBABILITY, RESERVATIONS, USABLE, Verdict, verdict_from
 from ..draws import Plants
 from ..model import Model
+from .controller import LimitedStep, against_limits, limited_step
 from .feasible_region import FeasibleMap, horizon, map_in_units
 from .gain_search import Aim, check_aim, nominal_gains
 from .gains import AntiWindup, Averaged, Form, Integration, PiGains
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from ..identification import Identification
 
 CHECKED = ("Specification on the model", "Probability over the model uncertainty", "Unstable loops", "Excited band",
-           "Sign of the static gain")  # fmt: skip
+           "Sign of the static gain", "Limits of the command")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -62,6 +63,8 @@ class TunedPi(Plottable):
         How far the model can be used; None where it was not validated.
     plants : Plants or None
         Draws for the trade-off.
+    limited : LimitedStep or None
+        Of the reference; None for gains without limits.
     """
 
     gains: PiGains
@@ -76,6 +79,7 @@ class TunedPi(Plottable):
     unknown: str = ""
     of_model: Verdict | None = None
     plants: Plants | None = None
+    limited: LimitedStep | None = None
 
     @property
     def kp(self) -> float:
@@ -113,6 +117,7 @@ class TunedPi(Plottable):
             *reservations(self.robustness, self.unknown, self.probability),
             *_of_band(self),
             *_of_sign(self.model),
+            *against_limits(self.limited, self.gains, self.specification, self.model.output),
             *_of_model(self.of_model),
         ]
         left = () if self.robustness else (f"{CHECKED[1]}: {self.unknown}",)
@@ -277,6 +282,7 @@ def tune_pi(
     draws: int = 500,
     seed: int = 1,
     n: int = 200,
+    step: float | None = None,
     **options: Unpack[TuneOptions],
 ) -> TunedPi:
     """Tune a digital PI to a specification on a model, with a required probability over its uncertainty.
@@ -305,6 +311,8 @@ def tune_pi(
         Draws of the coefficients from their normal distribution that choose gains; 2000 others state the probability.
     n : int
         Gains per side of the feasible map.
+    step : float, optional
+        Of the reference, unit_y, that is simulated with the limits and the rate of the command; 1 by default.
     **options
         Further limits (`Specification`) and options of the controller (`PiGains`).
 
@@ -323,7 +331,7 @@ def tune_pi(
 
     Notes
     -----
-    Saturation is not part of the figures: check limits of the command by ``peak_u`` or by simulation.
+    Limits of the command are not part of the figures: they enter the verdict by a simulated step (``limited``).
 
     Examples
     --------
@@ -353,8 +361,9 @@ def tune_pi(
             gains = robust_gains(choosing, found, gains, aim, required, template)
         held = robustness(stating, gains, target, duration=found.duration)
     figures = loop_of(model, gains).figures()
+    limited = limited_step(model, gains, step, found.duration) if figures.stable else None
     return TunedPi(
-        gains, figures, target, aim, model, found, assumed, held, required, unknown, verdict, showing,
+        gains, figures, target, aim, model, found, assumed, held, required, unknown, verdict, showing, limited,
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from ...core.text import shortened
-from ...core.verdict import LEVELS, level_of_probability
+from ...core.verdict import LEVELS, USABLE, level_of_probability
 from ...datasets.units import canonical
 from ..file import ParameterFile
 from ..sections.dynamics import DynamicsSection, PiSection
@@ -31,6 +31,15 @@ WORDS = {
 }
 
 
+STEP = 0.1  # of the reference load: a step that a tuned loop meets
+
+
+def reference_step(pf: ParameterFile) -> float | None:
+    """Step of the reference that is simulated, unit_y: a tenth of the reference load of the file; None without it."""
+    d, line = pf.dynamics, pf.load_line
+    return STEP * line.reference if d is not None and line is not None and line.unit_load == d.unit_y else None
+
+
 def check_gains(pf: ParameterFile) -> Iterator[FileFinding]:
     """Findings on the gains; none where the file has none."""
     pi, model = pf.pi, pf.dynamics
@@ -45,6 +54,26 @@ def check_gains(pf: ParameterFile) -> Iterator[FileFinding]:
         yield FileFinding("gains", False, stop)
         return
     yield from _tried(model, pi)
+    yield from _within_limits(model, pi, reference_step(pf) or 1.0)
+
+
+def _within_limits(model: DynamicsSection, pi: PiSection, step: float) -> Iterator[FileFinding]:
+    """Finding on limits of the command that cannot give a step, or a rate that cannot give it in the time asked for."""
+    gain = abs(model.dc_gain * pi.scaling_y / pi.scaling_u)
+    if not gain or not np.isfinite(gain):
+        return
+    change, asked = step * pi.scaling_y / gain, pi.specification.asked if pi.specification else {}
+    u, y = pi.unit_u or "units of the command", pi.unit_y or "units of the measurement"
+    what = f"a step of the reference by {step * pi.scaling_y:.4g} {y} needs a change of the command by {change:.4g} {u}"
+    odd = []
+    if pi.low is not None and pi.high is not None and change > pi.high - pi.low:
+        odd.append(f"more than its limits allow, {pi.low:.4g} to {pi.high:.4g} {u}")
+    within = asked.get("settling_time", asked.get("rise_time", np.inf))
+    if pi.rate is not None and change / pi.rate > within:
+        odd.append(f"{change / pi.rate:.3g} s at its rate of {pi.rate:.4g} {u}/s, above the {within:.4g} s asked for")
+    if odd:
+        known = pi.forced or (pi.verdict is not None and pi.verdict.concern > USABLE)
+        yield FileFinding("limits", None if known else False, f"pi: {what}, {', and '.join(odd)}.")
 
 
 def _probable(pi: PiSection) -> Iterator[FileFinding]:
@@ -97,7 +126,8 @@ def _tried(model: DynamicsSection, pi: PiSection) -> Iterator[FileFinding]:
     if not asked:
         yield FileFinding("specification", None, "pi: no specification is stated, so none could be tested.")
     else:
-        yield _held(asked, found, pi.forced)
+        limited = (pi.low, pi.high, pi.rate) != (None, None, None)
+        yield _held(asked, found, pi.forced, " without limits of the command" if limited else "")
     further = (
         []
         if pi.specification is None
@@ -109,7 +139,7 @@ def _tried(model: DynamicsSection, pi: PiSection) -> Iterator[FileFinding]:
     yield from _as_stated(pi, found)
 
 
-def _held(asked: Mapping[str, float], found: Mapping[str, float], forced: str | None) -> FileFinding:
+def _held(asked: Mapping[str, float], found: Mapping[str, float], forced: str | None, free: str = "") -> FileFinding:
     missed = [
         f"{WORDS.get(name, name)} {found[name]:.4g} {'below' if name in LEAST else 'above'} the {limit:.4g} asked for"
         for name, limit in asked.items()
@@ -119,7 +149,7 @@ def _held(asked: Mapping[str, float], found: Mapping[str, float], forced: str | 
         figures_met = ", ".join(
             f"{WORDS.get(name, name)} {found[name]:.4g} ({limit:.4g})" for name, limit in asked.items()
         )
-        return FileFinding("specification", True, f"pi: the specification is met, recomputed: {figures_met}.")
+        return FileFinding("specification", True, f"pi: the specification is met, recomputed{free}: {figures_met}.")
     marked = f"; they are marked as forced: {forced.rstrip('.')}" if forced else ""
     return FileFinding("specification", None if forced else False, f"pi: the gains miss {', '.join(missed)}{marked}.")
 
