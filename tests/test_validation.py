@@ -319,6 +319,20 @@ def test_noise_does_not_refuse_the_true_structure_of_a_slow_plant(seed):
     assert max((level for level, _ in judged.reservations), default=0) < 2
 
 
+@pytest.mark.parametrize(("edges", "unseen"), [((500, 1000, 1500), False), ((500, 1500), True)])
+def test_steps_that_stand_at_the_edge_of_two_blocks_are_part_of_the_fit(edges, unseen):
+    """Steps at a quarter, half and three quarters: every fitted block was constant, the fit -122965907963550 %."""
+    u = np.zeros(2000)
+    for edge in edges:
+        u[edge:] = 1.0 - u[edge - 1]
+    y = PLANT.simulate(u) + 0.001 * np.random.default_rng(1).standard_normal(2000)
+    rec = Record(u=u, y=y, sample_time=0.02).centred()
+    judged = judge_handover(estimated(rec), rec, estimated)
+    assert bool(judged.unseen) is unseen
+    assert judged.structure.fit > 95
+    assert not unseen or "hardly changes in the samples that can be held out, or in the others" in judged.unseen
+
+
 def test_one_plant_does_not_change():
     rec = recorded(chirp(), 20, 3).centred()
     assert judge_handover(replace(estimated(rec), band=(0.1, 2.0)), rec, estimated).apart is None

@@ -36,8 +36,8 @@ Span = tuple[int, int]
 Estimate = Callable[[Record, Array | None], Model]  # of the same structure, from any record and additional regressors
 LITTLE = 0.05  # of the change of the input: samples with less do not validate a model
 UNCHANGED = (
-    "the input hardly changes in the samples that can be held out, so the model was validated on those that it was "
-    "fitted to: record a second run in which the input changes"
+    "the input hardly changes in the samples that can be held out, or in the others, so the model was validated "
+    "on those that it was fitted to: record a second run in which the input changes"
 )
 TOO_SHORT = "the estimation record, too short to hold out samples: record a second run"
 OWN_RECORD = (
@@ -153,7 +153,7 @@ def judge_handover(
     if not parts:
         return Handover(own, own, where, unseen=OWN_RECORD)
     (fitted, of_fitted), (other, of_other) = ((_joined(whole, part), _rows(additional, part)) for part in parts)
-    if _change(other) < LITTLE * _change(whole):
+    if min(_change(fitted), _change(other)) < LITTLE * _change(whole):
         return Handover(own, own, "the estimation record", unseen=UNCHANGED)
     try:
         trained = estimate(fitted, of_fitted)
@@ -185,7 +185,8 @@ def _split(rec: Record, states: int) -> tuple[tuple[list[Span], list[Span]] | tu
         return (), TOO_SHORT
     count = 6 if n // 6 >= max(BLOCK, 6 * states) else 3
     blocks = list(pairwise(k * n // count for k in range(count + 1)))
-    fitted = [block for k, block in enumerate(blocks) if k % 3 != 1]
+    ends = [0, *(edge for block in blocks[1::3] for edge in block), n]  # adjacent blocks are one: an edge between them
+    fitted = list(zip(ends[::2], ends[1::2], strict=True))
     named = " and ".join(f"{a + 1} to {b}" for a, b in blocks[1::3])
     return (fitted, blocks[1::3]), f"samples {named}, the same structure fitted to the others"
 
