@@ -37,7 +37,8 @@ def without_spikes(rec: Record, y_lags: int, least_lag: int = 0) -> tuple[Record
 
     The first samples of a segment have no innovations; their spikes are found in the reversed record. Those that begin
     with the very first sample are kept: where a machine at rest gets an input that is not zero, as at the start of a
-    chirp by cosine, the first samples respond to an input before the record, and only they do not fit the others. With
+    chirp by cosine, the first samples respond to an input before the record, and only they do not fit the others. After
+    a dead time they begin later, and are known by their values, which lie between those before and after them. With
     ``least_lag`` 1, in closed loop, the record is not reversed: the next u of a controller determines the present y.
     """
     clean, bad = _cleaned(rec, y_lags, np.ones(len(rec), dtype=bool), (SPIKE, SMALLEST), least_lag)
@@ -47,6 +48,7 @@ def without_spikes(rec: Record, y_lags: int, least_lag: int = 0) -> tuple[Record
             first[s.start : s.start + y_lags * len(U_LAGS)] = True
         back, early = _cleaned(_reversed(clean), y_lags, first[::-1], EARLY)
         early = _not_from_the_start(early[::-1], rec.stretches)
+        early &= ~_within_neighbours(rec.y, early)
         clean, bad = replace(clean, y=np.where(early, back.y[::-1], clean.y)), bad | early
     if bad.mean() > MOST_SPIKES:
         return rec, np.empty(0, dtype=np.intp), True
@@ -59,6 +61,17 @@ def _not_from_the_start(bad: Flags, stretches: tuple[slice, ...]) -> Flags:
     for s in stretches:
         kept[s] &= np.logical_or.accumulate(~bad[s])
     return kept
+
+
+def _within_neighbours(y: Array, bad: Flags) -> Flags:
+    """The samples of runs whose values lie between those before and after them: a response that begins, no spike."""
+    found, slack = np.zeros(len(bad), dtype=bool), EARLY[1] * float(np.std(y))
+    edges = np.flatnonzero(np.diff(bad, prepend=False, append=False))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        low, high = sorted((y[max(start - 1, 0)], y[min(stop, len(y) - 1)]))
+        part = y[start:stop]
+        found[start:stop] = bool((part > low - slack).all() and (part < high + slack).all())
+    return found
 
 
 def _cleaned(

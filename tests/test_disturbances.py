@@ -83,6 +83,16 @@ def test_a_command_that_begins_at_its_amplitude_leaves_no_spikes(gain, seed):
     assert disturbances(Record(u=u, y=y, sample_time=T)).found == ()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_command_that_begins_at_rest_leaves_no_spikes_after_a_dead_time(seed):
+    """A sum of sines about a level, from rest, with dead time: the start of the response had been replaced."""
+    t = 0.01 * np.arange(2000)
+    u = 5.0 + sum(0.4 * np.cos(2 * np.pi * 0.05 * k * t - np.pi * k * k / 40) for k in range(1, 41))
+    y = Model(b=[0.0] * 6 + [0.0516], a=[1.0, -0.9355], nk=6, sample_time=0.01).simulate(u)
+    rec = Record(u=u, y=y + 0.01 * np.random.default_rng(seed).standard_normal(2000), sample_time=0.01)
+    assert disturbances(rec).found == ()
+
+
 @pytest.mark.parametrize("at", [1, 15, 40])
 def test_a_step_at_the_start_of_a_record_is_identified_or_refused_with_a_reason(at):
     """The input is constant in all rows of the long regression, which then has no lag of it."""
