@@ -332,7 +332,7 @@ def check_loop(
         Estimates a discrete model, with noise independent of its poles, from any record.
     """
     if not found.found:
-        return LoopCheck(found)
+        return LoopCheck(found, reservations=_inverse_of_controller(model, found))
     f = np.geomspace(*band, FREQUENCIES)
     size, error = np.abs(model.response(f)), response_error(model, f)
     unsure = float(np.median(error / size))
@@ -359,6 +359,23 @@ def check_loop(
             "also mean a controller that was limited or switched"
         )
     return LoopCheck(found, other, largest, tuple(doubts), words)
+
+
+def _inverse_of_controller(model: Model, found: Feedback) -> tuple[tuple[int, str], ...]:
+    """Reservation about a response within the same sample against the static gain, where feedback is not decided."""
+    first, gain = float(model.b[0]), model.dc_gain
+    if found.state == "none" or model.nk > 0 or not first * gain < 0:
+        return ()
+    if model.cov_params is not None:
+        error = float(np.sqrt(model.cov_params[model.na, model.na]))
+        if abs(first) <= SIGNIFICANT * error:
+            return ()
+    words = (
+        f"{model.output} answers {model.input} within the same sample and against the static gain (b0 {first:.3g}, "
+        f"static gain {gain:.3g}), and feedback cannot be decided: this is minus the inverse of a controller rather "
+        "than a plant. State the reference of the controller (--reference), or record in open loop"
+    )
+    return ((DO_NOT_USE, words),)
 
 
 def _percentage(share: float) -> str:

@@ -175,6 +175,26 @@ def test_an_undecided_loop_is_listed_as_not_checked():
     assert "Closed loop" not in found.verdict.checked
 
 
+def test_the_inverse_of_the_controller_is_refused_where_feedback_is_not_decided():
+    """A lag behind a dead time, moved seldom: the model of the record was b0 -.5, "usable with reservations"."""
+    rng, x, total, load = np.random.default_rng(2), 0.0, 0.0, 0.0
+    r = np.repeat(np.random.default_rng(102).choice([1.0, 1.1, 0.9, 1.05, 0.95], 20), 100)
+    u, y, a = *np.zeros((2, 2000)), np.exp(-0.01 / 0.15)
+    for k in range(2000):
+        load = 0.98 * load + 0.004 * rng.standard_normal()
+        y[k] = x + load + 0.004 * rng.standard_normal()
+        total += 0.03 * (r[k] - y[k])
+        u[k] = 0.5 * (r[k] - y[k]) + total
+        x = a * x + (1 - a) * 0.8 * (u[k - 5] if k >= 5 else 0.0)
+    found = identify(Record(u=u, y=y, sample_time=0.01))
+    assert found.model.b[0] < -0.4
+    assert found.verdict.level == 2
+    assert "y answers u within the same sample and against the static gain (b0 -0.4" in found.verdict.reasons[0].lower()
+    named = identify(Record(u=u, y=y, sample_time=0.01, reference=r))
+    assert named.model.dc_gain == pytest.approx(0.75, abs=0.1)
+    assert named.verdict.level < 2
+
+
 def written(tmp_path, **columns):
     path = tmp_path / "production.csv"
     cells = np.column_stack(list(columns.values()))
