@@ -12,7 +12,8 @@ import numpy as np
 from ..core.arrays import Array, Ints
 from ..core.display import Display, Displayable
 from ..core.rounding import format_plain as plain
-from ..core.verdict import RESERVATIONS, USABLE
+from ..core.verdict import DO_NOT_USE, RESERVATIONS, USABLE
+from ..datasets.records.reading import clipped as runs_into
 from ..datasets.records.record import Record
 from .additive_disturbances import (
     additional_columns,
@@ -31,6 +32,7 @@ NARROW = 0.02  # of half the range of u: smaller dead zones and backlash are nam
 FEWEST_STEPS = 20  # of a quantised output over its range
 COARSE = 0.5  # standard deviation of the rounding per standard deviation of the innovations
 CHECKED = "Spikes, jumps, held readings, missing samples, drift, lines and nonlinearity"
+CLIPPED_TWICE = 2  # times that an output comes in with a slope and is held at its extreme: not by chance
 SHOWN = 6  # samples of spikes that are named
 
 
@@ -52,7 +54,7 @@ class Disturbance:
     sentence : str
         Description with what was done and what to do.
     level : int
-        Of the verdict: 0 named only, 1 reservations.
+        Of the verdict: 0 named only, 1 reservations, 2 do not use.
     """
 
     kind: str
@@ -162,7 +164,9 @@ def disturbances(rec: Record, *, closed: bool = False) -> Disturbances:
     if fit.rss <= EXACT * float(part.y @ part.y):
         return Disturbances(tuple(static), clean, remark="the record has no noise")
     drift, lines, whole = drift_and_lines(part, fit)
-    found = _static(spread(clean), order, least, lines, drift, whole if len(part) == len(rec) else None)
+    found = None
+    if all(item.level < DO_NOT_USE for item in static):  # a sensor at its end resembles backlash
+        found = _static(spread(clean), order, least, lines, drift, whole if len(part) == len(rec) else None)
     named = [
         *_of_spikes(rec, clean, replaced, heavy),
         *_of_jumps(clean, fit),
@@ -383,10 +387,11 @@ def _of_clipping(rec: Record) -> list[Disturbance]:
     found = clipped(rec.y)
     if found is None:
         return []
+    sure = runs_into(rec.y, found[0])[0] >= CLIPPED_TWICE
     value = found[0] + float(offsets_of(rec)[0, 1])
     place = f"{rec.output} {plain(value)}{_unit(rec.unit_y)}"
     words = (
         f"the output {rec.output} is held at {plain(value)}{_unit(rec.unit_y)} in {100 * found[1]:.0f} % of the "
-        "samples, the end of the range of its sensor, so that the gain is understated: use another range or amplitude"
+        "samples, the end of the range of its sensor, so that the model is wrong: use another range or amplitude"
     )
-    return [Disturbance("clipped output", value, rec.unit_y, place, words)]
+    return [Disturbance("clipped output", value, rec.unit_y, place, words, DO_NOT_USE if sure else RESERVATIONS)]

@@ -202,6 +202,24 @@ def test_a_quantised_and_a_clipped_output_are_named():
     assert "clipped output" in kinds(Record(u=rec.u, y=np.minimum(rec.y, limit), sample_time=T))
 
 
+def test_a_clipped_output_must_not_be_used_and_is_not_called_backlash():
+    """It was "usable with reservations" with a model that integrates and a backlash that the plant has not."""
+    rec = record(noise=0.01)
+    limit = float(np.quantile(rec.y, 0.9))
+    found = disturbances(Record(u=rec.u, y=np.minimum(rec.y, limit), sample_time=T))
+    assert [(item.kind, item.level) for item in found.found] == [("clipped output", 2)]
+
+
+@pytest.mark.parametrize(
+    "held", [lambda y: y.round(1), lambda y: np.maximum(y.round(2), 0.0)], ids=["coarse", "at zero"]
+)
+def test_a_quantised_output_that_settles_is_not_clipped(held):
+    u = np.repeat([0.0, 1.0, 0.0, 1.0, 0.0, 1.0], 250)
+    y = LAG.simulate(u) + 0.002 * np.random.default_rng(1).standard_normal(1500)
+    found = disturbances(Record(u=u, y=held(y), sample_time=T))
+    assert all(item.level < 2 for item in found.found)
+
+
 def test_records_that_cannot_be_tested_say_so():
     rec = record()
     assert "too few" in disturbances(rec.part(0, 100)).remark
