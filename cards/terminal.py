@@ -239,7 +239,7 @@ def _summary(found: "Identification") -> str:
     parts = (
         f"simulation fit {fit:.0f} % ({found.validated_on})" if math.isfinite(fit) else "",
         f"{rec.output} {ends} after a step of {rec.input}",
-        f"delay {model.nk * model.sample_time:.3g} s",
+        f"delay {found.dead_time:.3g} s" if found.dead_time else "no delay",
         f"noise {noise:.2g} {model.unit_y}".rstrip() if noise else "",
         f"valid from {low:.2g} to {high:.2g} Hz" if model.band else "",
     )

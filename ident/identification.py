@@ -117,6 +117,15 @@ class Identification(Plottable):
         return self.judged.where
 
     @property
+    def dead_time(self) -> float:
+        """Dead time of the plant, s: of its continuous form, else ``nk`` without the sample that holds the input."""
+        form = None if self.by_choice else self.form
+        named = {} if form is None else dict(zip(form.symbols, form.values, strict=True))
+        if "L" in named:
+            return float(named["L"])
+        return max(self.model.nk - 1, 0) * self.model.sample_time
+
+    @property
     def tried(self) -> pd.DataFrame:
         """One row per candidate: na, nb, nk, loss (mean square simulation error), fit (%), bic, structure, weight."""
         return self.search.table

@@ -110,7 +110,7 @@ def test_the_result_stands_above_the_details(run, german):
     assert code == 0
     first, _, details = out.partition(" Details ")
     assert f"Simulation fit {data['dynamics']['fit']:.0f} % (samples" in first
-    assert re.search(r"settles in \d\.\d+ s after a step of .*; delay 0\.02 s; noise 0\.00\d+ A; valid from", first)
+    assert re.search(r"settles in \d\.\d+ s after a step of .*; no delay; noise 0\.00\d+ A; valid from", first)
     assert "G(z) =" not in first
     assert "G(z) =" in details
 

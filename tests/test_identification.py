@@ -335,3 +335,12 @@ def test_a_gain_at_rest_below_the_excited_band_is_an_extrapolation():
         y = plant.simulate(u) + 1e-3 * np.random.default_rng(1).standard_normal(3000)
         reasons = identify(Record(u=u, y=y, sample_time=0.02)).verdict.reasons
         assert any("is an extrapolation: the input excites nothing below" in one for one in reasons) == doubted
+
+
+@pytest.mark.parametrize(("nk", "seconds"), [(1, 0.0), (4, 0.06)])
+def test_the_dead_time_is_without_the_sample_of_the_hold(nk, seconds):
+    """A plant without dead time had "delay 0.02 s" beside a continuous estimate of none."""
+    u = np.repeat(np.random.default_rng(1).standard_normal(100), 10)
+    y = Model(b=[0.0] * nk + [0.1], a=[1.0, -0.9], nk=nk, sample_time=0.02).simulate(u)
+    found = identify(Record(u=u, y=y + 0.01 * np.random.default_rng(2).standard_normal(1000), sample_time=0.02))
+    assert found.dead_time == pytest.approx(seconds, abs=0.002)

@@ -82,7 +82,11 @@ def _facts(d: DynamicsSection) -> tuple[FactPart, ...]:
     return (
         *fact("structure", NONE, _structure(d)),
         *fact("sample time", figure(d.sample_time, 6, "s")),
-        *fact("delay", count(d.nk, "samples" if d.nk != 1 else "sample")),
+        *fact(
+            "first response",
+            count(d.nk, "samples" if d.nk != 1 else "sample"),
+            f"after the command{f', dead time {(d.nk - 1) * d.sample_time:.4g} s or more' if d.nk > 1 else ''}",
+        ),
         *fact("static gain", figure(gain, 4, unit) if math.isfinite(gain) else INFINITE),
         *(fact("gain per second", figure(_rate_gain(d), 4, f"{unit}/s")) if d.integrating else ()),
         *fact("largest pole magnitude", figure(float(np.abs(d.poles).max(initial=0.0))), _stability(d)),
