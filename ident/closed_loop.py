@@ -201,7 +201,7 @@ def _found(rec: Record, causes: _Causes) -> Feedback:
         f"the past of {rec.input} leaves open (p {max(causes.p, 1e-99):.1g}). The model is estimated with its noise "
         "and with a delay of at least one sample; output error and measured frequency responses are biased. To confirm "
         f"it, read the reference of the controller too (--reference), or excite {rec.input} in open loop; where no "
-        "controller was active, the columns may be exchanged (--input, --output)",
+        "controller was active, the columns may be exchanged (--input, --output), or recorded with different clocks",
     )
 
 

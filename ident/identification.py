@@ -36,7 +36,7 @@ from .structure.candidates import Candidate
 from .structure.equation_noise import partialled
 from .structure.final_estimates import at_amplitude, estimated, mixture
 from .structure.fitted_form import FittedForm
-from .structure.structure_search import MOST_ORDER, Search, parts_of, search
+from .structure.structure_search import MOST_ORDER, Search, output_before_input, parts_of, search
 from .validation.amplitudes import AmplitudeTable
 from .validation.handover import Handover, arx_by_choice, judge_handover
 from .validation.model_validation import Validation, band_reservations, gain_reservations
@@ -315,11 +315,19 @@ def identify(
         judged=judge_handover(model, whole, estimate, held_out, additional),
         loop=check_loop(whole, model, band, loop, lambda part: estimated(part, independent, additional)),
         bias=None if loop.found else warn_of_bias(plain, chosen, band),
-        causality=None if loop.found else causality(whole),  # a controller has the same effect
+        causality=_swapped_or_early(whole, found, disturbed, loop),
         disturbances=disturbed,
         by_choice=arx_by_choice(plain, chosen, band) if by_arx else None,
         notes=(*whole.notes, *found.notes),
     )
+
+
+def _swapped_or_early(rec: Record, found: Search, disturbed: Disturbances, loop: Feedback) -> str | None:
+    """Clause on exchanged signals, or on an output before its input; a controller has the effect of both."""
+    if loop.found:
+        return None
+    early = loop.state == "none" and output_before_input(rec, found, disturbed.columns_of)
+    return causality(rec) or early or None
 
 
 def _cleaned(rec: Record) -> tuple[Disturbances, Feedback]:

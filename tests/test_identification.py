@@ -344,3 +344,19 @@ def test_the_dead_time_is_without_the_sample_of_the_hold(nk, seconds):
     y = Model(b=[0.0] * nk + [0.1], a=[1.0, -0.9], nk=nk, sample_time=0.02).simulate(u)
     found = identify(Record(u=u, y=y + 0.01 * np.random.default_rng(2).standard_normal(1000), sample_time=0.02))
     assert found.dead_time == pytest.approx(seconds, abs=0.002)
+
+
+@pytest.mark.parametrize("kind", ["sweep", "steps"])
+def test_an_output_that_precedes_the_command_is_refused(kind):
+    """Two clocks, 50 ms apart: a sweep was predicted by b = 24, -125, 279, ..., "usable with reservations"."""
+    t = 0.01 * np.arange(2008)
+    sweep = np.sin(2 * np.pi * (0.05 + 4.95 / 40 * t) * t)
+    u = sweep if kind == "sweep" else np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], 251), 8)
+    y = Model(b=[0.0, 0.0516], a=[1.0, -0.9355], nk=1, sample_time=0.01).simulate(u)
+    y += 0.01 * np.random.default_rng(2).standard_normal(2008)
+    early, sound = (Record(u=u[:2000], y=y[k : 2000 + k], sample_time=0.01) for k in (5, 0))
+    assert identify(sound).causality is None
+    found = identify(early)
+    if kind == "sweep":
+        assert found.causality.startswith("y responds at least 4 samples (0.04 s) before u changes")
+    assert found.verdict.level == 2

@@ -6,13 +6,14 @@ Orders na are 1 to 5, nb 1 to na + 1 and more where the criterion asks for it, d
 best lies at the end. Each candidate has a noise model of its own; `choice` holds criterion, penalty and weights.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from ...core.arrays import Array
+from ...core.errors import IdentError
 from ...datasets.records.record import Record
 from ..estimators.plant_and_noise import box_jenkins
 from ..responses.spectra import excited_band
@@ -40,6 +41,9 @@ CLOSE = 10.0  # of the criterion above the best: candidates whose neighbours are
 REFINED = 8  # candidates whose plant and noise model are fitted jointly
 EQUAL = 2.0  # of the criterion: no evidence (Kass & Raftery 1995, doi 10.1080/01621459.1995.10476572)
 MOST_SAMPLES, PARTS = 3200, 8  # of longer records so many parts with so many samples together are searched
+EARLY = 8  # samples by which an output is tried before its input
+DIFFERENCES, POOR = 5.0, 80.0  # sum of |b| over |b(1)|, and fit in %: a model that only differentiates, or fits badly
+BEYOND_DOUBT = 50.0  # of the criterion: a simpler model of an early output is better by more
 AS_GOOD = 6.0  # of the criterion: weights differ by a factor of 4
 
 
@@ -299,6 +303,40 @@ def _neighbours_of(one: Candidate) -> list[tuple[tuple[int, int, int], Array]]:
 def _least(found: Sequence[Candidate]) -> float:
     """Smallest criterion with its penalty; infinite without a candidate."""
     return min((one.total for one in found), default=np.inf)
+
+
+def output_before_input(rec: Record, found: Search, columns_of: Callable[[Record], Array | None]) -> str | None:
+    """Clause if the output responds to the input before it changes, otherwise None.
+
+    A model of a smooth input predicts it: many coefficients of alternating sign. Then, or where the fit is poor, models
+    of an output that is delayed by EARLY samples are searched; a simpler and far better one responds too early.
+    ``columns_of`` gives additional regressors of a record, or None.
+    """
+    best = found.chosen
+    differences = float(np.abs(best.b).sum()) > DIFFERENCES * abs(float(best.b.sum()))
+    if found.without or best.integrating or not (differences or found.fit(best) < POOR):
+        return None
+    long = [s for s in rec.stretches if s.stop - s.start > 10 * EARLY]
+    if not long:
+        return None
+    u = np.concatenate([rec.u[s.start + EARLY : s.stop] for s in long])
+    y = np.concatenate([rec.y[s.start : s.stop - EARLY] for s in long])
+    starts = tuple(int(k) for k in np.cumsum([0, *(s.stop - s.start - EARLY for s in long[:-1])]))
+    part = parts_of(Record(u=u, y=y, sample_time=rec.sample_time, starts=starts).centred())
+    try:
+        other = search(part, most_order=2, delays=range(EARLY), additional=columns_of(part))
+    except IdentError:
+        return None
+    early = other.chosen
+    better = found.chosen.total / found.n - early.total / other.n
+    if better * other.n < BEYOND_DOUBT or early.na + early.nb > best.na + best.nb:
+        return None
+    samples = EARLY - early.nk
+    return (
+        f"{rec.output} responds at least {samples} sample{'s' * (samples > 1)} ({samples * rec.sample_time:.3g} s) "
+        f"before {rec.input} changes: the two were recorded with different clocks, or {rec.input} was logged late. "
+        "Record both with one clock, or shift one of the columns"
+    )
 
 
 def parts_of(rec: Record) -> Record:
