@@ -381,6 +381,20 @@ def test_a_rate_that_misses_the_specification_is_a_reservation(loose, capsys):
     assert "limits of the command (" not in out
 
 
+def test_small_margins_are_a_reservation_unless_they_were_specified(file, capsys):
+    """An integral controller on a resonance was usable at a gain margin of 1.86; a deeper cut would oscillate."""
+    resonant = Model(b=[0.0, 0.035, 0.0346], a=[1.0, -1.9282, 0.963], nk=1, sample_time=0.01, unit_u="V", unit_y="A")
+    usable = {"level": "usable inside the tested region", "reasons": []}
+    pf = parameters.collect(tool="end mill", work="S45C", dynamics=resonant, simulated=True)
+    pf = sealed(pf, dynamics={**pf.dynamics.model_dump(), "verdict": usable})
+    parameters.write(pf, file, force=True)
+    _, out, _ = tune(capsys, "--rise", "1", "--settle", "3")
+    assert "The margins of the loop are small: maximum sensitivity 2." in out
+    assert "(usual: at most 2), gain margin 1." in out
+    _, out, _ = tune(capsys, "--rise", "1", "--settle", "3", "--ms", "3", "--force")
+    assert "margins of the loop are small" not in out
+
+
 def test_a_limit_that_no_verdict_knows_fails_the_check(loose, capsys):
     tune(capsys, "--rise", "1.5", "--settle", "4", "--nominal")
     pf = parameters.read(loose)

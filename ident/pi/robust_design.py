@@ -20,6 +20,7 @@ from .feasible_region import FeasibleMap
 from .figures_of_merit import specified_figures
 from .gain_search import Aim, aim_of
 from .gains import PiGains
+from .loop import FiguresOfMerit
 from .specification import LIMITS, Specification, figure_of
 
 SCREENED, PLANTS = 144, 60  # gains screened, and the number of plants used for it
@@ -30,6 +31,7 @@ STATED = 2000  # draws that state the probability: a Monte Carlo standard error 
 PICTURED = 100  # draws of the trade-off
 SURE = 2.0  # standard errors by which a chosen share exceeds the required probability
 CHOOSING, STATING, SHOWING = 0, 1, 2  # independent draws of one seed
+LARGEST_MS, LEAST_GAIN_MARGIN = 2.0, 2.0  # usual bounds, Astrom & Hagglund 2006: 1.4 to 2, and 2 to 5
 NORMAL = 1.959964  # two-sided 95 %
 SHOWN = 1.6  # times the limit on speed, shown in the trade-off
 STEEPEST = 2.5  # largest Ms shown
@@ -155,6 +157,31 @@ def reservations(held: Robustness | None, unknown: str, required: float | None =
         words = f"{held.left_out} draws of the model are unstable and were left out of the probability."
         found.append((RESERVATIONS, words))
     return found
+
+
+def beyond_band(figures: FiguresOfMerit, model: Model) -> list[tuple[int, str]]:
+    """Reservation where the loop works beyond the excited band."""
+    band, crossover = model.band, figures.crossover_hz
+    if band is None or not crossover > band[1]:
+        return []
+    words = (
+        f"The loop works up to {crossover:.3g} Hz, but the record excited the drive only up to {band[1]:.3g} Hz: "
+        "margins rest on an extrapolation of the model."
+    )
+    return [(RESERVATIONS, words)]
+
+
+def poor_margins(figures: FiguresOfMerit, specification: Specification) -> list[tuple[int, str]]:
+    """Reservation about small margins where the specification has no limit on them."""
+    given = any(getattr(specification, name) is not None for name in ("ms", "phase_margin", "gain_margin"))
+    if given or not figures.stable or (figures.ms <= LARGEST_MS and figures.gain_margin >= LEAST_GAIN_MARGIN):
+        return []
+    words = (
+        f"The margins of the loop are small: maximum sensitivity {figures.ms:.3g} (usual: at most {LARGEST_MS:g}), "
+        f"gain margin {figures.gain_margin:.3g} (usual: at least {LEAST_GAIN_MARGIN:g}). The gain of a cut varies in "
+        "proportion to its depth; add a limit, --ms or --gain-margin."
+    )
+    return [(RESERVATIONS, words)]
 
 
 def robustness(

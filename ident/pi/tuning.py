@@ -22,7 +22,9 @@ from .loop import FiguresOfMerit, loop_of
 from .robust_design import (
     Robustness,
     TradeOff,
+    beyond_band,
     plants_of,
+    poor_margins,
     reservations,
     robust_gains,
     robustness,
@@ -34,7 +36,8 @@ if TYPE_CHECKING:
     from ..identification import Identification
 
 CHECKED = ("Specification on the model", "Probability over the model uncertainty", "Unstable loops", "Excited band",
-           "Sign of the static gain", "Limits of the command")  # fmt: skip
+           "Sign of the static gain", "Limits of the command",
+           "Margins of the loop")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -115,7 +118,8 @@ class TunedPi(Plottable):
         found = [(DO_NOT_USE, f"The gains miss their specification: {words.rstrip('.')}.") for words in missed]
         found += [
             *reservations(self.robustness, self.unknown, self.probability),
-            *_of_band(self),
+            *beyond_band(self.figures, self.model),
+            *poor_margins(self.figures, self.specification),
             *_of_sign(self.model),
             *against_limits(self.limited, self.gains, self.specification, self.model.output),
             *_of_model(self.of_model),
@@ -199,18 +203,6 @@ class TunedPi(Plottable):
     def trade_off(self) -> TradeOff:
         """Speed, maximum sensitivity and probability of other gains."""
         return trade_off(self.map, self.gains, self.plants)
-
-
-def _of_band(tuned: TunedPi) -> list[tuple[int, str]]:
-    """Reservation where the loop works beyond the excited band."""
-    band, crossover = tuned.model.band, tuned.figures.crossover_hz
-    if band is None or not crossover > band[1]:
-        return []
-    words = (
-        f"The loop works up to {crossover:.3g} Hz, but the record excited the drive only up to {band[1]:.3g} Hz: "
-        "margins rest on an extrapolation of the model."
-    )
-    return [(RESERVATIONS, words)]
 
 
 def _of_sign(model: Model) -> list[tuple[int, str]]:
