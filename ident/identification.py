@@ -25,7 +25,7 @@ from ..datasets.records.record import Record, join_records
 from ..datasets.records.timing import DELAY_UNCERTAIN
 from .closed_loop import Feedback, LoopCheck, check_loop, checked_feedback, feedback
 from .estimators.bias_checks import causality, warn_of_bias
-from .estimators.input_checks import check_varies
+from .estimators.input_checks import check_not_proportional, check_varies
 from .estimators.least_squares import arx
 from .estimators.order_selection import OrderSearch, choose_order
 from .model import Model
@@ -280,6 +280,7 @@ def identify(
     """
     whole = without_short(rec if isinstance(rec, Record) else join_records(rec)).centred(trend)
     check_varies(whole)
+    check_not_proportional(whole)
     band = excited_band(whole)
     disturbed, loop = _cleaned(whole)
     whole = disturbed.record

@@ -360,3 +360,16 @@ def test_an_output_that_precedes_the_command_is_refused(kind):
     if kind == "sweep":
         assert found.causality.startswith("y responds at least 4 samples (0.04 s) before u changes")
     assert found.verdict.level == 2
+
+
+@pytest.mark.parametrize(("gain", "words"), [(1.0, "are the same signal in"), (2.5, "one signal, y = 2.5 u, in all")])
+def test_two_columns_of_one_signal_are_refused(gain, words):
+    """Rounding was tested as noise: residuals "depend on the command", a backlash, a closed loop."""
+    with pytest.raises(IdentError, match=words):
+        identify(Record(u=U, y=np.round(gain * U, 6), sample_time=0.02))
+
+
+def test_residuals_of_rounding_are_not_tested():
+    found = run()
+    judged = identify(Record(u=U, y=found.y.round(10), sample_time=0.02)).verdict
+    assert not any("depend" in reason for reason in judged.reasons)

@@ -14,6 +14,7 @@ from .regressors import r_of
 # leaves about 1e-16, the tenth lag of a slow chirp 1e-10.
 DEPENDENT = 1e-13
 PER_COEFFICIENT = 3  # samples; below it the noise variance is meaningless
+PROPORTIONAL = 1e-5  # of the largest value: the digits of a file; noise of a sensor is larger
 SINGULAR = 1e10  # condition number of columns of length 1: the published plant without noise has 2e4
 
 
@@ -56,6 +57,19 @@ def check_varies(rec: Record) -> None:
             raise IdentError(
                 f"{what} {name} does not vary ({level:g} throughout): the dynamics are not identifiable. {remedy}."
             )
+
+
+def check_not_proportional(rec: Record) -> None:
+    """Raise IdentError where the output is a multiple of the input in every sample, but for rounding."""
+    u, y = (np.concatenate([x[s] - x[s].mean() for s in rec.stretches]) for x in (rec.u, rec.y))
+    gain = float(u @ y) / float(u @ u)
+    if float(np.abs(y - gain * u).max()) > PROPORTIONAL * float(np.abs(y).max()):
+        return
+    same = "the same signal" if abs(gain - 1) < PROPORTIONAL else f"one signal, {rec.output} = {gain:.6g} {rec.input},"
+    raise IdentError(
+        f"input {rec.input} and output {rec.output} are {same} in all {len(rec)} samples: that is no response of a "
+        "machine. Check which columns were read (--input, --output), and that the sensor is recorded."
+    )
 
 
 def _varies(rec: Record, values: Array) -> bool:

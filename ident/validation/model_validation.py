@@ -206,7 +206,10 @@ def with_verdict(found: Validation, name: str, by_equation: bool) -> Validation:
         optimistic = f"the {nearest}-step-ahead fit of {found.k_step_fit[nearest]:.0f} % is optimistic"
         text += f"; {optimistic}"
         reservations.append((RESERVATIONS, f"{optimistic}, the simulation fit is {found.fit:.0f} %"))
-    if found.independence.pvalue < SIGNIFICANT:
+    left = float(np.std(found.y - found.yhat))
+    if left <= ROUNDED * float(np.std(found.y)):
+        text += "; residuals are rounding"
+    elif found.independence.pvalue < SIGNIFICANT:
         depend = f"{DEPEND} on {name} (p {found.independence.pvalue:.1g}): check orders, delay and nonlinearity"
         text += f"; {depend}"
         reservations.append((RESERVATIONS, depend))
@@ -258,6 +261,7 @@ def long_stretches(model: Model, rec: Record, steps: Sequence[int]) -> tuple[Rec
     return replace(rec, u=u, y=y, starts=starts, offsets=np.asarray(rec.offsets)[kept], reference=None), (remark,), rows
 
 
+ROUNDED = 1e-8  # of the standard deviation of y: residuals below are rounding, and are not tested
 RINGING = 0.1  # damping ratio below which a mode is remarked upon
 AT_ZERO = 1e-6  # radius of a pole that is a delay
 ALTERNATING = 0.3  # radius of a negative real pole that is remarked upon
