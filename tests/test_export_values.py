@@ -15,6 +15,7 @@ import pint
 import pytest
 from fitmodels.parameters.exports import VALUES
 from fitmodels.parameters.exports.view import export_view
+from fitmodels.parameters.file import sealed
 from scipy.io import loadmat
 
 Values = dict[str, float]
@@ -73,6 +74,8 @@ def meaning(pf) -> Values:
         **{f"dynamics_b{k}": value for k, value in enumerate(model.b)},
         **{f"dynamics_a{k}": value for k, value in enumerate(model.a)},
         "pi_kp": pi.kp, "pi_ki": pi.ki, "pi_sample_time": pi.sample_time, "pi_delay": pi.delay,
+        "pi_filter_time": pi.filter_time, "pi_average": pi.average, "pi_setpoint_weight": pi.setpoint_weight,
+        **{f"pi_{name}": value for name in ("low", "high", "rate", "tracking_time") if (value := getattr(pi, name))},
         **{f"law_i_{name.lower()}": value for name, value in law.coefficients.items()},
         "law_i_fm_low": feed.low, "law_i_fm_high": feed.high, "law_i_vb_low": wear.low, "law_i_vb_high": wear.high,
         "limits_force_value": pf.limits.force.value,
@@ -216,8 +219,11 @@ def struct_agrees(struct: dict, pf) -> bool:
         return False
     numbers = (plant["nk"], plant["Ts"], gains["Ts"], gains["Kp"], gains["Ki"], gains["filter_time"], gains["delay"])
     stated = (model.nk, model.sample_time, pi.sample_time, pi.kp * by, pi.ki * by, pi.filter_time, pi.delay)
+    units = {"low": by, "high": by, "rate": by, "tracking_time": 1.0, "setpoint_weight": 1.0}
+    set_up = {name: value for name in units if (value := getattr(pi, name)) is not None}
     return (
         np.allclose(numbers, stated, rtol=ROUNDING, atol=0)
+        and all(gains.get(name) == pytest.approx(value * units[name]) for name, value in set_up.items())
         and gains["average"] == pi.average
         and wrong_numbers(struct["quantities"], pf) == []
     )
@@ -251,3 +257,22 @@ def test_the_program_switches_adaptive_feed_off_for_rapids_and_on_for_the_cut(fu
         "M52 P0", "(fm - write G0", "M52 P1", "(fm - write G1"
     ]  # fmt: skip
     assert "cut with F 1003 mm/min, in G94 and G21" in text
+
+
+def test_limits_and_weight_of_the_gains_are_exported(full_file):
+    """Only kp, ki, sample time and delay were: a program ran the gains without what they were tuned for."""
+    set_up = {
+        "low": 1.0,
+        "high": 9000.0,
+        "rate": 4000.0,
+        "average": 4,
+        "setpoint_weight": 0.5,
+        "tracking_time": 2.0,
+    }
+    pf = sealed(full_file, pi={**full_file.pi.model_dump(), **set_up})
+    found = from_ini(content_of(pf, "ini"))
+    assert {name: found[f"pi_{name}"] for name in set_up} == set_up
+    assert "anti-windup" in str(content_of(pf, "ini"))
+    struct = loadmat(BytesIO(content_of(pf, "mat")), simplify_cells=True)["fitmodels"]
+    assert struct["pi"]["rate"] == pytest.approx(4000.0 / pf.pi.scaling_u)
+    assert struct["pi"]["anti_windup"] == pf.pi.anti_windup

@@ -77,13 +77,17 @@ def _pi(gains: TunedGains) -> dict[str, Any]:
     pi = PiGains(**asdict(gains))
     (C_num, C_den), (H_num, H_den) = _level(*pi.forward), _level(*pi.feedback)
     per = f"({gains.unit_u})/({gains.unit_y})"
+    limits = {"low": gains.low, "high": gains.high, "rate": gains.rate, "tracking_time": gains.tracking_time}
     return {
         "Kp": gains.kp, "Ki": gains.ki, "Ts": gains.sample_time, "form": gains.form, "integration": gains.integration,
         "delay": float(gains.delay), "filter_time": gains.filter_time, "average": float(gains.average),
-        "average_of": gains.average_of,
+        "average_of": gains.average_of, "setpoint_weight": gains.setpoint_weight, "anti_windup": gains.anti_windup,
+        **{name: value for name, value in limits.items() if value is not None},
         "C_num": C_num, "C_den": C_den, "H_num": H_num, "H_den": H_den,
         "unit_Kp": per, "unit_Ki": f"{per}/s", "unit_Ts": "s", "unit_delay": "samples", "unit_filter_time": "s",
-        "unit_average": "samples", "unit_C_num": per, "unit_C_den": "1", "unit_H_num": "1", "unit_H_den": "1",
+        "unit_average": "samples", "unit_low": gains.unit_u, "unit_high": gains.unit_u,
+        "unit_rate": f"({gains.unit_u})/s", "unit_tracking_time": "s", "unit_setpoint_weight": "1",
+        "unit_C_num": per, "unit_C_den": "1", "unit_H_num": "1", "unit_H_den": "1",
     }  # fmt: skip
 
 

@@ -147,6 +147,17 @@ def _of_pi(pf: ParameterFile) -> Found:
     yield "pi_ki", pi.ki, f"{gain}/s", f"ki as tuned, form {pi.form}, {pi.integration} sum"
     yield "pi_sample_time", pi.sample_time, "s", "sample time the gains were tuned for"
     yield "pi_delay", pi.delay, "1", "samples from measurement to command in force"
+    yield "pi_filter_time", pi.filter_time, "s", "low-pass of the measurement, 0 for none"
+    yield "pi_average", pi.average, "1", f"samples of the moving average of the {pi.average_of}, 1 for none"
+    yield "pi_setpoint_weight", pi.setpoint_weight, "1", "share of the reference in the proportional part"
+    unit, windup = pi.unit_u or "1", f"anti-windup {pi.anti_windup}"
+    limits = (
+        ("low", pi.low, unit, f"lowest command, {windup}"),
+        ("high", pi.high, unit, f"highest command, {windup}"),
+        ("rate", pi.rate, f"{unit}/s", f"largest change of the command, {windup}"),
+        ("tracking_time", pi.tracking_time, "s", f"of the {windup}"),
+    )
+    yield from ((f"pi_{name}", value, unit, words) for name, value, unit, words in limits if value is not None)
 
 
 def _of_laws(pf: ParameterFile) -> Found:

@@ -60,6 +60,12 @@ class TunedGains:
     average_of: str
     unit_u: str
     unit_y: str
+    low: float | None  # limits of the command, plant.unit_u, and of its change per second
+    high: float | None
+    rate: float | None
+    anti_windup: str
+    tracking_time: float | None  # s
+    setpoint_weight: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,11 +262,13 @@ def _gains(pf: ParameterFile) -> TunedGains | None:
     if pi is None:
         return None
     by = pi.scaling_y / pi.scaling_u  # of the dynamics' units
+    low, high, rate = (None if value is None else value / pi.scaling_u for value in (pi.low, pi.high, pi.rate))
     unit_u, unit_y = (pi.unit_u, pi.unit_y) if model is None else (model.unit_u, model.unit_y)
     return TunedGains(
         kp=pi.kp * by, ki=pi.ki * by, sample_time=pi.sample_time, form=pi.form, integration=pi.integration,
         delay=pi.delay, filter_time=pi.filter_time, average=pi.average, average_of=pi.average_of,
-        unit_u=plain_unit(unit_u), unit_y=plain_unit(unit_y),
+        unit_u=plain_unit(unit_u), unit_y=plain_unit(unit_y), low=low, high=high, rate=rate,
+        anti_windup=pi.anti_windup, tracking_time=pi.tracking_time, setpoint_weight=pi.setpoint_weight,
     )  # fmt: skip
 
 
