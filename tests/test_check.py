@@ -691,3 +691,26 @@ def test_the_command_names_what_is_no_parameter_file(tmp_path, capsys, content, 
         path.write_text(content)
     assert main(["check", str(path)]) == code
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("section", "change", "words"),
+    [
+        ("dynamics", {"held_out_fit": 188.5}, "held_out_fit is 188.5 %, and a fit is at most 100 %"),
+        ("dynamics", {"own_fit": 188.5}, "own_fit is 188.5 %, and a fit is at most 100 %"),
+        ("dynamics", {"held_out_fit": -99.0}, "held_out_fit is -99 %, which does not allow 'usable"),
+        ("dynamics", {"own_fit": -99.0}, "own_fit is -99 %, which does not allow 'usable"),
+        ("dynamics", {"unit_u": "mm/s"}, "which are units of one dimension: 60"),
+        ("pi", {"unit_u": "kW"}, "the command is in 'kW', and the feed limits of the file in mm/min"),
+    ],
+)
+def test_one_value_that_cannot_be_beside_the_others_fails(section, change, words):
+    """Each of these, sealed again, passed."""
+    pf = published("CLM-2023")
+    usable = {"level": "usable inside the tested region", "reasons": []}
+    pf = sealed(pf, dynamics={**pf.dynamics.model_dump(), "verdict": usable, "held_out_fit": 98.0, "own_fit": 98.0})
+    gains = {"kp": 644.7, "ki": 7291.6, "form": "position", "average": 1, "setpoint_weight": 1.0, "scaling_u": 1533.0}
+    pf = sealed(pf, pi={**gains, "sample_time": pf.dynamics.sample_time, "unit_u": "mm/min", "unit_y": "A"})
+    assert not any(words in f.words for f in parameters.check(pf).failed)
+    changed = sealed(pf, **{section: {**getattr(pf, section).model_dump(), **change}})
+    assert any(words in finding.words for finding in parameters.check(changed).failed)

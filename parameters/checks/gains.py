@@ -8,7 +8,9 @@ from ...core.text import shortened
 from ...core.verdict import LEVELS, USABLE, level_of_probability
 from ...datasets.units import canonical
 from ..file import ParameterFile
+from ..messages import in_unit
 from ..sections.dynamics import DynamicsSection, PiSection
+from ..sections.load_line import is_feed
 from .loop_figures import closed_loop, figures
 from .report import FileFinding
 
@@ -49,7 +51,7 @@ def check_gains(pf: ParameterFile) -> Iterator[FileFinding]:
     if model is None:
         yield FileFinding("gains", None, "pi: the file has no dynamics, so the gains could not be tested.")
         return
-    stop = _fit_together(model, pi)
+    stop = _fit_together(model, pi) or _no_feed(pf, model, pi)
     if stop:
         yield FileFinding("gains", False, stop)
         return
@@ -100,7 +102,14 @@ def _fit_together(model: DynamicsSection, pi: PiSection) -> str:
         ("scaling_u", pi.scaling_u, pi.unit_u, model.unit_u),
         ("scaling_y", pi.scaling_y, pi.unit_y, model.unit_y),
     ):
-        if ours and theirs and scaling == 1 and (canonical(ours) or ours) != (canonical(theirs) or theirs):
+        same = (canonical(ours) or ours) == (canonical(theirs) or theirs)
+        factor = None if same or not (ours and theirs) else in_unit(1.0, theirs, ours)
+        if factor is not None and not np.isclose(factor, scaling, rtol=1e-6, atol=0):
+            return (
+                f"pi: {name} is {scaling:g} from {theirs[:40]!r} of the dynamics to {ours[:40]!r} of the gains, which "
+                f"are units of one dimension: {factor:g}. Correct the unit, or tune again."
+            )
+        if ours and theirs and scaling == 1 and not same:
             return (
                 f"pi: the gains are in {ours[:40]!r} and the dynamics in {theirs[:40]!r}, and {name} is 1: state how "
                 "many of the first make one of the second."
@@ -108,6 +117,17 @@ def _fit_together(model: DynamicsSection, pi: PiSection) -> str:
     if model.b[0] != 0 and pi.delay == 0:
         return "pi: neither dynamics nor gains have a sample of delay, which makes an algebraic loop."
     return ""
+
+
+def _no_feed(pf: ParameterFile, model: DynamicsSection, pi: PiSection) -> str:
+    """Sentence on a command, scaled from that of the dynamics, that is no feed as the limits of the file; or empty."""
+    line = pf.load_line
+    if line is None or not pi.unit_u or pi.unit_u == model.unit_u or is_feed(pi.unit_u):
+        return ""
+    return (
+        f"pi: the command is in {pi.unit_u[:40]!r}, and the feed limits of the file in {line.unit_feed}; tune "
+        f"again with --unit {line.unit_feed}."
+    )
 
 
 def _tried(model: DynamicsSection, pi: PiSection) -> Iterator[FileFinding]:

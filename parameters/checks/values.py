@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.text import shortened
+from ...core.verdict import RESERVATIONS, USABLE
 from ...datasets.units import is_unit, same_dimension, suggest
 from ...datasets.vocabulary import ROLES, fits
 from ..file import ParameterFile
@@ -27,6 +28,7 @@ SUMMED = 1e-6  # relative: a scatter is that of the sums of the rows
 LIFE_AGREES = 1e-4  # relative: a tool life is solved from its law
 EXACT = 1e-6  # scatter of a law of exact data: rounding
 SMEARED = 10.0  # times the variance of the scatter: mean factors of exp(residual) reach half of it
+POOR_FIT = 50.0  # per cent of the own record: below, ident says do not use
 SURE = 2.0  # standard errors between the static gain and zero
 
 
@@ -41,6 +43,7 @@ def check_estimates(pf: ParameterFile) -> Iterator[FileFinding]:
             if law.reason is None:
                 yield _gate(shortened(name), law)
     if pf.dynamics is not None:
+        yield from _fits(pf.dynamics)
         yield from _dynamics(pf.dynamics)
 
 
@@ -112,6 +115,21 @@ def _gate(name: str, law: LawPosterior) -> FileFinding:
     if failed:
         return FileFinding("posterior", False, f"posterior.{name}: {'; '.join(failed)}; draw again.")
     return FileFinding("posterior", True, f"posterior.{name}: the convergence checks pass.")
+
+
+def _fits(model: DynamicsSection) -> Iterator[FileFinding]:
+    """Findings on stated fits that cannot be, or that the verdict does not allow."""
+    verdict = model.verdict
+    for name, fit, least, allowed in (
+        ("held_out_fit", model.held_out_fit, 0.0, USABLE),
+        ("own_fit", model.own_fit, POOR_FIT, RESERVATIONS),
+    ):
+        if fit is not None and fit > 100:
+            words = f"dynamics: {name} is {fit:.4g} %, and a fit is at most 100 %; identify again."
+            yield FileFinding("fit", False, words)
+        elif fit is not None and fit < least and verdict is not None and verdict.concern <= allowed:
+            words = f"dynamics: {name} is {fit:.4g} %, which does not allow {verdict.level!r}; identify again."
+            yield FileFinding("fit", False, words)
 
 
 def _dynamics(model: DynamicsSection) -> Iterator[FileFinding]:
