@@ -35,6 +35,7 @@ LAGS = np.array([1, 2, 4, 7, 11, 16, 22, 30, 40, 55])  # of g: dense near, wide 
 FALSE_ALARM = 1e-3  # of all candidates together; with 1e-4 a dead zone of 20 % is named in .78 of records, not .83
 WIDTHS = (0.05, 0.1, 0.2, 0.35)  # of dead zone and backlash, of half the range of u
 SURE, SMALL_OFFSET = 3.0, 0.05  # standard errors; of the range of the output: smaller offsets are not judged
+USUAL_POWER = (0.5, 0.9)  # of the feed in a cutting force: 1 - m of Kienzle, m .1 to .5
 OFFSET, LARGE_OFFSET = 0.15, 0.3  # of the larger mean: an offset named, and one that no usual cut has
 LEVELS = (0.5, 0.7, 0.85)  # of saturation, of half the range of u from its middle
 REFINED = 8  # evaluations of the width or level
@@ -301,13 +302,20 @@ def off_proportion(rec: Record, inverse_gain: float, error: float) -> Iterator[t
     if share <= OFFSET or abs(offset) <= uncertain:
         return
     unit = f" {rec.unit_y}".rstrip()
+    power = by_gain / y if y else 0.0  # of u in a force that is a power of it: the local gain over the mean ratio
+    alternative = (
+        f", or the {rec.output} rises as {rec.input}^{power:.2g} (Kienzle's law: then deduct nothing, the gain holds "
+        "near this mean only)"
+        if USUAL_POWER[0] <= power <= USUAL_POWER[1]
+        else ""
+    )
     yield (
         DO_NOT_USE if share > LARGE_OFFSET else RESERVATIONS,
         f"The {rec.output} is not proportional to the {rec.input}: at a mean of {u:.4g} {rec.unit_u or '1'} it is "
         f"{y:.4g}{unit}, and by the estimated gain {by_gain:.4g}{unit}. {offset:+.4g}{unit} at no {rec.input} are the "
-        "zero of the sensor, an edge force, or a command recorded as a deviation. A control takes both as "
-        "proportional, so that its feeds are wrong: deduct the offset from force and set points, in the control too, "
-        "or record both from their zeros.",
+        f"zero of the sensor, an edge force, or a command recorded as a deviation{alternative}. A control takes both "
+        "as proportional, so that its feeds are wrong: deduct the offset from force and set points, in the control "
+        "too, or record both from their zeros.",
     )
 
 

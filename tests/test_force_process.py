@@ -191,6 +191,7 @@ def test_a_force_that_is_not_proportional_to_the_feed_is_a_doubt(share, level):
     if level:
         assert f"{offset:+.2g}"[:2] in fit.verdict.reasons[0]
         assert "not proportional to the f_r" in fit.verdict.reasons[0]
+        assert ("or the F rises as f_r^0.8" in fit.verdict.reasons[0]) == (share == 0.2)
     assert not force_process_fit(moved.centred(), proportional=False).doubts
 
 

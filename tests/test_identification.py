@@ -12,6 +12,7 @@ from fitmodels.ident import Model, identify
 from fitmodels.ident.continuous import ContinuousModel, sampled
 from fitmodels.ident.static_nonlinearity import backlash
 from fitmodels.ident.structure.final_estimates import rescored
+from fitmodels.ident.validation.model_validation import plausibility_remarks
 from scipy.signal import lfilter
 
 pytestmark = pytest.mark.slow
@@ -373,3 +374,9 @@ def test_residuals_of_rounding_are_not_tested():
     found = run()
     judged = identify(Record(u=U, y=found.y.round(10), sample_time=0.02)).verdict
     assert not any("depend" in reason for reason in judged.reasons)
+
+
+def test_a_response_that_does_not_settle_is_stated_without_inf():
+    ringing = Model(b=[0.0, 0.1], a=[1.0, -1.2, 0.9999999999], nk=1, sample_time=0.02)
+    (words, *_) = plausibility_remarks(ringing, 20.0)
+    assert words.startswith("the step response does not settle, and the longest segment lasts 20 s")

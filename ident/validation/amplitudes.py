@@ -142,7 +142,10 @@ def with_amplitudes(found: "Identification", records: Sequence[Record]) -> "Iden
 
     named = [disturbances(rec.centred(), closed=found.loop.feedback.found) for rec in records]
     runs = [(one.record, estimated(one.record, found.chosen, one.columns)) for one in named]
-    return replace(found, amplitudes=gain_over_amplitude(runs))
+    advice = "; record runs of several amplitudes"  # which these are
+    items = tuple(replace(item, sentence=item.sentence.partition(advice)[0]) for item in found.disturbances.found)
+    disturbed = replace(found.disturbances, found=items)
+    return replace(found, amplitudes=gain_over_amplitude(runs), disturbances=disturbed)
 
 
 def _compared(rec: Record, size: Array, gains: Array, errors: Array, f: Array) -> AmplitudeTable:

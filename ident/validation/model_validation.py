@@ -3,6 +3,7 @@
 The simulation is decisive: one step ahead, even a model that repeats the last sample does well.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -290,9 +291,10 @@ def plausibility_remarks(model: Model, longest: float) -> tuple[str, ...]:
     remarks = []
     settling = 0.0 if model.integrating else settling_time(model)
     if settling > longest:
+        ends = f"settles in {settling:.3g} s but" if math.isfinite(settling) else "does not settle, and"
         remarks.append(
-            f"the step response settles in {settling:.3g} s but the longest segment lasts {longest:.3g} s: its "
-            f"static gain ({model.dc_gain:.4g}) is an extrapolation"
+            f"the step response {ends} the longest segment lasts {longest:.3g} s: its static gain "
+            f"({model.dc_gain:.4g}) is an extrapolation"
         )
     for p in model.poles[(np.abs(model.poles) > AT_ZERO) & (model.poles != 1)]:
         s = np.log(p) / model.sample_time
