@@ -263,16 +263,12 @@ FOLLOWING = {  # what is done after a command
     "settings": "ident", "ident": "tune", "tune": "check", "check": "export", "limits": "costs", "costs": "optimum",
     "export": "card",
 }  # fmt: skip
+HELD = (("", "the measured load"), ("yes", "deviations from a load in the cut"))
 SIGNALS = (
     Input("input", "commanded column", "--input {}", default="found by its name"),
     Input("output", "measured column", "--output {}", default="found by its name"),
     Input("rate", "samples per second", "--rate {}", default="by the column of times"),
-    Input(
-        "deviations",
-        "the record holds",
-        "--deviations",
-        choices=(("", "the measured load"), ("yes", "deviations from a load in the cut")),
-    ),
+    Input("deviations", "the record holds", "--deviations", choices=HELD),
     Input("time", "column of times", "--time {}", is_rare=True),
     Input("sample-time", "seconds between samples", "--sample-time {}", is_rare=True),
     Input("resample", "resample uneven samples to, Hz", "--resample {}", is_rare=True),

@@ -266,6 +266,12 @@ def test_names_that_a_program_wrote_as_numbers_are_whole_numbers(read):
     assert read("edge,V,VB\n1.0,100,0.1\n2.0,150,0.2\n,200,0.3\n").labels("edge")[:2].tolist() == ["1", "2"]
 
 
+@pytest.mark.parametrize("header", ["machine", "Charge Nr", "Ecke", "Nr"])
+def test_other_names_that_look_like_numbers_stay_as_written(read, header):
+    runs = read(f"{header},V,VB\n1E0,100,0.1\n1E1,150,0.2\n10,200,0.3\n")
+    assert runs.labels(header).tolist() == ["1E0", "1E1", "10"]
+
+
 def test_a_name_of_another_role_is_a_number_when_it_is_mapped(read):
     runs = read("Nr,V,VB\n02.50,100,0.1\n05.00,150,0.2\n", map={"t": "Nr"})
     assert runs.values("t").tolist() == [2.5, 5.0]

@@ -29,6 +29,11 @@ _EDGE_WORDS = ("edge", "schneid", "arête", "filo")  # in names that can mean no
 _NUMBER_WORDS = frozenset(
     ("no", "nr", "num", "number", "nummer", "id", "numero", "numéro", "número", "n°", "nº", "n", "#")
 )
+BLOCK = re.compile(  # names of columns of blocks: nuisance levels that shift all tests cut in them
+    r"\s*+(?:test )?(?:block|day|date|shift|batch|lot|heat|operator|machine|lathe|bar|blank|series|session|setup"
+    r"|Tag|Datum|Schicht|Charge|Los|Bediener|Maschine|Serie|Stange|jour|équipe|lot|coulée|opérateur|día|turno|lote"
+    r"|colada|máquina|operario)\s*+(?:no\.?|nr\.?|number|id|#)?\s*+", flags=re.IGNORECASE
+)  # fmt: skip
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 _GRID = re.compile(r"(?:[A-Za-z][1-8]|\d+(?:\s*[-/._]\s*|\s+)(?:\d+|[A-Za-z])|\d+[A-Za-z])")
 
@@ -43,9 +48,9 @@ def label_test(mapping: Mapping[str, str], others: Collection[str] = ()) -> Call
 
     ``mapping`` gives the column of some roles, ``others`` are headers of further columns of names.
 
-    >>> test = label_test({"t": "Nr"}, ["batch"])
-    >>> [test(1, header, "") for header in ("Werkstoff", "Schneide", "Nr", "No", "batch", "VB [mm]", "drill [mm]")]
-    [True, True, False, True, True, False, False]
+    >>> test = label_test({"t": "Nr"}, ["grade"])
+    >>> [test(1, header, "") for header in ("Werkstoff", "No", "machine", "Nr", "grade", "VB [mm]", "drill [mm]")]
+    [True, True, True, False, True, False, False]
     """
     roles = {header.strip(): role for role, header in mapping.items()}
 
@@ -58,7 +63,8 @@ def label_test(mapping: Mapping[str, str], others: Collection[str] = ()) -> Call
             return True
         role = given or role_of(parts.name, canonical(text) if text else None)
         if role is None:
-            return not is_unit(text) and bool(meant_by(parts.name))
+            names_something = bool(meant_by(parts.name)) or BLOCK.fullmatch(parts.name) is not None
+            return names_something and not is_unit(text or parts.name)
         return role in ROLES and ROLES[role].kind == "label"
 
     return is_label

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Array, Flags, Ints, Texts
 from ...core.rounding import format_plain, join_words, label_of
 from ...datasets import Runs
+from ...datasets.edges.columns import BLOCK
 from ...datasets.notes import conditions_of_file
 from ...datasets.units import is_unit
 from ...datasets.vocabulary import ROLES, WEAR, fits
@@ -40,11 +41,6 @@ NEEDED: Mapping[str | None, tuple[str, ...]] = {
 STAND_INS: Mapping[str, tuple[str, ...]] = {"V": ("n",), "f": ("fz", "fm"), "t": ("lf", "lc")}
 DRILLS = ("D", "Dc")  # a diameter in place of a depth: the process may be drilling
 TESTED = ("V", "f", "fz", "fm", "d", "ae", "n", "t", "D", "Dc", "z", "re")  # are set; others are measured
-BLOCK = re.compile(  # names of columns of blocks: nuisance levels that shift all tests cut in them
-    r"\s*+(?:test )?(?:block|day|date|shift|batch|lot|heat|operator|machine|lathe|bar|blank|series|session|setup"
-    r"|Tag|Datum|Schicht|Charge|Los|Bediener|Maschine|Serie|Stange|jour|équipe|lot|coulée|opérateur|día|turno|lote"
-    r"|colada|máquina|operario)\s*+(?:no\.?|nr\.?|number|id|#)?\s*+", flags=re.IGNORECASE
-)  # fmt: skip
 LEAST = np.log(1.05)  # spread of a column, given the factors, below which it is a rounding or a copy of them
 MOST_LEVELS = 7  # of a column without a role: a setting of the plan, not a measurement
 KNOWN = 0.9  # share of the rows in which a column has a value

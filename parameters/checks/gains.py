@@ -1,14 +1,15 @@
-"""Checks of the gains on the dynamics of the file: stable, of the right sign, within their specification."""
+"""Checks of the dynamics of a file and of its gains on them: stable, of the right sign, within their specification."""
 
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from ...core.text import shortened
-from ...core.verdict import LEVELS, USABLE, level_of_probability
+from ...core.verdict import LEVELS, RESERVATIONS, USABLE, level_of_probability
 from ...datasets.units import canonical
 from ..file import ParameterFile
 from ..messages import in_unit
+from ..sections.base import ModelCovariance
 from ..sections.dynamics import DynamicsSection, PiSection
 from ..sections.load_line import is_feed
 from .loop_figures import closed_loop, figures
@@ -31,6 +32,92 @@ WORDS = {
     "integral_time": "integral time",
     "steady_error": "steady-state error",
 }
+
+
+POOR_FIT = 50.0  # per cent of the own record: below, ident says do not use
+SURE = 2.0  # standard errors between the static gain and zero
+
+
+def _fits(model: DynamicsSection) -> Iterator[FileFinding]:
+    """Findings on stated fits that cannot be, or that the verdict does not allow."""
+    verdict = model.verdict
+    for name, fit, least, allowed in (
+        ("held_out_fit", model.held_out_fit, 0.0, USABLE),
+        ("own_fit", model.own_fit, POOR_FIT, RESERVATIONS),
+    ):
+        if fit is not None and fit > 100:
+            words = f"dynamics: {name} is {fit:.4g} %, and a fit is at most 100 %; identify again."
+            yield FileFinding("fit", False, words)
+        elif fit is not None and fit < least and verdict is not None and verdict.concern <= allowed:
+            words = f"dynamics: {name} is {fit:.4g} %, which does not allow {verdict.level!r}; identify again."
+            yield FileFinding("fit", False, words)
+
+
+def check_dynamics(model: DynamicsSection) -> Iterator[FileFinding]:
+    """Findings on the fits, the stability and the static gain of a model."""
+    yield from _fits(model)
+    with np.errstate(all="ignore"):
+        radius = float(np.abs(model.poles).max(initial=0.0))
+        gain = model.dc_gain
+    if model.integrating:
+        yield from _integrator(model)
+        return
+    if not model.stable:
+        yield FileFinding("dynamics", False, f"dynamics: not stable, a pole at radius {radius:.6g}; identify again.")
+        return
+    yield FileFinding("dynamics", True, f"dynamics: stable, every pole within radius {radius:.6g}.")
+    if not np.isfinite(gain) or gain == 0:
+        yield FileFinding(
+            "dynamics", False, f"dynamics: the static gain is {gain:g}, so no controller can hold a load."
+        )
+        return
+    se = _gain_se(model)
+    unit = f" {model.unit_y}/{model.unit_u}" if model.unit_u and model.unit_y else ""
+    if se is not None and abs(gain) < SURE * se:
+        words = f"dynamics: the static gain, {gain:.4g}{unit}, has a standard error of {se:.2g}: its sign is not known"
+        yield FileFinding("dynamics", False, f"{words}; identify from a longer record or with more amplitude.")
+        return
+    known = "" if se is None else f", {abs(gain) / se if se else np.inf:.3g} standard errors from zero"
+    yield FileFinding("dynamics", True, f"dynamics: the static gain is {gain:.4g}{unit}{known}.")
+
+
+def _integrator(model: DynamicsSection) -> Iterator[FileFinding]:
+    """Findings on a model with one pole at exactly 1."""
+    inner = model.without_integrator()
+    radius, gain, se = float(np.abs(inner.poles).max(initial=0.0)), inner.dc_gain, _gain_se(model)
+    words = "dynamics: integrating, one pole at 1"
+    words += f" and every other within radius {radius:.6g}." if len(inner.a) > 1 else "."
+    yield FileFinding("dynamics", True, words)
+    gain, se = gain / model.sample_time, None if se is None else se / model.sample_time
+    unit = f" {model.unit_y}/({model.unit_u} s)" if model.unit_u and model.unit_y else " per second"
+    if gain == 0 or (se is not None and abs(gain) < SURE * se):
+        words = f"dynamics: the output rises by {gain:.4g}{unit}, standard error {se or 0:.2g}: its sign is not known"
+        yield FileFinding("dynamics", False, f"{words}; identify from a longer record or with more amplitude.")
+        return
+    known = "" if se is None else f", {abs(gain) / se if se else np.inf:.3g} standard errors from zero"
+    yield FileFinding("dynamics", True, f"dynamics: for a constant input the output rises by {gain:.4g}{unit}{known}.")
+
+
+def _gain_slope(name: str, gain: float, *, integrating: bool) -> float:
+    """Derivative of b(1)/a(1) by a coefficient, times a(1)."""
+    if not name.startswith("a"):
+        return 1.0
+    # a(1) without the pole at 1 is -sum k a_k: the derivative of a(z) at z = 1
+    return -gain * (-float(name[1:]) if integrating else 1.0)
+
+
+def _gain_se(model: DynamicsSection) -> float | None:
+    """Standard error of b(1)/a(1), of an integrating model without its pole at 1, by the delta method."""
+    held = model.uncertainty
+    if not isinstance(held, ModelCovariance):
+        return None
+    inner = model.without_integrator() if model.integrating else model
+    below, gain, slope = float(np.sum(inner.a)), inner.dc_gain, np.zeros(len(held.of))
+    for k, name in enumerate(held.of):
+        slope[k] = _gain_slope(name, gain, integrating=model.integrating) / below
+    with np.errstate(all="ignore"):
+        variance = float(slope @ np.array(held.matrix) @ slope)
+    return float(np.sqrt(variance)) if np.isfinite(variance) and variance >= 0 else None
 
 
 STEP = 0.1  # of the reference load: a step that a tuned loop meets
