@@ -275,6 +275,12 @@ ODD = {
     "one edge": ("a.csv", table([("E1", *r) for r in ROWS], ("edge", *HEADER))),
     "a column of dates": ("a.csv", with_column(lambda i, r: f"2024-03-{i + 1:02d}", "date")),
     "old line ends": ("a.csv", table(end="\r")),
+    "a spread beside the number": ("a.csv", with_column(lambda i, r: f"{r[4]} ± 0.01")),
+    "a spread in plain letters": ("a.csv", with_column(lambda i, r: f"{r[4]} +/- 3 %")),
+    "a spread in a German file": (
+        "a.csv",
+        table([(*map(str, r[:4]), f"{r[4]}±0.02") for r in ROWS], mark=";").replace(".", ","),
+    ),
     "a sep line": ("a.csv", "sep=;\n" + table(mark=";")),
 }
 
@@ -294,6 +300,18 @@ def test_an_odd_file_is_read_as_the_plain_one(tmp_path, usual, case):
 def test_rows_left_out_are_counted_and_named(tmp_path, cell, reason):
     _, pair = facts(tmp_path, table() + f"100,0.2,1,2,{cell}\n")
     assert wear_law(pair)["dropped_rows"] == [{"reason": reason, "count": 1, "lines": [14]}]
+
+
+def test_a_spread_that_is_not_used_is_said(tmp_path):
+    understood, _ = facts(tmp_path, with_column(lambda i, r: f"{r[4]} ± 0.01"))
+    said = "AW: the number before ± is read, and the spread after it is not used ('0.2853 ± 0.01' and 11 more)"
+    assert said in understood["assumed"]
+
+
+def test_a_spread_is_the_only_number_with_a_decimal_mark(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("V;AW\n100;0,21 ± 0,01\n200;0,34 ± 0,02\n", encoding="utf-8")
+    assert datasets.read_table(path).column("AW").values.tolist() == [0.21, 0.34]
 
 
 def test_what_was_mended_is_said(tmp_path):

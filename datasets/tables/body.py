@@ -9,7 +9,7 @@ from ...core.errors import DataError
 from ...core.rounding import count
 from ..doubts import Doubt
 from .layout import WEAK_FOOTERS, Layout, footer_label, is_text_line
-from .numerals import Cell, Decimal, Evidence, parse_number
+from .numerals import Cell, Decimal, Evidence, number_and_rest, parse_number
 from .row_widths import SHARE, may_be_inside, remarks_only, shifted
 
 BLOCK = 2_000  # rows converted at once: more leave the processor's cache and take twice the time
@@ -39,6 +39,7 @@ class Findings:
     errors: list[tuple[str, int, str]] = field(default_factory=list)  # column, line and text of errors of formulas
     absent: list[tuple[str, int, str]] = field(default_factory=list)  # the same of cells such as "n.b."
     between: list[tuple[int, str]] = field(default_factory=list)  # line and text of notes among the rows
+    assumed: list[str] = field(default_factory=list)  # how cells of a number and more are read
 
     def add_short(self, line: int, row: Sequence[Cell], layout: Layout) -> None:
         """Note a row with fewer cells than the header."""
@@ -248,7 +249,7 @@ def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, li
         evidence.add(block.lines, [() if i in body.labels else cells for i, cells in enumerate(block.columns)])
         if evidence.decided or decimal is not None:
             break
-    chosen = decimal or _majority(body, evidence)
+    chosen = decimal or (_majority(body, evidence) if evidence.counts else _beside_words(body))
     thousands = max(evidence.thousands[chosen].items(), key=lambda item: item[1], default=("", 0))[0]
     other = "comma" if chosen == "point" else "point"
     warnings = []
@@ -261,6 +262,16 @@ def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, li
             f"{_column(body, number)}: {text.strip()!r}."
         )
     return chosen, thousands, warnings
+
+
+def _beside_words(body: Body) -> Decimal:
+    """The decimal mark of numbers that a spread or a unit follows, for a table without any other number with a mark."""
+    evidence = Evidence()
+    for block in body.blocks(Findings()):
+        columns = [() if i in body.labels else cells for i, cells in enumerate(block.columns)]
+        evidence.add(block.lines, [[number_and_rest(str(cell))[0] for cell in cells] for cells in columns])
+        break
+    return "comma" if evidence.counts["comma"] > evidence.counts["point"] else "point"
 
 
 def _majority(body: Body, evidence: Evidence) -> Decimal:

@@ -15,13 +15,16 @@ from .body import Body, Findings
 from .invisible import visible
 from .numerals import (
     NOT_MEASURED,
+    SPREAD,
     Cell,
     Decimal,
     Mark,
     are_plain_labels,
     is_missing,
     is_word,
+    number_and_rest,
     one_group,
+    parse_number,
     plain_floats,
     read_mark,
     strict_floats,
@@ -141,6 +144,8 @@ class _Gathering:
     grouped: list[tuple[int, int, str]] = field(default_factory=list)  # row, line and text of "1,234"
     errors: list[tuple[int, str]] = field(default_factory=list)  # line and text of "#DIV/0!"
     absent: list[tuple[int, str]] = field(default_factory=list)  # line and text of "n.b."
+    is_measured: bool = False  # cells of a number and a spread are read
+    spreads: list[str] = field(default_factory=list)  # "0.21 ± 0.01"
 
     @property
     def is_numeric(self) -> bool:
@@ -166,6 +171,7 @@ class _Gathering:
             self.absent += ((lines[i], text) for i, text in absent.items())
             self.filled -= len(absent)
             bad = [i for i in bad if i not in absent]
+            bad = self._with_more(cells, values, bad, decimal) if self.is_measured else bad
         self.bad_count += len(bad)
         self.bad += [(lines[i], str(cells[i]).strip()) for i in bad[: _LISTED - len(self.bad)]]
         if len(self.errors) < _LISTED and self.texts[-1] is None:
@@ -173,6 +179,16 @@ class _Gathering:
             self.errors += ((lines[i], text) for i in missing if _is_error(text := str(cells[i]).strip()))
         self.floats.append(values)
         self.n_rows += len(cells)
+
+    def _with_more(self, cells: tuple[Cell, ...], values: Array, bad: list[int], decimal: Decimal) -> list[int]:
+        """Read cells of a number and a spread, in place; returns the places of the others."""
+        found = {text: number_and_rest(text) for text in {str(cells[i]) for i in bad}}
+        numbers = {text: parse_number(number, decimal) for text, (number, rest) in found.items() if rest == SPREAD}
+        read = {i: value for i in bad if (value := numbers.get(str(cells[i]))) is not None}
+        for i, value in read.items():
+            values[i] = value
+            self.spreads.append(str(cells[i]).strip())
+        return [i for i in bad if i not in read]
 
     def add_numbers(self, values: Array, cells: tuple[Cell, ...], decimal: Decimal) -> None:
         self.filled += len(values)
@@ -215,7 +231,8 @@ def gather_columns(
     [False, True]
 
     """
-    gatherings = [_Gathering(i in body.labels) for i in range(len(body.layout.names))]
+    places = range(len(body.layout.names))
+    gatherings = [_Gathering(i in body.labels, is_measured=i not in body.labels) for i in places]
     lines: list[NDArray[np.int64]] = []
     findings = Findings()
     for block in stretches(body, findings, decimal):
@@ -238,6 +255,8 @@ def gather_columns(
     findings.errors = [(name, *one) for g, name in zip(gatherings, names, strict=True) for one in g.errors]
     numeric = ((g, name) for g, name in zip(gatherings, names, strict=True) if g.is_numeric)
     findings.absent = [(name, *one) for g, name in numeric for one in g.absent]
+    findings.assumed = [_of_spreads(name, g.spreads) for g, name in zip(gatherings, names, strict=True)
+                        if g.is_numeric and g.spreads]  # fmt: skip
     columns = tuple(_columns(body, gatherings, doubts))
     return columns, np.concatenate(lines), findings, (*findings.doubts(body.layout), *doubts)
 
@@ -260,6 +279,12 @@ def _columns(body: Body, gatherings: list[_Gathering], doubts: list[Doubt]) -> I
         else:
             texts = again[i] if i in again else np.concatenate([text for text in g.texts if text is not None])
             yield Column(i + 1, name, unit, texts, False)
+
+
+def _of_spreads(name: str, cells: Sequence[str]) -> str:
+    """Sentence on the cells of a column that hold a number and its spread."""
+    more = f" and {len(cells) - 1} more" if len(cells) > 1 else ""
+    return f"{visible(name)}: the number before ± is read, and the spread after it is not used ({cells[0]!r}{more})"
 
 
 def _without_wrong_groups(name: str, values: Array, grouped: list[tuple[int, int, str]]) -> list[Doubt]:

@@ -82,6 +82,11 @@ def _marked() -> re.Pattern[str]:
     return re.compile(_MARKED_NUMBER, re.IGNORECASE)
 
 
+_AMOUNT = re.compile(r"(?P<number>[+\-−]?\d[\d.,'’ \u00a0\u2009\u202f]*+(?:[eE][+-]?\d++)?+)(?P<rest>[^\d\s.,'’].*+)")
+_SPREAD = re.compile(r"(?:±|\+/?[-−])\s*+[\d.,]++(?:[eE][+-]?\d++)?+\s*+%?")
+SPREAD = "±"
+
+
 def _grammar(mark: str, other: str) -> re.Pattern[str]:
     plain = rf"(?:\d++(?:{mark}\d*+)?+|{mark}\d++)(?:[eE][+-]?\d++)?+"
     grouped = rf"[1-9]\d{{0,2}}(?P<mark>[{other}{_NEUTRAL_GROUPS}])\d{{3}}(?:(?P=mark)\d{{3}})*(?:{mark}\d*)?"
@@ -371,3 +376,15 @@ def read_mark(text: str, decimal: Decimal) -> Mark | None:
     sign = match["before"] or "*"
     plain = sign.strip("=")[:1]
     return Mark(_SIGNS.get(plain, "~"), value, match["unit"] or "", text)
+
+
+def number_and_rest(text: str) -> tuple[str, str]:
+    """The text of a number and what follows it, ``±`` for a spread; both empty for any other text.
+
+    >>> number_and_rest("120 m/min"), number_and_rest("0.21 +/- 0.01"), number_and_rest("E1")
+    (('120', 'm/min'), ('0.21', '±'), ('', ''))
+    """
+    match = _AMOUNT.fullmatch(text.strip())
+    if match is None:
+        return "", ""
+    return match["number"].strip(), SPREAD if _SPREAD.fullmatch(match["rest"]) else match["rest"]

@@ -202,6 +202,7 @@ def read_table(
         notes=tuple(text for _, text in sorted([*notes, *named], key=itemgetter(0))),
         warnings=(*warnings, *realigned, *doubts, *average_sentences(averages), *findings.sentences()),
         dialect=Dialect(encoding, written, point, thousands, layout.header_line > 0),
+        assumed=tuple(findings.assumed),
         doubts=cell_doubts,
         sheets=titles[:1],
         other_sheets=titles[1:],
