@@ -46,6 +46,7 @@ def measured(n=12, seed=0):
 
 
 ROWS = measured()
+UNITS = ("m/min", "mm/rev", "mm", "min", "mm")
 
 
 def table(rows=ROWS, header=HEADER, mark=",", end="\n"):
@@ -125,10 +126,12 @@ BAD = {
     "inf": ("a.csv", table(with_cell(2, 4, "inf")), 3, ["'AW'", "line 4: 'inf'"]),
     "a unit in one cell": ("a.csv", table(with_cell(4, 4, "0.25 mm")),
                            3, ["line 6: '0.25 mm'", "number alone", "AW [mm]"]),
-    "a unit in every cell": ("a.csv", with_column(lambda i, r: f"{r[4]} mm"),
-                             3, ["mm'", "number alone", "AW [mm]"]),
+    "two units in the cells": ("a.csv", with_column(lambda i, r: f"{r[4]} mm" if i else "285.3 µm"),
+                               3, ["line 2: '285.3 µm'", "number alone", "AW [mm]", "--leave-out 'lines 2'"]),
+    "another unit in every cell": ("a.csv", with_column(lambda i, r: f"{r[4]} mm").replace("AW", "AW [in]"),
+                                   3, ["mm'", "number alone"]),
     "per cent in every cell": ("a.csv", with_column(lambda i, r: f"{100 * r[4]:.1f} %"),
-                               3, ["%'", "number alone"]),
+                               3, ["'AW'", "its unit is %"]),
     "yes and no": ("a.csv", with_column(lambda i, r: "yes" if i % 2 else "no"),
                    3, ["'AW'", "holds text", "--map AW=none"]),
     "dates as time": ("a.csv", with_time(lambda i: f"2024-03-{i + 1:02d}"), 3,
@@ -275,6 +278,11 @@ ODD = {
     "one edge": ("a.csv", table([("E1", *r) for r in ROWS], ("edge", *HEADER))),
     "a column of dates": ("a.csv", with_column(lambda i, r: f"2024-03-{i + 1:02d}", "date")),
     "old line ends": ("a.csv", table(end="\r")),
+    "a unit in every cell": ("a.csv", with_column(lambda i, r: f"{1000 * r[4]:g} µm")),
+    "a unit in every cell of every column": (
+        "a.csv",
+        table([tuple(map(" ".join, zip(map(str, r), UNITS, strict=True))) for r in ROWS]),
+    ),
     "a spread beside the number": ("a.csv", with_column(lambda i, r: f"{r[4]} ± 0.01")),
     "a spread in plain letters": ("a.csv", with_column(lambda i, r: f"{r[4]} +/- 3 %")),
     "a spread in a German file": (

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 from ...core.errors import DataError
 from ...core.rounding import count
 from ..doubts import Doubt
+from .header_rows import Words, no_units
 from .layout import WEAK_FOOTERS, Layout, footer_label, is_text_line
 from .numerals import Cell, Decimal, Evidence, number_and_rest, parse_number
 from .row_widths import SHARE, may_be_inside, remarks_only, shifted
 
 BLOCK = 2_000  # rows converted at once: more leave the processor's cache and take twice the time
 _PHRASE = re.compile(r"[-=*#_~>]{2,}|[^\W\d]\S*\s+\S+\s+\S")  # dashes, or three words and more
+_NO_WORDS = Words(no_units, no_units)
 TAIL = 200  # rows held back, among which footer and remarks are looked for
 
 
@@ -119,6 +121,7 @@ class Body:
     delimiter: str
     left_out: frozenset[int] = frozenset()  # lines of averages
     labels: frozenset[int] = frozenset()  # places, from 0, of columns of names, also where these are numbers
+    words: Words = _NO_WORDS
 
     def blocks(self, findings: Findings) -> Iterator[RowBlock]:
         """Iterate over the data in blocks of at most 2000 rows, noting what is met.

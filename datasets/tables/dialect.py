@@ -3,14 +3,14 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, islice
 
 from ...core.errors import DataError, UsageError
 from .decode import encoding_name, text_lines
-from .numerals import Decimal, is_missing, is_number
+from .numerals import Decimal, is_missing, is_number, number_and_rest
 from .worksheet import FORMATS
 
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|", "space": " ", "\\t": "\t"}
@@ -197,11 +197,11 @@ def guess_delimiter(lines: Sequence[str]) -> str:
     >>> [guess_delimiter(lines) for lines in (["V;f", "1,5;2,5"], ["V  f", "1,5  2,5"], ["V", "1"])]
     [';', ' ', '']
     """
-    for candidates in (";\t|", ", "):
-        trials = [trial for mark in candidates if (trial := _try(lines, mark)) is not None]
-        if trials:
-            return max(trials, key=lambda trial: trial[:2])[2]
-    return ""
+    found = _best(lines, ";\t|", is_number) or _best(lines, ", ", is_number)
+    if found is None or not found[0]:
+        beside_units = _best(lines, ";\t|,", _is_amount)
+        found = beside_units if beside_units is not None and beside_units[0] else found
+    return found[2] if found is not None else ""
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
@@ -245,12 +245,23 @@ def _sample(data: bytes, encoding: str) -> list[str]:
     return table if len(table) > 1 else kept
 
 
-def _try(lines: Sequence[str], delimiter: str) -> tuple[bool, float, str] | None:
+def _is_amount(cell: str) -> bool:
+    """Whether a cell holds a number and more: its unit or spread."""
+    return bool(number_and_rest(cell)[0])
+
+
+def _best(lines: Sequence[str], delimiters: str, is_value: Callable[[str], bool]) -> tuple[bool, float, str] | None:
+    """The trial of the delimiter that leaves most, None where none splits the lines."""
+    trials = (trial for mark in delimiters if (trial := _try(lines, mark, is_value)) is not None)
+    return max(trials, key=lambda trial: trial[:2], default=None)
+
+
+def _try(lines: Sequence[str], delimiter: str, is_value: Callable[[str], bool]) -> tuple[bool, float, str] | None:
     """(Whether a text row has the width of the numbers, share of numbers in all lines, delimiter) of the lines."""
     if delimiter != " " and delimiter not in "".join(lines):
         return None
     rows = _split_lines(lines, delimiter)
-    asked = {cell: is_number(cell) for cell in set(chain.from_iterable(row for row in rows if len(row) > 1))}
+    asked = {cell: is_value(cell) for cell in set(chain.from_iterable(row for row in rows if len(row) > 1))}
     numbers = [sum(map(asked.__getitem__, row)) if len(row) > 1 else 0 for row in rows]
     first = next((i for i, row in enumerate(rows) if len(row) > 1 and numbers[i]), None)
     if first is None:

@@ -1,5 +1,6 @@
 """Blocks of cells -> columns of numbers or of text."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,6 +13,7 @@ from ...core.errors import DataError
 from ...core.rounding import label_of
 from ..doubts import Doubt
 from .body import Body, Findings
+from .header_rows import Test, fits_header, no_units
 from .invisible import visible
 from .numerals import (
     NOT_MEASURED,
@@ -32,6 +34,7 @@ from .numerals import (
 from .plain import NumberBlock, stretches
 
 _LISTED = 40  # bad cells kept per column
+_SAME = {"\u03bcm": "\u00b5m"}  # the Greek letter, and the sign of micro
 _NEAR = 3.0  # factor within which a number lies among the others of its column
 
 
@@ -126,6 +129,17 @@ def column_of_texts(number: int, name: str, cells: Sequence[str]) -> Column:
     return Column(number, name, "", np.concatenate(g.floats), True, tuple(g.bad), g.bad_count, tuple(g.marks))
 
 
+@dataclass(frozen=True, slots=True)
+class _Amount:
+    """A cell of a number and more: its block and row there, its line and text, and its unit or ±."""
+
+    block: int
+    row: int
+    line: int
+    text: str
+    rest: str
+
+
 @dataclass(slots=True)
 class _Gathering:
     """One column while its blocks come in; text is kept of blocks where most cells are no numbers.
@@ -144,8 +158,9 @@ class _Gathering:
     grouped: list[tuple[int, int, str]] = field(default_factory=list)  # row, line and text of "1,234"
     errors: list[tuple[int, str]] = field(default_factory=list)  # line and text of "#DIV/0!"
     absent: list[tuple[int, str]] = field(default_factory=list)  # line and text of "n.b."
-    is_measured: bool = False  # cells of a number and a spread are read
-    spreads: list[str] = field(default_factory=list)  # "0.21 ± 0.01"
+    is_unit: Test | None = None  # None: cells of a number and more are not read
+    amounts: list[_Amount] = field(default_factory=list)
+    unit: str = ""  # that each cell repeats
 
     @property
     def is_numeric(self) -> bool:
@@ -171,7 +186,7 @@ class _Gathering:
             self.absent += ((lines[i], text) for i, text in absent.items())
             self.filled -= len(absent)
             bad = [i for i in bad if i not in absent]
-            bad = self._with_more(cells, values, bad, decimal) if self.is_measured else bad
+            bad = self._with_more(cells, values, bad, lines, decimal) if self.is_unit else bad
         self.bad_count += len(bad)
         self.bad += [(lines[i], str(cells[i]).strip()) for i in bad[: _LISTED - len(self.bad)]]
         if len(self.errors) < _LISTED and self.texts[-1] is None:
@@ -180,15 +195,52 @@ class _Gathering:
         self.floats.append(values)
         self.n_rows += len(cells)
 
-    def _with_more(self, cells: tuple[Cell, ...], values: Array, bad: list[int], decimal: Decimal) -> list[int]:
-        """Read cells of a number and a spread, in place; returns the places of the others."""
-        found = {text: number_and_rest(text) for text in {str(cells[i]) for i in bad}}
-        numbers = {text: parse_number(number, decimal) for text, (number, rest) in found.items() if rest == SPREAD}
-        read = {i: value for i in bad if (value := numbers.get(str(cells[i]))) is not None}
-        for i, value in read.items():
-            values[i] = value
-            self.spreads.append(str(cells[i]).strip())
-        return [i for i in bad if i not in read]
+    def _with_more(
+        self, cells: tuple[Cell, ...], values: Array, bad: list[int], lines: list[int], decimal: Decimal
+    ) -> list[int]:
+        """Read cells of a number and a spread or unit, in place; returns the places of the others."""
+        read = {text: found for text in {str(cells[i]) for i in bad} if (found := self._amount(text, decimal))}
+        for i in (i for i in bad if str(cells[i]) in read):
+            text = str(cells[i])
+            values[i], rest = read[text]
+            self.amounts.append(_Amount(len(self.floats), i, lines[i], text.strip(), rest))
+        return [i for i in bad if str(cells[i]) not in read]
+
+    def _amount(self, text: str, decimal: Decimal) -> tuple[float, str] | None:
+        number, rest = number_and_rest(text)
+        if self.is_unit is None or not (rest == SPREAD or (rest and self.is_unit(rest))):
+            return None
+        value = parse_number(number, decimal)
+        return None if value is None else (value, _SAME.get(rest, rest))
+
+    def settle(self, name: str, unit_cell: str) -> list[str]:
+        """Take the unit that each cell repeats as that of the column, and state how cells of more are read.
+
+        Cells of another unit, and all with a unit where some have none or the header names another, are no numbers.
+        """
+        rests = Counter(one.rest for one in self.amounts if one.rest != SPREAD)
+        unit = rests.most_common(1)[0][0] if rests else ""
+        each = rests.total() == self.filled - len(self.marks) and fits_header(unit, name, unit_cell)
+        self._take_back([one for one in self.amounts if one.rest != SPREAD and not (each and one.rest == unit)])
+        spreads = [one.text for one in self.amounts if one.rest == SPREAD]
+        if not self.is_numeric:
+            return []
+        said = []
+        if each and unit:
+            self.unit = unit
+            said.append(f"{name}: {unit}, which each cell repeats, is taken as the unit of the column")
+        if spreads:
+            more = f" and {len(spreads) - 1} more" if len(spreads) > 1 else ""
+            what = "the number before ± is read, and the spread after it is not used"
+            said.append(f"{name}: {what} ({spreads[0]!r}{more})")
+        return said
+
+    def _take_back(self, wrong: Sequence[_Amount]) -> None:
+        """Count cells as no numbers after all."""
+        for one in wrong:
+            self.floats[one.block][one.row] = np.nan
+        self.bad_count += len(wrong)
+        self.bad = sorted([*self.bad, *((one.line, one.text) for one in wrong)])[:_LISTED]
 
     def add_numbers(self, values: Array, cells: tuple[Cell, ...], decimal: Decimal) -> None:
         self.filled += len(values)
@@ -231,8 +283,7 @@ def gather_columns(
     [False, True]
 
     """
-    places = range(len(body.layout.names))
-    gatherings = [_Gathering(i in body.labels, is_measured=i not in body.labels) for i in places]
+    gatherings = [_gathering(body, i) for i in range(len(body.layout.names))]
     lines: list[NDArray[np.int64]] = []
     findings = Findings()
     for block in stretches(body, findings, decimal):
@@ -243,6 +294,8 @@ def gather_columns(
             continue
         for gathering, cells in zip(gatherings, block.columns, strict=True):
             gathering.add(cells, block.lines, decimal)
+    heads = list(zip(gatherings, map(visible, body.layout.names), body.layout.unit_cells, strict=True))
+    findings.assumed = [said for g, name, unit in heads for said in g.settle(name, unit)]
     if not any(gathering.is_numeric and gathering.filled for gathering in gatherings):
         raise DataError(
             f"{body.name} has no numeric column: in each of {', '.join(map(repr, body.layout.names))} "
@@ -255,10 +308,15 @@ def gather_columns(
     findings.errors = [(name, *one) for g, name in zip(gatherings, names, strict=True) for one in g.errors]
     numeric = ((g, name) for g, name in zip(gatherings, names, strict=True) if g.is_numeric)
     findings.absent = [(name, *one) for g, name in numeric for one in g.absent]
-    findings.assumed = [_of_spreads(name, g.spreads) for g, name in zip(gatherings, names, strict=True)
-                        if g.is_numeric and g.spreads]  # fmt: skip
     columns = tuple(_columns(body, gatherings, doubts))
     return columns, np.concatenate(lines), findings, (*findings.doubts(body.layout), *doubts)
+
+
+def _gathering(body: Body, place: int) -> _Gathering:
+    """An empty column; units in its cells are looked for below the name of a known quantity."""
+    if place in body.labels:
+        return _Gathering(is_label=True)
+    return _Gathering(is_unit=body.words.is_unit if body.words.is_name(body.layout.names[place]) else no_units)
 
 
 def _columns(body: Body, gatherings: list[_Gathering], doubts: list[Doubt]) -> Iterator[Column]:
@@ -268,7 +326,7 @@ def _columns(body: Body, gatherings: list[_Gathering], doubts: list[Doubt]) -> I
     for i, (g, name, unit) in enumerate(zip(gatherings, layout.names, layout.unit_cells, strict=True)):
         if not name and not unit and not g.filled:
             continue  # an empty column between the others or next to them
-        name, unit = visible(name) or f"col{i + 1}", visible(unit)
+        name, unit = visible(name) or f"col{i + 1}", visible(g.unit or unit)
         if g.is_numeric and (names := g.as_written()) is not None:
             yield Column(i + 1, name, unit, names, False, tuple(g.bad), g.bad_count)
         elif g.is_numeric:
@@ -279,12 +337,6 @@ def _columns(body: Body, gatherings: list[_Gathering], doubts: list[Doubt]) -> I
         else:
             texts = again[i] if i in again else np.concatenate([text for text in g.texts if text is not None])
             yield Column(i + 1, name, unit, texts, False)
-
-
-def _of_spreads(name: str, cells: Sequence[str]) -> str:
-    """Sentence on the cells of a column that hold a number and its spread."""
-    more = f" and {len(cells) - 1} more" if len(cells) > 1 else ""
-    return f"{visible(name)}: the number before ± is read, and the spread after it is not used ({cells[0]!r}{more})"
 
 
 def _without_wrong_groups(name: str, values: Array, grouped: list[tuple[int, int, str]]) -> list[Doubt]:

@@ -14,6 +14,9 @@ _DASHES = ("-", "--", "–", "—")
 _FEW = 2  # cells that make a row of the head
 _MOST_ABOVE = 2  # rows of group names above the names
 
+_TIMES = re.compile(r"(?:h|hrs?|hours?|m|mins?|minutes?|s|sec|sek|seconds?|['′\"″]+)\.?", re.IGNORECASE)
+_UNIT_IN_HEADER, _BETWEEN = re.compile(r"[\[(,/]|\bin\b"), re.compile(r"[\s\[\](),]+")
+
 Test = Callable[[str], bool]
 
 
@@ -249,3 +252,13 @@ def _worth(
     repeated = sum(count - 1 for count in Counter(given).values())
     units = sum(bool(unit or _unit_in([name], words)) for name, unit in zip(names, unit_cells, strict=True))
     return len(known), named, -repeated, units
+
+
+def fits_header(unit: str, name: str, unit_cell: str) -> bool:
+    """Whether the unit in the cells of a column is that of its header, or the header has none; no times, as of a clock.
+
+    >>> fits_header("mm", "VB", ""), fits_header("um", "VB [mm]", ""), fits_header("min", "t", "")
+    (True, False, False)
+    """
+    words = _BETWEEN.split(f"{name} {unit_cell}")
+    return not _TIMES.fullmatch(unit) and (unit in words or not (unit_cell or _UNIT_IN_HEADER.search(name)))

@@ -8,7 +8,7 @@ from itertools import islice
 
 from ...core.errors import DataError
 from .header_rows import SampleRow, Words, is_units_row, no_units, read_head
-from .numerals import Cell, is_missing, is_number
+from .numerals import SPREAD, Cell, is_missing, is_number, number_and_rest
 
 SAMPLE = 500  # rows looked at to find header and data
 _TOP = 30  # rows among which one may count the columns
@@ -87,6 +87,8 @@ def find_layout(
 
     """
     sample = list(islice((row for row in map(_look, rows) if row is not None), SAMPLE))
+    if not any(row.numbers for row in sample):
+        sample = [row._replace(numbers=sum(_has_unit(cell, is_unit) for cell in row.cells)) for row in sample]
     numbering = next((i for i in range(1, min(len(sample), _TOP)) if _numbers_columns(sample[i - 1], sample[i])), None)
     counts = 0 if numbering is None else sample.pop(numbering).line
     weights: Counter[int] = Counter()
@@ -165,6 +167,12 @@ def _kind(cell: Cell) -> int:
     if is_number(cell):
         return _NUMBER
     return _MARK if isinstance(cell, str) and is_missing(cell) else _TEXT
+
+
+def _has_unit(cell: Cell, is_unit: Callable[[str], bool]) -> bool:
+    """Whether a cell holds a number and its unit or spread."""
+    rest = number_and_rest(str(cell))[1]
+    return rest == SPREAD or (bool(rest) and is_unit(rest))
 
 
 def _no_numbers(sample: Sequence[SampleRow], name: str) -> DataError:

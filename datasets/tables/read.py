@@ -186,7 +186,7 @@ def read_table(
     if isinstance(source, TextSource):
         mark = source.delimiter
         layout, realigned = aligned(source, layout, path.name, mark)
-    body = Body(path.name, source, layout, mark, labels=_labels(layout, is_label))
+    body = Body(path.name, source, layout, mark, labels=_labels(layout, is_label), words=words)
     point, thousands, doubts = weigh_decimal(body, decimal)
     columns, lines, findings, cell_doubts = gather_columns(body, point)
     averages = average_rows(columns, lines, body)
