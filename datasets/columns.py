@@ -10,8 +10,9 @@ from ..core.arrays import Array, Texts
 from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import closest, did_you_mean
-from .headers import parse_header
+from .headers import parse_header, unrecognised
 from .tables import STOPPED, Column, is_number, rows_to_leave_out
+from .tables.numerals import fraction
 from .units import canonical, convert, same_dimension, suggest
 from .vocabulary import (
     ROLES,
@@ -20,7 +21,6 @@ from .vocabulary import (
     role_of_mean,
     role_of_peak,
     role_of_unit,
-    role_within,
     suggest_role,
     understood_unit,
 )
@@ -112,31 +112,13 @@ def assign(
         symbol = role.symbol if role is not None else None
         uses.append(ColumnUse(column.number, column.name, claim.name, symbol, unit, converted, near))
     if not data:
-        raise DataError(_unrecognised(columns))
+        raise DataError(unrecognised(columns))
     return tuple(uses), data, tuple(assumed)
 
 
 def recognised(columns: tuple[Column, ...]) -> tuple[tuple[str | None, str], ...]:
     """Role of each column by its header alone, None where it has none, and the text of its unit."""
     return tuple((claim.role, claim.unit_text) for claim in _claims(columns, {}, {}))
-
-
-def _unrecognised(columns: tuple[Column, ...]) -> str:
-    names = ", ".join(repr(c.name) for c in columns[:12]) + (", ..." if len(columns) > 12 else "")
-    if all(c.name == f"col{c.number}" for c in columns):
-        head = f"the file has no row of column names above its numbers: no column is recognised among {names}"
-    else:
-        head = f"no column is recognised among {names}"
-    alike: dict[str, Column] = {}
-    for column in columns:
-        role = role_within(parse_header(column.name).name) if column.is_numeric else None
-        if role is not None:
-            alike.setdefault(role, column)
-    if alike:
-        each = " ".join(f'--map "{role}={column.name}"' for role, column in alike.items())
-        return f"{head}. By the words in their names they may be {', '.join(alike)}: {each}."
-    example = '--map "V=col1" --map "VB=col3"'
-    return f"{head}: name them as V, f, d, t, AW ... in a header row, or assign them, for instance {example}."
 
 
 def _known_roles(symbols: tuple[str, ...]) -> None:
@@ -378,6 +360,8 @@ def _remedy(text: str, role: Role) -> str:
         return "Write a number, or leave the cell empty: a value known only by its bound cannot be fitted."
     if role.kind != "time" and _DATE.fullmatch(text):
         return "A spreadsheet has turned a number into a date (1.2 into 1 February): type the number again."
+    if fraction(text) is not None:
+        return f"Write {fraction(text):g} for {text.strip()}, or name the unit inch in the header: {role.symbol} [in]."
     if _WITH_UNIT.fullmatch(text):
         return f"Write the number alone in the cell, and its unit in the header, as {role.symbol} [{role.unit}]."
     if role.kind == "time":

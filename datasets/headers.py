@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
-from .tables import Table
+from .tables import Column, Table
 from .units import canonical, is_unit
-from .vocabulary import ROLES, fits, role_of, roles_named
+from .vocabulary import ROLES, fits, role_of, role_within, roles_named
 
 _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\{([^{}]*)\}|\(([^()]*)\)")
 _MARKS = (
@@ -216,6 +216,30 @@ def setting_named(name: str) -> str:
     """
     role = None if name in ROLES else role_of(name, None)
     return role if role is not None and (role == "t" or ROLES[role].kind in ("condition", "other")) else name
+
+
+def unrecognised(columns: tuple[Column, ...]) -> str:
+    """Sentence on a table of which no column is recognised by its header.
+
+    >>> import numpy as np
+    >>> unrecognised((Column(1, "Speed set", "", np.array([1.0]), True),)).partition(". ")[2]
+    'By the words in their names they may be V: --map "V=Speed set".'
+    """
+    names = ", ".join(repr(c.name) for c in columns[:12]) + (", ..." if len(columns) > 12 else "")
+    if all(c.name == f"col{c.number}" for c in columns):
+        head = f"the file has no row of column names above its numbers: no column is recognised among {names}"
+    else:
+        head = f"no column is recognised among {names}"
+    alike: dict[str, Column] = {}
+    for column in columns:
+        role = role_within(parse_header(column.name).name) if column.is_numeric else None
+        if role is not None:
+            alike.setdefault(role, column)
+    if alike:
+        each = " ".join(f'--map "{role}={column.name}"' for role, column in alike.items())
+        return f"{head}. By the words in their names they may be {', '.join(alike)}: {each}."
+    example = '--map "V=col1" --map "VB=col3"'
+    return f"{head}: name them as V, f, d, t, AW ... in a header row, or assign them, for instance {example}."
 
 
 def with_latin_headers(table: Table) -> Table:

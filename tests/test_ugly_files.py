@@ -128,6 +128,8 @@ BAD = {
                            3, ["line 6: '0.25 mm'", "number alone", "AW [mm]"]),
     "two units in the cells": ("a.csv", with_column(lambda i, r: f"{r[4]} mm" if i else "285.3 µm"),
                                3, ["line 2: '285.3 µm'", "number alone", "AW [mm]", "--leave-out 'lines 2'"]),
+    "fractions of no inch": ("a.csv", table([(*r[:2], f"{i % 3 + 1}/32", *r[3:]) for i, r in enumerate(ROWS)]),
+                             3, ["'d'", "Write 0.03125 for 1/32", "d [in]"]),
     "another unit in every cell": ("a.csv", with_column(lambda i, r: f"{r[4]} mm").replace("AW", "AW [in]"),
                                    3, ["mm'", "number alone"]),
     "per cent in every cell": ("a.csv", with_column(lambda i, r: f"{100 * r[4]:.1f} %"),
@@ -308,6 +310,14 @@ def test_an_odd_file_is_read_as_the_plain_one(tmp_path, usual, case):
 def test_rows_left_out_are_counted_and_named(tmp_path, cell, reason):
     _, pair = facts(tmp_path, table() + f"100,0.2,1,2,{cell}\n")
     assert wear_law(pair)["dropped_rows"] == [{"reason": reason, "count": 1, "lines": [14]}]
+
+
+def test_fractions_of_an_inch_are_read(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("f,DOC (in)\n0.1,1/32\n0.2,1 1/2\n0.3,0.125\n0.3,1/16\n", encoding="utf-8")
+    found = datasets.read_table(path)
+    assert found.column("DOC (in)").values.tolist() == [0.03125, 1.5, 0.125, 0.0625]
+    assert found.assumed == ("DOC (in): fractions of an inch are read as decimals ('1/32' and 2 more)",)
 
 
 def test_a_spread_that_is_not_used_is_said(tmp_path):

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Array, Texts
 from ...core.errors import DataError
-from ...core.rounding import label_of
+from ...core.rounding import label_of, listed
 from ..doubts import Doubt
 from .body import Body, Findings
-from .header_rows import Test, fits_header, no_units
+from .header_rows import Test, fits_header, in_inches, no_units
 from .invisible import visible
 from .numerals import (
     NOT_MEASURED,
@@ -22,6 +22,7 @@ from .numerals import (
     Decimal,
     Mark,
     are_plain_labels,
+    fraction,
     is_missing,
     is_word,
     number_and_rest,
@@ -34,6 +35,9 @@ from .numerals import (
 from .plain import NumberBlock, stretches
 
 _LISTED = 40  # bad cells kept per column
+_FRACTION = "/"
+_READ = {SPREAD: "the number before ± is read, and the spread after it is not used",
+         _FRACTION: "fractions of an inch are read as decimals"}  # fmt: skip
 _SAME = {"\u03bcm": "\u00b5m"}  # the Greek letter, and the sign of micro
 _NEAR = 3.0  # factor within which a number lies among the others of its column
 
@@ -159,6 +163,7 @@ class _Gathering:
     errors: list[tuple[int, str]] = field(default_factory=list)  # line and text of "#DIV/0!"
     absent: list[tuple[int, str]] = field(default_factory=list)  # line and text of "n.b."
     is_unit: Test | None = None  # None: cells of a number and more are not read
+    in_inches: bool = False  # fractions are read
     amounts: list[_Amount] = field(default_factory=list)
     unit: str = ""  # that each cell repeats
 
@@ -208,6 +213,8 @@ class _Gathering:
 
     def _amount(self, text: str, decimal: Decimal) -> tuple[float, str] | None:
         number, rest = number_and_rest(text)
+        if self.in_inches and (value := fraction(text)) is not None:
+            return value, _FRACTION
         if self.is_unit is None or not (rest == SPREAD or (rest and self.is_unit(rest))):
             return None
         value = parse_number(number, decimal)
@@ -218,22 +225,16 @@ class _Gathering:
 
         Cells of another unit, and all with a unit where some have none or the header names another, are no numbers.
         """
-        rests = Counter(one.rest for one in self.amounts if one.rest != SPREAD)
+        rests = Counter(one.rest for one in self.amounts if one.rest not in _READ)
         unit = rests.most_common(1)[0][0] if rests else ""
         each = rests.total() == self.filled - len(self.marks) and fits_header(unit, name, unit_cell)
-        self._take_back([one for one in self.amounts if one.rest != SPREAD and not (each and one.rest == unit)])
-        spreads = [one.text for one in self.amounts if one.rest == SPREAD]
+        self._take_back([one for one in self.amounts if one.rest not in _READ and not (each and one.rest == unit)])
+        self.unit = unit if each and self.is_numeric else ""
         if not self.is_numeric:
             return []
-        said = []
-        if each and unit:
-            self.unit = unit
-            said.append(f"{name}: {unit}, which each cell repeats, is taken as the unit of the column")
-        if spreads:
-            more = f" and {len(spreads) - 1} more" if len(spreads) > 1 else ""
-            what = "the number before ± is read, and the spread after it is not used"
-            said.append(f"{name}: {what} ({spreads[0]!r}{more})")
-        return said
+        said = [f"{name}: {unit}, which each cell repeats, is taken as the unit of the column"] * bool(self.unit)
+        texts = {rest: [repr(one.text) for one in self.amounts if one.rest == rest] for rest in _READ}
+        return [*said, *(f"{name}: {how} ({listed(texts[rest], 1)})" for rest, how in _READ.items() if texts[rest])]
 
     def _take_back(self, wrong: Sequence[_Amount]) -> None:
         """Count cells as no numbers after all."""
@@ -316,7 +317,10 @@ def _gathering(body: Body, place: int) -> _Gathering:
     """An empty column; units in its cells are looked for below the name of a known quantity."""
     if place in body.labels:
         return _Gathering(is_label=True)
-    return _Gathering(is_unit=body.words.is_unit if body.words.is_name(body.layout.names[place]) else no_units)
+    name, unit = body.layout.names[place], body.layout.unit_cells[place]
+    return _Gathering(
+        is_unit=body.words.is_unit if body.words.is_name(name) else no_units, in_inches=in_inches(name, unit)
+    )
 
 
 def _columns(body: Body, gatherings: list[_Gathering], doubts: list[Doubt]) -> Iterator[Column]:
@@ -353,10 +357,9 @@ def _without_wrong_groups(name: str, values: Array, grouped: list[tuple[int, int
     if not cells:
         return []
     values[rows[wrong]] = np.nan
-    listed = ", ".join(f"line {line} {text!r}" for line, text in cells[:3])
-    more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
+    shown = listed([f"line {line} {text!r}" for line, text in cells], 3)
     sentence = (
-        f"{name}, {listed}{more}: in thousands, as the decimal mark of the file has it, this is far from the other "
+        f"{name}, {shown}: in thousands, as the decimal mark of the file has it, this is far from the other "
         f"values ({others.min():g} to {others.max():g}); as a decimal it would lie among them. Left out"
     )
     return [Doubt((name,), sentence, lines=tuple(line for line, _ in cells))]

@@ -15,6 +15,7 @@ _FEW = 2  # cells that make a row of the head
 _MOST_ABOVE = 2  # rows of group names above the names
 
 _TIMES = re.compile(r"(?:h|hrs?|hours?|m|mins?|minutes?|s|sec|sek|seconds?|['′\"″]+)\.?", re.IGNORECASE)
+_INCH = re.compile(r"[\[(,/]\s*in\.?\s*(?:[\])]|$)|\b(?:inch(?:es)?|zoll|pouces?|pulgadas?)\b", re.IGNORECASE)
 _UNIT_IN_HEADER, _BETWEEN = re.compile(r"[\[(,/]|\bin\b"), re.compile(r"[\s\[\](),]+")
 
 Test = Callable[[str], bool]
@@ -262,3 +263,12 @@ def fits_header(unit: str, name: str, unit_cell: str) -> bool:
     """
     words = _BETWEEN.split(f"{name} {unit_cell}")
     return not _TIMES.fullmatch(unit) and (unit in words or not (unit_cell or _UNIT_IN_HEADER.search(name)))
+
+
+def in_inches(name: str, unit_cell: str) -> bool:
+    """Whether the header of a column names inches as its unit.
+
+    >>> in_inches("DOC (in)", ""), in_inches("depth", "inch"), in_inches("VB in mm", "")
+    (True, True, False)
+    """
+    return bool(_INCH.search(f"{name} [{unit_cell.strip('[]()')}]"))

@@ -84,6 +84,7 @@ def _marked() -> re.Pattern[str]:
 
 _AMOUNT = re.compile(r"(?P<number>[+\-−]?\d[\d.,'’ \u00a0\u2009\u202f]*+(?:[eE][+-]?\d++)?+)(?P<rest>[^\d\s.,'’].*+)")
 _SPREAD = re.compile(r"(?:±|\+/?[-−])\s*+[\d.,]++(?:[eE][+-]?\d++)?+\s*+%?")
+_FRACTION = re.compile(r"(?:(\d{1,2})\s)?([1-9]\d?)/(2|4|8|16|32|64|128)", re.ASCII)
 SPREAD = "±"
 
 
@@ -385,6 +386,15 @@ def number_and_rest(text: str) -> tuple[str, str]:
     (('120', 'm/min'), ('0.21', '±'), ('', ''))
     """
     match = _AMOUNT.fullmatch(text.strip())
-    if match is None:
-        return "", ""
-    return match["number"].strip(), SPREAD if _SPREAD.fullmatch(match["rest"]) else match["rest"]
+    rest = match["rest"] if match else ""
+    return match["number"].strip() if match else "", SPREAD if _SPREAD.fullmatch(rest) else rest
+
+
+def fraction(text: str) -> float | None:
+    """The value of a fraction of an inch, None for any other text.
+
+    >>> fraction("1/32"), fraction("1 1/2"), fraction("3/5")
+    (0.03125, 1.5, None)
+    """
+    match = _FRACTION.fullmatch(text.strip())
+    return None if match is None else int(match[1] or 0) + int(match[2]) / int(match[3])
