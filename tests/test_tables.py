@@ -9,6 +9,7 @@ import openpyxl
 import pytest
 from fitmodels.core.errors import DataError, UsageError
 from fitmodels.datasets.tables import Table, read_table
+from fitmodels.datasets.tables.decode import encoding_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -433,3 +434,36 @@ def test_options_that_do_not_exist(tmp_path):
         read(tmp_path, "V\n1\n", delimiter="semi")
     with pytest.raises(UsageError, match="has no sheets"):
         read(tmp_path, "V\n1\n", sheet="Data")
+
+
+CENTRAL = {
+    "Czech": "Břit;Řezná rychlost vc;Posuv f;Hloubka řezu ap;Čas;Opotřebení VB",
+    "Slovak": "Hrana;Rezná rýchlosť;Posuv;Hĺbka rezu;Čas;Opotrebenie",
+    "Polish": "Ostrze;Prędkość skrawania [m/min];Posuw;Głębokość skrawania [mm];Czas;Zużycie VB",
+    "Romanian": "Tăiş;Viteza de aşchiere;Avans;Adâncime;Timp;Uzură",
+}
+WESTERN = {
+    "German": "Schneide;Schnittgeschwindigkeit vc;Vorschub;Ø Werkstück;Øa;Fräserø 10;V̇ in cm³/min;cm³min;Größe",
+    "French": "arête;vitesse;avance;pièce à 45°;mise en œuvre;usure moyenne (½ arête);Škoda;débit m³h",
+    "Spanish": "filo;velocidad;avance;tamaño;¿desgaste?;Nº;1ª prueba;observación;cm³min",
+    "Italian": "tagliente;velocità;profondità;è usurato;più;così;può",
+    "Portuguese": "aresta;padrões;condições;não",
+    "Danish": "skær;skærehastighed;fremføring;spåndybde;tid",
+    "Norwegian": "egg;kjølt;kjøring;tid;kuttedybde ø12",
+    "English": "tool;5 µm;100 °C;± 2;cm³min;²",
+}
+
+
+@pytest.mark.parametrize("language", CENTRAL)
+def test_languages_of_central_europe_are_read_in_their_code_page(tmp_path, language):
+    path = tmp_path / "a.csv"
+    path.write_bytes((CENTRAL[language] + "\n1;100;0,1;1;2;0,08\n").encode("cp1250"))
+    table = read_table(path)
+    assert [column.name for column in table.columns] == CENTRAL[language].split(";")
+    assert table.dialect.describe().startswith("Windows-1250")
+
+
+@pytest.mark.parametrize("language", WESTERN)
+def test_languages_of_western_europe_keep_theirs(language):
+    text = WESTERN[language].replace("\u0307", "")
+    assert encoding_of(text.encode("cp1252"), "a.csv") == "cp1252"

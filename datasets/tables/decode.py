@@ -2,6 +2,7 @@
 
 import codecs
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -32,10 +33,16 @@ _SIGNATURES = (
 )
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _BLANKS = b" \t\r\n\x0b\x0c\x00" + codecs.BOM_UTF8 + codecs.BOM_UTF16
-_ENCODING_NAMES = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "cp1252": "Windows-1252"}
+_ENCODING_NAMES = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "cp1252": "Windows-1252", "cp1250": "Windows-1250"}
 # Tab, the line ends, the form feed and the DOS end-of-file mark (0x1a) are the control bytes a text may hold.
 _CONTROL_BYTES = bytes(sorted(set(range(32)) - set(b"\t\n\r\x0b\x0c\x1a")))
 _SNIFFED = 65536
+# Between two letters these are letters of Windows-1250, in Windows-1252 symbols or ø, and 8d, 8f, 9d are nothing there.
+_LETTER, _ODD = rb"[A-Za-z\x8a-\x8f\x9a-\x9f\xc0-\xff]", rb"[\xa3\xa5\xaa\xaf\xb3\xb9\xba\xbc\xbe\xbf\xf8]"
+_CENTRAL = re.compile(rb"[\x8d\x8f\x9d]|(?<=%b)%b(?=[A-Za-z\x80-\xff])" % (_LETTER, _ODD))
+_DIAMETER = re.compile(rb"(?<!%b)[\xd8\xf8]|[\xd8\xf8](?!%b)|\xb5" % (_LETTER, _LETTER))
+_ALPHABETS = ("áčďéěíňóřšťúůýž", "áäčďéíĺľňóôŕšťúýž", "ąćęłńóśźż", "ăâîşţ")  # Czech, Slovak, Polish, Romanian
+_FEWEST = 2  # letters that the two code pages read otherwise
 _CHUNK = 1 << 20
 
 
@@ -69,7 +76,8 @@ def load_bytes(path: Path) -> bytes:
 def encoding_of(data: bytes, name: str) -> str:
     """Encoding of a text file's bytes, as a Python codec name.
 
-    Tried in this order: byte order mark, zero bytes on one side of each pair (UTF-16), UTF-8, Windows-1252.
+    Tried in this order: byte order mark, zero bytes on one side of each pair (UTF-16), UTF-8, Windows-1250 where its
+    letters are those of one language and Windows-1252 has symbols between letters, Windows-1252.
 
     Raises
     ------
@@ -78,12 +86,14 @@ def encoding_of(data: bytes, name: str) -> str:
 
     >>> encoding_of("µm".encode("utf-8"), "a.csv"), encoding_of("µm".encode("cp1252"), "a.csv")
     ('utf-8', 'cp1252')
+    >>> encoding_of("Głębokość".encode("cp1250"), "a.csv"), encoding_of("pièce, mm³/min".encode("cp1252"), "a.csv")
+    ('cp1250', 'cp1252')
 
     """
     _refuse_signature(data, name)
     encoding = next((codec for bom, codec in _BOMS if data.startswith(bom)), None) or _utf16_without_bom(data)
     if encoding is None:
-        encoding = "utf-8" if _decodes(data, "utf-8") else "cp1252"
+        encoding = "utf-8" if _decodes(data, "utf-8") else _code_page(data)
     if not encoding.startswith("utf-16") and _has_control_bytes(data):
         raise DataError(
             f"{name} is not text, and no workbook either: it holds {_first_control(data)}. "
@@ -152,6 +162,18 @@ def _utf16_without_bom(data: bytes) -> str | None:
     if even > 0.4 * half and odd < 0.1 * half:
         return "utf-16-be"
     return None
+
+
+def _code_page(data: bytes) -> str:
+    """Windows-1250 where the text is Czech, Slovak, Polish or Romanian by its letters, Windows-1252 otherwise."""
+    head = data[:_SNIFFED]
+    if not _CENTRAL.search(head):
+        return "cp1252"
+    head = _DIAMETER.sub(b" ", head)
+    central = {one for one in head.decode("cp1250", "replace").lower() if one.isalpha() and not one.isascii()}
+    western = set(head.decode("cp1252", "replace").lower())
+    is_one = len(central - western) >= _FEWEST and any(central.issubset(letters) for letters in _ALPHABETS)
+    return "cp1250" if is_one and _decodes(data, "cp1250") else "cp1252"
 
 
 def _decodes(data: bytes, encoding: str) -> bool:

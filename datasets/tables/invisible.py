@@ -68,7 +68,7 @@ def cleaned_rows(rows: tuple[tuple[Cell, ...], ...]) -> tuple[tuple[tuple[Cell, 
 
 def _may_hold(data: bytes, encoding: str) -> bool:
     """A quick look for the first bytes of such characters; "no" is certain."""
-    if encoding == "cp1252":
+    if encoding in ("cp1252", "cp1250"):
         return b"\xad" in data or b"\x7f" in data
     if encoding.startswith("utf-16"):
         return True

@@ -127,7 +127,7 @@ def read_table(
     Parameters
     ----------
     path : str or path
-        A text file in UTF-8, UTF-16 or Windows-1252, or a workbook, whatever its extension.
+        A text file in UTF-8, UTF-16, Windows-1252 or -1250, or a workbook, whatever its extension.
     is_unit : callable
         Whether a cell's text is a unit; a row of such cells below the header is the units row.
     is_name : callable
