@@ -558,6 +558,19 @@ def test_no_file_is_exported_whose_law_has_an_impossible_unit(tmp_path):
             assert "Fxz=N" in pf.provenance.options["unit"]
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_sign_of_an_axis_is_no_doubt_on_a_force_computed_from_squares(read, sign):
+    rng = np.random.default_rng(5)
+    V, f, d = np.array(np.meshgrid([100, 150, 200], [0.1, 0.2, 0.3], [1, 2])).reshape(3, -1)
+    forces = {axis: c * f**0.7 * d * np.exp(0.02 * rng.standard_normal(V.size))
+              for axis, c in {"Fx": sign * 700, "Fy": sign * 500, "Fz": 1800}.items()}  # fmt: skip
+    frame = pd.DataFrame({"vc (m/min)": V, "f (mm/rev)": f, "ap (mm)": d, **{f"{a} (N)": x for a, x in forces.items()}})
+    runs = read(frame.to_csv(index=False))
+    found = doubts_of_reading(fit.power_law(runs, "Fxz", ["V", "f", "d"]), runs)
+    assert [doubt.columns for doubt in runs.doubts] == [("Fx",), ("Fy",)] * (sign < 0)
+    assert found.concern == 0
+
+
 def test_a_force_of_reversed_sign_is_named_itself_and_not_the_power_that_follows(read):
     frame = pd.read_csv(datasets.bundled("gc435_709m40"), comment="#").dropna().drop(columns=["P [kW]", "Fxz [N]"])
     negative = frame.assign(**{"Fc [N]": -2000 * frame["f [mm/rev]"] * frame["d [mm]"]}).to_csv(index=False)

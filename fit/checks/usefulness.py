@@ -342,13 +342,17 @@ def doubts_of_reading(law: LawFit, runs: Runs | None) -> Check | NotAvailable | 
 def _doubts_on(law: LawFit, runs: Runs) -> list[Doubt]:
     """Doubts on columns of a law, and on those that they were computed from.
 
-    Doubts on a column without a role are that it is not used, which is untrue of a law with such a factor.
+    Doubts on a column without a role are that it is not used, which is untrue of a law with such a factor. A reversed
+    sign is none of what is computed from squares.
     """
     columns = {name for name in (law.response, *law.factors, "edge") if name in ROLES}
+    signed = set(columns)
     for one in reversed(runs.derived):
-        if one.role in columns:
-            columns |= set(one.inputs)
-    return [doubt for doubt in runs.doubts if columns.intersection(doubt.columns) and _uses_doubted(law, doubt)]
+        squared = all(f"{role}^2" in one.equation for role in one.inputs)
+        signed |= set(one.inputs) if one.role in signed and not squared else set()
+        columns |= set(one.inputs) if one.role in columns else set()
+    concerned = ((signed if doubt.remedy.endswith("*-1") else columns, doubt) for doubt in runs.doubts)
+    return [doubt for roles, doubt in concerned if roles.intersection(doubt.columns) and _uses_doubted(law, doubt)]
 
 
 def _uses_doubted(law: LawFit, doubt: Doubt) -> bool:
