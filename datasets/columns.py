@@ -10,7 +10,7 @@ from ..core.arrays import Array, Texts
 from ..core.display import Displayable
 from ..core.errors import DataError, UsageError
 from ..core.suggestions import closest, did_you_mean
-from .headers import parse_header, unrecognised
+from .headers import logarithm_of, parse_header, unrecognised
 from .tables import STOPPED, Column, is_number, rows_to_leave_out
 from .tables.numerals import fraction
 from .units import canonical, convert, same_dimension, suggest
@@ -297,6 +297,8 @@ def _values(claim: _Claim, role: Role) -> tuple[Values, str, bool]:
     column = claim.column
     if role.kind == "label":
         return column.labels(), "", False
+    if claim.mapped and logarithm_of(column.name) and role.kind != "time":  # "log time" is that of a log
+        raise DataError(f"column {column.name!r} ({role.symbol}): write the values, not their logarithms.")
     _only_numbers(column, role)
     _only_measurable(column, role)
     if not claim.unit_text:

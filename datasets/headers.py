@@ -17,6 +17,7 @@ _MARKS = (
     r"(.+?) / ?(?s:(.+))",
     r"(.+?)/(?s:(.+))",
 )
+_LOGARITHM = re.compile(r"\s*(?:ln|lg|log(?:10|e)?)[\s_(]+(\w.*?)\)?\s*", re.IGNORECASE)
 LONGEST = 1000  # characters of a header that is split; a longer one is a text, and its unit is not looked for
 _MOST_WORDS = 8  # of a unit after the name
 _LAST = re.compile(r"(?:\d{1,3}|(?<![^\W\d_])[A-Za-z])\Z")  # number or letter that ends a header
@@ -218,6 +219,16 @@ def setting_named(name: str) -> str:
     return role if role is not None and (role == "t" or ROLES[role].kind in ("condition", "other")) else name
 
 
+def logarithm_of(name: str) -> str:
+    """The text of which a header names the logarithm, "" where it names none.
+
+    >>> logarithm_of("ln Fc"), logarithm_of("log10(VB)"), logarithm_of("Log")
+    ('Fc', 'VB', '')
+    """
+    match = _LOGARITHM.fullmatch(name)
+    return match[1] if match else ""
+
+
 def unrecognised(columns: tuple[Column, ...]) -> str:
     """Sentence on a table of which no column is recognised by its header.
 
@@ -230,6 +241,9 @@ def unrecognised(columns: tuple[Column, ...]) -> str:
         head = f"the file has no row of column names above its numbers: no column is recognised among {names}"
     else:
         head = f"no column is recognised among {names}"
+    logs = [column.name for column in columns if is_known(logarithm_of(column.name))]
+    if logs:
+        return f"{head}. {', '.join(map(repr, logs[:6]))} hold logarithms: write the values, not their logarithms."
     alike: dict[str, Column] = {}
     for column in columns:
         role = role_within(parse_header(column.name).name) if column.is_numeric else None

@@ -162,6 +162,8 @@ BAD = {
     # headers and units
     "no header": ("a.csv", table().split("\n", 1)[1], 3, ["no row of column names", "--map"]),
     "no known column": ("a.csv", table(header=("a", "b", "c", "g", "e")), 3, ["'a', 'b'", "--map"]),
+    "logarithms": ("a.csv", table([np.log(r).round(4).tolist() for r in ROWS], [f"ln {name}" for name in HEADER]), 3,
+                   ["'ln V'", "'ln AW'", "write the values, not their logarithms"]),
     "the same column twice": ("a.csv", with_column(lambda i, r: r[4], "AW"), 3,
                               ["columns 5 ('AW') and 6 ('AW')", "--map AW=col5 or --map AW=col6"]),
     "two names of one role": ("a.csv", with_column(lambda i, r: r[0], "Vc"),
@@ -215,6 +217,13 @@ def test_a_bad_file_is_refused_in_a_sentence(tmp_path, case):
     assert "Traceback" not in result.err
     assert bool(result.out) == (code == 4)  # what was understood is printed once the file is read
     assert [entry.name for entry in tmp_path.iterdir()] == [name]
+
+
+def test_logarithms_are_no_values_of_a_role(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(table([np.log(r).round(4).tolist() for r in ROWS], [f"log10({name})" for name in HEADER]), "utf-8")
+    with pytest.raises(errors.DataError, match="write the values, not their logarithms"):
+        datasets.read_runs(path, map={"AW": "log10(AW)"})
 
 
 def test_there_are_enough_of_them():

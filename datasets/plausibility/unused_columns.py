@@ -51,7 +51,7 @@ _NOT_VALID = re.compile(  # words of tests that are not to be used
 )
 _OTHER_WORDS = re.compile(
     r"temp|hard|härte|dur(?:eté|eza)|press|druck|angle|winkel|radi|cool|kühl|noise|vib|date|datum|day|no\.?$|nr\.?$|"
-    r"nose|corner|^r$|^r_?eps|^re(?![^\W_])|id$|num|count|anzahl|index|repl|pass(?:es)?(?![^\W_])|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
+    r"^l(?:n|g|og(?:10)?)[\s_(]|nose|corner|^r$|^r_?eps|^re(?![^\W_])|id$|num|count|anzahl|index|repl|pass(?:es)?(?![^\W_])|hole|width|height|length|länge|humid|sd$|std|mean|time|zeit|cost|sample",
     re.IGNORECASE,
 )
 
