@@ -11,6 +11,7 @@ import pytest
 from fitmodels import datasets, fit
 from fitmodels.core.errors import UsageError
 from fitmodels.datasets.options import ReadOptions
+from fitmodels.fit.checks import usefulness
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -121,6 +122,33 @@ def test_numbers_of_rows_are_no_edges():
     runs = read(TABLE.assign(edge=np.arange(ROWS) + 1.0))
     assert "--map run=edge" in doubted(runs)
     assert partition(read(TABLE.assign(edge=np.arange(ROWS) + 1.0), map={"run": "edge"})) == NUMBER.tolist()
+
+
+def test_unused_columns_that_tell_repeats_of_a_setting_apart_name_edges():
+    twice = designed([one for one in SETTINGS[:6] for _ in range(2)]).drop(columns="edge")
+    setting, replicate = np.arange(len(twice)) // (2 * PER_EDGE) + 1, np.arange(len(twice)) // PER_EDGE % 2 + 1
+    runs = read(twice.assign(Setting=setting, Replicate=replicate))
+    assert runs.labels("edge")[:: 2 * PER_EDGE].tolist() == [f"{k}/1" for k in range(1, 7)]
+    assert partition(runs) == partition(read(twice))
+    assert any("columns 'Setting' and 'Replicate' together number the edges" in note for note in runs.assumed)
+    law = fit.power_law(runs, "VB", ["V", "f", "d", "t"])
+    assert usefulness.number_of_edges(law, runs).concern == 0
+
+
+def test_a_number_of_each_setting_names_no_edge():
+    runs = read(without(Setting=NUMBER + 1))
+    assert runs.labels("edge")[-1] == "E12"
+    assert next(use.role for use in runs.columns if use.name == "Setting") is None
+
+
+def test_a_row_of_a_wide_table_is_an_edge_under_any_number(tmp_path):
+    wide = TABLE.pivot_table(index=["edge", "V [m/min]", "f [mm/rev]", "d [mm]"], columns=T, values=VB).reset_index()
+    wide.columns = [name if isinstance(name, str) else f"VB [mm] {name:g} min" for name in wide.columns]
+    wide.insert(0, "Cutting data No.", range(1, len(wide) + 1))
+    wide.drop(columns="edge").to_csv(tmp_path / "a.csv", index=False)
+    runs = datasets.read_runs(tmp_path / "a.csv")
+    assert runs.labels("edge")[::PER_EDGE].tolist() == [str(k) for k in range(1, 13)]
+    assert next(use.role for use in runs.columns if use.header == "Cutting data No.") == "edge"
 
 
 def test_one_row_a_test_stays_as_it_is():

@@ -15,7 +15,7 @@ from ..vocabulary import MEASURED, ROLES, roles_named
 from .checks import SHIFTED
 from .columns import Tests, differs, holds_edges, is_numbering, may_be_edge, meant_by, names_edge, numbered
 from .merged_cells import lines_text
-from .names import join_types, tidy_names
+from .names import join_types, name_by_columns, tidy_names
 from .order import edges_by_design, settings_of
 from .times import sub_tests_in_order
 
@@ -391,6 +391,8 @@ def _infer(draft: Draft, tests: Tests) -> None:
         what = f"{roles} {'changes' if len(found.shifted) == 1 else 'change'} one row before or after time begins anew"
         end = f"({lines}): {roles if len(found.shifted) == 1 else 'time'} is {SHIFTED}; correct it in the file"
         draft.doubts.append(Doubt((*found.shifted, "t"), f"{what} {end}"))
+    if name_by_columns(draft, found.codes):
+        return
     count = int(found.codes.max()) + 1
     width = max(2, len(str(count)))
     names = np.array([f"E{i + 1:0{width}d}" for i in range(count)], dtype=object)

@@ -1,6 +1,9 @@
 """Names of cutting edges put in order: spellings of one edge, rows without a name, names of a single row."""
 
 import re
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -8,12 +11,14 @@ from ...core.arrays import Ints
 from ...core.text import line_spans
 from ..doubts import Doubt
 from ..draft import Draft, numbers_of
-from ..tables import is_number
-from .columns import Tests, differs
+from ..tables import Column, is_number
+from ..vocabulary import ROLES
+from .columns import Tests, differs, is_numbering, numbered
 from .merged_cells import lines_text
 
 _ZEROS = re.compile(r"(?<!\d)(?<!\d[.,])0+(?=\d)")  # not those of 1.05
 MOST_NAMES = 5_000  # that are compared
+MOST_COLUMNS = 6  # that may number edges together
 
 
 def tidy_names(draft: Draft, tests: Tests | None) -> None:
@@ -158,3 +163,49 @@ def _doubt_single_rows(draft: Draft, tests: Tests) -> None:
 
 def _same_setting(tests: Tests, i: int, j: int) -> bool:
     return not any(differs(x[i : i + 1], x[j : j + 1])[0] for x in tests.settings.values())
+
+
+def name_by_columns(draft: Draft, edges: Ints) -> bool:
+    """Name edges that the order of the tests has by the one or two unused columns that number the same edges.
+
+    ``edges`` are the codes by the order, shape (n,). Returns whether there are such columns. A number of each setting
+    is no name: they must tell repeats of a setting apart, or number the rows of a wide table.
+    """
+    if not (_repeats_settings(draft, edges) or len(np.unique(draft.lines)) == edges.max() + 1 < len(edges)):
+        return False
+    numbers = {
+        place: found[0]
+        for place, use in enumerate(draft.uses)
+        if use.role is None
+        and _is_whole(draft.columns[place])
+        and is_numbering((found := numbered(draft.columns[place].labels()))[1])
+    }
+    places = list(numbers)[:MOST_COLUMNS]
+    for chosen in (*combinations(places, 1), *combinations(places, 2)):
+        codes = np.column_stack([edges, *(numbers[place] for place in chosen)])
+        n_named, n_both = (len(np.unique(rows, axis=0)) for rows in (codes[:, 1:], codes))
+        if n_named == n_both == edges.max() + 1:
+            _take(draft, chosen)
+            return True
+    return False
+
+
+def _repeats_settings(draft: Draft, edges: Ints) -> bool:
+    """Whether several edges have the same settings."""
+    columns = [x for role, x in draft.numbers().items() if ROLES[role].kind == "condition"]
+    return bool(columns) and len(np.unique(np.column_stack(columns), axis=0)) <= edges.max()
+
+
+def _is_whole(column: Column) -> bool:
+    """Whether a column holds texts, or numbers without a fraction."""
+    return not column.is_numeric or bool((np.asarray(column.values, dtype=float) % 1 == 0).all())
+
+
+def _take(draft: Draft, places: Sequence[int]) -> None:
+    """Give the role of the edge to columns, of two to the combination of their values."""
+    texts = [draft.columns[place].labels() for place in places]
+    draft.data["edge"] = np.array(["/".join(map(str, row)) for row in zip(*texts, strict=True)], dtype=object)
+    draft.uses = tuple(replace(use, role="edge") if i in places else use for i, use in enumerate(draft.uses))
+    headers = " and ".join(repr(draft.uses[place].header) for place in places)
+    words = f"column {headers} numbers the edges" if len(texts) == 1 else f"columns {headers} together number the edges"
+    draft.assumed.append(f"{words} as the order of the tests has them; --edge none takes the rows as independent")
