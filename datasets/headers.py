@@ -17,7 +17,7 @@ _MARKS = (
     r"(.+?) / ?(?s:(.+))",
     r"(.+?)/(?s:(.+))",
 )
-_LOGARITHM = re.compile(r"\s*(?:ln|lg|log(?:10|e)?)[\s_(]+(\w.*?)\)?\s*", re.IGNORECASE)
+_LOGARITHM = re.compile(r"(?:ln|lg|log(?:10|e)?)[\s_(]++(\w.*+)", re.IGNORECASE)
 LONGEST = 1000  # characters of a header that is split; a longer one is a text, and its unit is not looked for
 _MOST_WORDS = 8  # of a unit after the name
 _LAST = re.compile(r"(?:\d{1,3}|(?<![^\W\d_])[A-Za-z])\Z")  # number or letter that ends a header
@@ -225,8 +225,9 @@ def logarithm_of(name: str) -> str:
     >>> logarithm_of("ln Fc"), logarithm_of("log10(VB)"), logarithm_of("Log")
     ('Fc', 'VB', '')
     """
-    match = _LOGARITHM.fullmatch(name)
-    return match[1] if match else ""
+    match = _LOGARITHM.match(name.strip())
+    text = match[1] if match else ""
+    return text if "(" in text else text.removesuffix(")")
 
 
 def unrecognised(columns: tuple[Column, ...]) -> str:
