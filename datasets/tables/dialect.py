@@ -20,6 +20,7 @@ _SEP_LINE = re.compile(r'\s*"?sep=(.)"?\s*', re.IGNORECASE)
 _QUOTED_OR_BARE = re.compile(r'"([^"]*)"|([^ \t"][^ \t]*)')
 _KEY_AND_VALUE = re.compile(r"\s*[^\W\d_][^,;\t|\d=:]*[:=][^,;\t|]*$")  # "vc: 150 m/min" says nothing of the delimiter
 _SAMPLE = 300  # lines examined to find the delimiter
+_MOSTLY = 0.5  # share of numbers with a unit from which they show the delimiter
 _LONGEST_CELL = 30  # lines one quoted cell may span
 _END = "\x00end"  # follows the last line: a cell that swallows it was opened by a quote and never closed
 
@@ -200,7 +201,7 @@ def guess_delimiter(lines: Sequence[str]) -> str:
     found = _best(lines, ";\t|", is_number) or _best(lines, ", ", is_number)
     if found is None or not found[0]:
         beside_units = _best(lines, ";\t|,", _is_amount)
-        found = beside_units if beside_units is not None and beside_units[0] else found
+        found = beside_units if beside_units is not None and beside_units >= (True, _MOSTLY) else found
     return found[2] if found is not None else ""
 
 
