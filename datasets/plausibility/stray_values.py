@@ -49,7 +49,7 @@ MOST_EDGES = 8  # in a sentence
 
 
 def leave_out_codes(draft: Draft, options: ReadOptions) -> None:
-    """Leave out codes of missing values, such as -999 or 9999, and state them."""
+    """Leave out codes of missing values, such as -999, and state them; of one above zero with a doubt."""
     for use in draft.uses:
         if use.role is None or use.role in options.ranges or not ROLES[use.role].unit:
             continue
@@ -59,9 +59,11 @@ def leave_out_codes(draft: Draft, options: ReadOptions) -> None:
             values = np.where(values == code, np.nan, values)
             draft.data[use.role] = values
             n = f"{len(rows)} row{'s' * (len(rows) > 1)}"
-            draft.assumed.append(
-                f"{use.role}: {format_decimal(code)} in {n} ({places(draft, rows)}) is a code of a missing value"
-            )
+            words = f"{use.role}: {format_decimal(code)} in {n} ({places(draft, rows)}) is a code of a missing value"
+            if code < 0:
+                draft.assumed.append(words)
+            else:  # it may also be a reading beyond the range of the instrument
+                draft.doubts.append(Doubt((use.role,), f"{words}, and is left out", lines=numbers_of(draft, rows)))
 
 
 def codes_of_missing(values: Array) -> list[float]:
