@@ -10,7 +10,7 @@ Taylor 1907, Trans. ASME 28, 31 (economic tool life).
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import exp, inf, log, sqrt
+from math import exp, inf, log
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..core.arrays import Array
 from ..core.display import Displayable
 from ..core.errors import FitError, UsageError
 from ..core.predictions import EXTRAPOLATED
+from ..core.rounding import middle_of
 from .edges import EdgeInference
 from .lawfit import LawFit
 from .prediction import edge_sd, no_edge_interval
@@ -70,7 +71,7 @@ def life_decision(law: LawFit, criterion: float = 0.3, at: Mapping[str, float] |
     criterion : float
         Wear at the end of life, in the unit of the wear.
     at : mapping of float, optional
-        Conditions; the geometric middle of each factor's range unless given.
+        Conditions; the geometric middle of each factor's range, to three digits, unless given.
 
     Raises
     ------
@@ -293,11 +294,11 @@ def _power_without_levels(law: LawFit) -> None:
 
 
 def _conditions(law: LawFit, at: Mapping[str, float] | None, without: tuple[str, ...]) -> dict[str, float]:
-    """Values of the factors: as given, or the middle of their ranges."""
+    """Values of the factors: as given, or the middle of their ranges to three digits."""
     out = {}
     for name, log_scale in zip(law.factors, law.formula.logs, strict=True):
         low, high = law.domain[name]
-        out[name] = sqrt(low * high) if log_scale else (low + high) / 2
+        out[name] = middle_of(low, high, logs=log_scale)
     for name, value in (at or {}).items():
         if name not in out or name in without:
             others = ", ".join(other for other in out if other not in without)

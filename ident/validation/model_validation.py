@@ -209,7 +209,7 @@ def with_verdict(found: Validation, name: str, by_equation: bool) -> Validation:
         reservations.append((RESERVATIONS, f"{optimistic}, the simulation fit is {found.fit:.0f} %"))
     left = float(np.std(found.y - found.yhat))
     if left <= ROUNDED * float(np.std(found.y)):
-        text += "; residuals are rounding"
+        text += f"; residuals are rounding, too small to test whether they are independent of {name}"
     elif found.independence.pvalue < SIGNIFICANT:
         depend = f"{DEPEND} on {name} (p {found.independence.pvalue:.1g}): check orders, delay and nonlinearity"
         text += f"; {depend}"
