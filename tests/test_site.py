@@ -199,7 +199,7 @@ def alike(slug, verdict, data_file):
 
 
 def test_exponents_of_a_draft_have_the_verdict_on_their_law_and_the_file_of_their_pair():
-    """Laws that must not be used stood unmarked beside others, and two unnamed pairs could not be told apart."""
+    """Laws that must not be used stood unmarked beside others, and two unnamed pairs could not be distinguished."""
     entries = [
         alike("u-1", LEVELS[2], "may.csv"),
         alike("u-2", LEVELS[0], "june.csv"),

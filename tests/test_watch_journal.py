@@ -165,7 +165,7 @@ def test_what_the_disk_refused_is_not_written_after_the_snapshot_that_holds_it(t
         full.setattr(watch_journal.os, "write", refuse)
         journal.append({"kind": "cutend"})
         journal.append({"kind": "edge"})
-        journal.rotate({"edge": 2})  # the system has room for it again
+        journal.rotate({"edge": 2})  # the disk is not full any more
     journal.append({"kind": "window"})
     journal.close()
     newest = read_newest(tmp_path)

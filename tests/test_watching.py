@@ -175,7 +175,7 @@ def test_contact_of_the_old_edge_that_the_disk_refused_is_not_counted_on_a_new_e
         for record in records(12):
             watch.record(**record)
     assert found.edge.minutes > 2
-    watch.record("edge", time=999.0)  # the disk has room again; nothing was tried meanwhile
+    watch.record("edge", time=999.0)  # the disk is not full any more; nothing was tried meanwhile
     watch.journal.close()
     replay(read_newest(tmp_path).records, other)
     assert (other.edge.number, other.edge.minutes) == (2, 0.0)
