@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..fit import LawFit
     from ..fit.decisions import Decision
 
+ROUNDED = 5e-3  # relative: conditions of a decision, in three digits, are those of a test
 TIMES_LONGER = 3.0  # longest of further tests over the longest so far, unless given
 WRONG = ("collinearity", "longest lives", "copies", "sensor limit", "reading", "time restarts")  # no advice to stop
 DELTA = (
@@ -359,8 +360,10 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
     conditions = dict(decision.at)
     if not set(table.columns.astype(str)) <= set(conditions):  # rows without edges, each with a time of its own
         return None
-    own = {name: round_significant(conditions[name], 4) for name in table.columns.astype(str)}
-    return pd.concat([pd.DataFrame([own], dtype=float), shortest], ignore_index=True)
+    rounded = {name: round_significant(conditions[name], 4) for name in table.columns.astype(str)}
+    own = pd.DataFrame([rounded], dtype=float)
+    near = table[(np.abs(table / own.iloc[0] - 1) < ROUNDED).all(axis=1)].head(1)  # tested settings come first
+    return pd.concat([near if len(near) else own, shortest], ignore_index=True)
 
 
 def _minutes(
