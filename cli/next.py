@@ -362,7 +362,8 @@ def _reaching(law: "LawFit", args: argparse.Namespace, decision: "Decision", lon
         return None
     rounded = {name: round_significant(conditions[name], 4) for name in table.columns.astype(str)}
     own = pd.DataFrame([rounded], dtype=float)
-    near = table[(np.abs(table / own.iloc[0] - 1) < ROUNDED).all(axis=1)].head(1)  # tested settings come first
+    alike = (np.abs(table.to_numpy() / own.to_numpy() - 1) < ROUNDED).all(axis=1)
+    near: pd.DataFrame = table.loc[alike].head(1)  # tested settings come first
     return pd.concat([near if len(near) else own, shortest], ignore_index=True)
 
 
