@@ -192,21 +192,34 @@ _OF_LEVEL = re.compile(r"(?P<name>[^\d=]*[^\d=\s_])[\s_=]*+(?P<number>\d+(?:[.,]
 def _by_condition(table: Table, free: Sequence[_Head]) -> tuple[_Family, Column] | None:
     """Columns whose headers name levels of one condition (``vc 120 m/min``), and the column of these levels.
 
-    Each column is an edge; the response is named in the notes.
+    Each column is an edge, of which several may be at one level; the response is named before the condition, or in the
+    notes.
     """
-    found = [_OF_LEVEL.fullmatch(head.column.name.strip()) for head in free]
-    response, unit = named_in_notes(table)
+    columns = tuple(head.column for head in free)
+    named = {_response_before(column.name) for column in columns}
+    response, unit, _ = named.pop() if len({one[:2] for one in named}) == 1 else ("", "", "")
+    if not response:
+        response, unit = named_in_notes(table)
+    found = [_OF_LEVEL.fullmatch(_response_before(column.name)[2]) for column in columns]
     if len(free) < 2 or not all(found) or not response:
         return None
     units = {match["unit"] or "" for match in found if match}
     roles = {role_of(match["name"], canonical(match["unit"]) if match["unit"] else None) for match in found if match}
     levels = [float(match["number"].replace(",", ".")) for match in found if match]
     role = roles.pop() if len(roles) == len(units) == 1 else None
-    if role is None or ROLES[role].kind != "condition" or len(set(levels)) < len(levels):
+    if role is None or ROLES[role].kind != "condition":
         return None
-    columns = tuple(head.column for head in free)
-    ids = tuple(column.name.strip() for column in columns)
+    names = [column.name.strip() for column in columns]
+    again = [names[:i].count(name) for i, name in enumerate(names)]
+    ids = tuple(f"{name} ({k + 1})" if k else name for name, k in zip(names, again, strict=True))
     return _Family(columns, ids, response, unit), Column(0, role, units.pop(), np.array(levels), True)
+
+
+def _response_before(name: str) -> tuple[str, str, str]:
+    """Symbol and unit of the response that a header begins with, and the rest; of other headers all is the rest."""
+    response, rest = response_in(name.strip())
+    match = re.match(r"\[([^\]]*)\]\s*+", rest) if response else None
+    return response, match[1] if match else "", rest[match.end() :] if match else rest
 
 
 def _by_time(table: Table, free: Sequence[_Head]) -> _Family | None:

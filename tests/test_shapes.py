@@ -586,11 +586,12 @@ def test_a_copy_among_the_files_is_doubted(tmp_path):
     assert "E9.csv: 3 of its 3 rows stand in a file before it too" in doubt.sentence
 
 
+@pytest.mark.parametrize("title", ["VB [mm], f = 0.2 mm/rev", "VB [mm]"], ids=["in a note", "above the levels"])
 @pytest.mark.parametrize("header", ["vc {} m/min", "vc={} m/min", "Vc_{}"])
-def test_columns_of_levels_of_a_condition_are_edges_at_these_levels(tmp_path, header):
+def test_columns_of_levels_of_a_condition_are_edges_at_these_levels(tmp_path, header, title):
     speeds, times = (120, 150, 190, 240), (1, 2, 4, 7, 11)
     rows = [",".join(map(str, (t, *(round(0.0035 * V**0.665 * t**0.39, 3) for V in speeds)))) for t in times]
-    text = "\n".join(["VB [mm], f = 0.2 mm/rev", "t [min]," + ",".join(map(header.format, speeds)), *rows])
+    text = "\n".join([title, "t [min]," + ",".join(map(header.format, speeds)), *rows])
     (tmp_path / "t.csv").write_text(text)
     runs = read_runs(tmp_path / "t.csv")
     law = fit.power_law(runs, "VB", ["V", "t"])
@@ -608,3 +609,16 @@ def test_blocks_of_edges_side_by_side_are_refused_with_the_table_to_write(tmp_pa
     (tmp_path / "t.csv").write_text(text + "8,0.186,,4,0.182,,2,0.159\n")
     with pytest.raises(DataError, match=r"'t \[min\]', 'VB \[mm\]' stand 3 times side by side.*\n *edge, V \[m/min\]"):
         read_runs(tmp_path / "t.csv")
+
+
+def test_columns_of_equal_levels_are_edges_of_their_own(tmp_path):
+    speeds, times = (120, 120, 150, 190), (1, 2, 4, 7, 11)
+    rows = [
+        ",".join(map(str, (t, *(round((0.0035 + 1e-4 * k) * V**0.665 * t**0.39, 3) for k, V in enumerate(speeds)))))
+        for t in times
+    ]
+    names = ",".join(f"vc {V} m/min" for V in speeds)
+    (tmp_path / "t.csv").write_text("\n".join(["VB [mm], f = 0.2 mm/rev", f"t [min],{names}", *rows]))
+    runs = read_runs(tmp_path / "t.csv")
+    edges = dict(zip(runs.labels("edge"), runs.values("V"), strict=True))
+    assert edges == {"vc 120 m/min": 120, "vc 120 m/min (2)": 120, "vc 150 m/min": 150, "vc 190 m/min": 190}
