@@ -44,6 +44,11 @@ class Reading(ReadOptions):
 
     groups: tuple[str, ...] = ()
 
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Headers of the groups, which are names."""
+        return self.groups
+
     def _display(self) -> Display:
         facts = tuple(facts_of(self))
         return Display(", ".join(map(" ".join, facts)) or "columns as the source names them", facts)

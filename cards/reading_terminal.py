@@ -18,6 +18,8 @@ from ..datasets import Runs
 from ..datasets.columns import ColumnUse, recognised
 from ..datasets.doubts import Doubt
 from ..datasets.draft import mark_column
+from ..datasets.edges.checks import COPIED
+from ..datasets.plausibility.quantities import AGAINST
 from ..datasets.runs import edges_of
 from ..datasets.vocabulary import ROLES
 from ..fit.checks.usefulness import tools_of_rows
@@ -33,7 +35,7 @@ MOST_EDGES = 24  # edges of the table
 MOST_PAIRS = 12
 WIDEST_LINE = 80  # letters of a command
 OTHER_ASSUMED = ("units that the file does not name", "tool:", "work:")  # on the first lines already
-IN_FULL = ("units given against the file", "rows that stand twice")
+IN_FULL = (AGAINST, COPIED)
 RUN_OUTS = re.compile(r"^T: .* (?:is a run-out|are run-outs): longer")  # on the first line already
 SHOWN_VALUES = 4  # of a column of a refused file
 Command = Callable[[str], str]

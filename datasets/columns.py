@@ -364,7 +364,7 @@ def _remedy(text: str, role: Role) -> str:
         return "A spreadsheet has turned a number into a date (1.2 into 1 February): type the number again."
     if fraction(text) is not None:
         return f"Write {fraction(text):g} for {text.strip()}, or name the unit inch in the header: {role.symbol} [in]."
-    if _WITH_UNIT.fullmatch(text):
+    if _WITH_UNIT.fullmatch(text) or "±" in text:
         return f"Write the number alone in the cell, and its unit in the header, as {role.symbol} [{role.unit}]."
     if role.kind == "time":
         return (

@@ -277,6 +277,11 @@ class ReadOptions(Displayable):
                 raise UsageError(f"constants {symbol}={value!r}: give a number in the unit of {symbol}.")
 
     @property
+    def named(self) -> tuple[str, ...]:
+        """Headers of further columns of names, beyond those of roles: none here."""
+        return ()
+
+    @property
     def columns(self) -> dict[str, str]:
         """Column of each role that was given, the edge included, as ``map`` has them.
 

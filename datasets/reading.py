@@ -124,7 +124,7 @@ def table_of_tests(path: str | os.PathLike[str], options: ReadOptions) -> Table:
         table = read_table(
             path, is_unit=is_unit, is_name=is_known, decimal=options.decimal, delimiter=options.delimiter,
             sheet=options.sheet, hidden=options.hidden,
-            is_label=label_test(options.columns, getattr(options, "groups", ())),
+            is_label=label_test(options.columns, options.named),
         )  # fmt: skip
     except EqualSheetsError as refusal:
         tables = [table_of_tests(path, replace(options, sheet=title)) for title in refusal.titles]

@@ -140,7 +140,7 @@ def _table(path: Path, data: bytes, reading: Reading, folder: Path) -> Table:
         head.write_bytes(data)
         return read_table(
             head, is_unit=is_unit, is_name=is_known, decimal=reading.decimal, delimiter=reading.delimiter,
-            sheet=reading.sheet, is_label=label_test(reading.columns, reading.groups),
+            sheet=reading.sheet, is_label=label_test(reading.columns, reading.named),
         )  # fmt: skip
     finally:
         head.unlink(missing_ok=True)

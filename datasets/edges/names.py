@@ -169,7 +169,7 @@ def name_by_columns(draft: Draft, edges: Ints) -> bool:
     """Name edges that the order of the tests has by the one or two unused columns that number the same edges.
 
     ``edges`` are the codes by the order, shape (n,). Returns whether there are such columns. A number of each setting
-    is no name: they must tell repeats of a setting apart, or number the rows of a wide table.
+    is no name: they must distinguish repeats of a setting, or number the rows of a wide table.
     """
     if not (_repeats_settings(draft, edges) or len(np.unique(draft.lines)) == edges.max() + 1 < len(edges)):
         return False

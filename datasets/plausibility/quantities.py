@@ -20,6 +20,7 @@ from ..units import canonical, convert, same_dimension
 from ..vocabulary import ROLES, understood_unit
 from .ranges import INCH, Plausible, Range, candidate_units, plausible, process_of
 
+AGAINST = "units given against the file"  # beginning of what is assumed
 SAMPLE = 20000  # values of a long column that settle its unit
 
 
@@ -115,7 +116,7 @@ def state_given_units(draft: Draft, options: ReadOptions, found: list[Quantity])
     if headers:
         each = (f"{role}, the header says {unit}, --unit {role}={options.units[role]} is used"
                 for role, unit in headers.items())  # fmt: skip
-        draft.assumed.append(f"units given against the file: {'; '.join(each)}")
+        draft.assumed.append(f"{AGAINST}: {'; '.join(each)}")
     for one in found:
         unit = headers.get(one.role)
         if unit is None or not one.lies_in(one.ranges.unusual) or _is_remedy(one, unit, found):

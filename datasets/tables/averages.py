@@ -29,8 +29,6 @@ _LONG = "|".join(re.escape(word) for word in FOOTERS if len(word) >= 4)
 _AROUND = r"(?:[.:=]|[^\S\n])*+"
 _HINT = re.compile(rf"{_WORDS}|{_LONG}|^{_AROUND}(?:{_SHORT}){_AROUND}$", re.MULTILINE)  # a quick look
 
-Floats = Array
-
 
 def average_label(text: str) -> bool:
     """Whether a text labels a row of means or standard deviations.
@@ -108,7 +106,7 @@ def _label(row: Sequence[Cell]) -> str:
     return ""
 
 
-def _means(arrays: Sequence[Floats]) -> list[int]:
+def _means(arrays: Sequence[Array]) -> list[int]:
     """Positions of rows that are the mean of the rows since the last such row, in every column that varies."""
     varying = [values for values in arrays if _varies(values)]
     if len(varying) < 2:
@@ -125,7 +123,7 @@ def _means(arrays: Sequence[Floats]) -> list[int]:
         start += place + 1
 
 
-def _last_mean(columns: Sequence[Floats]) -> list[int]:
+def _last_mean(columns: Sequence[Array]) -> list[int]:
     """Position of the last row if it is the mean of all others."""
     n = len(columns[0])
     if n <= _LONGEST:
@@ -138,20 +136,20 @@ def _last_mean(columns: Sequence[Floats]) -> list[int]:
     return [n - 1] if _sureness(ends[1], ends[0], above, both, columns) >= _DECADES else []
 
 
-def _mean(values: Floats) -> float:
+def _mean(values: Array) -> float:
     """Mean of the known values; `np.nanmean` alone takes five times as long."""
     mean = float(values.mean())
     return mean if mean == mean else float(np.nanmean(values))
 
 
-def _varies(values: Floats) -> bool:
+def _varies(values: Array) -> bool:
     head = values[: _LONGEST + 1]
     steps = np.diff(head)
     counts_rows = len(steps) > 2 and bool((steps == 1).all())
     return not counts_rows and bool((head[np.isfinite(head)] != head[np.isfinite(head)][:1]).any())
 
 
-def _first_mean(table: Floats, columns: Sequence[Floats]) -> tuple[int, float]:
+def _first_mean(table: Array, columns: Sequence[Array]) -> tuple[int, float]:
     """Position of the first row that is the mean of all above it, and how sure this is in powers of ten."""
     known = np.isfinite(table)
     counts = known.cumsum(axis=0)
@@ -167,7 +165,7 @@ def _first_mean(table: Floats, columns: Sequence[Floats]) -> tuple[int, float]:
     return -1, 0.0
 
 
-def _sureness(row: Floats, mean: Floats, above: Floats, both: Flags, columns: Sequence[Floats]) -> float:
+def _sureness(row: Array, mean: Array, above: Array, both: Flags, columns: Sequence[Array]) -> float:
     """Powers of ten by which chance is excluded, 0 where a column differs from the mean by more than its rounding."""
     sure, agreeing = 0.0, 0
     for j in np.flatnonzero(both).tolist():

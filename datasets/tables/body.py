@@ -252,7 +252,7 @@ def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, li
         evidence.add(block.lines, [() if i in body.labels else cells for i, cells in enumerate(block.columns)])
         if evidence.decided or decimal is not None:
             break
-    chosen = decimal or (_majority(body, evidence) if evidence.counts else _beside_words(body))
+    chosen = decimal or (_majority(body, evidence) if evidence.counts else _mark_of_amounts(body))
     thousands = max(evidence.thousands[chosen].items(), key=lambda item: item[1], default=("", 0))[0]
     other = "comma" if chosen == "point" else "point"
     warnings = []
@@ -267,7 +267,7 @@ def weigh_decimal(body: Body, decimal: Decimal | None) -> tuple[Decimal, str, li
     return chosen, thousands, warnings
 
 
-def _beside_words(body: Body) -> Decimal:
+def _mark_of_amounts(body: Body) -> Decimal:
     """The decimal mark of numbers that a spread or a unit follows, for a table without any other number with a mark."""
     evidence = Evidence()
     for block in body.blocks(Findings()):

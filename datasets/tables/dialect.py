@@ -200,8 +200,8 @@ def guess_delimiter(lines: Sequence[str]) -> str:
     """
     found = _best(lines, ";\t|", is_number) or _best(lines, ", ", is_number)
     if found is None or not found[0]:
-        beside_units = _best(lines, ";\t|,", _is_amount)
-        found = beside_units if beside_units is not None and beside_units >= (True, _MOSTLY) else found
+        with_units = _best(lines, ";\t|,", _is_amount)
+        found = with_units if with_units is not None and with_units >= (True, _MOSTLY) else found
     return found[2] if found is not None else ""
 
 
