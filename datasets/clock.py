@@ -33,26 +33,24 @@ _FEW = 3  # times that show a course
 _RISING = 0.6  # share of rising steps in a column of times
 _MORNING = 240.0  # min after midnight: before it nobody starts a test
 
-Floats = Array
-
 
 @dataclass(frozen=True, slots=True)
 class _Times:
     """The cells of a column: shape (n, 3), nan where there is no number, and which of them have three parts."""
 
-    parts: Floats
+    parts: Array
     example: str
 
     @property
     def has_seconds(self) -> Flags:
         return np.isfinite(self.parts[:, 2])
 
-    def minutes(self, first: str) -> Floats:
+    def minutes(self, first: str) -> Array:
         """Minutes where the first number of two is in this unit; three numbers are h:mm:ss, unless all end in :00."""
         a, b, c = self.parts.T
-        hours: Floats = 60 * a + b + np.nan_to_num(c) / 60
+        hours: Array = 60 * a + b + np.nan_to_num(c) / 60
         whole = bool((c[self.has_seconds] == 0).all())
-        minutes: Floats = np.where(self.has_seconds & (not whole), hours, a + b / 60)
+        minutes: Array = np.where(self.has_seconds & (not whole), hours, a + b / 60)
         return hours if first == "h" else minutes
 
 
@@ -199,11 +197,11 @@ def _decided(times: _Times, role: str, column: Column, named: str) -> tuple[str,
     return first, [Doubt((role,), sentence, f"--unit {role}={flag}")]
 
 
-def _is_usual(minutes: Floats) -> bool:
+def _is_usual(minutes: Array) -> bool:
     return bool(_USUAL[0] <= np.nanmax(minutes) <= _USUAL[1])
 
 
-def _is_time_of_day(minutes: Floats) -> bool:
+def _is_time_of_day(minutes: Array) -> bool:
     """Whether times lie in a day after its beginning, and each rising stretch within the last half of its end."""
     known = minutes[np.isfinite(minutes)]
     if len(known) < _FEW or known.min() < _MORNING or known.max() >= 24 * 60:
@@ -213,7 +211,7 @@ def _is_time_of_day(minutes: Floats) -> bool:
     return all(narrow) and max(map(len, stretches)) >= _FEW
 
 
-def _span(minutes: Floats) -> str:
+def _span(minutes: Array) -> str:
     return f"{np.nanmin(minutes):.4g} to {np.nanmax(minutes):.4g}"
 
 

@@ -17,8 +17,6 @@ ORTHOGONAL = 1e-6  # correlation below which columns are orthogonal
 MOST_FACTORS = 6
 MOST_EDGES = 1000  # at one point
 
-Floats = Array
-
 
 def central_composite(
     ranges: Mapping[str, tuple[float, float]],
@@ -99,7 +97,7 @@ class DesignPoints:
         Interactions that equal a difference of blocks, as positions of factors.
     """
 
-    coded: Floats
+    coded: Array
     kind: NDArray[np.str_]
     block: Ints
     confounded: tuple[tuple[int, ...], ...] = ()
@@ -131,7 +129,7 @@ def planned_edges(
     return plan
 
 
-def round_significant(values: ArrayLike, digits: int) -> Floats:
+def round_significant(values: ArrayLike, digits: int) -> Array:
     """Round to significant digits, to the double nearest to the decimal number a person would write.
 
     Parameters
@@ -157,7 +155,7 @@ def round_significant(values: ArrayLike, digits: int) -> Floats:
     return np.array(rounded, dtype=np.float64).reshape(array.shape)
 
 
-def _axial_distance(alpha: float | str, factorial: Floats, centre: int, axial_repeats: int, blocks: int) -> float:
+def _axial_distance(alpha: float | str, factorial: Array, centre: int, axial_repeats: int, blocks: int) -> float:
     """Coded distance of the axial points.
 
     Rotatable: ``alpha^4 = F / r`` of F factorial points and r edges at each axial point. Orthogonal squares:
@@ -187,7 +185,7 @@ def _axial_distance(alpha: float | str, factorial: Floats, centre: int, axial_re
     return distance
 
 
-def _composite_points(factorial: Floats, alpha: float, centre: int, axial_repeats: int, blocks: int) -> DesignPoints:
+def _composite_points(factorial: Array, alpha: float, centre: int, axial_repeats: int, blocks: int) -> DesignPoints:
     """The points in the order factorial, centre, axial."""
     k = factorial.shape[1]
     axial = np.repeat(np.kron(np.eye(k), np.array([[-alpha], [alpha]])), axial_repeats, axis=0)
@@ -200,7 +198,7 @@ def _composite_points(factorial: Floats, alpha: float, centre: int, axial_repeat
 
 
 def _composite_notes(
-    points: DesignPoints, factorial: Floats, names: Sequence[str], alpha: float, half: bool
+    points: DesignPoints, factorial: Array, names: Sequence[str], alpha: float, half: bool
 ) -> tuple[str, ...]:
     out = [f"Axial points at {alpha:.4g} times the distance of the factorial points, at the ends of the ranges."]
     if half:
@@ -238,7 +236,7 @@ def block_sentences(points: DesignPoints, names: Sequence[str]) -> tuple[str, ..
     return tuple(out)
 
 
-def _levels(position: Floats, low: float, high: float, digits: int | None) -> Floats:
+def _levels(position: Array, low: float, high: float, digits: int | None) -> Array:
     """Natural levels of positions -1 (low) to +1 (high) on a geometric scale; the ends exactly as given."""
     middle, half = np.log(low * high) / 2, np.log(high / low) / 2
     levels = np.exp(middle + half * position)
@@ -247,7 +245,7 @@ def _levels(position: Floats, low: float, high: float, digits: int | None) -> Fl
     return np.where(position == -1, low, np.where(position == 1, high, levels))
 
 
-def _position(levels: Floats, low: float, high: float) -> Floats:
+def _position(levels: Array, low: float, high: float) -> Array:
     """Positions of levels on the geometric scale from -1 (low) to +1 (high)."""
     return np.asarray(np.log(levels * levels / (low * high)) / np.log(high / low), dtype=np.float64)
 

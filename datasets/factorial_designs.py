@@ -17,8 +17,6 @@ import numpy as np
 from ..core.arrays import Array, Ints
 from ..core.errors import UsageError
 
-Floats = Array
-Index = Ints
 Levels = tuple[float, float] | Sequence[float] | Sequence[str]
 
 SAME = 1 - 1e-9  # absolute correlation of two columns that are one
@@ -44,7 +42,7 @@ _FIVE_OF_16 = (1, 2, 4, 8, 15)  # of resolution V
 _L27_ORDER = (1, 2, 5, 9, 3, 4, 6, 7, 8, 10, 11, 12, 13)
 
 
-def orthogonal_array(name: str) -> Index:
+def orthogonal_array(name: str) -> Ints:
     """One of Taguchi's orthogonal arrays: in any two columns every pair of levels occurs equally often.
 
     Parameters
@@ -82,14 +80,14 @@ def orthogonal_array(name: str) -> Index:
     return np.asarray(digits @ _generators(base, digits.shape[1]).T % base, dtype=np.intp)
 
 
-def _l18() -> Index:
+def _l18() -> Ints:
     first = np.array([[int(digit) for digit in row] for row in _L18], dtype=np.intp)
     step = np.array([0, 0, *(1,) * 6])
     added = [first + shift * step for shift in range(3)]
     return np.asarray(np.stack(added, axis=1).reshape(18, 8) % np.array(_LEVELS["L18"]), dtype=np.intp)
 
 
-def _generators(base: int, k: int) -> Index:
+def _generators(base: int, k: int) -> Ints:
     """Coefficients of each column of a regular array, shape (columns, k), in Taguchi's order.
 
     Each basic column is followed by its sums with all combinations of the basic columns before it.
@@ -145,7 +143,7 @@ def _order(name: str, factors: int) -> list[int]:
     return list(range(len(_LEVELS[name])))
 
 
-def two_level(factors: int, *, half: bool = False) -> Floats:
+def two_level(factors: int, *, half: bool = False) -> Array:
     """All combinations of -1 and 1, shape (2^k, k), or half of them: the last factor is the product of the others.
 
     Raises
@@ -166,7 +164,7 @@ def two_level(factors: int, *, half: bool = False) -> Floats:
     return np.column_stack([first, first.prod(axis=1)])
 
 
-def factorial_blocks(points: Floats, blocks: int) -> tuple[Index, tuple[tuple[int, ...], ...]]:
+def factorial_blocks(points: Array, blocks: int) -> tuple[Ints, tuple[tuple[int, ...], ...]]:
     """Number of each point's block, 0 upwards, shape (n,), and the interactions that equal a block difference.
 
     Of all interactions those are taken whose products among each other, and whose aliases in a fraction, have the most
@@ -208,12 +206,12 @@ def factorial_blocks(points: Floats, blocks: int) -> tuple[Index, tuple[tuple[in
     return number ^ number[0], best[1]
 
 
-def _products(columns: list[Floats]) -> Floats:
+def _products(columns: list[Array]) -> Array:
     """One column, or two and their product, as rows."""
     return np.array(columns if len(columns) == 1 else [*columns, columns[0] * columns[1]])
 
 
-def alias_sentences(coded: Floats, names: Sequence[str]) -> tuple[str, ...]:
+def alias_sentences(coded: Array, names: Sequence[str]) -> tuple[str, ...]:
     """Sentences on aliases of a design: factors, products of two and, of three levels or more, squares.
 
     Parameters
@@ -254,7 +252,7 @@ def alias_sentences(coded: Floats, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _effects(coded: Floats, names: Sequence[str]) -> tuple[list[str], list[str], Floats]:
+def _effects(coded: Array, names: Sequence[str]) -> tuple[list[str], list[str], Array]:
     """Kind, name and column of each effect: factors, squares of those with three levels or more, products of two."""
     k = coded.shape[1]
     kinds, labels = ["factor"] * k, list(names)
@@ -269,7 +267,7 @@ def _effects(coded: Floats, names: Sequence[str]) -> tuple[list[str], list[str],
     return kinds, labels, np.column_stack(columns)
 
 
-def _groups(r: Floats, labels: Sequence[str]) -> list[str]:
+def _groups(r: Array, labels: Sequence[str]) -> list[str]:
     """Effects with one column, such as ``V = f·d`` or ``V = -f·d``."""
     out, done = [], set()
     for i, label in enumerate(labels):
@@ -307,7 +305,7 @@ def two_ends(name: str, levels: Levels) -> tuple[float, float]:
     return low, high
 
 
-def products_of_blocks(scores: Floats, block: Index) -> tuple[tuple[int, ...], ...]:
+def products_of_blocks(scores: Array, block: Ints) -> tuple[tuple[int, ...], ...]:
     """Products of two factors that equal a difference of blocks, as the places of these factors.
 
     >>> products_of_blocks(two_level(2), np.array([0, 1, 1, 0]))
@@ -319,7 +317,7 @@ def products_of_blocks(scores: Floats, block: Index) -> tuple[tuple[int, ...], .
     return tuple(p for p, x, m in zip(pairs, within, means, strict=True) if np.ptp(m) > 0 and np.allclose(x, m[block]))
 
 
-def repeat_sentences(coded: Floats) -> tuple[str, ...]:
+def repeat_sentences(coded: Array) -> tuple[str, ...]:
     """The remark that no setting is cut twice; none where one is.
 
     >>> len(repeat_sentences(two_level(2)))

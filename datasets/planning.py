@@ -40,7 +40,6 @@ from .headers import setting_named
 from .plausibility.quantities import planned_doubts
 from .vocabulary import ROLES
 
-Floats = Array
 _T = TypeVar("_T")
 
 DESIGNS = ("composite", "factorial", *ARRAYS)
@@ -296,7 +295,7 @@ def _check(
     check_settings(given, process)
 
 
-def numbers_of(ranges: Mapping[str, Levels]) -> dict[str, Floats]:
+def numbers_of(ranges: Mapping[str, Levels]) -> dict[str, Array]:
     """Levels of the factors that have numbers, in the order of the factors.
 
     >>> numbers_of({"V": (80, 200), "coolant": ["dry", "flood"]})

@@ -20,8 +20,6 @@ from .vocabulary import ROLES
 
 MOST_ROWS = 10_000_000
 
-Floats = Array
-
 
 class Deviations:
     """Deviations of a simulated response, between edges and between the rows of an edge."""
@@ -40,7 +38,7 @@ class Deviations:
             raise UsageError(f"law of {self.response}: digits {self.digits}; give 1 or more.")
 
 
-def weibull_deviation(z: Floats) -> Floats:
+def weibull_deviation(z: Array) -> Array:
     """Deviation of ln T of a Weibull life of shape 1 from its median, for standard normal deviates of equal rank.
 
     >>> weibull_deviation(np.array([0.0, -2.0, 2.0])).round(3).tolist()
@@ -88,7 +86,7 @@ class SimulatedResponse(Deviations, Displayable):
     response: str
     unit: str
     factors: tuple[str, ...]
-    function: Callable[[Mapping[str, Floats]], Floats]
+    function: Callable[[Mapping[str, Array]], Array]
     sd_edge: float
     sd_row: float
     adds: bool = False
@@ -99,7 +97,7 @@ class SimulatedResponse(Deviations, Displayable):
         """Check the numbers once."""
         self._check_deviations(self.unit if self.adds else "natural logs")
 
-    def recorded(self, known: Mapping[str, Floats], edge: ArrayLike, row: ArrayLike) -> Floats:
+    def recorded(self, known: Mapping[str, Array], edge: ArrayLike, row: ArrayLike) -> Array:
         """Values as recorded, for standard normal deviations of edges and rows; arrays broadcast."""
         own = weibull_deviation(np.asarray(row, dtype=np.float64)) if self.weibull else np.asarray(row)
         off = self.sd_edge * np.asarray(edge) + self.sd_row * own
@@ -159,12 +157,12 @@ class SimulatedLaw(Deviations, Displayable):
         """Factors of the law."""
         return tuple(self.exponents)
 
-    def recorded(self, known: Mapping[str, Floats], edge: ArrayLike, row: ArrayLike) -> Floats:
+    def recorded(self, known: Mapping[str, Array], edge: ArrayLike, row: ArrayLike) -> Array:
         """Values as recorded, for standard normal deviations of edges and rows; arrays broadcast."""
         off = self.sd_edge * np.asarray(edge) + self.sd_row * np.asarray(row)
         return round_significant(self.median(known) * np.exp(off), self.digits)
 
-    def median(self, factors: Mapping[str, ArrayLike]) -> Floats:
+    def median(self, factors: Mapping[str, ArrayLike]) -> Array:
         """Value without deviations, c0 * prod X_j^b_j; broadcasts over arrays, in `unit`.
 
         >>> SimulatedLaw("MRR", "mm3/min", 1000, {"V": 1, "f": 1}, 0, 0).median({"V": [50, 60], "f": 0.6})
@@ -305,7 +303,7 @@ def _shortest(value: object) -> str:
     return str(value).removesuffix(".0")
 
 
-def _rising(times: ArrayLike) -> Floats:
+def _rising(times: ArrayLike) -> Array:
     """The given times, shape (times,), min."""
     t = np.atleast_1d(np.asarray(times, dtype=np.float64))
     if not (t.ndim == 1 and np.isfinite(t).all() and len(t) and t[0] > 0 and (np.diff(t) > 0).all()):
@@ -313,7 +311,7 @@ def _rising(times: ArrayLike) -> Floats:
     return t
 
 
-def _times(interval: float, t_max: float, criterion: float | None, edges: int) -> Floats:
+def _times(interval: float, t_max: float, criterion: float | None, edges: int) -> Array:
     """List the ends of the sub-tests, shape (times,), min; the tolerance keeps 3 * 0.1 within 0.3."""
     _check_times(interval, t_max, criterion, edges)
     n = int(np.floor(t_max / interval * (1 + 1e-12)))
@@ -321,8 +319,8 @@ def _times(interval: float, t_max: float, criterion: float | None, edges: int) -
 
 
 def _responses(
-    laws: Sequence[SimulatedLaw | SimulatedResponse], factors: Mapping[str, Floats], shape: tuple[int, int], seed: int
-) -> dict[str, Floats]:
+    laws: Sequence[SimulatedLaw | SimulatedResponse], factors: Mapping[str, Array], shape: tuple[int, int], seed: int
+) -> dict[str, Array]:
     """Responses as recorded, each of shape (edges, times), every edge to the end."""
     known, written = dict(factors), {}
     for law, stream in zip(laws, np.random.SeedSequence(seed).spawn(len(laws)), strict=True):
@@ -333,7 +331,7 @@ def _responses(
     return written
 
 
-def _kept(wear: Floats, criterion: float) -> Flags:
+def _kept(wear: Array, criterion: float) -> Flags:
     """Rows up to and with the first that reaches the criterion, shape (edges, times)."""
     reached = wear >= criterion
     return np.asarray(np.cumsum(reached, axis=1) - reached == 0)

@@ -15,7 +15,6 @@ from ..core.errors import DataError, UsageError
 from ..core.rounding import label_of
 from .rows import Dropped
 
-Index = Ints
 Chunk = Mapping[str, object] | pd.DataFrame
 
 NAMED = 5  # rows of each reason that are listed by line
@@ -29,7 +28,7 @@ class LabelNumbers:
 
     numbers: dict[str, int] = field(default_factory=dict)
 
-    def codes(self, labels: "pd.Series[str]") -> Index:
+    def codes(self, labels: "pd.Series[str]") -> Ints:
         """Number of each label, shape (m,); whole numbers read ``1``, not ``1.0``, and missing ones are empty."""
         numeric = isinstance(labels.dtype, np.dtype) and labels.dtype.kind in "iuf"
         code, unique = pd.factorize(labels.to_numpy(), size_hint=FEW) if numeric else pd.factorize(labels)
@@ -38,7 +37,7 @@ class LabelNumbers:
             texts.append("")  # missing is -1, and so the last
         return np.array([self.numbers.setdefault(text, len(self.numbers)) for text in texts], dtype=np.intp).take(code)
 
-    def in_order(self, present: Index) -> tuple[tuple[str, ...], Index]:
+    def in_order(self, present: Ints) -> tuple[tuple[str, ...], Ints]:
         """Sorted names among those present, and their numbers."""
         texts = list(self.numbers)
         order = sorted(present.tolist(), key=texts.__getitem__)
@@ -61,8 +60,8 @@ class RowBlock:
 
     first: int
     columns: tuple[Array, ...]
-    edge: Index | None
-    level: Index | None
+    edge: Ints | None
+    level: Ints | None
 
     def __len__(self) -> int:
         return len(self.columns[0])
@@ -170,8 +169,8 @@ class UsableRows:
     columns: tuple[Array, ...]
     low: Array
     high: Array
-    edge: Index | None
-    level: Index | None
+    edge: Ints | None
+    level: Ints | None
 
     def __len__(self) -> int:
         return len(self.columns[0])

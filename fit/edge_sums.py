@@ -39,8 +39,6 @@ from .edges import (
 from .least_squares import LinearFit, grams_about, sums_by
 from .triangle import Summary, in_rows, square_roots
 
-Index = Ints
-
 LARGEST = 70.0  # condition number of scaled columns up to which sums of products keep the digits of an estimate
 EXACT = 1e-11  # relative residual below which a law meets its rows exactly
 MOST_LEVELS = 1 << 31  # edge and level of a group in one number
@@ -131,7 +129,7 @@ class EdgeSums:
         return len(self.number)
 
     def add(
-        self, columns: Sequence[Array], edge: Index | None, level: Index | None = None, *, logarithms: bool = False
+        self, columns: Sequence[Array], edge: Ints | None, level: Ints | None = None, *, logarithms: bool = False
     ) -> None:
         """Add rows: columns of the factors and, last, of the response, and the numbers of the rows' edges and levels.
 
@@ -170,7 +168,7 @@ class EdgeSums:
         self.far = np.maximum(self.far, np.abs(other.first[:G] - self.first[at]).max(axis=0) + other.far)
         self._extend(other.inside, self._combine(at, other.size[:G], other.mean[:G], other.square[:G]))
 
-    def _combine(self, at: Index, n: Array, mean: Array, square: Array) -> Array:
+    def _combine(self, at: Ints, n: Array, mean: Array, square: Array) -> Array:
         """Add the sums of groups; returns rows (groups, q) with what the means moved add to the sums of products."""
         total, apart = self.size[at] + n, mean - self.mean[at]
         rows: Array = np.sqrt(self.size[at] * n / total)[:, None] * apart
@@ -182,7 +180,7 @@ class EdgeSums:
     def _extend(self, *rows: Array) -> None:
         self.inside = np.asarray(np.linalg.qr(np.vstack([self.inside, *rows]), mode="r"))
 
-    def summary(self, levels: Index) -> Summary:
+    def summary(self, levels: Ints) -> Summary:
         """Summary of all rows, which are of these levels of the category, the reference first."""
         if self.base is None:
             raise ValueError("no rows were added")
@@ -196,7 +194,7 @@ class EdgeSums:
         R = in_rows(np.vstack([np.sqrt(self.size[:G])[:, None] * (means - mean), inside]), int(n) - 1)
         return Summary(int(n), k, mean + level, R, self.base.params)
 
-    def groups(self) -> tuple[Index, Index]:
+    def groups(self) -> tuple[Ints, Ints]:
         """Edge and level of each group, both shape (G,)."""
         keys = np.fromiter(self.number, dtype=np.int64, count=len(self.number))
         return (keys // MOST_LEVELS).astype(np.intp), (keys % MOST_LEVELS).astype(np.intp)
@@ -208,7 +206,7 @@ class EdgeSums:
             setattr(self, name, getattr(self, name)[:G])
         return self
 
-    def _numbers(self, keys: NDArray[np.int64], opening: Array) -> Index:
+    def _numbers(self, keys: NDArray[np.int64], opening: Array) -> Ints:
         """Numbers of the groups with these keys; new groups get one, and their first row."""
         old = len(self.number)
         at = np.array([self.number.setdefault(key, len(self.number)) for key in keys.tolist()], dtype=np.intp)
@@ -227,7 +225,7 @@ class EdgeSums:
             setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]))]))
 
 
-def _grouped(edge: Index, level: Index | None) -> tuple[Index | None, Index, NDArray[np.int64]]:
+def _grouped(edge: Ints, level: Ints | None) -> tuple[Ints | None, Ints, NDArray[np.int64]]:
     """Order of rows by group, otherwise as they stand, None where they are; where each group begins, and its key."""
     key = edge if level is None else edge * (level.max() + 1) + level
     order = None if np.all(key[1:] >= key[:-1]) else _sorted(key)
@@ -239,7 +237,7 @@ def _grouped(edge: Index, level: Index | None) -> tuple[Index | None, Index, NDA
 
 
 def _about_first(
-    columns: Sequence[Array], order: Index | None, starts: Index, logarithms: bool
+    columns: Sequence[Array], order: Ints | None, starts: Ints, logarithms: bool
 ) -> tuple[Array, Array, list[int]]:
     """First row of each group, all rows about it, shapes (q, G) and (q, m), and the columns that change in a group.
 
@@ -257,9 +255,9 @@ def _about_first(
     return first, about, moves
 
 
-def _sorted(key: Index) -> Index:
+def _sorted(key: Ints) -> Ints:
     """Order of keys that are not negative; equal ones stay in theirs."""
-    order: Index = np.argsort(key.astype(np.uint16), kind="stable")  # of 16 bits, which numpy sorts by radix
+    order: Ints = np.argsort(key.astype(np.uint16), kind="stable")  # of 16 bits, which numpy sorts by radix
     for bits in range(16, int(key.max()).bit_length(), 16):
         order = order.take(np.argsort((key >> bits).astype(np.uint16).take(order), kind="stable"))
     return order
@@ -294,7 +292,7 @@ class EquivalentRows:
     """
 
     names: tuple[str, ...]
-    edge: Index
+    edge: Ints
     size: Array
     centre: Array
     roots: Array
@@ -306,14 +304,14 @@ class EquivalentRows:
         """Rows of each edge, shape (E,)."""
         return np.bincount(self.edge, weights=self.size).astype(float)
 
-    def rows(self) -> tuple[Array, Index]:
+    def rows(self) -> tuple[Array, Ints]:
         """Design and response side by side, shape (m, p + 1), and the edge of each of these rows."""
         all_of = np.concatenate([(np.sqrt(self.size)[:, None] * self.centre)[:, None], self.roots], axis=1)
         return all_of.reshape(-1, all_of.shape[2]), np.repeat(self.edge, all_of.shape[1])
 
 
 def equivalent_rows(
-    sums: EdgeSums, keep: Sequence[int], names: tuple[str, ...], order: Index, levels: Index
+    sums: EdgeSums, keep: Sequence[int], names: tuple[str, ...], order: Ints, levels: Ints
 ) -> EquivalentRows:
     """Rows equivalent to the sums, for a law of the factors ``keep``.
 
@@ -350,7 +348,7 @@ def equivalent_rows(
     )
 
 
-def _moves(first: Array, far: Array, edge: Index) -> Array:
+def _moves(first: Array, far: Array, edge: Ints) -> Array:
     """Bound of the change of each column of the law within an edge, from the first rows of groups and ``far``."""
     opening = first[np.unique(edge, return_index=True)[1]][edge]  # one group of each edge
     moves: Array = np.abs(first - opening).max(axis=0)

@@ -24,8 +24,6 @@ from ..core.rounding import count
 from .available import NotAvailable
 from .least_squares import products_by, sums_by
 
-Index = Ints
-
 BLOCK = 16_384  # rows at a time
 SAME = 1e-9  # of a column's largest value: what it may differ by within an edge and still be constant there
 NO_EDGES = NotAvailable(
@@ -185,7 +183,7 @@ def infer_by_edge(
     )
 
 
-def changes_within(columns: Array, edge: Index) -> Flags:
+def changes_within(columns: Array, edge: Ints) -> Flags:
     """Whether each column (n, c) changes among the rows of one edge, edges numbered from 0.
 
     Examples
@@ -262,7 +260,7 @@ def of_moves(
     )
 
 
-def left_out_moves(Z: Array, residuals: Array, cov_unscaled: Array, edge: Index, G: int) -> Array | int:
+def left_out_moves(Z: Array, residuals: Array, cov_unscaled: Array, edge: Ints, G: int) -> Array | int:
     """Change of theta when each edge is left out, shape (G, p); or the number of an edge that cannot be.
 
     With Q = Z L orthonormal, leaving edge g out moves L^-1 theta by ``-(I - Q_g'Q_g)^-1 Q_g' r_g``.
@@ -299,7 +297,7 @@ def _wald(theta: Array, cov: Array, which: list[int]) -> float | None:
     return float(b @ np.linalg.solve(cov[np.ix_(which, which)], b)) / len(which)
 
 
-def fit_random_level(Z: Array, y: Array, edge: Index, within: Flags) -> RandomLevel:
+def fit_random_level(Z: Array, y: Array, edge: Ints, within: Flags) -> RandomLevel:
     """Fit a random level of each edge by restricted maximum likelihood.
 
     Parameters
@@ -365,7 +363,7 @@ def random_level(inside: Array, means: Array, size: Array, within: Flags) -> Ran
     )
 
 
-def _within_triangle(Z: Array, y: Array, edge: Index, means: Array) -> Array:
+def _within_triangle(Z: Array, y: Array, edge: Ints, means: Array) -> Array:
     """Triangle of ``[Z y]`` less the means of each edge, in blocks, so that no copy of the whole is made."""
     blocks = []
     for start in range(0, len(y), BLOCK):

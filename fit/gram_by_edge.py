@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Ints
 from ..core.errors import FitError
 from ..core.threads import one_thread
 from .available import NotAvailable
 from .fitted_rows import FittedRows
 from .lawfit import LawFit
 from .laws import Error, LawForm
-from .least_squares import Index, grams_by
+from .least_squares import grams_by
 from .regression import law_of, linear_stage
 from .rows import check_constant
 
@@ -73,7 +73,7 @@ def edge_triangle(edge: str, W: Array, batch: str = "") -> EdgeTriangle:
     return _triangles([edge], W, np.array([0]), batch)[0]
 
 
-def _triangles(edges: Sequence[str], W: Array, starts: Index, batch: str = "") -> tuple[EdgeTriangle, ...]:
+def _triangles(edges: Sequence[str], W: Array, starts: Ints, batch: str = "") -> tuple[EdgeTriangle, ...]:
     """Triangles of the edges whose rows in W begin at ``starts``."""
     from scipy.linalg import helmert
 

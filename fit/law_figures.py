@@ -46,7 +46,6 @@ MOST = 4000  # points in one panel: more are slow to draw and overlap
 AROUND = 0.14  # of a range, about it in a figure of contours
 FINE = 121  # points of a surface along each factor
 MOST_EDGES, MOST_SETTINGS, MOST_NAMED, MOST_LETTERS = 48, 30, 4, 40  # that are named in a panel
-Grid = Array
 
 
 def label(law: LawFit, symbol: str) -> str:
@@ -309,14 +308,14 @@ def contours_inside(
     return ax
 
 
-def _outline(ax: "Axes", gx: Grid, gy: Grid, inside: Flags) -> None:
+def _outline(ax: "Axes", gx: Array, gy: Array, inside: Flags) -> None:
     """Border of the tested region, where it is not all of the panel."""
     if inside.any() and not inside.all():
         padded = np.where(inside, 1.0, 0.0)
         ax.contour(gx, gy, padded, [0.5], colors=GREY, linewidths=THIN, linestyles="--")
 
 
-def _limit_contour(ax: "Axes", surface: tuple[Grid, Grid, Any], limit: Limit | None) -> str:
+def _limit_contour(ax: "Axes", surface: tuple[Array, Array, Any], limit: Limit | None) -> str:
     """Draw the contour of a limit; return a note where the limit is not reached in the region."""
     z = surface[2]
     if limit is None or not z.count():

@@ -17,8 +17,6 @@ from ..core.arrays import Array, Ints
 from ..core.display import Plottable
 from ..core.errors import FitError
 
-Index = Ints
-
 # A scaled column whose part outside the span of the columns before it is shorter than this is no column
 # of its own. Filip's tenth power, the hardest certified set, keeps 6e-8; an exact copy keeps about 1e-16.
 DEPENDENT = 1e-13
@@ -201,7 +199,7 @@ def _back_to_columns(means: Array, lengths: Array, n: int, constant: int | None,
     return T
 
 
-def sums_by(group: Index, A: Array, G: int) -> Array:
+def sums_by(group: Ints, A: Array, G: int) -> Array:
     """Sum of each column of A over the rows of each of G groups (edges, levels), shape (G, k).
 
     Examples
@@ -215,7 +213,7 @@ def sums_by(group: Index, A: Array, G: int) -> Array:
     return sums
 
 
-def products_by(group: Index, A: Array, G: int) -> Array:
+def products_by(group: Ints, A: Array, G: int) -> Array:
     """Sums of products ``A_g' A_g`` of the rows of each of G groups, shape (G, k, k)."""
     k = A.shape[1]
     out = np.empty((G, k, k))
@@ -248,7 +246,7 @@ class Grams:
     about: Array
 
 
-def grams_by(W: Array, starts: Index) -> Grams:
+def grams_by(W: Array, starts: Ints) -> Grams:
     """Gram matrices of groups of rows that stand together.
 
     A column that is constant in a group has sums of exactly zero, and its level takes no digits of the changes.
@@ -273,7 +271,7 @@ def grams_by(W: Array, starts: Index) -> Grams:
     return grams_about(first, about, starts, [i for i, column in enumerate(about) if column.any()])
 
 
-def grams_about(first: Array, about: Array, starts: Index, moves: Sequence[int]) -> Grams:
+def grams_about(first: Array, about: Array, starts: Ints, moves: Sequence[int]) -> Grams:
     """Gram matrices of groups of rows about their first row, shapes (q, G) and (q, N); changes ``about`` in place.
 
     ``moves`` are the columns of ``about``, in their order, without those that are zero throughout.

@@ -36,8 +36,6 @@ from .optimal_tests import (
 from .region import SETTABLE, DesignRegion, in_box, inflation
 from .rows import Points, as_table, level_names
 
-Index = Ints
-
 MOST = 1000  # tests in one plan
 GRID = 20_000  # candidates at most
 ALIKE = 4  # decimals of a coded level: closer settings are one
@@ -383,7 +381,7 @@ def _words(law: LawFit, cut: Trials, n: int, criterion: str, gain: float) -> str
 def _for_decision(
     law: LawFit, decision: Decision, n: int, durations: Callable[[pd.DataFrame], Array] | None, cut: Trials,
     X: Array, level: Texts | None,
-) -> Index:  # fmt: skip
+) -> Ints:  # fmt: skip
     """Positions of the n settings, each at most twice, that leave least variance of a decision."""
     keys = _settings(cut, X, level)
     once = np.array([keys.index(key) for key in dict.fromkeys(keys)], dtype=np.intp)

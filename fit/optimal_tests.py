@@ -30,8 +30,6 @@ from .edges import EdgeInference
 from .lawfit import LawFit
 from .rows import Points, as_table
 
-Index = Ints
-
 GAIN = 1e-9  # a swap that gains less is rounding, and would go round in circles
 STARTS = 8  # the greedy one, and random ones: exchange stops at a local best
 LEVEL = 0.95
@@ -302,7 +300,7 @@ def c_optimal(g: Array, known: Array, new: Array, n: int, most: int) -> list[int
     return sorted(chosen)
 
 
-def d_optimal(M: Array, candidates: Array, n: int, most: int, rng: np.random.Generator) -> tuple[Index, float]:
+def d_optimal(M: Array, candidates: Array, n: int, most: int, rng: np.random.Generator) -> tuple[Ints, float]:
     """Choose n rows of ``candidates`` that make the determinant of the information largest.
 
     Parameters
@@ -345,7 +343,7 @@ def determinant_gain(M: Array, added: Array) -> float:
     return float(np.linalg.det(np.eye(len(M)) + M @ added.T @ added))
 
 
-def _greedy(M: Array, candidates: Array, n: int, most: int) -> Index:
+def _greedy(M: Array, candidates: Array, n: int, most: int) -> Ints:
     chosen: list[int] = []
     count = np.zeros(len(candidates), dtype=np.intp)
     for _ in range(n):
@@ -363,7 +361,7 @@ def _with_row(M: Array, z: Array) -> Array:
     return np.asarray(M - np.outer(v, v) / (1 + z @ v))
 
 
-def _exchanged(M: Array, candidates: Array, start: Index, most: int) -> Index:
+def _exchanged(M: Array, candidates: Array, start: Ints, most: int) -> Ints:
     """Swap one chosen row for one candidate, the best swap of all, until none gains."""
     chosen = start.copy()
     for _ in range(50 * len(chosen)):

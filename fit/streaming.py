@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Ints
 from ..core.errors import FitError, UsageError
 from ..core.threads import one_thread
 from ..datasets.vocabulary import ROLES
 from .available import NotAvailable
-from .chunks import Chunk, ChunkReader, Index, RowFilter, UsableRows
+from .chunks import Chunk, ChunkReader, RowFilter, UsableRows
 from .edge_sums import EdgeSums, EquivalentRows, equivalent_rows, infer_from_sums
 from .edges import NO_EDGES, EdgeInference
 from .fitted_rows import LawSource
@@ -151,7 +151,7 @@ def _fitted(
     return replace(unedged, edges=_by_edge(found, fit, by_edge, keep, unedged.theta_names))
 
 
-def _equivalent(found: _Pass, keep: Sequence[int], levels: Index) -> EquivalentRows:
+def _equivalent(found: _Pass, keep: Sequence[int], levels: Ints) -> EquivalentRows:
     sums = found.sums.trimmed()
     names, order = found.reader.edges.in_order(np.unique(sums.groups()[0]))
     return equivalent_rows(sums, keep, names, order, levels)
@@ -168,7 +168,7 @@ def _by_edge(
     return infer_from_sums(fit, rows, largest, names)
 
 
-def _levels(found: _Pass, by: str | None) -> tuple[Index, By | None]:
+def _levels(found: _Pass, by: str | None) -> tuple[Ints, By | None]:
     """Numbers of the levels, the reference first, and the category; one level where there is none."""
     if by is None or not found.n:
         return np.array([0]), None

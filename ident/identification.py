@@ -327,8 +327,9 @@ def _swapped_or_early(rec: Record, found: Search, disturbed: Disturbances, loop:
     """Clause on exchanged signals, or on an output before its input; a controller has the effect of both."""
     if loop.found:
         return None
-    early = loop.state == "none" and output_before_input(rec, found, disturbed.columns_of)
-    return causality(rec) or early or None
+    if (swapped := causality(rec)) or loop.state != "none":
+        return swapped
+    return output_before_input(rec, found, disturbed.columns_of)
 
 
 def _cleaned(rec: Record) -> tuple[Disturbances, Feedback]:

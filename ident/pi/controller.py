@@ -120,9 +120,6 @@ class PiController:
         return round(mean / self.quantum) * self.quantum if self.quantum else mean
 
 
-Mask = Flags
-
-
 @dataclass(frozen=True, slots=True, repr=False)
 class LoopTrace(Plottable):
     """Simulation of a loop in time; every array has shape (n,).
@@ -147,12 +144,12 @@ class LoopTrace(Plottable):
     measurement: Array
     command: Array
     limited: NDArray[np.int8]
-    engaged: Mask
+    engaged: Flags
     unit_u: str = ""
     unit_y: str = ""
 
     @property
-    def saturated(self) -> Mask:
+    def saturated(self) -> Flags:
         """Samples at which a limit or the rate is active."""
         return np.asarray(self.limited != 0)
 
@@ -238,7 +235,7 @@ def simulate_loop(
 
 
 def _run(
-    model: Model, controller: PiController, r: Array, inside: Array, outside: Array, cut: Mask, e: Array
+    model: Model, controller: PiController, r: Array, inside: Array, outside: Array, cut: Flags, e: Array
 ) -> tuple[Array, Array, NDArray[np.int8]]:
     """Output, command, and whether it was limited."""
     b, a = model.b.tolist(), model.a[1:].tolist()
@@ -317,7 +314,7 @@ def limited_step(model: Model, gains: PiGains, size: float | None, duration: flo
     (False, 0.6)
     """
     step = 1.0 if size is None else size
-    low, high = _room(model, gains)
+    low, high = _range_of_command(model, gains)
     if (low, high, gains.rate) == (None, None, None):
         return None
     change = step / abs(model.dc_gain) if model.dc_gain else math.inf
@@ -356,7 +353,7 @@ def against_limits(
     return [(RESERVATIONS, words)] if misses else []
 
 
-def _room(model: Model, gains: PiGains) -> tuple[float | None, float | None]:
+def _range_of_command(model: Model, gains: PiGains) -> tuple[float | None, float | None]:
     """Limits of the command relative to the command before the step; None where there is none."""
     low, high = gains.low, gains.high
     if low is not None and high is not None and math.isfinite(model.dc_gain):
@@ -378,7 +375,7 @@ def _row(name: str, values: ArrayLike, n: int) -> Array:
     return np.array(np.broadcast_to(row, n))
 
 
-def _engaged(values: ArrayLike | None, n: int) -> Mask:
+def _engaged(values: ArrayLike | None, n: int) -> Flags:
     row = np.ones(n, dtype=bool) if values is None else np.asarray(values)
     if row.shape != (n,) or row.dtype != np.bool_:
         raise UsageError(f"engaged of shape {row.shape}, {row.dtype}: True or False for each of the {n} samples.")

@@ -18,7 +18,6 @@ from ...core.errors import IdentError, UsageError
 from ..model import Model
 from .gains import PiGains, basis
 
-Index = Ints
 _LACK = {"backward": 0.0, "forward": 1.0, "trapezoidal": 0.5}
 
 
@@ -44,7 +43,7 @@ class Loops:
     def __len__(self) -> int:
         return len(self.kp)
 
-    def __getitem__(self, which: slice | Index | Flags) -> "Loops":
+    def __getitem__(self, which: slice | Ints | Flags) -> "Loops":
         shared = self.shared
         b, a = (p if shared else p[:, which] for p in (self.b, self.a))
         return Loops(b, a, self.kp[which], self.ki[which], self.kind)
@@ -129,7 +128,7 @@ def loops_of(model: Model | Sequence[Model], kp: ArrayLike, ki: ArrayLike, kind:
     return Loops(np.repeat(b, pairs, axis=1), np.repeat(a, pairs, axis=1), np.tile(p, n), np.tile(i, n), kind)
 
 
-def split(loops: Loops) -> list[tuple[Index, Loops]]:
+def split(loops: Loops) -> list[tuple[Ints, Loops]]:
     """Loops with and without integral action separately, with their indices: an unused sum would be a pole at 1."""
     parts = []
     for value, mask in ((1.0, loops.ki != 0), (0.0, loops.ki == 0)):

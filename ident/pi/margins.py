@@ -15,7 +15,6 @@ from ...core.arrays import Array, Flags, Ints
 from .loops import Loops
 
 Complex = NDArray[np.complex128]
-Index = Ints
 
 WIDTH = 256  # loops on the grid at once
 SLACK = 1.08  # extrema within this factor of the best on the grid are refined
@@ -27,7 +26,7 @@ CLOSER = 0.15  # reduction of the distance of the three points; smaller values e
 class Brackets:
     """Intervals of the grid to refine: loop, and angles left, centre and right."""
 
-    loop: Index
+    loop: Ints
     left: Array
     centre: Array
     right: Array
@@ -69,7 +68,7 @@ def _by_plant(loops: Loops) -> list[tuple[Array, Array, int, int]]:
     return [(loops.b[:, i], loops.a[:, i], int(i), int(j)) for i, j in zip(new, stops, strict=True)]
 
 
-def _places(re: Array, im: Array) -> dict[str, tuple[Index, Index]]:
+def _places(re: Array, im: Array) -> dict[str, tuple[Ints, Ints]]:
     """Rows and columns of candidate extrema, and columns before the crossings, of L (m, nf)."""
     size = re * re
     size += im * im
@@ -85,7 +84,7 @@ def _places(re: Array, im: Array) -> dict[str, tuple[Index, Index]]:
     }
 
 
-def _minima(x: Array) -> tuple[Index, Index]:
+def _minima(x: Array) -> tuple[Ints, Ints]:
     """Local minima along rows close to the smallest of the row, ends included."""
     low = x <= SLACK * x.min(axis=1, keepdims=True)
     low[:, 1:] &= x[:, 1:] <= x[:, :-1]
@@ -94,7 +93,7 @@ def _minima(x: Array) -> tuple[Index, Index]:
     return rows, columns
 
 
-def _changes(x: Flags) -> tuple[Index, Index]:
+def _changes(x: Flags) -> tuple[Ints, Ints]:
     rows, columns = np.nonzero(x[:, 1:] != x[:, :-1])
     return rows, columns
 

@@ -24,7 +24,6 @@ from .specification import Specification
 if TYPE_CHECKING:
     import pandas as pd
 
-Good = Flags
 Interval = tuple[float, float]
 SCALES = 600  # logarithmically spaced scalings
 BISECTIONS = 16  # of a step of that grid: to 1e-6
@@ -195,11 +194,11 @@ def interpretation(
 ) -> Interpretation:
     """One interpretation, and where it is stable and meets the specification."""
 
-    def stable(scale: Array) -> Good:
+    def stable(scale: Array) -> Flags:
         kp, ki = gains.kp / scale, gains.ki / scale
         return stable_columns(loops_of(model, kp, ki, gains).characteristic)
 
-    def meets(scale: Array) -> Good:
+    def meets(scale: Array) -> Flags:
         kp, ki = gains.kp / scale, gains.ki / scale
         return limits.worst(specified_figures(model, kp, ki, gains, duration, limits)) <= 0
 
@@ -212,7 +211,7 @@ def interpretation(
     return Interpretation(words, gains, scaled, intervals(stable, scale), intervals(meets, scale))
 
 
-def intervals(good: Callable[[Array], Good], scale: Array) -> tuple[Interval, ...]:
+def intervals(good: Callable[[Array], Flags], scale: Array) -> tuple[Interval, ...]:
     """Intervals of admissible scalings, their ends by bisection between two scalings of the grid."""
     first = good(scale)
     change = np.flatnonzero(np.diff(first))

@@ -171,7 +171,6 @@ def _mix_own(coefficients: Array, rows: Array, out: Array) -> None:
     np.sum(coefficients * rows, axis=0, out=out)
 
 
-Columns = Ints
 BAND = 0.02  # of the final value
 
 
@@ -217,7 +216,7 @@ class StepMetrics:
         self.load_iae += size.sum(axis=0)
         np.maximum(self.load_peak, size.max(axis=0), out=self.load_peak)
 
-    def _scaled(self, y: Array, which: Columns | slice = slice(None)) -> Array:
+    def _scaled(self, y: Array, which: Ints | slice = slice(None)) -> Array:
         return y if self.scale is None else y * self.scale[which]
 
     def _crossings(self, level: float, high: Array, start: int, stop: int) -> None:

@@ -25,7 +25,6 @@ from .law import quantity_of
 if TYPE_CHECKING:
     from ...datasets import Runs
 
-Index = Ints
 
 GLANCE = 4096  # changes compared first: most measured columns show more than FEW levels there
 SAME = 1e-9  # of a factor's largest: what a setting may differ by within an edge
@@ -39,13 +38,13 @@ class LabelColumn:
     ``starts`` are the rows where the name differs from the row above.
     """
 
-    codes: Index
+    codes: Ints
     names: list[str]
-    first: Index
-    starts: Index
+    first: Ints
+    starts: Ints
 
     @property
-    def counts(self) -> Index:
+    def counts(self) -> Ints:
         """Rows of each name."""
         return np.bincount(self.codes[self.codes >= 0], minlength=len(self.names))
 
@@ -55,7 +54,7 @@ class NumberColumn:
     """A factor: its numbers (n,), the rows where it differs from the row above, and its levels where they are few."""
 
     numbers: Array
-    starts: Index
+    starts: Ints
     levels: Array
 
 
@@ -191,7 +190,7 @@ def _edges(
     return facts, _plan({symbol: (x, values[symbol].levels) for symbol, x in held.items()})
 
 
-def _setting(codes: list[Index], n: int) -> Index:
+def _setting(codes: list[Ints], n: int) -> Ints:
     """Number of the setting of each edge, from 0."""
     import pandas as pd
 
@@ -264,7 +263,7 @@ def _few(x: Array) -> Array:
     return found if len(found) <= FEW else np.empty(0)
 
 
-def _starts(column: NDArray[Any]) -> Index:
+def _starts(column: NDArray[Any]) -> Ints:
     """Rows that differ from the row above, the first row included."""
     return np.concatenate([[0], 1 + np.flatnonzero(column[1:] != column[:-1])]).astype(np.intp)[: len(column)]
 
@@ -306,7 +305,7 @@ def constant_by_edge(x: NumberColumn, edge: LabelColumn) -> bool:
     return True
 
 
-def kind_of_plan(levels: Index) -> str | None:
+def kind_of_plan(levels: Ints) -> str | None:
     """The kind of plan, in words; None where it is none of the known kinds.
 
     Parameters
@@ -332,11 +331,11 @@ def kind_of_plan(levels: Index) -> str | None:
     return _one_at_a_time(levels) or _orthogonal(levels, counts)
 
 
-def _full(levels: Index, counts: list[int]) -> str | None:
+def _full(levels: Ints, counts: list[int]) -> str | None:
     return f"full factorial, {' x '.join(map(str, counts))} levels" if len(levels) == prod(counts) else None
 
 
-def _composite(levels: Index, counts: list[int]) -> str | None:
+def _composite(levels: Ints, counts: list[int]) -> str | None:
     if set(counts) not in ({5}, {3}):
         return None
     k, faces = len(counts), counts[0] == 3
@@ -350,7 +349,7 @@ def _composite(levels: Index, counts: list[int]) -> str | None:
     return ("face-centred " if faces else "") + "central composite" + (", half the corners" if corners < 2**k else "")
 
 
-def _box_behnken(levels: Index, counts: list[int]) -> str | None:
+def _box_behnken(levels: Ints, counts: list[int]) -> str | None:
     k = len(counts)
     if set(counts) != {3} or not 3 <= k <= 5:
         return None
@@ -359,13 +358,13 @@ def _box_behnken(levels: Index, counts: list[int]) -> str | None:
     return "Box-Behnken" if fits else None
 
 
-def _one_at_a_time(levels: Index) -> str | None:
+def _one_at_a_time(levels: Ints) -> str | None:
     base = np.array([np.bincount(column).argmax() for column in levels.T])
     moved = (levels != base).sum(axis=1)
     return "one factor at a time" if (moved <= 1).all() and (moved == 0).any() else None
 
 
-def _orthogonal(levels: Index, counts: list[int]) -> str | None:
+def _orthogonal(levels: Ints, counts: list[int]) -> str | None:
     """Every pair of factors has each pair of levels equally often."""
     for i, first in enumerate(counts):
         for j in range(i + 1, len(counts)):
